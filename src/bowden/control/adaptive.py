@@ -1,0 +1,107 @@
+"""The paper's nonlinear adaptive law (Eqs 9–14).
+
+The plant is seen as joint = αφ·motor + D with |D| ≤ Dm and β = 1/αφ. With e = joint − reference,
+
+    s = λ·e + ∫e dt
+    φr = reference − λ·ė
+    φ̄ = φr − D̂m·tanh(s/ε)
+    command = β̂·φ̄ − κ·s
+    dβ̂/dt = −δ1·φ̄·s − δ1·σ1·β̂
+    dD̂m/dt = δ2·β̂·tanh(s/ε)·s − δ2·σ2·D̂m
+
+Two readings of ours (erratum 4): Eq. 14 is taken with φ̄, which the paper writes like the motor command, and the
+unknown β in the second adaptation law is replaced by its estimate β̂. The derivative ė is the joint's measured rate,
+low-pass filtered with the time constant τ, minus the reference's exact velocity; the paper does not say how it
+differentiates. τ = 0 is a plain difference.
+
+Linearised, the law is a PID around the servo (gains κλ, κ and β̂λ); the printed gains λ = 2, κ = 10 diverge at 1 kHz
+around any servo that is as fast as Fig. 16 implies (erratum 7). They are kept as the preset ``paper``.
+"""
+
+from typing import NamedTuple
+
+from bowden.control.law import Law
+from bowden.core.kernel import kernel, tanh
+from bowden.core.signals import Reference, Sample
+
+
+class AdaptiveGains(NamedTuple):
+    """Gains of the law; the adaptation gains are the paper's, λ, κ and τ are chosen for margin on the bench."""
+
+    error_gain: float = 0.05
+    """λ [s]."""
+    feedback_gain: float = 20.0
+    """κ [1/s]."""
+    smoothing: float = 0.01
+    """ε, width of tanh's transition [rad·s]."""
+    slope_adaptation: float = 2.0
+    """δ1 [1/(rad²·s²)]."""
+    bound_adaptation: float = 2.0
+    """δ2 [1/s]."""
+    slope_leakage: float = 0.005
+    """σ1 [rad²·s]."""
+    bound_leakage: float = 0.005
+    """σ2 [–]."""
+    derivative_time: float = 0.005
+    """τ, time constant of the derivative's filter [s]; not in the paper."""
+
+
+class AdaptiveState(NamedTuple):
+    """What the law remembers."""
+
+    integral: float
+    """∫e dt [rad·s]."""
+    slope_inverse: float
+    """β̂ [rad/rad]."""
+    bound: float
+    """D̂m [rad]."""
+    joint: float
+    """Last measured joint angle [rad]."""
+    joint_rate: float
+    """Filtered rate of the joint [rad/s]."""
+    filtered_error: float
+    """s [rad·s]."""
+
+
+@kernel
+def start(gains: AdaptiveGains, sample: Sample) -> AdaptiveState:
+    """Begin with all estimates at zero, as the paper does."""
+    return AdaptiveState(0.0, 0.0, 0.0, sample.joint, 0.0, 0.0)
+
+
+@kernel
+def step(
+    gains: AdaptiveGains, state: AdaptiveState, sample: Sample, reference: Reference, dt: float
+) -> tuple[AdaptiveState, float]:
+    """Eqs 10, 11 and 14, stepped once by `dt`."""
+    error = sample.joint - reference.position
+    integral = state.integral + error * dt
+    difference = (sample.joint - state.joint) / dt
+    joint_rate = state.joint_rate + (difference - state.joint_rate) * dt / (gains.derivative_time + dt)
+    error_rate = joint_rate - reference.velocity
+
+    s = gains.error_gain * error + integral
+    switch = tanh(s / gains.smoothing)
+    wanted = reference.position - gains.error_gain * error_rate - state.bound * switch
+    command = state.slope_inverse * wanted - gains.feedback_gain * s
+
+    slope_inverse = state.slope_inverse - dt * gains.slope_adaptation * (
+        wanted * s + gains.slope_leakage * state.slope_inverse
+    )
+    bound = state.bound + dt * gains.bound_adaptation * (
+        state.slope_inverse * switch * s - gains.bound_leakage * state.bound
+    )
+    return AdaptiveState(integral, slope_inverse, bound, sample.joint, joint_rate, s), command
+
+
+PRINTED = AdaptiveGains(error_gain=2.0, feedback_gain=10.0, derivative_time=0.0)
+"""The gains of Section 5.1.2, as printed."""
+
+ADAPTIVE = Law(
+    name="adaptive",
+    gains=AdaptiveGains(),
+    start_kernel=start,
+    step_kernel=step,
+    source="Dinh et al. 2017, Eqs 9–14; adaptation gains of Section 5.1.2",
+    presets={"paper": PRINTED},
+)

@@ -1,0 +1,84 @@
+"""The protocol of a control law, and the registry that names them.
+
+A law is two kernels and a NamedTuple of gains:
+
+    start(gains, sample) -> state
+    step(gains, state, sample, reference, dt) -> (state, command)
+
+Both are written in the portable subset (see ``docs/kernels.md``), and the state is a flat NamedTuple of floats, so that
+one source runs interpreted in the live loop, compiled in simulation and exported as C99, and every state variable can
+be recorded.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from bowden.core.errors import ParameterError
+from bowden.core.signals import Reference, Sample
+
+Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
+State = Any  # a NamedTuple of floats, one type a law
+
+
+@dataclass(frozen=True)
+class Law:
+    """A control law with its gains: usable alone, interpreted, with nothing else around it.
+
+    >>> from bowden.control import LAWS
+    >>> law = LAWS["uncompensated"]
+    >>> state = law.start(Sample(joint=0.0, motor=0.0))
+    >>> state, command = law.step(state, Sample(0.0, 0.0), Reference(0.2, 0.0, 0.0), 0.001)
+    >>> float(command)
+    0.2
+    """
+
+    name: str
+    """Its key in `LAWS`."""
+    gains: Gains
+    """NamedTuple handed to the kernels."""
+    start_kernel: Callable[[Gains, Sample], State]
+    """``start(gains, sample) -> state``."""
+    step_kernel: Callable[[Gains, State, Sample, Reference, float], tuple[State, float]]
+    """``step(gains, state, sample, reference, dt) -> (state, command)``."""
+    source: str
+    """Where the law comes from."""
+    presets: dict[str, Gains] = field(default_factory=dict)
+    """Other named sets of gains, such as the ones a paper printed."""
+    identity: str = ""
+    """Tells a user's own law apart in the cache of compiled loops; empty for the built-in ones."""
+
+    def start(self, sample: Sample) -> State:
+        """The state with which the law begins at this sample."""
+        return self.start_kernel(self.gains, sample)
+
+    def step(self, state: State, sample: Sample, reference: Reference, dt: float) -> tuple[State, float]:
+        """The next state and the motor's target angle [rad] for one cycle of `dt` [s]."""
+        return self.step_kernel(self.gains, state, sample, reference, dt)
+
+    def with_gains(self, **changes: Any) -> "Law":
+        """The same law with some gains changed.
+
+        Raises:
+            ParameterError: a name that is not a gain of this law.
+        """
+        unknown = sorted(set(changes) - set(self.gains._fields))
+        if unknown:
+            raise ParameterError(
+                f"law {self.name!r} has no gain {', '.join(unknown)}",
+                expected=f"one of {', '.join(self.gains._fields)}",
+            )
+        return replace(self, gains=self.gains._replace(**changes))
+
+    def preset(self, name: str) -> "Law":
+        """The same law with a named set of gains.
+
+        Raises:
+            ParameterError: a name that is not a preset of this law.
+        """
+        if name not in self.presets:
+            raise ParameterError(
+                f"law {self.name!r} has no preset {name!r}",
+                expected=f"one of {', '.join(self.presets) or 'none'}",
+            )
+        return replace(self, gains=self.presets[name])

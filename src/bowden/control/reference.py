@@ -1,0 +1,237 @@
+"""References: where the joint should be, with exact velocity and acceleration.
+
+Every trajectory here has a formula (a recorded one, the formula of its spline), and is differentiated by hand, not by
+differences. Angles in radians, times in seconds.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel
+from bowden.core.signals import Reference
+
+Array = NDArray[np.float64]
+
+
+class Trajectory(Protocol):
+    """A reference over time."""
+
+    def sample(self, time: Array) -> Array:
+        """Position, velocity, acceleration at `time` (n,): (n, 3) [rad, rad/s, rad/s²]."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """What this trajectory is, as JSON values."""
+        ...
+
+
+@kernel
+def minimum_jerk(start: float, end: float, duration: float, time: float) -> Reference:
+    """The point-to-point motion of least jerk, resting before and after it.
+
+        φ = start + (end − start)·(10x³ − 15x⁴ + 6x⁵),  x = time/duration
+
+    Source: Flash and Hogan, Journal of Neuroscience 5(7), 1985.
+
+    >>> [float(v) for v in minimum_jerk(0.0, 2.0, 4.0, 2.0)]
+    [1.0, 0.9375, 0.0]
+    """
+    x = np.fmax(0.0, np.fmin(1.0, time / duration))
+    span, speed = end - start, 1.0 / duration
+    return Reference(
+        start + span * x * x * x * (10.0 + x * (6.0 * x - 15.0)),
+        span * speed * 30.0 * x * x * (1.0 + x * (x - 2.0)),
+        span * speed * speed * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)),
+    )
+
+
+def _minimum_jerk(start: float | Array, end: float | Array, duration: float | Array, time: Array) -> Array:
+    """`minimum_jerk` over arrays, (n, 3)."""
+    spread = cast(Callable[..., Reference], minimum_jerk)  # made of ufuncs: arrays pass through
+    return np.stack(cast(tuple[Array, Array, Array], spread(start, end, duration, time)), axis=1)
+
+
+def _positive(what: str, **values: float) -> None:
+    for name, value in values.items():
+        if not (value > 0.0 and np.isfinite(value)):
+            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0")
+
+
+@dataclass(frozen=True)
+class PeriodicMinimumJerk:
+    """Minimum jerk from `low` to `high` in the first half of each period, and back in the second (Fig. 9)."""
+
+    low: float
+    high: float
+    period: float
+
+    def __post_init__(self) -> None:
+        _positive("periodic minimum jerk", period=self.period)
+
+    def sample(self, time: Array) -> Array:
+        """See `Trajectory.sample`."""
+        phase, half = np.mod(time, self.period), 0.5 * self.period
+        up = _minimum_jerk(self.low, self.high, half, phase)
+        return np.where((phase < half)[:, None], up, _minimum_jerk(self.high, self.low, half, phase - half))
+
+    def describe(self) -> dict[str, Any]:
+        """See `Trajectory.describe`."""
+        return {"kind": "periodic_minimum_jerk", **asdict(self)}
+
+
+@dataclass(frozen=True)
+class PointToPoint:
+    """Minimum-jerk motions through way points, with holds where two following ones are equal."""
+
+    times: tuple[float, ...]
+    """Increasing times of the way points (k,) [s]."""
+    positions: tuple[float, ...]
+    """Joint angle at each of them (k,) [rad]."""
+
+    def __post_init__(self) -> None:
+        at = np.asarray(self.times)
+        if len(at) < 2 or len(at) != len(self.positions) or not np.all(np.diff(at) > 0):
+            raise ParameterError(
+                f"point to point: times {self.times}, positions {self.positions}",
+                expected="two lists of one length (two points or more), times increasing",
+            )
+
+    def sample(self, time: Array) -> Array:
+        """See `Trajectory.sample`."""
+        at, to = np.asarray(self.times), np.asarray(self.positions)
+        i = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
+        return _minimum_jerk(to[i], to[i + 1], at[i + 1] - at[i], time - at[i])
+
+    def describe(self) -> dict[str, Any]:
+        """See `Trajectory.describe`."""
+        return {"kind": "point_to_point", "times": list(self.times), "positions": list(self.positions)}
+
+
+@dataclass(frozen=True)
+class Chirp:
+    """A sine whose frequency rises linearly from `f0` to `f1` in `duration`.
+
+        φ = amplitude·sin(2π·(f0·t + (f1 − f0)·t²/(2·duration)))
+
+    The phase is the integral of the frequency. As Eq. 17 prints it, sin(2π·f(t)), it is a tone of constant frequency
+    (f1 − f0)/duration (erratum 1).
+    """
+
+    amplitude: float
+    f0: float
+    f1: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        _positive("chirp", duration=self.duration, f0=self.f0, f1=self.f1)
+
+    def sample(self, time: Array) -> Array:
+        """See `Trajectory.sample`."""
+        rate = (self.f1 - self.f0) / self.duration
+        phase = 2.0 * np.pi * (self.f0 * time + 0.5 * rate * time**2)
+        omega, growth = 2.0 * np.pi * (self.f0 + rate * time), 2.0 * np.pi * rate
+        sine, cosine = np.sin(phase), np.cos(phase)
+        columns = (sine, omega * cosine, growth * cosine - omega**2 * sine)
+        return self.amplitude * np.stack(columns, axis=1)
+
+    def describe(self) -> dict[str, Any]:
+        """See `Trajectory.describe`."""
+        return {"kind": "chirp", **asdict(self)}
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """A sum of sines about `centre`, scaled to start at rest at the centre over the first `ramp` seconds."""
+
+    frequencies: tuple[float, ...]
+    """(k,) [Hz]."""
+    amplitudes: tuple[float, ...]
+    """(k,) [rad]."""
+    phases: tuple[float, ...]
+    """(k,) [rad]."""
+    centre: float = 0.0
+    ramp: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not len(self.frequencies) == len(self.amplitudes) == len(self.phases) > 0:
+            raise ParameterError(
+                "multisine: lists of different lengths", expected="one amplitude and phase a frequency"
+            )
+        _positive("multisine", ramp=self.ramp, lowest_frequency=min(self.frequencies))
+
+    def sample(self, time: Array) -> Array:
+        """See `Trajectory.sample`."""
+        omega = 2.0 * np.pi * np.asarray(self.frequencies)
+        angle = np.multiply.outer(time, omega) + np.asarray(self.phases)
+        a = np.asarray(self.amplitudes)
+        y, dy, ddy = np.sin(angle) @ a, np.cos(angle) @ (a * omega), -np.sin(angle) @ (a * omega**2)
+        w, dw, ddw = _minimum_jerk(0.0, 1.0, self.ramp, time).T
+        return np.stack((self.centre + w * y, w * dy + dw * y, w * ddy + 2.0 * dw * dy + ddw * y), axis=1)
+
+    def describe(self) -> dict[str, Any]:
+        """See `Trajectory.describe`."""
+        return {
+            "kind": "multisine",
+            **{k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()},
+        }
+
+
+class Recorded:
+    """A recorded motion: a quintic spline through the recording after a zero-phase low-pass filter.
+
+    The spline's own derivatives are the velocity and acceleration. Before the recording the reference rests at its
+    first value and after it at its last.
+
+    Args:
+        time: (n,) evenly spaced [s].
+        position: (n,) [rad].
+        cutoff: of the fourth-order filter (second order run both ways) [Hz]; zero for none. 6 Hz keeps human motion.
+        name: where it comes from, for the record.
+
+    Raises:
+        ParameterError: uneven time, not enough samples, values that are not finite.
+    """
+
+    def __init__(self, time: Array, position: Array, *, cutoff: float = 6.0, name: str = "recorded") -> None:
+        from scipy.interpolate import make_interp_spline
+        from scipy.signal import butter, sosfiltfilt
+
+        steps = np.diff(time)
+        if len(time) < 16 or np.shape(time) != np.shape(position):
+            raise ParameterError(f"{name}: {len(time)} samples", expected="at least 16, one position a time")
+        if not (np.isfinite(time).all() and np.isfinite(position).all()):
+            raise ParameterError(f"{name}: has values that are not numbers", do="remove or fill them first")
+        if not np.ptp(steps) < 0.1 * float(np.mean(steps)):
+            raise ParameterError(f"{name}: steps from {steps.min():g} to {steps.max():g} s", expected="even time")
+        rate = 1.0 / float(np.mean(steps))
+        smooth = np.asarray(position, dtype=float)
+        if 0.0 < cutoff < 0.5 * rate:
+            sos = butter(2, cutoff, fs=rate, output="sos")
+            smooth = sosfiltfilt(sos, smooth, padlen=min(len(smooth) - 1, int(3 * rate / cutoff)))
+        thin = max(1, int(rate / max(20.0 * cutoff, 100.0))) if cutoff > 0.0 else 1  # knots far above the cut-off
+        index = np.unique(np.append(np.arange(0, len(time), thin), len(time) - 1))
+        self._start, self._end = float(time[0]), float(time[-1])
+        self._name, self._cutoff = name, cutoff
+        self._splines = [make_interp_spline(np.asarray(time)[index], smooth[index], k=5)]
+        self._splines += [self._splines[0].derivative(1), self._splines[0].derivative(2)]
+
+    @property
+    def duration(self) -> float:
+        """Length of the recording [s]."""
+        return self._end - self._start
+
+    def sample(self, time: Array) -> Array:
+        """See `Trajectory.sample`; `time` counts from the start of the recording."""
+        t = np.clip(time + self._start, self._start, self._end)
+        moving = ((time >= 0.0) & (time <= self.duration)).astype(float)
+        p, v, a = (np.asarray(spline(t)) for spline in self._splines)
+        return np.stack((p, v * moving, a * moving), axis=1)
+
+    def describe(self) -> dict[str, Any]:
+        """See `Trajectory.describe`."""
+        return {"kind": "recorded", "name": self._name, "cutoff": self._cutoff, "duration": self.duration}

@@ -1,0 +1,45 @@
+"""No compensation: the motor is sent where the joint should be (Fig. 7B)."""
+
+from typing import NamedTuple
+
+from bowden.control.law import Law
+from bowden.core.kernel import kernel
+from bowden.core.signals import Reference, Sample
+
+
+class UncompensatedGains(NamedTuple):
+    """The one gain of the law."""
+
+    slope: float = 1.0
+    """Assumed joint motion per motor motion; negative where the cable runs the other way [rad/rad]."""
+
+
+class UncompensatedState(NamedTuple):
+    """What the law remembers."""
+
+    command: float
+    """The last command [rad]."""
+
+
+@kernel
+def start(gains: UncompensatedGains, sample: Sample) -> UncompensatedState:
+    """Begin where the motor is."""
+    return UncompensatedState(sample.motor)
+
+
+@kernel
+def step(
+    gains: UncompensatedGains, state: UncompensatedState, sample: Sample, reference: Reference, dt: float
+) -> tuple[UncompensatedState, float]:
+    """command = reference / slope."""
+    command = reference.position / gains.slope
+    return UncompensatedState(command), command
+
+
+UNCOMPENSATED = Law(
+    name="uncompensated",
+    gains=UncompensatedGains(),
+    start_kernel=start,
+    step_kernel=step,
+    source="Dinh et al. 2017, Section 3.1, Fig. 7B",
+)

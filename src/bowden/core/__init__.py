@@ -1,0 +1,1 @@
+"""What every other room stands on: kernels, signals, traces, metrics, units and errors."""

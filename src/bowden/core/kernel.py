@@ -1,0 +1,179 @@
+"""Kernels: pure functions of numbers and NamedTuples that run interpreted, compiled and exported from one source.
+
+``@kernel`` leaves the plain Python function in place, so that a call from Python, a debugger or a symbolic trace sees
+ordinary code, and marks it; `compiled` gives its Numba twin, in which every kernel it names is compiled too. Numba is
+imported only then. Compiled code is cached on disk in a folder named after a hash of the package's source, because
+Numba's own cache does not notice when a function that another one calls has changed.
+"""
+
+import contextlib
+import hashlib
+import importlib
+import math
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_NUMBA_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
+
+
+def kernel(function: F) -> F:
+    """Mark a pure function as a kernel; the function itself is returned unchanged.
+
+    >>> @kernel
+    ... def double(x: float) -> float:
+    ...     return 2.0 * x
+    >>> double(3.0), compiled(double)(3.0)
+    (6.0, 6.0)
+    """
+    function.__kernel__ = True  # type: ignore[attr-defined]  # functions take attributes; mypy has no type for it
+    return function
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The Numba twin of a kernel, compiled at its first call and cached on disk.
+
+    Raises:
+        TypeError: `function` is not a kernel.
+    """
+    if function in _PRIMITIVES:
+        return _primitive(function)
+    if not getattr(function, "__kernel__", False):
+        raise TypeError(f"{function!r} is not a kernel; decorate it with @kernel")
+    assert isinstance(function, FunctionType)
+    return _compile(function, function.__qualname__, ())
+
+
+def specialise(template: Callable[..., Any], name: str, **replacements: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a template in which some of the kernels it calls by global name are replaced by others.
+
+    This is how one closed-loop source serves every law and plant and is still cached on disk: a closure over its
+    kernels would be compiled anew in every process.
+
+    Args:
+        template: a kernel.
+        name: distinguishes the variants in the cache; must differ wherever `replacements` differ.
+        replacements: global name in the template's module → kernel to put there.
+    """
+    assert isinstance(template, FunctionType)
+    return _compile(template, f"{template.__qualname__}_{name}", tuple(sorted(replacements.items())))
+
+
+@cache
+def _compile(
+    function: FunctionType, name: str, replacements: tuple[tuple[str, Callable[..., Any]], ...]
+) -> Callable[..., Any]:
+    import numba
+
+    namespace = dict(function.__globals__) | dict(replacements)
+    for key in function.__code__.co_names:
+        value = namespace.get(key)
+        if callable(value) and (value in _PRIMITIVES or getattr(value, "__kernel__", False)):
+            namespace[key] = compiled(value)
+    twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
+    twin.__qualname__, twin.__module__ = name, function.__module__
+    on_disk = Path(function.__code__.co_filename).is_file()  # what is typed at a prompt has no file to be stamped by
+    with _cache_folder():
+        dispatcher: Callable[..., Any] = numba.njit(cache=on_disk, **_NUMBA_OPTIONS)(twin)
+    return dispatcher
+
+
+@contextlib.contextmanager
+def _cache_folder() -> Iterator[None]:
+    """Let Numba choose our folder while it decorates; other users of Numba in this process keep theirs."""
+    config: Any = importlib.import_module("numba.core.config")  # its options come from a table, unseen by types
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_folder())
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
+@cache
+def cache_folder() -> Path:
+    """Where compiled code is kept: ``$BOWDEN_CACHE_DIR`` or the user's cache folder, then a hash of the source."""
+    root = os.environ.get("BOWDEN_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    folder = Path(root) / "bowden" / _source_hash()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError:
+        folder = Path(tempfile.gettempdir()) / f"bowden-{os.getuid()}" / _source_hash()
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def sel(condition: Any, a: Any, b: Any) -> Any:
+    """`a` where the condition holds, else `b`: the portable subset's ``if``. Both sides are always evaluated.
+
+    Compound conditions are products: ``sel((x >= low) * (x <= high), x, refused)``.
+    """
+    if hasattr(condition, "is_symbolic"):  # a CasADi expression, while exporting
+        import casadi
+
+        return casadi.if_else(condition, a, b)
+    return a if condition else b
+
+
+def _libm(name: str) -> Callable[..., Any]:
+    reference = getattr(math, {"power": "pow"}.get(name, name))
+
+    def function(*arguments: Any) -> Any:
+        if any(hasattr(argument, "is_symbolic") for argument in arguments):
+            return arguments[0] ** arguments[1] if name == "power" else getattr(arguments[0], name)()
+        try:
+            return reference(*arguments)
+        except OverflowError:  # C returns an infinity or a NaN where Python raises
+            return -math.inf if name == "power" and arguments[0] < 0 and arguments[1] % 2 == 1 else math.inf
+        except ValueError:
+            if (name == "log" or (name == "power" and arguments[1] < 0)) and arguments[0] == 0:
+                return -math.inf if name == "log" else math.inf
+            return math.nan
+
+    function.__name__ = function.__qualname__ = name
+    function.__doc__ = f"``{name}`` of libm, interpreted and compiled; the symbolic function while exporting."
+    return function
+
+
+tanh = _libm("tanh")
+exp = _libm("exp")
+sin = _libm("sin")
+cos = _libm("cos")
+log = _libm("log")
+power = _libm("power")
+
+_PRIMITIVES: set[Callable[..., Any]] = {sel, tanh, exp, sin, cos, log, power}
+
+
+@cache
+def _primitive(function: Callable[..., Any]) -> Callable[..., Any]:
+    import numba
+
+    if function is sel:
+        return numba.njit(**_NUMBA_OPTIONS)(_choose)
+    if function is power:
+        return numba.njit(**_NUMBA_OPTIONS)(_pow)
+    return getattr(math, function.__name__)
+
+
+def _choose(condition: Any, a: Any, b: Any) -> Any:
+    return a if condition else b
+
+
+def _pow(base: float, exponent: float) -> float:
+    return math.pow(base, exponent)

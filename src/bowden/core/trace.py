@@ -1,0 +1,154 @@
+"""A trace: the record of a run, with its units, settings and seed, to and from Parquet and CSV."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core import metrics
+from bowden.core.errors import LogError
+from bowden.core.files import whole_file
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_MAGIC = "# bowden trace: "
+_KEY = b"bowden"
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Signals sampled on one clock.
+
+    The columns that every simulated run has are ``time``, ``reference``, ``reference_velocity``, ``joint`` (true),
+    ``motor`` (true), ``joint_measured``, ``motor_measured``, ``command``, ``motor_velocity``, ``current``, ``width``
+    and ``slope``; the law's own state follows as ``law.<name>``.
+    """
+
+    columns: dict[str, NDArray[np.float64]]
+    """Name → values, all of one length (n,)."""
+    units: dict[str, str]
+    """Name → unit, as printed: ``s``, ``rad``, ``rad/s``, ``A``, ``1``."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """All that made the run, as JSON values: law, gains, plant, reference, sample time, software version."""
+    seed: int | None = None
+    """Seed of the run's random numbers; None where there were none."""
+
+    def __post_init__(self) -> None:
+        lengths = {values.shape for values in self.columns.values()}
+        if len(lengths) != 1 or len(next(iter(lengths))) != 1:
+            raise ValueError(f"columns of a trace have the shapes {sorted(lengths)}; expected one length")
+        missing = set(self.columns) - set(self.units)
+        if missing:
+            raise ValueError(f"no unit for the columns {sorted(missing)}")
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time (n,) [s]."""
+        return self.columns["time"]
+
+    @property
+    def error(self) -> NDArray[np.float64]:
+        """joint − reference (n,) [rad]."""
+        return self.columns["joint"] - self.columns["reference"]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the run reached its end with finite numbers."""
+        return bool(np.isfinite(self.columns["joint"]).all())
+
+    def metrics(self) -> metrics.Metrics:
+        """RMSE, peak error, delay, hysteresis width, power and energy of the run."""
+        return metrics.summarise(
+            self.columns, self.settings.get("motor_resistance"), self.settings.get("torque_constant")
+        )
+
+    def to_parquet(self, path: Path | str) -> None:
+        """Write the trace; units go to the fields, settings and seed to the schema.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        import pyarrow.parquet as pq
+
+        with whole_file(path) as part:
+            pq.write_table(self._table(), part)
+
+    def to_csv(self, path: Path | str) -> None:
+        """Write the trace as text: a comment with units, settings and seed, a header, shortest exact decimals.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from pyarrow import csv
+
+        with whole_file(path) as part, part.open("wb") as file:
+            file.write((_MAGIC + json.dumps(self._metadata()) + "\n").encode())
+            csv.write_csv(self._table(), file)
+
+    @classmethod
+    def from_parquet(cls, path: Path | str) -> "Trace":
+        """Read back what `to_parquet` wrote.
+
+        Raises:
+            LogError: no such file, or not a trace.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            table = pq.read_table(path)
+            metadata = json.loads((table.schema.metadata or {})[_KEY])
+        except (OSError, pa.ArrowException, KeyError, ValueError) as error:
+            raise LogError(f"cannot read {path}: {error}", expected="a Parquet file written by bowden") from error
+        return cls._from(table, metadata)
+
+    @classmethod
+    def from_csv(cls, path: Path | str) -> "Trace":
+        """Read back what `to_csv` wrote.
+
+        Raises:
+            LogError: no such file, or not a trace.
+        """
+        import pyarrow as pa
+        from pyarrow import csv
+
+        try:
+            with Path(path).open("rb") as file:
+                first = file.readline().decode()
+                if not first.startswith(_MAGIC):
+                    raise ValueError(f"its first line does not begin with {_MAGIC!r}")
+                metadata = json.loads(first.removeprefix(_MAGIC))
+                names = list(metadata["units"])
+                table = csv.read_csv(
+                    file,
+                    convert_options=csv.ConvertOptions(column_types={name: pa.float64() for name in names}),
+                )
+        except (OSError, pa.ArrowException, KeyError, ValueError) as error:
+            raise LogError(f"cannot read {path}: {error}", expected="a CSV file written by bowden") from error
+        return cls._from(table, metadata)
+
+    def _metadata(self) -> dict[str, Any]:
+        return {"units": self.units, "settings": dict(self.settings), "seed": self.seed}
+
+    def _table(self) -> "pa.Table":
+        import pyarrow as pa
+
+        fields = [pa.field(name, pa.float64(), metadata={"unit": self.units[name]}) for name in self.columns]
+        schema = pa.schema(fields, metadata={_KEY: json.dumps(self._metadata()).encode()})
+        return pa.table(list(self.columns.values()), schema=schema)
+
+    @classmethod
+    def _from(cls, table: "pa.Table", metadata: dict[str, Any]) -> "Trace":
+        columns = {name: table[name].to_numpy().astype(np.float64) for name in table.column_names}
+        return cls(columns, metadata["units"], metadata["settings"], metadata["seed"])

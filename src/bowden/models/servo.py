@@ -1,0 +1,94 @@
+"""The servo: the motor under its linear PD position loop, as seen from its command.
+
+    d²motor/dt² = ω²·(command − motor) − 2·ζ·ω·d(motor)/dt,   |d(motor)/dt| ≤ speed,   |d²motor/dt²| ≤ acceleration
+
+Between two sub-steps the command is constant, so the linear part is solved exactly (matrix exponential); a limit
+replaces the sub-step by one of constant acceleration. The acceleration limit stands for the current limit.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel
+
+
+class Servo(NamedTuple):
+    """What is to be known of a position-controlled motor."""
+
+    natural_frequency: float = 54.4
+    """ω [rad/s]; 54.4 puts the −3 dB point of the critically damped servo at 35 rad/s."""
+    damping: float = 1.0
+    """ζ [–]."""
+    speed_limit: float = math.inf
+    """Largest speed at the spool [rad/s]."""
+    acceleration_limit: float = math.inf
+    """Largest acceleration at the spool, from the current limit [rad/s²]."""
+
+
+class ServoState(NamedTuple):
+    """The motor's motion at the spool."""
+
+    position: float
+    """[rad]"""
+    velocity: float
+    """[rad/s]"""
+    acceleration: float
+    """Mean acceleration of the last sub-step [rad/s²]."""
+
+
+class ServoStep(NamedTuple):
+    """A servo prepared for one length of sub-step: (x, v) relative to the command after `dt`."""
+
+    xx: float
+    xv: float
+    vx: float
+    vv: float
+    dt: float
+    speed_limit: float
+    acceleration_limit: float
+
+
+def prepare(servo: Servo, dt: float) -> ServoStep:
+    """The exact transition matrix of the linear servo over `dt` [s].
+
+    Raises:
+        ParameterError: a frequency, damping, limit or time step that is not above zero.
+    """
+    for name, value in (*servo._asdict().items(), ("dt", dt)):
+        if not value > 0.0:
+            raise ParameterError(f"servo: {name} is {value}", expected="a number above 0")
+    omega, zeta = servo.natural_frequency, servo.damping
+    sigma, disc = zeta * omega, (zeta * zeta - 1.0) * omega * omega
+    root = math.sqrt(abs(disc))
+    if root * dt < 1e-6:  # critically damped: sin(x)/x and sinh(x)/x are 1 to within 2e-13
+        cosine, sine = 1.0, dt
+    elif disc < 0:
+        cosine, sine = math.cos(root * dt), math.sin(root * dt) / root
+    else:
+        cosine, sine = math.cosh(root * dt), math.sinh(root * dt) / root
+    decay = math.exp(-sigma * dt)
+    return ServoStep(
+        xx=decay * (cosine + sigma * sine),
+        xv=decay * sine,
+        vx=-decay * omega * omega * sine,
+        vv=decay * (cosine - sigma * sine),
+        dt=dt,
+        speed_limit=servo.speed_limit,
+        acceleration_limit=servo.acceleration_limit,
+    )
+
+
+@kernel
+def servo_step(state: ServoState, command: float, servo: ServoStep) -> ServoState:
+    """The motor one sub-step later, for a command [rad] that is constant over it."""
+    x, v, dt = state.position - command, state.velocity, servo.dt
+    free = servo.vx * x + servo.vv * v
+    change = servo.acceleration_limit * dt
+    velocity = np.fmax(v - change, np.fmin(v + change, free))
+    velocity = np.fmax(-servo.speed_limit, np.fmin(servo.speed_limit, velocity))
+    exact = servo.xx * x + servo.xv * v
+    position = exact if velocity == free else x + 0.5 * dt * (v + velocity)
+    return ServoState(position + command, velocity, (velocity - v) / dt)

@@ -1,0 +1,1 @@
+"""Simulation: plants, the closed loop, and how the sheath moves."""

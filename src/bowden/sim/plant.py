@@ -1,0 +1,70 @@
+"""The bench as one plant: servo, cable in its sheath, and the distal spring (Fig. 7A)."""
+
+from typing import NamedTuple
+
+from bowden.core.kernel import kernel
+from bowden.core.units import RADIANS
+from bowden.models.bouc_wen import BoucWen
+from bowden.models.encoder import Encoder
+from bowden.models.motor import Motor, acceleration_limit
+from bowden.models.servo import Servo, ServoState, ServoStep, prepare, servo_step
+from bowden.models.sheath import Sheath, advance_in_sheath, joint_in_sheath
+
+
+class Bench(NamedTuple):
+    """All that the bench is made of."""
+
+    cable: BoucWen = BoucWen()
+    sheath: Sheath = Sheath()
+    servo: Servo = Servo()
+    motor: Motor = Motor()
+    joint_encoder: Encoder = Encoder()
+    motor_encoder: Encoder = Encoder()
+    sample_time: float = 1e-3
+    """Ts, one control cycle [s]."""
+    delay: int = 1
+    """Cycles between a sample and the moment its command reaches the servo [–]."""
+    substeps: int = 10
+    """Plant sub-steps in one cycle [–]."""
+
+
+class BenchStep(NamedTuple):
+    """A bench prepared for one length of sub-step."""
+
+    cable: BoucWen
+    servo: ServoStep
+
+
+class BenchState(NamedTuple):
+    """Where everything is."""
+
+    motor: ServoState
+    h: float
+    """The cable's hysteresis variable [–]."""
+    joint: float
+    """Joint angle [rad]."""
+
+
+def prepare_bench(bench: Bench) -> BenchStep:
+    """The bench ready for sub-steps; the servo's acceleration limit is the motor's current limit if that is lower."""
+    limit = min(bench.servo.acceleration_limit, acceleration_limit(bench.motor))
+    servo = bench.servo._replace(acceleration_limit=limit)
+    return BenchStep(bench.cable, prepare(servo, bench.sample_time / bench.substeps))
+
+
+@kernel
+def bench_start(bench: BenchStep, motor: float, width: float, slope_factor: float) -> BenchState:
+    """At rest at a `motor` angle [rad] with h = 0."""
+    return BenchState(ServoState(motor, 0.0, 0.0), 0.0, joint_in_sheath(motor, 0.0, width, slope_factor, bench.cable))
+
+
+@kernel
+def bench_step(bench: BenchStep, state: BenchState, command: float, width: float, slope_factor: float) -> BenchState:
+    """One sub-step under a constant command [rad]."""
+    motor = servo_step(state.motor, command, bench.servo)
+    h = advance_in_sheath(state.h, motor.position - state.motor.position, width, bench.cable)
+    return BenchState(motor, h, joint_in_sheath(motor.position, h, width, slope_factor, bench.cable))
+
+
+PAPER_ENCODER = Encoder(resolution=360.0 / 16384 * RADIANS, noise=0.01 * RADIANS)
+"""4096 lines counted fourfold (0.022°) and 0.01° of noise: a stated choice, the paper names none."""
