@@ -1,0 +1,160 @@
+"""Self-contained HTML pages: text, tables and figures in one file that needs no network and no script."""
+
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from bowden import __version__
+from bowden.core.files import whole_file
+from bowden.report import style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NUMBER = re.compile(r"[<>≤≥≈±+\-−]?\s?\d[\d.,]*(e[+\-]?\d+)?(\s?[±…×]\s?\d[\d.,]*(e[+\-]?\d+)?)*\s?[^\s\d]{0,6}", re.I)
+_EMPTY = ("", "–", "—", "-")
+_BLOCK = re.compile(r"\s*<(p|ul|ol|dl|div|pre|blockquote|h3|details)\b")
+
+
+class _Heading(NamedTuple):
+    text: str
+    anchor: str
+    level: int
+    kind: str = "heading"
+
+
+class _Text(NamedTuple):
+    html: str
+    kind: str
+
+
+class _Figure(NamedTuple):
+    svg: str
+    caption: str
+    number: int
+    kind: str = "figure"
+
+
+class _Cell(NamedTuple):
+    text: str
+    numeric: bool
+
+
+class _Table(NamedTuple):
+    header: list[_Cell]
+    rows: list[tuple[str, list[_Cell]]]
+    caption: str
+    kind: str = "table"
+
+
+class Page:
+    """A page that is filled from top to bottom and then written.
+
+    Args:
+        title: plain text.
+        lead: one or two sentences under the title, plain text.
+    """
+
+    def __init__(self, title: str, lead: str = "") -> None:
+        self._title, self._lead = title, lead
+        self._parts: list[_Heading | _Text | _Figure | _Table] = []
+
+    def heading(self, text: str, level: int = 2) -> None:
+        """A heading, plain text; those of level 2 make up the page's contents."""
+        count = sum(part.kind == "heading" for part in self._parts)
+        self._parts.append(_Heading(text, f"part-{count + 1}", level))
+
+    def text(self, html: str, **values: object) -> None:
+        """A paragraph, or blocks, of HTML; `values` are escaped and put where the HTML names them in braces.
+
+        What comes from outside (the name of a log, a column) must come as one of `values`.
+        """
+        from markupsafe import Markup
+
+        filled = str(Markup(html).format(**values)) if values else html
+        self._parts.append(_Text(filled if _BLOCK.match(filled) else f"<p>{filled}</p>", "text"))
+
+    def notice(self, text: str) -> None:
+        """A warning or remark that must not be overlooked, plain text."""
+        self._parts.append(_Text(text, "notice"))
+
+    def figure(self, figure: "Figure", caption: str = "") -> None:
+        """A figure as inline SVG, numbered; the caption is plain text."""
+        number = 1 + sum(part.kind == "figure" for part in self._parts)
+        self._parts.append(_Figure(_svg(figure, f"figure-{number}-"), caption, number))
+
+    def table(
+        self, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "", classes: Sequence[str] = ()
+    ) -> None:
+        """A table of plain text; columns in which every cell is a number, blank or a dash are set to the right.
+
+        Args:
+            header: one name a column.
+            rows: one cell a column.
+            caption: plain text.
+            classes: a CSS class for each row; `fitted`, `reproduced`, `better`, `differs`, `erratum` and `best`
+                have colours.
+
+        Raises:
+            ValueError: a row or `classes` of another length.
+        """
+        numeric = [
+            any(row[i] not in _EMPTY for row in rows)
+            and all(row[i] in _EMPTY or _NUMBER.fullmatch(row[i]) is not None for row in rows)
+            for i in range(len(header))
+        ]
+
+        def cells(row: Sequence[str]) -> list[_Cell]:
+            return [_Cell(text, right) for text, right in zip(row, numeric, strict=True)]
+
+        marked = zip(classes or [""] * len(rows), rows, strict=True)
+        self._parts.append(_Table(cells(header), [(name, cells(row)) for name, row in marked], caption))
+
+    def html(self) -> str:
+        """The page as text; the same content gives the same bytes."""
+        from jinja2 import Environment, FileSystemLoader, StrictUndefined
+        from markupsafe import Markup
+
+        folder = Path(__file__).with_name("templates")
+        environment = Environment(
+            loader=FileSystemLoader(folder),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        return environment.get_template("page.html").render(
+            title=self._title,
+            lead=self._lead,
+            parts=self._parts,
+            contents=[part for part in self._parts if isinstance(part, _Heading) and part.level == 2],
+            style=Markup((folder / "page.css").read_text(encoding="utf-8")),
+            version=__version__,
+        )
+
+    def write(self, path: Path | str) -> None:
+        """Write the page, whole or not at all.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        text = self.html()
+        with whole_file(path) as part:
+            part.write_text(text, encoding="utf-8")
+
+
+def _svg(figure: "Figure", prefix: str) -> str:
+    """The figure as an SVG element whose ids begin with `prefix`, so that several share one page."""
+    style.finish(figure)
+    buffer = io.StringIO()
+    with style.drawing():
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.S)
+    text = re.sub(r'\bid="', f'id="{prefix}', text)
+    text = re.sub(r'(href="|url\()#', rf"\1#{prefix}", text)
+    text = re.sub(r'\bd="[^"]*"', lambda match: re.sub(r"(\.\d\d)\d+", r"\1", match.group()), text)  # 0.01 pt is enough
+    return re.sub(r"\n\s*", "\n", text).strip()

@@ -1,0 +1,156 @@
+"""One look for every figure, without pyplot and without a trace in matplotlib's global settings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+COLOURS = {
+    "reference": "#222222",
+    "joint": "#0072b2",
+    "motor": "#e69f00",
+    "command": "#cc79a7",
+    "error": "#d55e00",
+    "uncompensated": "#8c8c8c",
+    "observer": "#d55e00",
+    "adaptive": "#0072b2",
+    "bowden": "#009e73",
+    "data": "#5f6b76",
+    "model": "#d55e00",
+    "limit": "#b3b3b3",
+}
+"""What is drawn → its colour. The hues are Okabe and Ito's (jfly.uni-koeln.de/color, 2008), told apart by colour-blind
+readers and, by their lightness, mostly in grey print too."""
+
+CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c8c8c", "#222222")
+"""For what has no name of its own, in this order."""
+
+_STYLE: dict[str, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#666666",
+    "axes.grid": True,
+    "axes.labelsize": 10.0,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.7,
+    "legend.fontsize": 9.0,
+    "lines.linewidth": 1.4,
+    "svg.fonttype": "path",  # shapes, not fonts: the same on every machine
+    "svg.hashsalt": "bowden",  # the same run gives the same bytes
+    "xtick.color": "#666666",
+    "xtick.labelcolor": "#222222",
+    "xtick.labelsize": 9.0,
+    "ytick.color": "#666666",
+    "ytick.labelcolor": "#222222",
+    "ytick.labelsize": 9.0,
+}
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Matplotlib's defaults and our style while figures are made; what the user has set comes back afterwards."""
+    import matplotlib.style as styles
+    from cycler import cycler
+
+    with styles.context(["default", _STYLE | {"axes.prop_cycle": cycler(color=CYCLE)}]):
+        yield
+
+
+def new_figure(
+    rows: int = 1, columns: int = 1, width: float = 7.0, height: float = 3.0, *, share_x: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """An empty figure of `rows` × `columns` axes.
+
+    Args:
+        rows: rows of axes.
+        columns: columns of axes.
+        width: of the whole figure [inch].
+        height: of the whole figure [inch].
+        share_x: one horizontal axis for each column; only the lowest carries numbers.
+
+    Returns:
+        The figure, and its axes as a flat list, row by row.
+    """
+    from matplotlib.figure import Figure
+
+    with drawing():
+        figure = Figure(figsize=(width, height), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if share_x else False)
+    return figure, list(axes.flat)
+
+
+def legend(axes: Axes, columns: int = 4) -> None:
+    """A legend in a row above the axes, where it covers nothing."""
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2, handlelength=1.6, fontsize=9.0
+    )
+
+
+def finish(figure: Figure) -> None:
+    """The last touches, which matplotlib takes from its global settings unless told otherwise: quiet legends."""
+    for axes in figure.axes:
+        box = axes.get_legend()
+        if box is not None:
+            box.get_frame().set(facecolor="white", edgecolor="none", alpha=0.85, linewidth=0.0)
+
+
+def colours_for(names: Sequence[str]) -> dict[str, str]:
+    """A colour for each name: its own where `COLOURS` has one, else the next of `CYCLE` that is still free.
+
+    >>> colours_for(["adaptive", "mine"])
+    {'adaptive': '#0072b2', 'mine': '#d55e00'}
+    """
+    chosen = {name: COLOURS[name] for name in names if name in COLOURS}
+    others = [name for name in names if name not in COLOURS]
+    free = [colour for colour in CYCLE if colour not in chosen.values()] or list(CYCLE)
+    chosen |= {name: free[i % len(free)] for i, name in enumerate(others)}
+    return {name: chosen[name] for name in names}
+
+
+def thin(x: Array, y: Array, most: int = 4000) -> tuple[Array, Array]:
+    """At most `most` points that look like all of them: the lowest and the highest of each stretch of samples.
+
+    Args:
+        x: (n,), any unit.
+        y: (n,); a stretch without a finite value leaves one NaN, which breaks the line.
+        most: largest number of points to keep, 4 or more.
+
+    Returns:
+        Those x and y, in their old order, with the first and the last sample.
+
+    >>> x = np.arange(1000.0)
+    >>> [len(a) for a in thin(x, np.sin(x), most=100)], [len(a) for a in thin(x, x)]
+    ([100, 100], [1000, 1000])
+    """
+    n = len(x)
+    if n <= most:
+        return x, y
+    finite = np.isfinite(y)
+    stretches = (most - 2) // (2 if finite.all() else 3)
+    edges = np.linspace(0, n, stretches + 1).astype(np.intp)
+    keep = [0, n - 1]
+    for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        good = first + np.flatnonzero(finite[first:end])
+        if len(good):
+            keep += [int(good[y[good].argmin()]), int(good[y[good].argmax()])]
+        if len(good) < end - first:
+            keep.append(first + int(np.flatnonzero(~finite[first:end])[0]))
+    index = np.unique(keep)
+    return x[index], y[index]
