@@ -28,9 +28,9 @@ from bowden.core.signals import Reference, Sample
 class AdaptiveGains(NamedTuple):
     """Gains of the law; the adaptation gains are the paper's, λ, κ and τ are chosen for margin on the bench."""
 
-    error_gain: float = 0.05
+    error_gain: float = 0.035
     """λ [s]."""
-    feedback_gain: float = 20.0
+    feedback_gain: float = 40.0
     """κ [1/s]."""
     smoothing: float = 0.01
     """ε, width of tanh's transition [rad·s]."""

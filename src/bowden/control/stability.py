@@ -1,0 +1,170 @@
+"""Margins of the sampled loop: a linear law around the servo, its delay and one slope of the cable.
+
+The loop is opened at the command. With the servo held over each cycle (exact zero-order hold), the command delayed by d
+cycles and the joint moving by `slope` per motor motion,
+
+    L(z) = slope·G(z)·z⁻ᵈ·C(z),    C: from the measured joint to minus the command
+
+All functions are pure and need numpy only.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.adaptive import AdaptiveGains
+from bowden.models.servo import Servo, prepare
+
+Array = NDArray[np.float64]
+
+
+class StateSpace(NamedTuple):
+    """x⁺ = A·x + B·u, y = C·x + D·u in discrete time, one input and one output."""
+
+    a: Array
+    """(k, k)."""
+    b: Array
+    """(k, 1)."""
+    c: Array
+    """(1, k)."""
+    d: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far a closed loop is from instability."""
+
+    stable: bool
+    """Whether every closed-loop pole is inside the unit circle."""
+    gain_margin_db: float | None
+    """Smallest increase of gain that makes the loop unstable [dB]; None where there is none (infinite)."""
+    phase_margin_deg: float | None
+    """Smallest phase margin over the gain crossovers [deg]; None where |L| never crosses one."""
+    delay_margin_s: float | None
+    """Smallest extra delay that makes the loop unstable [s]; None where |L| never crosses one."""
+    largest_pole: float
+    """Largest magnitude of a closed-loop pole."""
+
+
+def servo_model(servo: Servo, dt: float, delay: int, slope: float) -> StateSpace:
+    """From command to joint: the held servo behind `delay` cycles, times the cable's slope."""
+    held = prepare(servo, dt)
+    size = 2 + delay
+    a, b, c = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size))
+    a[:2, :2] = [[held.xx, held.xv], [held.vx, held.vv]]
+    into = np.array([1.0 - held.xx, -held.vx])
+    if delay:
+        a[:2, 2] = into
+        a[np.arange(2, size - 1), np.arange(3, size)] = 1.0
+        b[-1, 0] = 1.0
+    else:
+        b[:2, 0] = into
+    c[0, 0] = slope
+    return StateSpace(a, b, c, 0.0)
+
+
+def adaptive_model(gains: AdaptiveGains, dt: float, slope_inverse: float, bound: float) -> StateSpace:
+    """The adaptive law near s = 0 with frozen estimates, from measured joint to minus the command.
+
+    The tanh acts as its slope 1/ε. States: ∫e dt, the last joint angle, the filtered joint rate.
+
+    Args:
+        gains: of the law.
+        dt: sample time [s].
+        slope_inverse: the frozen β̂.
+        bound: the frozen D̂m [rad].
+    """
+    follow = dt / (gains.derivative_time + dt)
+    on_s = gains.feedback_gain + slope_inverse * bound / gains.smoothing
+    on_rate = slope_inverse * gains.error_gain
+    a = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, -follow / dt, 1.0 - follow]])
+    b = np.array([[dt], [1.0], [follow / dt]])
+    c = np.array([[on_s, 0.0, 0.0]]) + on_rate * a[2]
+    return StateSpace(a, b, c, float(on_s * (gains.error_gain + dt) + on_rate * b[2, 0]))
+
+
+def response(model: StateSpace, omega: Array, dt: float) -> NDArray[np.complex128]:
+    """Frequency response (n,) at `omega` [rad/s]."""
+    z = np.exp(1j * omega * dt)
+    poles = np.poly(model.a)  # det(zI − A); the numerator follows by the matrix determinant lemma
+    zeros = np.poly(model.a - model.b @ model.c) + (model.d - 1.0) * poles
+    return np.asarray(np.polyval(zeros, z) / np.polyval(poles, z))
+
+
+def closed_loop_poles(plant: StateSpace, law: StateSpace) -> NDArray[np.complex128]:
+    """Poles of the loop of a strictly causal plant and a law in negative feedback."""
+    top = np.hstack([plant.a - plant.b @ plant.c * law.d, -plant.b @ law.c])
+    return np.linalg.eigvals(np.vstack([top, np.hstack([law.b @ plant.c, law.a])]))
+
+
+def margins(plant: StateSpace, law: StateSpace, dt: float) -> Margins:
+    """Gain, phase and delay margin of the loop, and whether it is stable at all.
+
+    Crossings are found on 4000 logarithmic frequencies from 0.01 rad/s to the Nyquist frequency and interpolated.
+    """
+    poles = closed_loop_poles(plant, law)
+    omega = np.geomspace(1e-2, np.pi / dt * (1.0 - 1e-9), 4000)
+    loop = response(plant, omega, dt) * response(law, omega, dt)
+    gain, phase = np.log(np.abs(loop)), np.unwrap(np.angle(loop))
+    margin_gains = []
+    for turn in np.arange(np.floor(phase.min() / np.pi), np.ceil(phase.max() / np.pi) + 1):
+        if turn % 2:  # the loop is real and negative
+            for i, f in _crossings(phase - turn * np.pi):
+                margin_gains.append(-(gain[i] + f * (gain[i + 1] - gain[i])))
+    upward = [m for m in margin_gains if m > 0.0]
+    phases = [
+        (
+            float(np.mod(phase[i] + f * (phase[i + 1] - phase[i]) + np.pi, 2.0 * np.pi)),
+            omega[i] + f * (omega[i + 1] - omega[i]),
+        )
+        for i, f in _crossings(gain)
+    ]
+    stable = bool(np.max(np.abs(poles)) < 1.0)
+    signed = [p if p <= np.pi else p - 2.0 * np.pi for p, _ in phases]
+    return Margins(
+        stable=stable,
+        gain_margin_db=float(min(upward) * 20.0 / np.log(10.0)) if upward and stable else (None if stable else -1.0),
+        phase_margin_deg=float(np.degrees(min(signed, key=abs))) if signed else None,
+        delay_margin_s=float(min(p / w for p, w in phases)) if phases and stable else None,
+        largest_pole=float(np.max(np.abs(poles))),
+    )
+
+
+def _crossings(values: Array) -> list[tuple[int, float]]:
+    """Where `values` passes zero: the index before it, and the fraction of the step."""
+    index = np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))
+    return [(int(i), float(values[i] / (values[i] - values[i + 1]))) for i in index]
+
+
+class UltimateBounds(NamedTuple):
+    """The sets in which the paper's proof (Eqs 15–27) lets the errors end."""
+
+    filtered_error: float
+    """Bound on |s| [rad·s]."""
+    error: float
+    """Bound on |e| [rad]."""
+
+
+def ultimate_bounds(gains: AdaptiveGains, slope: float, uncertainty: float) -> UltimateBounds:
+    """|s| ≤ √(2f/(β·ϱ)) and |e| ≤ (2/λ)·√(2f/(β·ϱ)), with the paper's ϱ and f.
+
+        ϱ = min(2κ/β, σ1·δ1, σ2·δ2),    f = σ1·β²/2 + σ2·Dm²/2 + 0.2785·ε
+
+    From Eq. 20 to 22 the last term lost its factor β·Dm (erratum 9); it is taken here as printed.
+
+    Args:
+        gains: of the law.
+        slope: the cable's αφ = 1/β [rad/rad].
+        uncertainty: Dm, bound of the hysteresis' height [rad].
+    """
+    beta = 1.0 / slope
+    rate = min(
+        2.0 * gains.feedback_gain / beta,
+        gains.slope_leakage * gains.slope_adaptation,
+        gains.bound_leakage * gains.bound_adaptation,
+    )
+    f = 0.5 * gains.slope_leakage * beta**2 + 0.5 * gains.bound_leakage * uncertainty**2 + 0.2785 * gains.smoothing
+    s = float(np.sqrt(2.0 * f / (beta * rate)))
+    return UltimateBounds(s, 2.0 * s / gains.error_gain)
