@@ -45,8 +45,6 @@ class Law:
     """Where the law comes from."""
     presets: dict[str, Gains] = field(default_factory=dict)
     """Other named sets of gains, such as the ones a paper printed."""
-    identity: str = ""
-    """Tells a user's own law apart in the cache of compiled loops; empty for the built-in ones."""
 
     def start(self, sample: Sample) -> State:
         """The state with which the law begins at this sample."""

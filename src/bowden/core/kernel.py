@@ -3,7 +3,10 @@
 ``@kernel`` leaves the plain Python function in place, so that a call from Python, a debugger or a symbolic trace sees
 ordinary code, and marks it; `compiled` gives its Numba twin, in which every kernel it names is compiled too. Numba is
 imported only then. Compiled code is cached on disk in a folder named after a hash of the package's source, because
-Numba's own cache does not notice when a function that another one calls has changed.
+Numba's own cache does not notice when a function that another one calls has changed. Kernels from files outside the
+package go to a folder of their own below it, named after those files' bytes, together with what they call: an edited
+file is compiled anew, and two files never see one another's types. What has no file, or is the script itself, is
+compiled in every process.
 """
 
 import contextlib
@@ -16,7 +19,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -36,6 +39,10 @@ def kernel(function: F) -> F:
     return function
 
 
+def _is_kernel(value: Any) -> TypeGuard[FunctionType]:
+    return isinstance(value, FunctionType) and hasattr(value, "__kernel__")
+
+
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """The Numba twin of a kernel, compiled at its first call and cached on disk.
 
@@ -44,52 +51,89 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """
     if function in _PRIMITIVES:
         return _primitive(function)
-    if not getattr(function, "__kernel__", False):
+    if not _is_kernel(function):
         raise TypeError(f"{function!r} is not a kernel; decorate it with @kernel")
     assert isinstance(function, FunctionType)
-    return _compile(function, function.__qualname__, ())
+    return _compile(function, function.__qualname__, (), frozenset())
 
 
 def specialise(template: Callable[..., Any], name: str, **replacements: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a template in which some of the kernels it calls by global name are replaced by others.
 
     This is how one closed-loop source serves every law and plant and is still cached on disk: a closure over its
-    kernels would be compiled anew in every process.
+    kernels would be compiled anew in every process. Variants are told apart by the kernels they are made of.
 
     Args:
         template: a kernel.
-        name: distinguishes the variants in the cache; must differ wherever `replacements` differ.
+        name: what to call this variant, for whoever reads a profile or the cache folder.
         replacements: global name in the template's module → kernel to put there.
     """
     assert isinstance(template, FunctionType)
-    return _compile(template, f"{template.__qualname__}_{name}", tuple(sorted(replacements.items())))
+    parts = tuple(sorted(replacements.items()))
+    told_apart = "|".join(f"{key}={part.__module__}.{part.__qualname__}" for key, part in parts)
+    digest = hashlib.sha256(told_apart.encode()).hexdigest()[:8]
+    return _compile(template, f"{template.__qualname__}_{name}_{digest}", parts, frozenset())
+
+
+_Files = frozenset[Path | None]
+"""Files outside the package that compiled code depends on; None among them stands for code that no file tells."""
 
 
 @cache
 def _compile(
-    function: FunctionType, name: str, replacements: tuple[tuple[str, Callable[..., Any]], ...]
+    function: FunctionType, name: str, replacements: tuple[tuple[str, Callable[..., Any]], ...], caller: _Files
 ) -> Callable[..., Any]:
+    """`caller`: the files of the code that calls this; its types may come in, so the two are cached together."""
     import numba
 
+    files = caller | _outside(function)
     namespace = dict(function.__globals__) | dict(replacements)
     for key in function.__code__.co_names:
         value = namespace.get(key)
-        if callable(value) and (value in _PRIMITIVES or getattr(value, "__kernel__", False)):
-            namespace[key] = compiled(value)
+        if _is_kernel(value):
+            namespace[key] = _compile(value, value.__qualname__, (), files)
+        elif callable(value) and value in _PRIMITIVES:
+            namespace[key] = _primitive(value)
     twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
     twin.__qualname__, twin.__module__ = name, function.__module__
-    on_disk = Path(function.__code__.co_filename).is_file()  # what is typed at a prompt has no file to be stamped by
-    with _cache_folder():
-        dispatcher: Callable[..., Any] = numba.njit(cache=on_disk, **_NUMBA_OPTIONS)(twin)
+    files = files.union(*(_outside(part) for _, part in replacements))
+    with _cache_at(files):
+        dispatcher: Callable[..., Any] = numba.njit(cache=None not in files, **_NUMBA_OPTIONS)(twin)
     return dispatcher
 
 
+@cache
+def _outside(function: Callable[..., Any]) -> _Files:
+    """The files outside the package that a kernel and the kernels it calls stand in.
+
+    No file tells code typed at a prompt, functions made by other functions, and what stands in the script itself,
+    whose types have another identity in each process.
+    """
+    files: set[Path | None] = set()
+    seen, todo = {function}, [function]
+    while todo:
+        part = todo.pop()
+        assert isinstance(part, FunctionType)
+        file = Path(part.__code__.co_filename)
+        local = bool(part.__closure__) or "<locals>" in part.__qualname__
+        if file.is_relative_to(Path(__file__).parents[1]) and not local:
+            continue
+        files.add(None if local or part.__module__ == "__main__" or not file.is_file() else file)
+        named = [part.__globals__.get(key) for key in part.__code__.co_names]
+        called = {value for value in named if _is_kernel(value)} - seen
+        todo += called
+        seen |= called
+    return frozenset(files)
+
+
 @contextlib.contextmanager
-def _cache_folder() -> Iterator[None]:
+def _cache_at(files: _Files) -> Iterator[None]:
     """Let Numba choose our folder while it decorates; other users of Numba in this process keep theirs."""
     config: Any = importlib.import_module("numba.core.config")  # its options come from a table, unseen by types
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder())
+    contents = [file.read_bytes() for file in sorted(file for file in files if file)]
+    part = hashlib.sha256(b"".join(contents)).hexdigest()[:16] if contents else ""
+    config.CACHE_DIR = str(cache_folder() / part)
     try:
         yield
     finally:
@@ -98,17 +142,26 @@ def _cache_folder() -> Iterator[None]:
 
 @cache
 def cache_folder() -> Path:
-    """Where compiled code is kept: ``$BOWDEN_CACHE_DIR`` or the user's cache folder, then a hash of the source."""
-    root = os.environ.get("BOWDEN_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    folder = Path(root) / "bowden" / _source_hash()
+    """Where compiled code is kept: ``$BOWDEN_CACHE_DIR`` or the user's cache folder, then a hash of the source.
+
+    Where that cannot be written (a read-only home), a folder in the system's temporary one that only this user can
+    read and write, since what is cached is run; a fresh one if another user has taken its name.
+    """
     try:
+        root = os.environ.get("BOWDEN_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        folder = Path(root) / "bowden" / _source_hash()
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError:
-        folder = Path(tempfile.gettempdir()) / f"bowden-{os.getuid()}" / _source_hash()
-        folder.mkdir(parents=True, exist_ok=True)
-    return folder
+            return folder
+    except (OSError, RuntimeError):  # RuntimeError: no home folder at all
+        user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+        own = Path(tempfile.gettempdir()) / f"bowden-{user}"
+        own.mkdir(mode=0o700, exist_ok=True)
+        if hasattr(os, "getuid") and (own.stat().st_uid != os.getuid() or own.stat().st_mode & 0o077):
+            own = Path(tempfile.mkdtemp(prefix="bowden-"))
+        folder = own / _source_hash()
+        folder.mkdir(exist_ok=True)
+        return folder
 
 
 def _source_hash() -> str:

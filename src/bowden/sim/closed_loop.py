@@ -165,8 +165,7 @@ def simulate(
 
 def compiled_loop(law: Law) -> Callable[..., int]:
     """`run_loop` with the law's kernels in it, compiled at the first call and cached on disk."""
-    name = law.step_kernel.__module__.replace(".", "_") + "_" + law.name + law.identity
-    return specialise(run_loop, name, law_start=law.start_kernel, law_step=law.step_kernel)
+    return specialise(run_loop, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
 
 
 def _inputs(plant: Bench, reference: Trajectory, duration: float, bend: BendPath, seed: int) -> _Inputs:
