@@ -46,6 +46,7 @@ _STYLE: dict[str, Any] = {
     "axes.titlelocation": "left",
     "axes.titlesize": 10.0,
     "axes.titleweight": "bold",
+    "axes.xmargin": 0.02,
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "grid.color": "#e3e3e3",
@@ -104,11 +105,21 @@ def legend(axes: Axes, columns: int = 4) -> None:
 
 
 def finish(figure: Figure) -> None:
-    """The last touches, which matplotlib takes from its global settings unless told otherwise: quiet legends."""
+    """The last touches, which matplotlib takes from its global settings unless told otherwise.
+
+    Quiet legends, titles to the left, vertical labels of a column in one line.
+    """
     for axes in figure.axes:
         box = axes.get_legend()
         if box is not None:
             box.get_frame().set(facecolor="white", edgecolor="none", alpha=0.85, linewidth=0.0)
+            for text in box.get_texts():
+                text.set_fontsize(9.0)
+        title = axes.get_title("left") or axes.get_title()
+        if title:
+            axes.set_title("")
+            axes.set_title(title, loc="left", fontsize=10.0, fontweight="bold")
+    figure.align_ylabels()
 
 
 def colours_for(names: Sequence[str]) -> dict[str, str]:

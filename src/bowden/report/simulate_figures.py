@@ -1,0 +1,172 @@
+"""The figures of `simulate_page`."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.trace import Trace
+from bowden.core.units import DEGREES
+from bowden.report.style import COLOURS, legend, new_figure, thin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Traces = Mapping[str, Trace]
+Colours = Mapping[str, str]
+
+
+def rate(trace: Trace) -> float:
+    """Samples a second [Hz]."""
+    return (len(trace) - 1) / float(trace.time[-1] - trace.time[0])
+
+
+def lasted(trace: Trace) -> float:
+    """How long a run's joint stayed a number [s]."""
+    bad = np.flatnonzero(~np.isfinite(trace["joint"]))
+    return float(trace.time[bad[0] if len(bad) else -1] - trace.time[0])
+
+
+def motion(traces: Traces, colours: Colours) -> "Figure":
+    """Reference and joint over time, a row for each run."""
+    figure, rows = new_figure(len(traces), 1, height=0.9 + 1.7 * len(traces), share_x=True)
+    for axes, (name, trace) in zip(rows, traces.items(), strict=True):
+        axes.plot(*thin(trace.time, trace["joint"] * DEGREES), color=colours[name], label="joint")
+        axes.plot(
+            *thin(trace.time, trace["reference"] * DEGREES), color=COLOURS["reference"], lw=1.0, ls="--",
+            label="reference",
+        )  # fmt: skip
+        axes.set(title=name, ylabel="angle [°]")
+        _stay_near(axes, [trace["reference"] * DEGREES], [trace["joint"] * DEGREES])
+        legend(axes)
+    rows[-1].set_xlabel("time [s]")
+    return figure
+
+
+def error(traces: Traces, colours: Colours) -> "Figure":
+    """Error over time, all runs in one."""
+    figure, (axes,) = new_figure(height=2.8)
+    for name, trace in traces.items():
+        axes.plot(*thin(trace.time, trace.error * DEGREES), color=colours[name], label=name, **_line(trace))
+    stable = [trace.error * DEGREES for trace in traces.values() if trace.stable]
+    swing = [0.1 * (trace["reference"] - np.mean(trace["reference"])) * DEGREES for trace in traces.values()]
+    _stay_near(axes, stable or swing, [trace.error * DEGREES for trace in traces.values()])
+    axes.set(xlabel="time [s]", ylabel="error [°]")
+    legend(axes)
+    return figure
+
+
+def loops(traces: Traces, colours: Colours) -> "Figure":
+    """Joint over reference and joint over motor, a panel for each run."""
+    columns = min(3, max(2, len(traces)))
+    rows = math.ceil(len(traces) / columns)
+    figure, panels = new_figure(rows, columns, height=0.5 + 2.5 * rows)
+    for axes, (name, trace) in zip(panels, traces.items(), strict=False):
+        reference, joint = trace["reference"] * DEGREES, trace["joint"] * DEGREES
+        ends = [float(np.min(reference)), float(np.max(reference))]
+        axes.plot(ends, ends, color=COLOURS["reference"], lw=0.7)
+        if "motor" in trace.columns:
+            axes.plot(*thin(trace["motor"] * DEGREES, joint), color=COLOURS["limit"], lw=1.0)
+        axes.plot(*thin(reference, joint), color=colours[name], lw=1.2)
+        axes.set(title=name, xlabel="reference, motor [°]", ylabel="joint [°]")
+        _stay_near(axes, [reference], [joint])
+        if trace.stable and "motor" in trace.columns:
+            motor = trace["motor"] * DEGREES
+            ends = [min(ends[0], float(motor.min())), max(ends[1], float(motor.max()))]
+        axes.set_xlim(*_widened(ends[0], ends[1], 0.06))
+    for axes in panels[len(traces) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def effort(traces: Traces, colours: Colours) -> "Figure":
+    """Command, command − reference, and current over time where it was recorded."""
+    with_current = all("current" in trace.columns for trace in traces.values())
+    count = 3 if with_current else 2
+    figure, rows = new_figure(count, 1, height=0.6 + 1.7 * count, share_x=True)
+    added = {name: (trace["command"] - trace["reference"]) * DEGREES for name, trace in traces.items()}
+    for name, trace in traces.items():
+        rows[0].plot(*thin(trace.time, trace["command"] * DEGREES), color=colours[name], label=name, **_line(trace))
+        rows[1].plot(*thin(trace.time, added[name]), color=colours[name], **_line(trace))
+        if with_current:
+            rows[2].plot(*thin(trace.time, trace["current"]), color=colours[name], **_line(trace))
+    stable = [name for name, trace in traces.items() if trace.stable] or list(traces)
+    references = [trace["reference"] * DEGREES for trace in traces.values()]
+    _stay_near(rows[0], references, [trace["command"] * DEGREES for trace in traces.values()])
+    _stay_near(rows[1], [added[name] for name in stable], list(added.values()))
+    if with_current:
+        currents = {name: trace["current"] for name, trace in traces.items()}
+        _stay_near(rows[2], [currents[name] for name in stable], list(currents.values()))
+        rows[2].set_ylabel("current [A]")
+    rows[0].set_ylabel("command [°]")
+    rows[1].set_ylabel("command −\nreference [°]")
+    rows[-1].set_xlabel("time [s]")
+    legend(rows[0])
+    return figure
+
+
+def law_states(trace: Trace, colour: str) -> "Figure | None":
+    """Each of the law's own variables over time but its command; None where it has none that ever leaves zero."""
+    names = [
+        name
+        for name in trace.columns
+        if name.startswith("law.") and name != "law.command" and np.nanmax(np.abs(trace[name]), initial=0.0) > 0.0
+    ]
+    if not names:
+        return None
+    columns = 1 if len(names) == 1 else 2
+    rows = math.ceil(len(names) / columns)
+    figure, panels = new_figure(rows, columns, height=0.5 + 1.5 * rows, share_x=True)
+    for axes, name in zip(panels, names, strict=False):
+        axes.plot(*thin(trace.time, trace[name]), color=colour, lw=1.1)
+        unit = trace.units[name]
+        axes.set_title(name.removeprefix("law.").replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
+    for axes in panels[len(names) :]:
+        axes.set_axis_off()
+    for axes in panels[len(names) - columns : len(names)]:
+        axes.tick_params(labelbottom=True)  # also where the panel below is empty
+        axes.set_xlabel("time [s]")
+    return figure
+
+
+def sheath(traces: Traces) -> "Figure | None":
+    """Width and slope of the cable's hysteresis over time; None where nobody moved the sheath."""
+    trace = next(iter(traces.values()))
+    drawn = [name for name in ("width", "slope") if name in trace.columns]
+    if not any(np.ptp(trace[name]) > 1e-9 for name in drawn):
+        return None
+    figure, panels = new_figure(1, len(drawn), height=2.3)
+    for axes, name in zip(panels, drawn, strict=True):
+        axes.plot(*thin(trace.time, trace[name]), color=COLOURS["data"])
+        axes.set(title=f"{name} [{trace.units[name]}]", xlabel="time [s]")
+        axes.set_ylim(bottom=0.0)
+    return figure
+
+
+def _line(trace: Trace) -> dict[str, float]:
+    """A run that ran away fills the panel; it is drawn under the others."""
+    return {"linewidth": 1.1, "zorder": 2.0 if trace.stable else 1.8}
+
+
+def _widened(low: float, high: float, share: float) -> tuple[float, float]:
+    room = share * (high - low) or 1.0
+    return low - room, high + room
+
+
+def _stay_near(axes: "Axes", wanted: list[Array], drawn: list[Array]) -> None:
+    """Vertical limits that show `wanted`, and of `drawn` as much as lies within three times its range.
+
+    A run that ran away would otherwise flatten all the others.
+    """
+    finite = [values[np.isfinite(values)] for values in wanted]
+    low = min((float(values.min()) for values in finite if len(values)), default=0.0)
+    high = max((float(values.max()) for values in finite if len(values)), default=1.0)
+    bottom, top = _widened(low, high, 1.0)
+    seen = [values[(values >= bottom) & (values <= top)] for values in drawn]
+    low = min([low, *(float(values.min()) for values in seen if len(values))])
+    high = max([high, *(float(values.max()) for values in seen if len(values))])
+    axes.set_ylim(*_widened(low, high, 0.06))

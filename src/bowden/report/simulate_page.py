@@ -1,0 +1,134 @@
+"""The page of `bowden simulate`: one law, or several side by side, on the same bench."""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from bowden.core.metrics import Metrics
+from bowden.core.trace import Trace
+from bowden.report import simulate_figures as figures
+from bowden.report.page import Page
+from bowden.report.style import colours_for
+
+_MOST_VALUES = 8  # of a list in the settings; a longer one (way points of a recording) is cut
+
+
+def write_simulation(path: Path | str, traces: Mapping[str, Trace], title: str) -> None:
+    """Write the page: metrics, motion and error over time, loops, commands, the laws' states, and all settings.
+
+    Args:
+        path: of the HTML file.
+        traces: the name to show → the run; all runs have the columns ``time``, ``reference`` and ``joint``, others are
+            shown where they are there.
+        title: plain text.
+
+    Raises:
+        OutputError: the file cannot be written.
+        LogError: a trace without the columns that every run has.
+        ValueError: no traces.
+    """
+    if not traces:
+        raise ValueError("no traces to show")
+    simulation_page(traces, title).write(path)
+
+
+def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
+    """The page that `write_simulation` writes."""
+    colours = colours_for(list(traces))
+    measured = {name: trace.metrics() for name, trace in traces.items()}
+    page = Page(title, _lead(traces))
+    for name, trace in traces.items():
+        if not trace.stable:
+            page.notice(
+                f"{name} is unstable on this bench: its numbers ran away after {figures.lasted(trace):.2f} s, "
+                "and it has no figures of merit."
+            )
+    page.heading("How well the joint follows")
+    _metrics_table(page, measured)
+    page.figure(
+        figures.motion(traces, colours),
+        "The joint's desired and true angle over time. Where only one line shows, the other lies under it.",
+    )
+    page.figure(figures.error(traces, colours), "Error, joint − reference.")
+    page.heading("Hysteresis that is left")
+    page.figure(
+        figures.loops(traces, colours),
+        "Joint over reference (a law that compensates everything draws the thin diagonal), and the cable's own loop, "
+        "joint over motor, in grey.",
+    )
+    if all("command" in trace.columns for trace in traces.values()):
+        page.heading("What the motor is asked for")
+        page.figure(
+            figures.effort(traces, colours),
+            "Command to the motor, and how far it is from the reference: the compensation itself."
+            + (" Below, the motor's current." if "current" in next(iter(traces.values())).columns else ""),
+        )
+    for name, trace in traces.items():
+        drawn = figures.law_states(trace, colours[name])
+        if drawn is not None:
+            page.heading(f"Inside {name}")
+            page.figure(drawn, f"What {name} remembers from one cycle to the next, in SI units and radians.")
+    moved = figures.sheath(traces)
+    if moved is not None:
+        page.heading("How the sheath was moved")
+        page.figure(moved, "Width of the cable's hysteresis and its slope over time, as the sheath's bend sets them.")
+    page.heading("What made these runs")
+    page.text(
+        "Angles in radians, everything else in SI units. A column for each run; a dash where it has no such value."
+    )
+    _settings_table(page, traces)
+    return page
+
+
+def _lead(traces: Mapping[str, Trace]) -> str:
+    first = next(iter(traces.values()))
+    laws = "One law" if len(traces) == 1 else f"{len(traces)} laws"
+    kind = first.settings.get("reference", {}).get("kind", "")
+    motion = f", reference: {kind.replace('_', ' ')}" if kind else ""
+    return f"{laws}, {first.time[-1] - first.time[0]:.4g} s at {figures.rate(first):.4g} Hz{motion}."
+
+
+def _metrics_table(page: Page, measured: Mapping[str, Metrics]) -> None:
+    columns: dict[str, Callable[[Metrics], str]] = {
+        "RMSE [°]": lambda m: _show(m.rmse_deg),
+        "RMSE after 10 s [°]": lambda m: _show(m.rmse_after_10s_deg),
+        "peak error [°]": lambda m: _show(m.peak_deg),
+        "delay [ms]": lambda m: _show(None if m.delay_s is None else 1e3 * m.delay_s, 1),
+        "loop width [°]": lambda m: _show(m.hysteresis_width_deg),
+        "mechanical energy [J]": lambda m: _show(m.mechanical_energy_j),
+        "electrical energy [J]": lambda m: _show(m.electrical_energy_j),
+    }
+    rows = [[name, *(show(figures_) for show in columns.values())] for name, figures_ in measured.items()]
+    known = {name: m.rmse_deg for name, m in measured.items() if m.rmse_deg is not None}
+    best = min(known, key=lambda name: known[name]) if len(known) > 1 else ""
+    page.table(
+        ["law", *columns],
+        rows,
+        caption="Error is joint − reference; the delay is the shift that makes the two agree best; the loop's width is "
+        "that of joint over reference at mid-stroke. The run with the least RMSE is marked.",
+        classes=["best" if name == best else "" for name in measured],
+    )
+
+
+def _show(value: float | None, digits: int = 3) -> str:
+    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
+
+
+def _settings_table(page: Page, traces: Mapping[str, Trace]) -> None:
+    flat = {name: dict(_flatten(trace.settings)) | {"seed": str(trace.seed)} for name, trace in traces.items()}
+    keys = dict.fromkeys(key for settings in flat.values() for key in settings)  # in order, each once
+    page.table(["setting", *flat], [[key, *(flat[name].get(key, "–") for name in flat)] for key in keys])
+
+
+def _flatten(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Nested settings as dotted names and short texts."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _flatten(inner, f"{prefix}.{key}" if prefix else str(key))
+    elif isinstance(value, float):
+        yield prefix, f"{value:.6g}"
+    elif isinstance(value, list | tuple) and len(value) > _MOST_VALUES:
+        head = ", ".join(f"{item:.4g}" if isinstance(item, float) else str(item) for item in value[:_MOST_VALUES])
+        yield prefix, f"{head}, … ({len(value)} values)"
+    else:
+        yield prefix, "none" if value is None else str(value)
