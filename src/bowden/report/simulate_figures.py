@@ -51,7 +51,7 @@ def error(traces: Traces, colours: Colours) -> "Figure":
     """Error over time, all runs in one."""
     figure, (axes,) = new_figure(height=2.8)
     for name, trace in traces.items():
-        axes.plot(*thin(trace.time, trace.error * DEGREES), color=colours[name], label=name, **_line(trace))
+        _draw(axes, trace, trace.error * DEGREES, colours[name], name)
     stable = [trace.error * DEGREES for trace in traces.values() if trace.stable]
     swing = [0.1 * (trace["reference"] - np.mean(trace["reference"])) * DEGREES for trace in traces.values()]
     _stay_near(axes, stable or swing, [trace.error * DEGREES for trace in traces.values()])
@@ -90,10 +90,10 @@ def effort(traces: Traces, colours: Colours) -> "Figure":
     figure, rows = new_figure(count, 1, height=0.6 + 1.7 * count, share_x=True)
     added = {name: (trace["command"] - trace["reference"]) * DEGREES for name, trace in traces.items()}
     for name, trace in traces.items():
-        rows[0].plot(*thin(trace.time, trace["command"] * DEGREES), color=colours[name], label=name, **_line(trace))
-        rows[1].plot(*thin(trace.time, added[name]), color=colours[name], **_line(trace))
+        _draw(rows[0], trace, trace["command"] * DEGREES, colours[name], name)
+        _draw(rows[1], trace, added[name], colours[name])
         if with_current:
-            rows[2].plot(*thin(trace.time, trace["current"]), color=colours[name], **_line(trace))
+            _draw(rows[2], trace, trace["current"], colours[name])
     stable = [name for name, trace in traces.items() if trace.stable] or list(traces)
     references = [trace["reference"] * DEGREES for trace in traces.values()]
     _stay_near(rows[0], references, [trace["command"] * DEGREES for trace in traces.values()])
@@ -122,7 +122,7 @@ def law_states(trace: Trace, colour: str) -> "Figure | None":
     rows = math.ceil(len(names) / columns)
     figure, panels = new_figure(rows, columns, height=0.5 + 1.5 * rows, share_x=True)
     for axes, name in zip(panels, names, strict=False):
-        axes.plot(*thin(trace.time, trace[name]), color=colour, lw=1.1)
+        _draw(axes, trace, trace[name], colour)
         unit = trace.units[name]
         axes.set_title(name.removeprefix("law.").replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
     for axes in panels[len(names) :]:
@@ -147,9 +147,9 @@ def sheath(traces: Traces) -> "Figure | None":
     return figure
 
 
-def _line(trace: Trace) -> dict[str, float]:
-    """A run that ran away fills the panel; it is drawn under the others."""
-    return {"linewidth": 1.1, "zorder": 2.0 if trace.stable else 1.8}
+def _draw(axes: "Axes", trace: Trace, values: Array, colour: str, label: str = "") -> None:
+    """A signal over time; a run that ran away fills its panel, so it is drawn under the others."""
+    axes.plot(*thin(trace.time, values), color=colour, label=label, lw=1.1, zorder=2.0 if trace.stable else 1.8)
 
 
 def _widened(low: float, high: float, share: float) -> tuple[float, float]:
