@@ -11,7 +11,7 @@ from bowden.control.law import Law
 from bowden.control.reference import Chirp, PeriodicMinimumJerk
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen
+from bowden.models.bouc_wen import BoucWen, saturation
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor
 from bowden.models.servo import Servo
@@ -97,13 +97,20 @@ def moved_sheath() -> BendPath:
     return scripted_bend((start, end), (chosen["bend_deg"] * RADIANS, chosen["moved_bend_deg"] * RADIANS))
 
 
-def run(law: Law, *, moved: bool = False, fit: Calibration | None = None) -> Trace:
-    """One of Table 1's runs: the periodic reference for a minute from rest."""
+def run(law: Law, *, moved: bool = False, fit: Calibration | None = None, duration: float | None = None) -> Trace:
+    """One of Table 1's runs: the periodic reference from rest, for a minute unless told otherwise [s]."""
     chosen = document()["chosen"]
+    length = chosen["duration_s"] if duration is None else duration
     path = moved_sheath() if moved else None
-    return simulate(bench(fit), law, minimum_jerk(fit), duration=chosen["duration_s"], bend=path, seed=chosen["seed"])
+    return simulate(bench(fit), law, minimum_jerk(fit), duration=length, bend=path, seed=chosen["seed"])
 
 
 def run_chirp(law: Law, fit: Calibration | None = None) -> Trace:
     """Fig. 16's run."""
     return simulate(bench(fit), law, chirp(), duration=150.0, seed=document()["chosen"]["seed"])
+
+
+def true_bound(fit: Calibration | None = None) -> float:
+    """The true Dm, height of the cable's hysteresis |αh|·gap·max|h| [rad]."""
+    plant = bench(fit)
+    return abs(plant.cable.hysteresis_gain) * plant.sheath.gap * float(saturation(plant.cable))

@@ -1,0 +1,70 @@
+"""What an experiment of the paper hands on, and the runs that several of them share."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from bowden.control import LAWS
+from bowden.core.trace import Trace
+from bowden.paper import bench as paper
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The outcome of one experiment."""
+
+    title: str
+    values: dict[str, float | None]
+    """Claim id → computed figure, in the claim's unit."""
+    details: dict[str, float] = field(default_factory=dict)
+    """Further figures, by the names that the claims' reasons use."""
+    figures: list[tuple["Figure", str]] = field(default_factory=list)
+    """Figures with their captions."""
+    text: str = ""
+    """What there is to say, as HTML."""
+
+
+class Runs:
+    """The simulated runs of the paper's bench, each made once and when it is first wanted."""
+
+    @cached_property
+    def uncompensated(self) -> Trace:
+        """Fig. 9."""
+        return paper.run(LAWS["uncompensated"])
+
+    @cached_property
+    def observer(self) -> Trace:
+        """Fig. 12."""
+        return paper.run(paper.observer())
+
+    @cached_property
+    def observer_moved(self) -> Trace:
+        """Fig. 15A."""
+        return paper.run(paper.observer(), moved=True)
+
+    @cached_property
+    def adaptive(self) -> Trace:
+        """Fig. 13 and 14."""
+        return paper.run(LAWS["adaptive"])
+
+    @cached_property
+    def adaptive_moved(self) -> Trace:
+        """Fig. 15B."""
+        return paper.run(LAWS["adaptive"], moved=True)
+
+    @cached_property
+    def observer_chirp(self) -> Trace:
+        """Fig. 16, observer."""
+        return paper.run_chirp(paper.observer())
+
+    @cached_property
+    def adaptive_chirp(self) -> Trace:
+        """Fig. 16, adaptive."""
+        return paper.run_chirp(LAWS["adaptive"])
+
+
+Experiment = Callable[[Runs], Finding]

@@ -1,0 +1,52 @@
+"""Fig. 4: travel of the two cables of the suit, and the ratio of their spools."""
+
+import numpy as np
+
+from bowden.core.units import DEGREES
+from bowden.models.geometry import (
+    ELBOW_RANGE,
+    SuitGeometry,
+    extensor_extension,
+    flexor_extension,
+    joint_radius_for_mismatch,
+    joint_radius_for_ratio,
+    size_spools,
+)
+from bowden.paper.experiment import Finding, Runs
+from bowden.report.style import new_figure
+
+_MM = 1e3
+
+
+def run(runs: Runs) -> Finding:
+    """Eqs 1–2 over 0–90°, and the best ratio of the spools."""
+    geometry = SuitGeometry()
+    sizing = size_spools(geometry)
+    angle = np.linspace(*ELBOW_RANGE, 181)
+    flexor = np.array([flexor_extension(a, geometry) for a in angle]) * _MM
+    extensor = np.array([extensor_extension(a, geometry) for a in angle]) * _MM
+    figure, (axes,) = new_figure(width=6.0, height=3.4)
+    axes.plot(angle * DEGREES, flexor, label="flexor $h_1$")
+    axes.plot(angle * DEGREES, extensor, label="extensor $h_2$")
+    axes.plot(angle * DEGREES, flexor + extensor, color="black", label="difference, equal spools")
+    axes.plot(angle * DEGREES, flexor + sizing.ratio * extensor, "k:", label=f"difference, ratio {sizing.ratio:.3f}")
+    axes.set(xlabel="elbow angle [deg]", ylabel="cable travel [mm]", xticks=range(0, 91, 15))
+    axes.legend()
+    return Finding(
+        title="Fig. 4 – travel of the suit's cables",
+        values={
+            "fig4.ratio": sizing.ratio,
+            "fig4.mismatch": sizing.mismatch * _MM,
+            "fig4.residual": sizing.residual_extensor * _MM,
+            "erratum.spools.flexor_travel": float(flexor[-1]),
+            "erratum.spools.extensor_travel": float(extensor[-1]),
+            "erratum.spools.residual_flexor": sizing.residual_flexor * _MM,
+            "erratum.spools.radius_for_ratio": joint_radius_for_ratio(1.66) * _MM,
+            "erratum.spools.radius_for_mismatch": joint_radius_for_mismatch(0.05) * _MM,
+        },
+        figures=[
+            (figure, "Travel of the flexor and extensor cables over the elbow's range, with the printed a, b, R.")
+        ],
+        text="The text says that the extensor moves more and that the mismatch is 50 mm; with the printed dimensions "
+        "the flexor moves more, and no joint radius gives both the printed ratio and the printed mismatch.",
+    )

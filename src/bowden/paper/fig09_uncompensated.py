@@ -1,0 +1,28 @@
+"""Fig. 9: the bench without compensation."""
+
+from bowden.paper.experiment import Finding, Runs
+from bowden.paper.figures_of_merit import dead_zone_deg
+from bowden.paper.plots import time_and_loop
+from bowden.report.style import COLOURS
+
+
+def run(runs: Runs) -> Finding:
+    """The motor follows the reference; the joint shows the cable's hysteresis."""
+    trace = runs.uncompensated
+    figures = trace.metrics()
+    assert figures.rmse_deg is not None
+    assert figures.hysteresis_width_deg is not None
+    return Finding(
+        title="Fig. 9 – no compensation",
+        values={"fig9.deadzone": dead_zone_deg(trace)},
+        details={"uncompensated_rmse": figures.rmse_deg},
+        figures=[
+            (
+                time_and_loop(trace, COLOURS["uncompensated"], "measured"),
+                "Minimum jerk 0–70° sent to the motor as it is. A: over time; B: joint over reference.",
+            )
+        ],
+        text=f"RMSE {figures.rmse_deg:.2f}°. Over the <em>reference</em> the loop is "
+        f"{figures.hysteresis_width_deg:.1f}° high at mid-stroke, because the servo's lag adds to the cable's own loop; "
+        "the dead zone in the table is the cable's alone, joint over motor.",
+    )

@@ -1,0 +1,50 @@
+"""Fig. 15 and Table 1: the sheath is bent further while the bench runs."""
+
+import numpy as np
+
+from bowden.core.metrics import rmse
+from bowden.core.units import DEGREES
+from bowden.paper import bench as paper
+from bowden.paper.experiment import Finding, Runs
+from bowden.paper.figures_of_merit import dead_zone_deg
+from bowden.paper.plots import loop
+from bowden.report.style import COLOURS, legend, new_figure, thin
+
+
+def run(runs: Runs) -> Finding:
+    """Observer and adaptive law under the same moved sheath; no gain is changed for it."""
+    chosen = paper.document()["chosen"]
+    start, end = chosen["moved_from_s"], chosen["moved_to_s"]
+    observer, adaptive = runs.observer_moved, runs.adaptive_moved
+    loops, (left, right) = new_figure(columns=2, width=8.6, height=3.6)
+    for axes, trace, title in ((left, observer, "A  observer"), (right, adaptive, "B  adaptive")):
+        for first, last, label, colour in (
+            (0.0, start, "before", COLOURS["uncompensated"]),
+            (start, end, "while moved", COLOURS["motor"]),
+            (end, np.inf, "after", COLOURS["observer"] if trace is observer else COLOURS["adaptive"]),
+        ):
+            loop(axes, trace, colour, first, last, label)
+        axes.set_title(title)
+        axes.legend(loc="upper left")
+    errors, (top, bottom) = new_figure(rows=2, width=8.6, height=4.0, share_x=True)
+    for trace, name in ((observer, "observer"), (adaptive, "adaptive")):
+        top.plot(*thin(trace.time, trace.error * DEGREES, most=1500), color=COLOURS[name], label=name)
+    top.set(ylabel="error [deg]")
+    legend(top)
+    bottom.plot(observer.time[::50], paper.moved_sheath()(observer.time[::50]) * DEGREES, color=COLOURS["reference"])
+    bottom.set(xlabel="time [s]", ylabel="sheath's bend [deg]")
+    dead_zones = [dead_zone_deg(observer, *span) for span in ((0.0, start), (end, np.inf))]
+    return Finding(
+        title="Fig. 15 – sheath moved while running",
+        values={
+            "table1.observer.varying": rmse(observer.error) * DEGREES,
+            "table1.adaptive.varying": rmse(adaptive.error) * DEGREES,
+            "fig15.deadzone.start": dead_zones[0],
+            "fig15.deadzone.end": dead_zones[1],
+        },
+        details={"loss": paper.calibration().loss},
+        figures=[
+            (loops, "Joint over reference before, while and after the sheath is bent to twice its angle."),
+            (errors, "Tracking error of both laws, and the sheath's total bend."),
+        ],
+    )
