@@ -69,33 +69,111 @@ def travel_step(h: float, travel: float, cable: BoucWen) -> float:
     return np.fmax(-bound, np.fmin(bound, stepped))
 
 
+class PreparedCable(NamedTuple):
+    """What `advance` needs of a cable, worked out once. Travel is counted in z = ρ·travel here."""
+
+    rate: float
+    """ρ [1/rad]."""
+    exponent: float
+    """n [–]."""
+    growth: float
+    """2σ−1 [–]."""
+    bound: float
+    """`saturation` [–]."""
+    piece: float
+    """Longest z of one step away from zero [–]."""
+    near_zero: float
+    """|h| below which `_through_zero` is exact, for steps no longer than this [–]."""
+
+
+@kernel
+def prepare_cable(cable: BoucWen) -> PreparedCable:
+    """The constants of a cable's travel.
+
+    The right-hand side of Eq. 7, by h, is nowhere inside the bound steeper than n/bound times the larger of 1 and
+    1/(2σ−1); pieces and zone are such that what the two series leave out is below about 1e-11 a step.
+    """
+    growth, bound = 2.0 * cable.shape - 1.0, saturation(cable)
+    steepest = cable.exponent / bound * max(1.0, 1.0 / growth)
+    near_zero = 0.5 * power(0.01 / max(1.0, growth), 1.0 / cable.exponent)
+    return PreparedCable(cable.rate, cable.exponent, growth, bound, 0.03 / (1.0 + steepest), near_zero)
+
+
 @kernel
 def advance(h: float, travel: float, cable: BoucWen) -> float:
     """h after a signed motor `travel` of any length [rad].
 
-    Rate-independent, and splitting the travel changes nothing beyond 1e-9: the travel is cut where h passes zero
-    (its right-hand side has a kink there), and into pieces on which a Runge–Kutta step is exact to about 1e-11. Where
-    n is not an integer |h|ⁿ is singular at zero, and the pieces shrink in proportion to h on both sides of it.
+    Rate-independent, and splitting the travel changes nothing beyond 1e-9.
     """
-    bound = saturation(cable)
-    direction, left = np.sign(travel), np.abs(travel)
-    stiffness = cable.rate * (1.0 + cable.exponent / bound)  # above the steepest d(dh/d|x|)/dh inside the bound
-    piece = 0.04 / stiffness
-    singular = cable.exponent < 4.0 and cable.exponent != np.floor(cable.exponent)
-    while left > 0.0:
-        length = min(left, piece)
-        if singular:
-            length = min(length, (0.1 * np.abs(h) + 1e-5) / cable.rate)
-        stepped = travel_step(h, direction * length, cable)
-        if h * stepped < 0.0:
-            for _ in range(4):  # Newton on the travel at which h is zero; the slope there is ρ, never small
-                length -= stepped / slope_of_h(stepped, direction, cable)
-                stepped = travel_step(h, direction * length, cable)
-            stepped = 0.0
-        h, left = stepped, left - length
-        if np.abs(direction * bound - h) < 1e-13:
-            break
-    return h
+    return advance_prepared(h, travel, prepare_cable(cable))
+
+
+@kernel
+def advance_prepared(h: float, travel: float, cable: PreparedCable) -> float:
+    """`advance` with the cable's constants at hand. A saturated cable, the usual case, costs one comparison."""
+    if np.abs(np.copysign(cable.bound, travel) - h) < 1e-13:
+        return h
+    return _travel(h, travel, cable)
+
+
+@kernel
+def _travel(h: float, travel: float, cable: PreparedCable) -> float:
+    """Eq. 7 over the travel in pieces, each by a series.
+
+    In y = h·direction and z = ρ·|travel| Eq. 7 has one form on each side of zero:
+
+        dy/dz = 1 − q,    q = (2σ−1)·yⁿ above zero, −|y|ⁿ below it
+    """
+    direction, left = np.copysign(1.0, travel), cable.rate * np.abs(travel)
+    y = direction * h
+    while left > 0.0 and not np.abs(cable.bound - y) < 1e-13:
+        size = np.abs(y)
+        q = (cable.growth if y > 0.0 else -1.0) * power(size, cable.exponent)
+        if size < cable.near_zero:
+            z = min(left, cable.near_zero)
+            y = _through_zero(y, z, q, cable)
+        else:
+            z = min(left, cable.piece, 0.05 * size / max(1.0, np.abs(1.0 - q)))
+            y = _away_from_zero(y, z, q, cable.exponent)
+        left -= z
+    return direction * y
+
+
+@kernel
+def _through_zero(y: float, z: float, q: float, cable: PreparedCable) -> float:
+    """y after z where |q| stays below 0.01, whatever the power n and on whichever side of zero it begins and ends.
+
+    The travel since zero is t = ∫dy/(1−q) = y·Σ qᵏ/(kn+1); y after t + z is the same series inverted.
+    """
+    n = cable.exponent
+    i1, i2, i3, i4 = 1.0 / (n + 1.0), 1.0 / (2.0 * n + 1.0), 1.0 / (3.0 * n + 1.0), 1.0 / (4.0 * n + 1.0)
+    t = z + y * (1.0 + q * (i1 + q * (i2 + q * (i3 + q * i4))))
+    q = (cable.growth if t > 0.0 else -1.0) * power(np.abs(t), n)
+    b1 = -i1
+    b2 = -n * b1 * i2
+    b3 = -n * (b2 + 0.5 * (n - 1.0) * b1 * b1) * i3
+    b4 = -n * (b3 + (n - 1.0) * b1 * (b2 + (n - 2.0) / 6.0 * b1 * b1)) * i4
+    return t * (1.0 + q * (b1 + q * (b2 + q * (b3 + q * b4))))
+
+
+@kernel
+def _away_from_zero(y: float, z: float, q: float, n: float) -> float:
+    """y after z by its Taylor series of fifth order.
+
+    With y = Σ aₖ·zᵏ the power yⁿ = Σ pₖ·zᵏ has k·y·pₖ = Σ (n·j − (k−j))·aⱼ·pₖ₋ⱼ over j = 1…k, so that one call of
+    `power` serves every order; q stands for p scaled by −1 or 2σ−1.
+    """
+    u = 1.0 / y
+    a1 = 1.0 - q
+    q1 = n * a1 * q * u
+    a2 = -q1 / 2.0
+    q2 = (2.0 * n * a2 * q + (n - 1.0) * a1 * q1) * u / 2.0
+    a3 = q2 * (-1.0 / 3.0)
+    q3 = (3.0 * n * a3 * q + (2.0 * n - 1.0) * a2 * q1 + (n - 2.0) * a1 * q2) * u * (1.0 / 3.0)
+    a4 = -q3 / 4.0
+    q4 = 4.0 * n * a4 * q + (3.0 * n - 1.0) * a3 * q1 + (2.0 * n - 2.0) * a2 * q2 + (n - 3.0) * a1 * q3
+    a5 = q4 * u * (-1.0 / 20.0)
+    return y + z * (a1 + z * (a2 + z * (a3 + z * (a4 + z * a5))))
 
 
 @kernel

@@ -85,10 +85,12 @@ def prepare(servo: Servo, dt: float) -> ServoStep:
 def servo_step(state: ServoState, command: float, servo: ServoStep) -> ServoState:
     """The motor one sub-step later, for a command [rad] that is constant over it."""
     x, v, dt = state.position - command, state.velocity, servo.dt
-    free = servo.vx * x + servo.vv * v
-    change = servo.acceleration_limit * dt
-    velocity = np.fmax(v - change, np.fmin(v + change, free))
-    velocity = np.fmax(-servo.speed_limit, np.fmin(servo.speed_limit, velocity))
-    exact = servo.xx * x + servo.xv * v
-    position = exact if velocity == free else x + 0.5 * dt * (v + velocity)
+    free, change = servo.vx * x + servo.vv * v, servo.acceleration_limit * dt
+    if np.abs(free - v) <= change and np.abs(free) <= servo.speed_limit:
+        velocity = free
+        position = servo.xx * x + servo.xv * v
+    else:
+        velocity = max(v - change, min(v + change, free))
+        velocity = max(-servo.speed_limit, min(servo.speed_limit, velocity))
+        position = x + 0.5 * dt * (v + velocity)
     return ServoState(position + command, velocity, (velocity - v) / dt)

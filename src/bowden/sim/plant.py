@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 from bowden.core.kernel import kernel
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen
+from bowden.models.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor, acceleration_limit
 from bowden.models.servo import Servo, ServoState, ServoStep, prepare, servo_step
-from bowden.models.sheath import Sheath, advance_in_sheath, joint_in_sheath
+from bowden.models.sheath import Sheath, joint_in_sheath
 
 
 class Bench(NamedTuple):
@@ -32,6 +32,7 @@ class BenchStep(NamedTuple):
     """A bench prepared for one length of sub-step."""
 
     cable: BoucWen
+    hysteresis: PreparedCable
     servo: ServoStep
 
 
@@ -49,7 +50,7 @@ def prepare_bench(bench: Bench) -> BenchStep:
     """The bench ready for sub-steps; the servo's acceleration limit is the motor's current limit if that is lower."""
     limit = min(bench.servo.acceleration_limit, acceleration_limit(bench.motor))
     servo = bench.servo._replace(acceleration_limit=limit)
-    return BenchStep(bench.cable, prepare(servo, bench.sample_time / bench.substeps))
+    return BenchStep(bench.cable, prepare_cable(bench.cable), prepare(servo, bench.sample_time / bench.substeps))
 
 
 @kernel
@@ -62,7 +63,8 @@ def bench_start(bench: BenchStep, motor: float, width: float, slope_factor: floa
 def bench_step(bench: BenchStep, state: BenchState, command: float, width: float, slope_factor: float) -> BenchState:
     """One sub-step under a constant command [rad]."""
     motor = servo_step(state.motor, command, bench.servo)
-    h = advance_in_sheath(state.h, motor.position - state.motor.position, width, bench.cable)
+    travel = (motor.position - state.motor.position) / width  # as in `advance_in_sheath`
+    h = advance_prepared(state.h, travel, bench.hysteresis)
     return BenchState(motor, h, joint_in_sheath(motor.position, h, width, slope_factor, bench.cable))
 
 
