@@ -1,7 +1,8 @@
 """A trace: the record of a run, with its units, settings and seed, to and from Parquet and CSV."""
 
+import contextlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,6 +74,50 @@ class Trace:
             self.columns, self.settings.get("motor_resistance"), self.settings.get("torque_constant")
         )
 
+    def power(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mechanical and electrical power of the motor over time (Eq. 18), (n,) and (n,) [W].
+
+        Raises:
+            LogError: the trace has no motor speed or current, or does not know its motor.
+        """
+        resistance, constant = self.settings.get("motor_resistance"), self.settings.get("torque_constant")
+        if resistance is None or constant is None or not {"motor_velocity", "current"} <= set(self.columns):
+            raise LogError(
+                f"no power from a trace with the columns {', '.join(self.columns)}",
+                expected="motor_velocity and current, and motor_resistance and torque_constant in its settings",
+            )
+        return metrics.power(self.columns["motor_velocity"], self.columns["current"], resistance, constant)
+
+    def convergence_times(self, band: float = 0.05, period: float = 0.0) -> dict[str, float | None]:
+        """When each of the law's variables (columns ``law.*``) settles: see `metrics.convergence_time` [s].
+
+        Raises:
+            LogError: time is not even.
+        """
+        laws = {name.removeprefix("law."): values for name, values in self.columns.items() if name.startswith("law.")}
+        return {name: metrics.convergence_time(self.time, values, band, period) for name, values in laws.items()}
+
+    def bandwidth(self, lowest: float, highest: float, half_width: float = 0.15) -> float | None:
+        """−3 dB bandwidth of the joint over the reference, for a reference that excites every frequency between two.
+
+        Args:
+            lowest: first frequency to look at; the loop should still pass it whole [Hz].
+            highest: last frequency to look at [Hz].
+            half_width: half-width of the average over frequencies [Hz].
+
+        Returns:
+            The bandwidth [rad/s]; None where the gain stays above 1/√2, or the run is unstable.
+
+        Raises:
+            LogError: time is not even, or the run is too short for that resolution.
+        """
+        if not self.stable:
+            return None
+        frequencies = np.arange(lowest, highest, half_width / 6.0)
+        reference, joint = self.columns["reference"], self.columns["joint"]
+        gain = np.abs(metrics.frequency_response(self.time, reference, joint, frequencies, half_width))
+        return metrics.bandwidth(frequencies, gain)
+
     def to_parquet(self, path: Path | str) -> None:
         """Write the trace; units go to the fields, settings and seed to the schema.
 
@@ -81,8 +126,8 @@ class Trace:
         """
         import pyarrow.parquet as pq
 
-        with whole_file(path) as part:
-            pq.write_table(self._table(), part)
+        with whole_file(path) as part, part.open("wb") as file:
+            pq.write_table(self._table(), file)
 
     def to_csv(self, path: Path | str) -> None:
         """Write the trace as text: a comment with units, settings and seed, a header, shortest exact decimals.
@@ -103,15 +148,11 @@ class Trace:
         Raises:
             LogError: no such file, or not a trace.
         """
-        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        try:
-            table = pq.read_table(path)
-            metadata = json.loads((table.schema.metadata or {})[_KEY])
-        except (OSError, pa.ArrowException, KeyError, ValueError) as error:
-            raise LogError(f"cannot read {path}: {error}", expected="a Parquet file written by bowden") from error
-        return cls._from(table, metadata)
+        with _reading(path, "Parquet"), Path(path).open("rb") as file:
+            table = pq.read_table(file)
+            return cls._from(table, json.loads((table.schema.metadata or {})[_KEY]))
 
     @classmethod
     def from_csv(cls, path: Path | str) -> "Trace":
@@ -123,20 +164,13 @@ class Trace:
         import pyarrow as pa
         from pyarrow import csv
 
-        try:
-            with Path(path).open("rb") as file:
-                first = file.readline().decode()
-                if not first.startswith(_MAGIC):
-                    raise ValueError(f"its first line does not begin with {_MAGIC!r}")
-                metadata = json.loads(first.removeprefix(_MAGIC))
-                names = list(metadata["units"])
-                table = csv.read_csv(
-                    file,
-                    convert_options=csv.ConvertOptions(column_types={name: pa.float64() for name in names}),
-                )
-        except (OSError, pa.ArrowException, KeyError, ValueError) as error:
-            raise LogError(f"cannot read {path}: {error}", expected="a CSV file written by bowden") from error
-        return cls._from(table, metadata)
+        with _reading(path, "CSV"), Path(path).open("rb") as file:
+            first = file.readline().decode()
+            if not first.startswith(_MAGIC):
+                raise ValueError(f"its first line does not begin with {_MAGIC!r}")
+            metadata = json.loads(first.removeprefix(_MAGIC))
+            numbers = csv.ConvertOptions(column_types={name: pa.float64() for name in metadata["units"]})
+            return cls._from(csv.read_csv(file, convert_options=numbers), metadata)
 
     def _metadata(self) -> dict[str, Any]:
         return {"units": self.units, "settings": dict(self.settings), "seed": self.seed}
@@ -151,4 +185,20 @@ class Trace:
     @classmethod
     def _from(cls, table: "pa.Table", metadata: dict[str, Any]) -> "Trace":
         columns = {name: table[name].to_numpy().astype(np.float64) for name in table.column_names}
+        if list(columns) != list(metadata["units"]) or not len(table):
+            raise ValueError(f"{len(table)} rows of {list(columns)}, declared as {list(metadata['units'])}")
         return cls(columns, metadata["units"], metadata["settings"], metadata["seed"])
+
+
+@contextlib.contextmanager
+def _reading(path: Path | str, kind: str) -> Iterator[None]:
+    """Whatever goes wrong while reading becomes one line."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else "") or " ".join(str(error).split())
+        if isinstance(error, KeyError):
+            reason = f"it does not say its {error.args[0]!s}"
+        raise LogError(f"cannot read {path}: {reason}", expected=f"a {kind} file written by bowden") from error
