@@ -191,12 +191,12 @@ def _libm(name: str) -> Callable[..., Any]:
             return arguments[0] ** arguments[1] if name == "power" else getattr(arguments[0], name)()
         try:
             return reference(*arguments)
-        except OverflowError:  # C returns an infinity or a NaN where Python raises
-            return -math.inf if name == "power" and arguments[0] < 0 and arguments[1] % 2 == 1 else math.inf
-        except ValueError:
-            if (name == "log" or (name == "power" and arguments[1] < 0)) and arguments[0] == 0:
-                return -math.inf if name == "log" else math.inf
-            return math.nan
+        except (OverflowError, ValueError) as error:  # C returns an infinity or a NaN where Python raises
+            if isinstance(error, ValueError) and not (name in ("log", "power") and arguments[0] == 0.0):
+                return math.nan
+            if name == "power" and arguments[1] % 2.0 == 1.0:  # an odd power keeps its base's sign, even a zero's
+                return math.copysign(math.inf, arguments[0])
+            return -math.inf if name == "log" else math.inf
 
     function.__name__ = function.__qualname__ = name
     function.__doc__ = f"``{name}`` of libm, interpreted and compiled; the symbolic function while exporting."

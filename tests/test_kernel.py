@@ -1,0 +1,251 @@
+"""One source, three ways to run it: a kernel gives the same bits interpreted, compiled and traced."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.law import Law
+from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, tanh
+from bowden.core.signals import Reference, Sample
+from bowden.models import backlash, bouc_wen, encoder, geometry, motor, servo, sheath
+
+EXTREMES = [0.0, -0.0, 5e-324, -5e-324, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
+
+
+def bits(values: Any) -> list[int]:
+    """The values' bit patterns, every NaN with the same one."""
+    array = np.array(values, dtype=np.float64).ravel()
+    array[np.isnan(array)] = np.nan
+    return array.view(np.int64).tolist()
+
+
+def a_law_with_its_gains() -> list[Any]:
+    return [
+        pytest.param(law if preset is None else law.preset(preset), id=f"{name}-{preset or 'default'}")
+        for name, law in LAWS.items()
+        for preset in (None, *law.presets)
+    ] + [pytest.param(LAWS["observer"].with_gains(from_reference=1.0), id="observer-from-reference")]
+
+
+def ticks(count: int, seed: int) -> list[tuple[Sample, Reference]]:
+    """A noisy motion, with a wild input now and then."""
+    random = np.random.default_rng(seed)
+    moves = []
+    for k in range(count):
+        phase = 3.0 * k * 1e-3
+        values = [
+            math.sin(phase - 0.1),
+            1.07 * math.sin(phase),
+            math.sin(phase),
+            3 * math.cos(phase),
+            -9 * math.sin(phase),
+        ]
+        values = [float(value + random.normal(0.0, 1e-3)) for value in values]
+        if k % 10 == 9:
+            values[random.integers(5)] = float(random.choice(EXTREMES))
+        moves.append((Sample(*values[:2]), Reference(*values[2:])))
+    return moves
+
+
+@pytest.mark.parametrize("law", a_law_with_its_gains())
+def test_interpreted_and_compiled_law_agree_bit_for_bit(law: Law) -> None:
+    """Over runs with noise and extreme inputs; a state that has become NaN begins afresh."""
+    fast_start, fast_step = compiled(law.start_kernel), compiled(law.step_kernel)
+    state = law.start(Sample(0.1, 0.2))
+    assert bits(state) == bits(fast_start(law.gains, Sample(0.1, 0.2)))
+    survived = 0
+    with np.errstate(all="ignore"):
+        for sample, reference in ticks(4000, seed=1):
+            after, command = law.step(state, sample, reference, 1e-3)
+            fast_after, fast_command = fast_step(law.gains, state, sample, reference, 1e-3)
+            assert bits([*after, command]) == bits([*fast_after, fast_command])
+            finite = bool(np.isfinite([*after, command]).all())
+            survived += finite
+            state = type(state)(*map(float, after)) if finite else law.start(Sample(0.0, 0.0))
+    assert 3500 < survived < 4000
+
+
+@pytest.mark.parametrize("law", a_law_with_its_gains())
+def test_laws_trace_to_symbols(law: Law) -> None:
+    """The portable subset is portable: CasADi traces the plain function, gains included, and computes the same bits."""
+    ca = pytest.importorskip("casadi", reason="casadi, a development dependency, is not installed")
+    ca.GlobalOptions.setNumpyMode(1)
+    state = law.start(Sample(0.0, 0.0))
+    shapes = (law.gains, state, Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0))
+    gains, before, sample, reference = (type(s)(*(ca.SX.sym(name) for name in s._fields)) for s in shapes)
+    dt = ca.SX.sym("dt")
+    after, command = law.step_kernel(gains, before, sample, reference, dt)
+    traced = ca.Function("step", [*gains, *before, *sample, *reference, dt], [*after, command])
+    begun = ca.Function("start", [*gains, *sample], list(law.start_kernel(gains, sample)))
+    assert bits([float(v) for v in begun.call([*law.gains, 0.3, 0.4])]) == bits(law.start(Sample(0.3, 0.4)))
+    for measured, wanted in ticks(500, seed=2):
+        if not set(np.abs([*measured, *wanted])).isdisjoint(np.abs(EXTREMES)):
+            continue  # handing a number to CasADi takes the sign from its zero, and on infinities it differs in NaNs
+        values = [float(v) for v in traced.call([*law.gains, *state, *measured, *wanted, 1e-3])]
+        state, command = law.step(state, measured, wanted, 1e-3)
+        assert bits(values) == bits([*state, command])
+
+
+CABLE, SUIT = bouc_wen.BoucWen(exponent=1.7), geometry.SuitGeometry()
+SERVO = servo.prepare(servo.Servo(speed_limit=2.0, acceleration_limit=50.0), 1e-4)
+KERNELS_OF_TWO = [
+    (backlash.push, lambda x, y: (x, y, 0.05)),
+    (backlash.joint_angle, lambda x, y: (x, backlash.Play(offset=0.1))),
+    (bouc_wen.saturation, lambda x, y: (CABLE,)),
+    (bouc_wen.slope_of_h, lambda x, y: (0.3 * math.tanh(x), 1.0 if y > 0 else -1.0, CABLE)),
+    (bouc_wen.travel_step, lambda x, y: (0.3 * math.tanh(x), 1e-3 * y, CABLE)),
+    (bouc_wen.advance, lambda x, y: (0.3 * math.tanh(x), 0.2 * math.tanh(y), CABLE)),
+    (bouc_wen.prepare_cable, lambda x, y: (CABLE,)),
+    (bouc_wen.advance_prepared, lambda x, y: (0.3 * math.tanh(x), 0.2 * math.tanh(y), bouc_wen.prepare_cable(CABLE))),
+    (bouc_wen.joint_angle, lambda x, y: (x, y, CABLE)),
+    (encoder.reading, lambda x, y: (x, y, encoder.Encoder(1e-3, 1e-4))),
+    (encoder.reading, lambda x, y: (x, y, encoder.Encoder())),
+    (geometry.flexor_extension, lambda x, y: (x, SUIT)),
+    (geometry.extensor_extension, lambda x, y: (x, SUIT)),
+    (geometry.flexor_moment_arm, lambda x, y: (x, SUIT)),
+    (geometry.extensor_moment_arm, lambda x, y: (x, SUIT)),
+    (geometry.spool_angle, lambda x, y: (x, y)),
+    (motor.acceleration_limit, lambda x, y: (motor.Motor(),)),
+    (motor.current, lambda x, y: (x, y, 0.9, motor.Motor())),
+    (motor.mechanical_power, lambda x, y: (x, y, motor.Motor())),
+    (motor.electrical_power, lambda x, y: (x, y, motor.Motor())),
+    (servo.servo_step, lambda x, y: (servo.ServoState(x, 0.5 * y, 0.0), y, SERVO)),
+    (sheath.width, lambda x, y: (x, sheath.Sheath(gap=1.3))),
+    (sheath.slope_factor, lambda x, y: (x, sheath.Sheath(loss=0.2))),
+    (sheath.advance_in_sheath, lambda x, y: (0.3 * math.tanh(x), 0.2 * math.tanh(y), 1.4, CABLE)),
+    (sheath.joint_in_sheath, lambda x, y: (x, y, 1.4, 0.9, CABLE)),
+]
+
+
+@pytest.mark.parametrize(("function", "arguments"), KERNELS_OF_TWO)
+def test_interpreted_and_compiled_models_agree_bit_for_bit(function: Any, arguments: Any) -> None:
+    fast = compiled(function)
+    random = np.random.default_rng(3)
+    for x, y in random.normal(0.0, 1.0, (300, 2)).tolist():
+        assert bits(function(*arguments(x, y))) == bits(fast(*arguments(x, y)))
+
+
+def test_every_model_kernel_is_compared_above() -> None:
+    """A kernel that is added must be added to the table as well."""
+    modules = (backlash, bouc_wen, encoder, geometry, motor, servo, sheath)
+    named = {
+        value
+        for module in modules
+        for name, value in vars(module).items()
+        if hasattr(value, "__kernel__") and value.__module__ == module.__name__ and not name.startswith("_")
+    }
+    assert named == {function for function, _ in KERNELS_OF_TWO}
+
+
+@pytest.mark.parametrize("function", [tanh, exp, sin, cos, log])
+def test_functions_of_libm_agree_on_every_kind_of_number(function: Any) -> None:
+    twin = compiled(IN_A_KERNEL[function.__name__])  # a function of libm compiles inside a kernel only
+    for x in EXTREMES + np.random.default_rng(4).normal(0.0, 30.0, 500).tolist():
+        assert bits(function(x)) == bits(twin(x)), x
+
+
+def test_power_is_that_of_c() -> None:
+    """Where Python raises, C99 (7.12.7.4, F.10.4.4) returns an infinity or a NaN."""
+    twin = compiled(_power)
+    random = np.random.default_rng(5).normal(0.0, 3.0, (500, 2)).tolist()
+    odd = [-3.0, -2.0, -1.0, 0.5, 2.0, 3.0, 7.0, 1e3 + 1]
+    for x, y in [(x, y) for x in EXTREMES + odd for y in EXTREMES + odd] + random:
+        assert bits(power(x, y)) == bits(twin(x, y)), (x, y)
+    assert power(-0.0, -3.0) == -math.inf
+    assert power(-8.0, 1.0 / 3.0) != power(-8.0, 1.0 / 3.0)
+
+
+def test_sel_is_an_if_whose_both_sides_are_evaluated() -> None:
+    twin = compiled(_sel)
+    for condition in (True, False, 1.0, 0.0, np.bool_(True)):
+        assert sel(condition, 1.0, 2.0) == twin(condition, 1.0, 2.0) == (1.0 if condition else 2.0)
+    assert sel((0.5 >= 0.0) * (0.5 <= 1.0), "in", "out") == "in"
+    assert sel((math.nan >= 0.0) * (math.nan <= 1.0), "in", "out") == "out"  # how a limit refuses NaN
+
+
+def test_a_plain_function_stays_plain_and_is_not_compiled() -> None:
+    def plain(x: float) -> float:
+        return x
+
+    with pytest.raises(TypeError, match="is not a kernel"):
+        compiled(plain)
+    marked = kernel(plain)
+    assert marked is plain
+    assert marked(1.5) == compiled(marked)(1.5) == 1.5
+
+
+def test_a_twin_is_made_once() -> None:
+    assert compiled(bouc_wen.advance) is compiled(bouc_wen.advance)
+    assert compiled(bouc_wen.advance) is not compiled(bouc_wen.travel_step)
+
+
+def test_specialise_puts_other_kernels_in() -> None:
+    twins = [specialise(_outer, name, _inner=inner) for name, inner in (("twice", _twice), ("thrice", _thrice))]
+    assert [twin(Pair(1.0, 2.0)) for twin in twins] == [5.0, 7.0]
+    assert _outer(Pair(1.0, 2.0)) == 3.0
+
+
+class Pair(NamedTuple):
+    a: float
+    b: float
+
+
+@kernel
+def _inner(x: float) -> float:
+    return x
+
+
+@kernel
+def _twice(x: float) -> float:
+    return 2.0 * x
+
+
+@kernel
+def _thrice(x: float) -> float:
+    return 3.0 * x
+
+
+@kernel
+def _outer(pair: Pair) -> float:
+    return pair.a + _inner(pair.b)
+
+
+@kernel
+def _tanh(x: float) -> float:
+    return tanh(x)
+
+
+@kernel
+def _exp(x: float) -> float:
+    return exp(x)
+
+
+@kernel
+def _sin(x: float) -> float:
+    return sin(x)
+
+
+@kernel
+def _cos(x: float) -> float:
+    return cos(x)
+
+
+@kernel
+def _log(x: float) -> float:
+    return log(x)
+
+
+IN_A_KERNEL = {"tanh": _tanh, "exp": _exp, "sin": _sin, "cos": _cos, "log": _log}
+
+
+@kernel
+def _power(x: float, y: float) -> float:
+    return power(x, y)
+
+
+@kernel
+def _sel(condition: Any, a: float, b: float) -> float:
+    return sel(condition, a, b)

@@ -1,0 +1,169 @@
+"""The Bouc–Wen cable: against SciPy on Eq. 7 as printed, and the laws that every such loop obeys."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from bowden.core.kernel import compiled
+from bowden.core.units import DEGREES
+from bowden.models.bouc_wen import BoucWen, joint_angle, saturation, slope_of_h, travel_step
+from bowden.models.bouc_wen import advance as plain_advance
+
+advance = compiled(plain_advance)
+PAPER = BoucWen()
+cables = st.builds(
+    BoucWen,
+    slope=st.just(0.938),
+    hysteresis_gain=st.just(-0.129),
+    offset=st.just(0.0),
+    rate=st.floats(0.5, 60.0),
+    shape=st.floats(0.55, 30.0),
+    exponent=st.one_of(st.floats(1.0, 5.0), st.sampled_from([1.0, 1.5, 2.0, 3.0, 4.0, 5.0])),
+)
+inside = st.floats(-1.0, 1.0)  # h as a share of its bound
+turning_points = st.lists(st.floats(-1.5, 1.5), min_size=2, max_size=8)
+
+
+def walk(path: np.ndarray, cable: BoucWen, h: float = 0.0) -> np.ndarray:
+    """h at each of the motor angles of a path (n,), the motor going straight from one to the next."""
+    values = [h]
+    for travel in np.diff(path):
+        h = advance(h, float(travel), cable)
+        values.append(h)
+    return np.array(values)
+
+
+def sines(t: np.ndarray | float) -> np.ndarray | float:
+    return 0.6 * np.sin(t) + 0.25 * np.sin(2.7 * t)
+
+
+def sine_rates(t: np.ndarray | float) -> np.ndarray | float:
+    return 0.6 * np.cos(t) + 0.25 * 2.7 * np.cos(2.7 * t)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 2.5, 3.0, 4.7])
+@pytest.mark.parametrize(("rate", "shape"), [(9.256, 9.427), (30.0, 0.8), (3.0, 20.0)])
+def test_against_scipy(rate: float, shape: float, exponent: float) -> None:
+    """Oracle: Eq. 7 in time, as printed, by an eighth-order method, cut at each reversal of the motor."""
+    cable = BoucWen(rate=rate, shape=shape, exponent=exponent)
+
+    def eq7(t: float, state: np.ndarray) -> list[float]:
+        h, u = state[0], sine_rates(t)
+        size = abs(h)
+        return [rate * (u - shape * abs(u) * size ** (exponent - 1) * h - (shape - 1) * u * size**exponent)]
+
+    fine = np.linspace(0.0, 10.0, 200_001)
+    rates = sine_rates(fine)
+    turns = fine[:-1][np.signbit(rates[:-1]) != np.signbit(rates[1:])]
+    cuts = [0.0, *(t - sine_rates(t) / ((sine_rates(t + 1e-6) - sine_rates(t - 1e-6)) / 2e-6) for t in turns), 10.0]
+    times, expected, h = [0.0], [0.0], 0.0
+    for start, end in pairwise(cuts):
+        at = np.linspace(start, end, 12)
+        solution = solve_ivp(eq7, (start, end), [h], "DOP853", at, rtol=1e-11, atol=1e-13, max_step=0.01)
+        times += at[1:].tolist()
+        expected += solution.y[0, 1:].tolist()
+        h = expected[-1]
+    np.testing.assert_allclose(walk(sines(np.array(times)), cable), expected, atol=2e-9)
+
+
+@given(cables, inside, st.floats(-1.5, 1.5), st.lists(st.floats(0.0, 1.0), max_size=6))
+@example(BoucWen(exponent=1.01), -0.5, 0.4, [0.1, 0.5])
+@example(BoucWen(rate=60.0, shape=30.0, exponent=1.0), -1.0, 1.5, [0.02])
+@settings(max_examples=400)
+def test_splitting_a_travel_changes_nothing(cable: BoucWen, share: float, travel: float, cuts: list[float]) -> None:
+    h = share * saturation(cable)
+    path = travel * np.array([0.0, *sorted(cuts), 1.0])
+    assert walk(path, cable, h)[-1] == pytest.approx(advance(h, travel, cable), abs=1e-9)
+
+
+@given(cables, turning_points, st.integers(1, 40), st.integers(1, 40))
+def test_rate_independence(cable: BoucWen, turns: list[float], slow: int, fast: int) -> None:
+    """The same turning points, run through at two time laws: the same h at the same motor angles."""
+
+    def through(count: int, power: float) -> np.ndarray:
+        steps = np.linspace(0.0, 1.0, count + 1) ** power
+        path = [turns[0]]
+        ends = [0]
+        for start, end in pairwise(turns):
+            path += (start + (end - start) * steps[1:]).tolist()
+            ends.append(len(path) - 1)
+        return walk(np.array(path), cable)[ends]
+
+    np.testing.assert_allclose(through(slow, 1.0), through(fast, 3.0), atol=4e-9)
+
+
+@given(cables, inside, turning_points)
+def test_h_never_leaves_its_bound(cable: BoucWen, share: float, turns: list[float]) -> None:
+    bound = saturation(cable)
+    path = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(turns)])
+    assert np.abs(walk(path, cable, share * bound)).max() <= bound * (1.0 + 1e-12)
+
+
+@given(cables, st.floats(-1.0, 1.0), st.floats(0.05, 1.5))
+@settings(max_examples=50)
+def test_every_cycle_dissipates(cable: BoucWen, centre: float, amplitude: float) -> None:
+    """∮h d(motor) > 0: the loop of h runs clockwise, and with αh < 0 the joint's runs anticlockwise, lagging."""
+    cycle = centre + amplitude * np.cos(np.linspace(0.0, 2.0 * np.pi, 401))
+    h = walk(np.concatenate((cycle[:-1], cycle)), cable)[400:]
+    joint = np.array([joint_angle(m, v, cable) for m, v in zip(cycle, h, strict=True)])
+    assert np.trapezoid(h, cycle) > 0.0
+    assert np.trapezoid(joint, cycle) < 0.0
+
+
+@given(cables, inside, st.sampled_from([-1.0, 1.0]))
+def test_slope_is_eq_7_over_the_speed(cable: BoucWen, share: float, direction: float) -> None:
+    h, u = share * saturation(cable), 0.37 * direction
+    size = abs(h)
+    eq7 = cable.rate * (
+        u - cable.shape * abs(u) * size**cable.exponent * np.sign(h) - (cable.shape - 1.0) * u * size**cable.exponent
+    )
+    assert slope_of_h(h, direction, cable) == pytest.approx(eq7 / abs(u), rel=1e-12, abs=1e-12)
+
+
+@given(inside, st.floats(-0.05, 0.05))
+def test_the_laws_single_step_is_close_to_the_exact_one(share: float, scaled: float) -> None:
+    """`travel_step`, what the observer uses, to 1e-6 for ρ·|travel| up to 0.05 with the paper's parameters."""
+    h, travel = share * saturation(PAPER), scaled / PAPER.rate
+    assert travel_step(h, travel, PAPER) == pytest.approx(advance(h, travel, PAPER), abs=1e-6)
+
+
+@pytest.mark.parametrize("travel", [0.0, -0.0, math.nan])
+def test_no_travel_changes_nothing(travel: float) -> None:
+    assert advance(0.2, travel, PAPER) == 0.2
+
+
+def test_erratum_5_dead_zone() -> None:
+    """In radians: h saturates at 0.383, and the loop is 2·0.129·0.383 rad = 5.7° high at the joint."""
+    assert saturation(PAPER) == pytest.approx(0.383, abs=5e-4)
+    cycle = 0.6 * np.cos(np.linspace(0.0, 4.0 * np.pi, 4001))
+    h = walk(cycle, PAPER)
+    falling, rising = h[2500], h[3500]  # at mid-stroke
+    dead_zone = abs(PAPER.hysteresis_gain) * (rising - falling) * DEGREES
+    assert dead_zone == pytest.approx(5.66, abs=0.01)
+    assert dead_zone == pytest.approx(2.0 * 0.129 * saturation(PAPER) * DEGREES, rel=1e-6)
+
+
+def test_erratum_6_the_printed_cable_first_moves_the_wrong_way() -> None:
+    """Right after a reversal d(joint)/d(motor) is −0.26 (from h = 0) to −0.32 (from saturation); 0.9° are lost."""
+    bound = saturation(PAPER)
+    for h, expected in ((0.0, -0.256), (bound, -0.323)):
+        slope = PAPER.slope - PAPER.hysteresis_gain * slope_of_h(h, -1.0, PAPER)
+        assert slope == pytest.approx(expected, abs=5e-4)
+    motor = np.linspace(0.0, -0.3, 3001)
+    h = walk(motor, PAPER, bound)
+    joint = np.array([joint_angle(m, v, PAPER) for m, v in zip(motor, h, strict=True)])
+    assert (joint.max() - joint[0]) * DEGREES == pytest.approx(0.9, abs=0.05)
+
+
+def test_a_slower_cable_is_monotone() -> None:
+    """With ρ = 5 the joint never moves against the motor: what the implicit solution of the static plant relies on."""
+    cable = BoucWen(rate=5.0)
+    motor = 0.6 * np.cos(np.linspace(0.0, 4.0 * np.pi, 4001))
+    joint = np.array([joint_angle(m, v, cable) for m, v in zip(motor, walk(motor, cable), strict=True)])
+    steps = np.diff(motor)
+    assert (np.diff(joint)[np.abs(steps) > 1e-6] * np.sign(steps[np.abs(steps) > 1e-6]) > 0.0).all()
