@@ -1,0 +1,125 @@
+"""Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
+
+import difflib
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from bowden.app.rig_schema import BENDS, REFERENCES, Rig
+from bowden.core.errors import ParameterError
+
+
+def read_rig(path: Path) -> Rig:
+    """The rig that a file describes; what the file leaves out is as on the paper's bench.
+
+    Raises:
+        ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
+    """
+    try:
+        rig = Rig.model_validate(read_toml(path))
+    except ValidationError as error:
+        raise _explain(error.errors()[0], path) from error
+    given = sorted(rig.cable.model_fields_set - {"model"})
+    if rig.cable.model is not None and given:
+        raise ParameterError(
+            f"{path}: [cable] has a model and its own {', '.join(given)}", expected="one or the other", do="delete one"
+        )
+    if rig.cable.slope == 0.0:
+        raise ParameterError(f"{path}: [cable] slope is 0", expected="a number above or below 0")
+    return rig
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file as it stands.
+
+    Raises:
+        ParameterError: no such file, or not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        do = "write one with: bowden init" if isinstance(error, FileNotFoundError) else "give the path of a TOML file"
+        raise ParameterError(f"cannot read {path}: {(error.strerror or str(error)).lower()}", do=do) from error
+    except UnicodeDecodeError as error:
+        raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(f"{path} is not TOML: {error}", do="correct it there") from error
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """What is there to choose from, with the likely meaning first.
+
+    >>> near("dampng", ["damping", "gear"])
+    'damping (did you mean this?) or gear'
+    """
+    names = list(known)
+    alike = difflib.get_close_matches(name, names, 1, 0.6)
+    ordered = [f"{alike[0]} (did you mean this?)", *(other for other in names if other != alike[0])] if alike else names
+    return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"
+
+
+_KINDS = {"reference": REFERENCES, "scenario.bend": BENDS}
+
+_WANTED = {
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number not below {ge:g}",
+    "less_than": "a number below {lt:g}",
+    "less_than_equal": "a number not above {le:g}",
+    "literal_error": "{expected}",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "finite_number": "a finite number",
+    "string_type": "text in quotation marks",
+    "list_type": "a list in square brackets",
+    "dict_type": "a section",
+    "model_type": "a section",
+    "model_attributes_type": "a section",
+    "too_short": "at least {min_length} in the list",
+}
+"""Kind of pydantic's error → what would have been right."""
+
+
+def _explain(error: ErrorDetails, path: Path) -> ParameterError:
+    """One line for one thing that pydantic found wrong."""
+    keys, section = _place(error["loc"])
+    name, last, kind, context = ".".join(keys), keys[-1], error["type"], error.get("ctx", {})
+    if kind == "extra_forbidden":
+        where = f"key {last!r} in [{'.'.join(keys[:-1])}]" if keys[1:] else f"key or section {last!r}"
+        return ParameterError(f"{path}: unknown {where}", expected=near(last, section.model_fields))
+    if kind == "union_tag_invalid":
+        tag = str(context["tag"])
+        return ParameterError(f"{path}: {name}.kind is {tag!r}", expected=near(tag, _KINDS[name]))
+    if kind == "union_tag_not_found":
+        return ParameterError(f"{path}: {name}.kind is missing", expected=near("", _KINDS[name]))
+    if kind == "missing":
+        return ParameterError(f"{path}: {name} is missing", do="add it")
+    wanted = _WANTED.get(kind, error["msg"]).format(**context)
+    return ParameterError(f"{path}: {name} is {_as_written(error['input'])}", expected=wanted)
+
+
+def _place(location: tuple[int | str, ...]) -> tuple[list[str], type[BaseModel]]:
+    """Where an error is, as the keys of the file, and the class of the section that it is in.
+
+    In pydantic's location the kind of a reference or a bend stands between the keys.
+    """
+    keys: list[str] = []
+    section: type[BaseModel] = Rig
+    for key in map(str, location):
+        if (kinds := _KINDS.get(".".join(keys), {})) and key in kinds:
+            section = kinds[key]
+            continue
+        field = section.model_fields.get(keys[-1]) if keys else None
+        if field is not None and isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            section = field.annotation
+        keys.append(key)
+    return keys, section
+
+
+def _as_written(value: Any) -> str:
+    """A value as it would stand in the file, cut short."""
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,90 @@
+"""The command ``bowden``: registers the commands, and turns every failure into one line and an exit code.
+
+Nothing heavy is imported here or at the top of a command's module, so that ``bowden --help`` answers at once.
+"""
+
+import importlib
+import importlib.util
+import sys
+from typing import Annotated
+
+import typer
+
+from bowden import __version__
+from bowden.core.errors import BowdenError
+
+_COMMANDS = {
+    "init": ("bowden.app.init_command", ["bowden init", "bowden init my_rig.toml --force"]),
+    "identify": (
+        "bowden.app.identify_command",
+        [
+            "bowden identify log.csv",
+            "bowden identify log.csv.gz --out out/cable",
+            "bowden identify log.csv --json",
+        ],
+    ),
+    "simulate": (
+        "bowden.app.simulate_command",
+        [
+            "bowden simulate rig.toml",
+            "bowden simulate rig.toml --law uncompensated --law observer --law adaptive",
+            "bowden simulate rig.toml --law my_law.py:MY_LAW --duration 30 --csv",
+            "bowden simulate rig.toml --law adaptive --preset paper --json",
+        ],
+    ),
+    "reproduce": (
+        "bowden.app.reproduce_command",
+        ["bowden reproduce", "bowden reproduce --only table1.adaptive.constant", "bowden reproduce --json"],
+    ),
+}
+"""Name of a command, which is also its function's → the module it stands in, and examples for its help."""
+
+_USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
+"""What typer raises for a wrong option or argument; it gives no public name to this class."""
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+@app.callback()
+def _bowden(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
+) -> None:
+    """From a cable's log to a compensated cable: models, identification, control laws, simulation."""
+    if version:
+        print(f"bowden {__version__}")
+        raise typer.Exit
+
+
+def _register() -> None:
+    for name, (module, examples) in _COMMANDS.items():
+        if importlib.util.find_spec(module):
+            function = getattr(importlib.import_module(module), name)
+            app.command(name, epilog="\b\nExamples:\n" + "\n".join(f"  {example}" for example in examples))(function)
+
+
+_register()
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command line and return its exit code: 0, 2 for anything the user can mend, 130 when interrupted."""
+    try:
+        code = app(arguments, prog_name="bowden", standalone_mode=False)
+    except BowdenError as error:
+        return _fail(str(error), 2)
+    except _USAGE_ERROR as error:
+        where = getattr(getattr(error, "ctx", None), "command_path", "bowden")
+        message = getattr(error, "format_message", error.__str__)()
+        return _fail(f"{message.rstrip('.')}; see {where} --help", 2)
+    except (KeyboardInterrupt, typer.Abort):
+        code = 130
+    return _fail("interrupted", 130) if code == 130 else int(code or 0)
+
+
+def _fail(message: str, code: int) -> int:
+    print("bowden: " + " ".join(message.split()), file=sys.stderr)
+    return code
+
+
+def main() -> None:
+    """Entry point of the command ``bowden``."""
+    sys.exit(run(sys.argv[1:]))

@@ -1,0 +1,166 @@
+"""A user's own law, from a Python file.
+
+The file either defines a `Law` object, or the three parts of one: a NamedTuple ``Gains`` with a default for every
+field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``. What it defines is
+tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
+compiler's rarely do. Compiled code is kept under the hash of the file (see `bowden.core.kernel`), so an edited law is
+never met by stale code.
+"""
+
+import hashlib
+import math
+import re
+import sys
+import traceback
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+from bowden.control.law import Law
+from bowden.core.errors import ParameterError
+from bowden.core.signals import Reference, Sample
+
+_TRIAL_CYCLES = 5
+_TRIAL_TIME = 1e-3
+
+
+def is_file(name: str) -> bool:
+    """Whether a law is named by its file, ``my_law.py`` or ``my_law.py:NAME``, and not by its key in `LAWS`."""
+    return _split(name)[0].endswith(".py")
+
+
+def load(name: str, folder: Path | None = None) -> Law:
+    """The law that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
+
+    Args:
+        name: the file and, after a colon, the law's name in it.
+        folder: where a relative file is looked for; the current one where it is not given.
+
+    Raises:
+        ParameterError: no such file or name, a mistake in the file (with its line), or something that is not a law.
+    """
+    file, attribute = _split(name)
+    path = ((folder or Path()) / file).absolute()
+    law = _find(_run(path), attribute, path)
+    _check(law, path)
+    return law
+
+
+def explain(error: Exception, law: Law) -> ParameterError:
+    """One line for a failure of the compiler on a law's kernels, with the line of the law's file if it names one."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    path = Path(law.step_kernel.__code__.co_filename)  # type: ignore[attr-defined]  # a kernel is a plain function
+    lines = re.findall(rf'File "(?:[^"]*/)?{re.escape(path.name)}", line (\d+)', text)
+    where = f"{path}, line {lines[-1]}" if lines else str(path)
+    skipped = ("Failed in", "During", "File ", "<source", "Overload", "There are", "- ", "In definition", "raised from")
+    said = [line.strip() for line in text.splitlines() if line.strip() and not line.strip().startswith(skipped)]
+    return ParameterError(
+        f"{where}: the law {law.name!r} cannot be compiled: {said[0] if said else type(error).__name__}",
+        do="use only numbers, NamedTuples and kernels in it (see docs/kernels.md)",
+    )
+
+
+def _split(name: str) -> tuple[str, str]:
+    file, colon, attribute = name.rpartition(":")
+    return (file, attribute) if colon and file.endswith(".py") else (name, "")
+
+
+def _run(path: Path) -> ModuleType:
+    """Execute the file as a module of its own, found again by its content when cached code is loaded."""
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise ParameterError(
+            f"cannot read the law {path}: {(error.strerror or str(error)).lower()}", expected="a Python file"
+        ) from error
+    module = ModuleType(f"bowden_user_law_{hashlib.sha256(source).hexdigest()[:16]}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module
+    try:
+        exec(compile(source, str(path), "exec", dont_inherit=True), module.__dict__)
+    except SyntaxError as error:
+        raise ParameterError(f"{path}, line {error.lineno}: {error.msg}", do="correct it there") from error
+    except ValueError as error:  # a file with null bytes
+        raise ParameterError(f"{path} is not Python: {error}", expected="a Python file") from error
+    except Exception as error:
+        raise _mistake(error, path) from error
+    return module
+
+
+def _find(module: ModuleType, attribute: str, path: Path) -> Law:
+    names = vars(module)
+    own = [name for name, value in names.items() if isinstance(value, Law)]
+    if attribute:
+        if attribute not in names:
+            raise ParameterError(f"{path} has no {attribute!r}", expected=f"one of {', '.join(own) or 'its laws'}")
+        if not isinstance(names[attribute], Law):
+            raise ParameterError(f"{attribute} in {path} is a {type(names[attribute]).__name__}", expected="a Law")
+        return names[attribute]
+    if len(own) == 1:
+        return names[own[0]]
+    missing = [part for part in ("Gains", "start", "step") if part not in names]
+    if own or missing:
+        what = f"the laws {', '.join(own)}" if own else f"no Law and no {', '.join(missing)}"
+        do = f"say which: {path.name}:NAME" if own else ""
+        raise ParameterError(f"{path} has {what}", expected="one Law, or Gains, start and step", do=do)
+    try:
+        gains = names["Gains"]()
+    except Exception as error:
+        raise _mistake(error, path) from error
+    return Law(path.stem, gains, names["start"], names["step"], source=str(path))
+
+
+def _check(law: Law, path: Path) -> None:
+    """Try the law for a few cycles, as the loop will call it."""
+    if not re.fullmatch(r"[A-Za-z0-9_.-]+", law.name):
+        raise ParameterError(f"{path}: the law's name is {law.name!r}", expected="letters, digits, '_', '-' and '.'")
+    for part in (law.start_kernel, law.step_kernel):
+        if not isinstance(part, FunctionType) or not hasattr(part, "__kernel__"):
+            raise ParameterError(f"{_line(part, path)}: not a kernel", do="put @kernel of bowden.core.kernel before it")
+    _check_numbers(law.gains, "gains", str(path), (float, int))
+    where = _line(law.step_kernel, path)
+    sample = Sample(0.01, 0.02)
+    try:
+        state = law.start(sample)
+        _check_numbers(state, "the state from start", _line(law.start_kernel, path))
+        for k in range(_TRIAL_CYCLES):
+            answer = law.step(state, sample, Reference(0.1 + 1e-4 * k, 0.1, 0.0), _TRIAL_TIME)
+            if not isinstance(answer, tuple) or len(answer) != 2:
+                raise ParameterError(f"{where}: step returns {answer!r}", expected="a pair, state and command")
+            if type(answer[0]) is not type(state):
+                given, right = type(answer[0]).__name__, type(state).__name__
+                raise ParameterError(f"{where}: the state from step is a {given}", expected=f"a {right}, as from start")
+            state, command = answer
+            _check_numbers(state, "the state from step", where)
+            _check_number(command, "the command", where)
+    except ParameterError:
+        raise
+    except Exception as error:
+        raise _mistake(error, path) from error
+
+
+def _check_numbers(values: Any, what: str, where: str, kinds: tuple[type, ...] = (float,)) -> None:
+    if not hasattr(values, "_asdict"):
+        raise ParameterError(f"{where}: {what} is a {type(values).__name__}", expected="a NamedTuple of floats")
+    for name, value in values._asdict().items():
+        _check_number(value, f"{name} in {what}", where, kinds)
+
+
+def _check_number(value: Any, what: str, where: str, kinds: tuple[type, ...] = (float,)) -> None:
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        raise ParameterError(f"{where}: {what} is {value!r}, a {type(value).__name__}", expected="a float, such as 0.0")
+    if not math.isfinite(value):
+        raise ParameterError(f"{where}: {what} is {value}", expected="a finite number")
+
+
+def _mistake(error: Exception, path: Path) -> ParameterError:
+    """An exception from the user's code as one line, with the last line of the file that it passed through."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    where = f"{path}, line {lines[-1]}" if lines else str(path)
+    said = " ".join(str(error).split())
+    return ParameterError(f"{where}: {type(error).__name__}: {said}", do="correct the law there")
+
+
+def _line(function: Any, path: Path) -> str:
+    code = getattr(function, "__code__", None)
+    return f"{path}, line {code.co_firstlineno}" if code is not None else f"{path}: {function!r}"
