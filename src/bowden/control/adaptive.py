@@ -104,4 +104,14 @@ ADAPTIVE = Law(
     step_kernel=step,
     source="Dinh et al. 2017, Eqs 9–14; adaptation gains of Section 5.1.2",
     presets={"paper": PRINTED},
+    limits={
+        "error_gain": (0.0, 1e3),
+        "feedback_gain": (0.0, 1e4),
+        "smoothing": (1e-9, 1e3),
+        "slope_adaptation": (0.0, 1e4),
+        "bound_adaptation": (0.0, 1e4),
+        "slope_leakage": (0.0, 1e3),
+        "bound_leakage": (0.0, 1e3),
+        "derivative_time": (0.0, 10.0),
+    },
 )

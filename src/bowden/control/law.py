@@ -10,7 +10,9 @@ one source runs interpreted in the live loop, compiled in simulation and exporte
 be recorded.
 """
 
-from collections.abc import Callable
+import difflib
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -45,6 +47,8 @@ class Law:
     """Where the law comes from."""
     presets: dict[str, Gains] = field(default_factory=dict)
     """Other named sets of gains, such as the ones a paper printed."""
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
 
     def start(self, sample: Sample) -> State:
         """The state with which the law begins at this sample."""
@@ -58,14 +62,21 @@ class Law:
         """The same law with some gains changed.
 
         Raises:
-            ParameterError: a name that is not a gain of this law.
+            ParameterError: a name that is not a gain of this law, or a value outside its limits.
         """
-        unknown = sorted(set(changes) - set(self.gains._fields))
-        if unknown:
-            raise ParameterError(
-                f"law {self.name!r} has no gain {', '.join(unknown)}",
-                expected=f"one of {', '.join(self.gains._fields)}",
-            )
+        for name, value in changes.items():
+            if name not in self.gains._fields:
+                alike = difflib.get_close_matches(name, self.gains._fields, 1)
+                raise ParameterError(
+                    f"law {self.name!r} has no gain {name!r}",
+                    expected=f"one of {', '.join(self.gains._fields)}",
+                    do=f"did you mean {alike[0]}?" if alike else "",
+                )
+            low, high = self.limits.get(name, (-math.inf, math.inf))
+            if not low <= value <= high:
+                raise ParameterError(
+                    f"gain {name} of law {self.name!r} is {value:g}", expected=f"a number from {low:g} to {high:g}"
+                )
         return replace(self, gains=self.gains._replace(**changes))
 
     def preset(self, name: str) -> "Law":

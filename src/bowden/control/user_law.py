@@ -49,7 +49,7 @@ def load(name: str, folder: Path | None = None) -> Law:
 def explain(error: Exception, law: Law) -> ParameterError:
     """One line for a failure of the compiler on a law's kernels, with the line of the law's file if it names one."""
     text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
-    path = Path(law.step_kernel.__code__.co_filename)  # type: ignore[attr-defined]  # a kernel is a plain function
+    path = Path(law.step_kernel.__code__.co_filename)
     lines = re.findall(rf'File "(?:[^"]*/)?{re.escape(path.name)}", line (\d+)', text)
     where = f"{path}, line {lines[-1]}" if lines else str(path)
     skipped = ("Failed in", "During", "File ", "<source", "Overload", "There are", "- ", "In definition", "raised from")
