@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"[<>≤≥≈±+\-−]?\s?\d[\d.,]*(e[+\-]?\d+)?(\s?[±…×]\s?\d[\d.,]*(e[+\-]?\d+)?)*\s?[^\s\d]{0,6}", re.I)
 _EMPTY = ("", "–", "—", "-")
+_LONG = 40  # characters of a table's cell that deserve a wide column
 _BLOCK = re.compile(r"\s*<(p|ul|ol|dl|div|pre|blockquote|h3|details)\b")
 
 
@@ -39,7 +40,7 @@ class _Figure(NamedTuple):
 
 class _Cell(NamedTuple):
     text: str
-    numeric: bool
+    css: str
 
 
 class _Table(NamedTuple):
@@ -90,6 +91,8 @@ class Page:
     ) -> None:
         """A table of plain text; columns in which every cell is a number, blank or a dash are set to the right.
 
+        A line break in a cell is kept.
+
         Args:
             header: one name a column.
             rows: one cell a column.
@@ -100,14 +103,10 @@ class Page:
         Raises:
             ValueError: a row or `classes` of another length.
         """
-        numeric = [
-            any(row[i] not in _EMPTY for row in rows)
-            and all(row[i] in _EMPTY or _NUMBER.fullmatch(row[i]) is not None for row in rows)
-            for i in range(len(header))
-        ]
+        css = [_column_class([row[i] for row in rows]) for i in range(len(header))]
 
         def cells(row: Sequence[str]) -> list[_Cell]:
-            return [_Cell(text, right) for text, right in zip(row, numeric, strict=True)]
+            return [_Cell(text, name) for text, name in zip(row, css, strict=True)]
 
         marked = zip(classes or [""] * len(rows), rows, strict=True)
         self._parts.append(_Table(cells(header), [(name, cells(row)) for name, row in marked], caption))
@@ -143,6 +142,14 @@ class Page:
         text = self.html()
         with whole_file(path) as part:
             part.write_text(text, encoding="utf-8")
+
+
+def _column_class(cells: Sequence[str]) -> str:
+    """How a column of a table is set: numbers to the right, long texts with room."""
+    filled = [cell for cell in cells if cell not in _EMPTY]
+    if filled and all(_NUMBER.fullmatch(cell) for cell in filled):
+        return "number"
+    return "long" if max(map(len, filled), default=0) > _LONG else ""
 
 
 def _svg(figure: "Figure", prefix: str) -> str:
