@@ -64,7 +64,7 @@ def _observer_varying(fit: Calibration) -> float:
 
 
 def _bandwidth(fit: Calibration) -> float:
-    found = closed_loop_bandwidth(paper.run_chirp(paper.observer(fit), fit))
+    found = closed_loop_bandwidth(paper.run_chirp(paper.observer(fit), fit), paper.chirp())
     return 125.0 if found is None else found  # above the chirp's end
 
 

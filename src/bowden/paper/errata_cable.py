@@ -28,7 +28,7 @@ def run(runs: Runs) -> Finding:
     h = np.array([compiled(advance)(top, -x, cable) for x in travel])
     joint = np.array([joint_angle(-x, value, cable) for x, value in zip(travel, h, strict=True)])
     wrong_way = float(np.max(joint) - joint[0]) * DEGREES
-    figure, (axes,) = new_figure(width=6.0, height=3.0)
+    figure, (axes,) = new_figure(width=8.6, height=3.4)
     axes.plot(travel * DEGREES, (joint - joint[0]) * DEGREES, color=COLOURS["joint"])
     axes.plot(travel * DEGREES, -cable.slope * travel * DEGREES, ":", color=COLOURS["reference"])
     axes.set(xlabel="motor travel after the reversal [deg]", ylabel="joint motion [deg]", xlim=(0, 15), ylim=(-10, 2))

@@ -4,7 +4,7 @@ import numpy as np
 
 from bowden.paper import bench as paper
 from bowden.paper.experiment import Finding, Runs
-from bowden.report.style import COLOURS, new_figure, thin
+from bowden.report.style import COLOURS, legend, new_figure, thin
 
 
 def run(runs: Runs) -> Finding:
@@ -15,13 +15,13 @@ def run(runs: Runs) -> Finding:
     printed = np.sin(2.0 * np.pi * f)
     crossings = np.flatnonzero(np.signbit(printed[:-1]) != np.signbit(printed[1:]))
     tone = 0.5 * (len(crossings) - 1) / float(time[crossings[-1]] - time[crossings[0]])
-    figure, (axes,) = new_figure(width=7.0, height=2.6)
+    figure, (axes,) = new_figure(width=8.6, height=2.8)
     part = time <= 20.0
     meant = chirp.sample(time[part])[:, 0] / chirp.amplitude
     axes.plot(*thin(time[part], meant, most=1500), color=COLOURS["limit"], linewidth=0.8, label="integrated phase")
     axes.plot(time[part][::20], printed[part][::20], color=COLOURS["error"], label="as printed")
     axes.set(xlabel="time [s]", ylabel="φd / S₀ [–]")
-    axes.legend(loc="lower left")
+    legend(axes)
     return Finding(
         title="Erratum 1 – the chirp of Eq. 17",
         values={"erratum.chirp": tone},

@@ -25,7 +25,7 @@ def run(runs: Runs) -> Finding:
     angle = np.linspace(*ELBOW_RANGE, 181)
     flexor = np.array([flexor_extension(a, geometry) for a in angle]) * _MM
     extensor = np.array([extensor_extension(a, geometry) for a in angle]) * _MM
-    figure, (axes,) = new_figure(width=6.0, height=3.4)
+    figure, (axes,) = new_figure(width=8.6, height=4.2)
     axes.plot(angle * DEGREES, flexor, label="flexor $h_1$")
     axes.plot(angle * DEGREES, extensor, label="extensor $h_2$")
     axes.plot(angle * DEGREES, flexor + extensor, color="black", label="difference, equal spools")

@@ -23,6 +23,6 @@ def run(runs: Runs) -> Finding:
             )
         ],
         text=f"RMSE {figures.rmse_deg:.2f}°. Over the <em>reference</em> the loop is "
-        f"{figures.hysteresis_width_deg:.1f}° high at mid-stroke, because the servo's lag adds to the cable's own loop; "
+        f"{figures.hysteresis_width_deg:.1f}° high at mid-stroke, because the servo's lag adds to the cable's own; "
         "the dead zone in the table is the cable's alone, joint over motor.",
     )

@@ -22,7 +22,7 @@ def run(runs: Runs) -> Finding:
     times = [convergence_time(long.time, long[f"law.{name}"], period=period) for name in ("slope_inverse", "bound")]
     early = int(np.searchsorted(trace.time, 2.5))
     late = trace.time >= 10.0
-    figure, (top, bottom) = new_figure(rows=2, width=6.5, height=4.0, share_x=True)
+    figure, (top, bottom) = new_figure(rows=2, width=8.6, height=4.4, share_x=True)
     cable = paper.bench().cable
     for axes, estimate, true, label in (
         (top, beta, 1.0 / cable.slope, r"$\hatβ$ [–]"),

@@ -148,23 +148,29 @@ def write_report(outcome: Reproduction, path: Path) -> None:
 
 
 def _table(page: Page, results: list[Result]) -> None:
+    with_verdict = any(result.verdict != "erratum" for result in results)
+    header = ["quantity, where, id", "published", "computed", "unit", *(["verdict"] if with_verdict else []), "why"]
     page.table(
-        ["id", "source", "quantity", "published", "computed", "unit", "verdict", "why"],
+        header,
         [
             [
-                result.claim.id,
-                result.claim.source,
-                result.claim.quantity,
-                number(result.claim.published),
+                f"{claim.quantity} · {claim.source} · {_breakable(claim.id)}",
+                number(claim.published),
                 number(result.computed),
-                result.claim.unit,
-                result.verdict,
+                claim.unit,
+                *([result.verdict] if with_verdict else []),
                 result.why,
             ]
             for result in results
+            for claim in (result.claim,)
         ],
         classes=[result.verdict for result in results],
     )
+
+
+def _breakable(identity: str) -> str:
+    """An id that may be broken at its dots and underscores (zero-width spaces)."""
+    return identity.replace(".", ".\u200b").replace("_", "_\u200b")
 
 
 def _calibrations(page: Page, rows: list[dict[str, object]]) -> None:

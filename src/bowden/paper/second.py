@@ -25,7 +25,7 @@ def predictions(fit: Calibration) -> list[float]:
         law = LAWS["adaptive"] if law_is_adaptive else paper.observer(fit)
         return rmse(paper.run(law, moved=moved, fit=fit).error) * DEGREES
 
-    bandwidth = closed_loop_bandwidth(paper.run_chirp(paper.observer(fit), fit))
+    bandwidth = closed_loop_bandwidth(paper.run_chirp(paper.observer(fit), fit), paper.chirp())
     return [
         dead_zone_deg(paper.run(LAWS["uncompensated"], fit=fit)),
         deg(False, False),

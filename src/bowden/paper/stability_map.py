@@ -28,7 +28,7 @@ def run(runs: Runs) -> Finding:
     poles = np.array([[largest(x, y) for x in lambdas] for y in kappas])
     chosen = worst_margins(plant, base)
     assert chosen is not None
-    figure, (axes,) = new_figure(width=6.0, height=4.2)
+    figure, (axes,) = new_figure(width=8.6, height=4.8)
     axes.contourf(lambdas, kappas, poles, levels=[0.0, 1.0, 99.0], colors=["#d7ecd9", "#f6d5c9"])
     axes.contour(lambdas, kappas, poles, levels=[1.0], colors="black", linewidths=1.0)
     axes.plot(PRINTED.error_gain, PRINTED.feedback_gain, "X", color=COLOURS["error"], markersize=10)
