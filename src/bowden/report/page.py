@@ -103,13 +103,16 @@ class Page:
         Raises:
             ValueError: a row or `classes` of another length.
         """
+        classes = classes or [""] * len(rows)
+        if len(classes) != len(rows) or any(len(row) != len(header) for row in rows):
+            raise ValueError(f"a table of {len(header)} columns and {len(classes)} classes, with rows of other lengths")
         css = [_column_class([row[i] for row in rows]) for i in range(len(header))]
 
         def cells(row: Sequence[str]) -> list[_Cell]:
             return [_Cell(text, name) for text, name in zip(row, css, strict=True)]
 
-        marked = zip(classes or [""] * len(rows), rows, strict=True)
-        self._parts.append(_Table(cells(header), [(name, cells(row)) for name, row in marked], caption))
+        marked = [(name, cells(row)) for name, row in zip(classes, rows, strict=True)]
+        self._parts.append(_Table(cells(header), marked, caption))
 
     def html(self) -> str:
         """The page as text; the same content gives the same bytes."""

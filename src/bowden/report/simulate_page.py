@@ -35,7 +35,6 @@ def write_simulation(path: Path | str, traces: Mapping[str, Trace], title: str) 
 def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
     """The page that `write_simulation` writes."""
     colours = colours_for(list(traces))
-    measured = {name: trace.metrics() for name, trace in traces.items()}
     page = Page(title, _lead(traces))
     for name, trace in traces.items():
         if not trace.stable:
@@ -44,7 +43,7 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
                 "and it has no figures of merit."
             )
     page.heading("How well the joint follows")
-    _metrics_table(page, measured)
+    _metrics_table(page, traces)
     page.figure(
         figures.motion(traces, colours),
         "The joint's desired and true angle over time. Where only one line shows, the other lies under it.",
@@ -88,7 +87,7 @@ def _lead(traces: Mapping[str, Trace]) -> str:
     return f"{laws}, {first.time[-1] - first.time[0]:.4g} s at {figures.rate(first):.4g} Hz{motion}."
 
 
-def _metrics_table(page: Page, measured: Mapping[str, Metrics]) -> None:
+def _metrics_table(page: Page, traces: Mapping[str, Trace]) -> None:
     columns: dict[str, Callable[[Metrics], str]] = {
         "RMSE [°]": lambda m: _show(m.rmse_deg),
         "RMSE after 10 s [°]": lambda m: _show(m.rmse_after_10s_deg),
@@ -98,16 +97,40 @@ def _metrics_table(page: Page, measured: Mapping[str, Metrics]) -> None:
         "mechanical energy [J]": lambda m: _show(m.mechanical_energy_j),
         "electrical energy [J]": lambda m: _show(m.electrical_energy_j),
     }
-    rows = [[name, *(show(figures_) for show in columns.values())] for name, figures_ in measured.items()]
+    measured = {name: trace.metrics() for name, trace in traces.items()}
+    rows = [[name, *(show(figures_of) for show in columns.values())] for name, figures_of in measured.items()]
+    header = ["law", *columns]
+    if all(_chirp(trace) is not None for trace in traces.values()):
+        header.append("bandwidth [rad/s]")
+        for row, trace in zip(rows, traces.values(), strict=True):
+            row.append(_show(_chirp_bandwidth(trace), 1))
     known = {name: m.rmse_deg for name, m in measured.items() if m.rmse_deg is not None}
     best = min(known, key=lambda name: known[name]) if len(known) > 1 else ""
     page.table(
-        ["law", *columns],
+        header,
         rows,
         caption="Error is joint − reference; the delay is the shift that makes the two agree best; the loop's width is "
         "that of joint over reference at mid-stroke. The run with the least RMSE is marked.",
         classes=["best" if name == best else "" for name in measured],
     )
+
+
+def _chirp(trace: Trace) -> tuple[float, float] | None:
+    """The frequencies that a chirp passed during the run, lowest first [Hz]; None where the reference is no chirp."""
+    reference = trace.settings.get("reference", {})
+    if reference.get("kind") != "chirp":
+        return None
+    share = min(1.0, float(trace.time[-1] - trace.time[0]) / reference["duration"])
+    ends = sorted((reference["f0"], reference["f0"] + share * (reference["f1"] - reference["f0"])))
+    return ends[0], ends[1]
+
+
+def _chirp_bandwidth(trace: Trace) -> float | None:
+    passed = _chirp(trace)
+    half_width = max(0.15, 2.0 / float(trace.time[-1] - trace.time[0]))  # [Hz]; a short run resolves less
+    if passed is None or passed[1] - passed[0] < 4.0 * half_width:
+        return None
+    return trace.bandwidth(passed[0] + half_width, passed[1] - half_width, half_width)
 
 
 def _show(value: float | None, digits: int = 3) -> str:

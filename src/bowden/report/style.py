@@ -141,7 +141,7 @@ def thin(x: Array, y: Array, most: int = 4000) -> tuple[Array, Array]:
     Args:
         x: (n,), any unit.
         y: (n,); a stretch without a finite value leaves one NaN, which breaks the line.
-        most: largest number of points to keep, 4 or more.
+        most: largest number of points to keep, 5 or more.
 
     Returns:
         Those x and y, in their old order, with the first and the last sample.
