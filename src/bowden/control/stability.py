@@ -39,7 +39,7 @@ class Margins:
     stable: bool
     """Whether every closed-loop pole is inside the unit circle."""
     gain_margin_db: float | None
-    """Smallest increase of gain that makes the loop unstable [dB]; None where there is none (infinite)."""
+    """Smallest increase of gain that makes the loop unstable [dB]; None where there is none, or it is unstable."""
     phase_margin_deg: float | None
     """Smallest phase margin over the gain crossovers [deg]; None where |L| never crosses one."""
     delay_margin_s: float | None
@@ -125,7 +125,7 @@ def margins(plant: StateSpace, law: StateSpace, dt: float) -> Margins:
     signed = [p if p <= np.pi else p - 2.0 * np.pi for p, _ in phases]
     return Margins(
         stable=stable,
-        gain_margin_db=float(min(upward) * 20.0 / np.log(10.0)) if upward and stable else (None if stable else -1.0),
+        gain_margin_db=float(min(upward) * 20.0 / np.log(10.0)) if upward and stable else None,
         phase_margin_deg=float(np.degrees(min(signed, key=abs))) if signed else None,
         delay_margin_s=float(min(p / w for p, w in phases)) if phases and stable else None,
         largest_pole=float(np.max(np.abs(poles))),

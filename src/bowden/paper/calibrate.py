@@ -20,20 +20,25 @@ from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.paper import bench as paper
 from bowden.paper.bench import Calibration
+from bowden.paper.claims import claims
 from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
 
+START = Calibration(natural_frequency=54.4, gap=0.9, observer_share=1.0, loss=0.2, period=10.0)
+"""Where the fit begins."""
 
-def calibrate(period: float = 10.0, exact_observer: bool = False) -> Calibration:
-    """The calibration for a period, or, with an observer that knows the cable exactly, the one that finds the period.
+
+def calibrate(start: Calibration = START, exact_observer: bool = False, rounds: int = 2) -> Calibration:
+    """The calibration at the start's period, or, with an observer that knows the cable, the one that finds the period.
 
     Args:
-        period: of the reference [s]; where it is to be found, only the start.
+        start: first guess.
         exact_observer: the observer has the cable's true parameters and the period is the unknown instead.
+        rounds: how often the first three unknowns are gone through; each starts from guesses of the later ones.
     """
-    published = {claim["id"]: claim["published"] for claim in paper.document()["claims"]}
-    fit = Calibration(natural_frequency=54.4, gap=0.9, observer_share=1.0, loss=0.2, period=period)
+    published = {claim.id: claim.published for claim in claims() if claim.published is not None}
+    fit = start
     third, bracket = ("period", (2.0, 12.0)) if exact_observer else ("observer_share", (0.0, 1.0))
-    for _ in range(2):  # the first round starts from guesses of the later unknowns
+    for _ in range(rounds):
         fit = _solve(fit, "gap", _dead_zone, published["fig9.deadzone"], (0.3, 3.0))
         fit = _solve(fit, "natural_frequency", _bandwidth, published["fig16.observer.bandwidth"], (35.0, 90.0))
         fit = _solve(fit, third, _observer_constant, published["table1.observer.constant"], bracket)
@@ -69,7 +74,7 @@ def _bandwidth(fit: Calibration) -> float:
 
 
 if __name__ == "__main__":
-    for name, found in (("main", calibrate()), ("second", calibrate(3.92, exact_observer=True))):
+    for name, found in (("main", calibrate()), ("second", calibrate(exact_observer=True))):
         print(f"[calibration.{name}]")
         for key, value in asdict(found).items():
             print(f"{key} = {value:.4f}")

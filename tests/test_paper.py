@@ -1,0 +1,172 @@
+"""The paper's bench: claims and verdicts, the calibration, the rule for the gains, the report."""
+
+import json
+import re
+import tomllib
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from bowden.control import LAWS
+from bowden.core.errors import ParameterError
+from bowden.core.metrics import rmse
+from bowden.core.units import DEGREES
+from bowden.paper import bench as paper
+from bowden.paper.calibrate import calibrate
+from bowden.paper.claims import Claim, claims, judge, select
+from bowden.paper.errata_law import largest_pole
+from bowden.paper.gain_choice import choose_gains
+from bowden.paper.reproduce import EXPERIMENTS, Reproduction, reproduce, write_report
+from bowden.sim.closed_loop import simulate
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Reproduction:
+    return reproduce()
+
+
+@pytest.fixture(scope="module")
+def computed(outcome: Reproduction) -> dict[str, float]:
+    return {result.claim.id: result.computed for result in outcome.results if result.computed is not None}
+
+
+def test_every_claim_has_a_figure_a_verdict_and_where_needed_a_reason(outcome: Reproduction) -> None:
+    assert [result.claim.id for result in outcome.results] == [claim.id for claim in claims()]
+    for result in outcome.results:
+        assert result.computed is not None, result.claim.id
+        assert result.verdict in {"fitted", "reproduced"} or len(result.why) > 10, result.claim.id
+        assert "{" not in result.why, result.claim.id
+        assert (result.verdict == "erratum") == result.claim.erratum
+
+
+def test_every_claim_belongs_to_one_experiment() -> None:
+    for claim in claims():
+        assert sum(claim.id.startswith(beginnings) for _, beginnings in EXPERIMENTS.values()) == 1, claim.id
+
+
+def test_table_1(outcome: Reproduction) -> None:
+    verdicts = {result.claim.id: result for result in outcome.results}
+    for row, published in (("constant", 1.707), ("varying", 7.561)):
+        assert verdicts[f"table1.observer.{row}"].verdict == "fitted"
+        assert verdicts[f"table1.observer.{row}"].computed == pytest.approx(published, rel=0.01)
+    for row, published in (("constant", 0.425), ("varying", 1.087)):
+        result = verdicts[f"table1.adaptive.{row}"]
+        assert not result.claim.fitted
+        assert result.computed is not None
+        assert result.computed <= published
+
+
+@pytest.mark.parametrize(
+    ("claim", "value", "tolerance"),
+    [  # figures that were worked out independently, from the paper's equations alone
+        ("fig4.ratio", 1.175, 0.001),
+        ("fig4.mismatch", 20.7, 0.1),
+        ("fig4.residual", 5.94, 0.01),
+        ("erratum.spools.flexor_travel", -99.3, 0.05),
+        ("erratum.spools.extensor_travel", 78.5, 0.05),
+        ("erratum.spools.residual_flexor", 6.98, 0.01),
+        ("erratum.spools.radius_for_ratio", 35.4, 0.05),
+        ("erratum.spools.radius_for_mismatch", 31.4, 0.05),
+        ("erratum.chirp", 0.133, 0.001),
+        ("erratum.bandwidth", 4.93, 0.005),
+        ("erratum.units", 5.66, 0.01),
+        ("erratum.monotone.slope", -0.32, 0.005),
+        ("erratum.monotone.wrong_way", 0.9, 0.05),
+        ("erratum.lyapunov", 59.0, 0.5),
+        ("erratum.gains.static", 0.34, 0.02),
+        ("erratum.gains.static_after_10s", 0.12, 0.01),
+    ],
+)
+def test_errata_agree_with_independent_figures(
+    computed: dict[str, float], claim: str, value: float, tolerance: float
+) -> None:
+    assert computed[claim] == pytest.approx(value, abs=tolerance)
+
+
+def test_the_printed_gains_diverge_round_the_servo_and_hold_round_a_slow_one(computed: dict[str, float]) -> None:
+    assert computed["erratum.gains.pole"] > 1.5
+    assert 15.0 < computed["erratum.gains.fastest_servo"] < 24.0
+    plant = paper.bench()
+    slow = plant._replace(servo=plant.servo._replace(natural_frequency=0.9 * computed["erratum.gains.fastest_servo"]))
+    fast = plant._replace(servo=plant.servo._replace(natural_frequency=1.1 * computed["erratum.gains.fastest_servo"]))
+    assert largest_pole(slow) < 1.0 < largest_pole(fast)
+
+
+def test_default_gains_are_the_ones_that_the_rule_chooses() -> None:
+    choice = choose_gains(paper.bench())
+    assert choice.gains == LAWS["adaptive"].gains
+    assert choice.gain_margin_db >= 12.0
+    assert choice.phase_margin_deg >= 60.0
+
+
+def test_the_frozen_calibration_is_what_the_fit_gives() -> None:
+    fitted, frozen = calibrate(rounds=1, start=paper.calibration()), paper.calibration()
+    for name, value in vars(frozen).items():
+        assert getattr(fitted, name) == pytest.approx(value, rel=2e-3), name
+
+
+def test_the_second_calibration_meets_the_fitted_rows(outcome: Reproduction) -> None:
+    for row in outcome.second:
+        if row["fitted"]:
+            assert row["second"] == pytest.approx(row["published"], rel=0.01), row["quantity"]
+
+
+def test_table_1_does_not_hang_on_the_seed_of_the_encoders() -> None:
+    for seed in (7, 8):
+        trace = simulate(paper.bench(), LAWS["adaptive"], paper.minimum_jerk(), duration=60.0, seed=seed)
+        assert rmse(trace.error) * DEGREES == pytest.approx(0.2726, abs=0.01)
+
+
+def test_default_gains_stay_stable_for_ten_minutes() -> None:
+    trace = paper.run(LAWS["adaptive"], moved=True, duration=600.0)
+    last = trace.time > 500.0
+    assert trace.stable
+    assert rmse(trace.error[last]) * DEGREES < 0.5
+
+
+def test_verdicts() -> None:
+    claim = Claim("x", "", "", "deg", 1.0, tolerance=0.1)
+    assert judge(claim, 1.05) == "reproduced"
+    assert judge(claim, 0.5) == judge(claim, None) == "differs"
+    assert judge(Claim("x", "", "", "deg", 1.0, fitted=True, better="lower"), 0.5) == "differs"
+    assert judge(Claim("x", "", "", "rad/s", 1.0, better="higher"), 2.0) == "better"
+
+
+def test_part_of_the_claims() -> None:
+    assert [claim.id for claim in select(["table1.adaptive"])] == [
+        "table1.adaptive.constant",
+        "table1.adaptive.varying",
+    ]
+    part = reproduce(["fig12"])
+    assert [result.claim.id for result in part.results] == ["table1.observer.constant"]
+    assert part.second == []
+    with pytest.raises(ParameterError, match=r"fig99.*expected"):
+        reproduce(["fig99"])
+
+
+def test_report_is_one_page_with_every_figure(outcome: Reproduction, tmp_path: Path) -> None:
+    write_report(outcome, tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert text.count("<svg") == sum(len(finding.figures) for finding in outcome.findings) >= 10
+    assert not re.search(r'(src|href)="https?:', text)
+    for name in ("Fig. 4", "Fig. 9", "Fig. 12", "Figs 13 and 14", "Fig. 15", "Fig. 16", "Stability over"):
+        assert name in text
+
+
+def test_progress_reaches_the_end() -> None:
+    seen: list[float] = []
+    reproduce(["fig4"], lambda what, share: seen.append(share))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+
+
+def test_json_is_complete(outcome: Reproduction) -> None:
+    document = json.loads(json.dumps(outcome.json(), allow_nan=False))
+    keys = {"id", "source", "quantity", "published", "computed", "unit", "verdict", "fitted", "why"}
+    assert all(set(claim) == keys for claim in document["claims"])
+
+
+def test_claims_file_is_plain_toml() -> None:
+    text = (resources.files("bowden.paper") / "claims.toml").read_text(encoding="utf-8")
+    assert set(tomllib.loads(text)) == {"chosen", "calibration", "claims"}
