@@ -35,6 +35,7 @@ def write_simulation(path: Path | str, traces: Mapping[str, Trace], title: str) 
 def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
     """The page that `write_simulation` writes."""
     colours = colours_for(list(traces))
+    measured = {name: trace.metrics() for name, trace in traces.items()}  # first: it refuses what is no run
     page = Page(title, _lead(traces))
     for name, trace in traces.items():
         if not trace.stable:
@@ -43,7 +44,7 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
                 "and it has no figures of merit."
             )
     page.heading("How well the joint follows")
-    _metrics_table(page, traces)
+    _metrics_table(page, traces, measured)
     page.figure(
         figures.motion(traces, colours),
         "The joint's desired and true angle over time. Where only one line shows, the other lies under it.",
@@ -87,7 +88,7 @@ def _lead(traces: Mapping[str, Trace]) -> str:
     return f"{laws}, {first.time[-1] - first.time[0]:.4g} s at {figures.rate(first):.4g} Hz{motion}."
 
 
-def _metrics_table(page: Page, traces: Mapping[str, Trace]) -> None:
+def _metrics_table(page: Page, traces: Mapping[str, Trace], measured: Mapping[str, Metrics]) -> None:
     columns: dict[str, Callable[[Metrics], str]] = {
         "RMSE [°]": lambda m: _show(m.rmse_deg),
         "RMSE after 10 s [°]": lambda m: _show(m.rmse_after_10s_deg),
@@ -97,7 +98,6 @@ def _metrics_table(page: Page, traces: Mapping[str, Trace]) -> None:
         "mechanical energy [J]": lambda m: _show(m.mechanical_energy_j),
         "electrical energy [J]": lambda m: _show(m.electrical_energy_j),
     }
-    measured = {name: trace.metrics() for name, trace in traces.items()}
     rows = [[name, *(show(figures_of) for show in columns.values())] for name, figures_of in measured.items()]
     header = ["law", *columns]
     if all(_chirp(trace) is not None for trace in traces.values()):
