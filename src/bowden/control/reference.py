@@ -62,6 +62,12 @@ def _positive(what: str, **values: float) -> None:
             raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0")
 
 
+def _finite(what: str, **values: float | tuple[float, ...]) -> None:
+    for name, value in values.items():
+        if not np.isfinite(value).all():
+            raise ParameterError(f"{what}: {name} is {value}", expected="finite numbers")
+
+
 @dataclass(frozen=True)
 class PeriodicMinimumJerk:
     """Minimum jerk from `low` to `high` in the first half of each period, and back in the second (Fig. 9)."""
@@ -72,6 +78,7 @@ class PeriodicMinimumJerk:
 
     def __post_init__(self) -> None:
         _positive("periodic minimum jerk", period=self.period)
+        _finite("periodic minimum jerk", low=self.low, high=self.high)
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`."""
@@ -100,6 +107,7 @@ class PointToPoint:
                 f"point to point: times {self.times}, positions {self.positions}",
                 expected="two lists of one length (two points or more), times increasing",
             )
+        _finite("point to point", times=self.times, positions=self.positions)
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`."""
@@ -114,7 +122,7 @@ class PointToPoint:
 
 @dataclass(frozen=True)
 class Chirp:
-    """A sine whose frequency rises linearly from `f0` to `f1` in `duration`.
+    """A sine whose frequency goes linearly from `f0` to `f1` [Hz] in `duration` [s], and then stays there.
 
         φ = amplitude·sin(2π·(f0·t + (f1 − f0)·t²/(2·duration)))
 
@@ -129,12 +137,14 @@ class Chirp:
 
     def __post_init__(self) -> None:
         _positive("chirp", duration=self.duration, f0=self.f0, f1=self.f1)
+        _finite("chirp", amplitude=self.amplitude)
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`."""
         rate = (self.f1 - self.f0) / self.duration
-        phase = 2.0 * np.pi * (self.f0 * time + 0.5 * rate * time**2)
-        omega, growth = 2.0 * np.pi * (self.f0 + rate * time), 2.0 * np.pi * rate
+        swept = np.minimum(time, self.duration)
+        phase = 2.0 * np.pi * (self.f0 * swept + 0.5 * rate * swept**2 + self.f1 * (time - swept))
+        omega, growth = 2.0 * np.pi * (self.f0 + rate * swept), 2.0 * np.pi * rate * (time < self.duration)
         sine, cosine = np.sin(phase), np.cos(phase)
         columns = (sine, omega * cosine, growth * cosine - omega**2 * sine)
         return self.amplitude * np.stack(columns, axis=1)
@@ -163,6 +173,8 @@ class Multisine:
                 "multisine: lists of different lengths", expected="one amplitude and phase a frequency"
             )
         _positive("multisine", ramp=self.ramp, lowest_frequency=min(self.frequencies))
+        _finite("multisine", amplitudes=self.amplitudes, phases=self.phases, centre=self.centre)
+        _finite("multisine", frequencies=self.frequencies)
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`."""
@@ -190,22 +202,26 @@ class Recorded:
     Args:
         time: (n,) evenly spaced [s].
         position: (n,) [rad].
-        cutoff: of the fourth-order filter (second order run both ways) [Hz]; zero for none. 6 Hz keeps human motion.
+        cutoff: of the fourth-order filter (second order run both ways) [Hz]; zero, or a frequency that the samples
+            cannot hold anyway, for none. 6 Hz keeps human motion.
         name: where it comes from, for the record.
 
     Raises:
-        ParameterError: uneven time, not enough samples, values that are not finite.
+        ParameterError: uneven time, not enough samples, values that are not finite, a negative cut-off.
     """
 
     def __init__(self, time: Array, position: Array, *, cutoff: float = 6.0, name: str = "recorded") -> None:
         from scipy.interpolate import make_interp_spline
         from scipy.signal import butter, sosfiltfilt
 
-        steps = np.diff(time)
-        if len(time) < 16 or np.shape(time) != np.shape(position):
-            raise ParameterError(f"{name}: {len(time)} samples", expected="at least 16, one position a time")
+        if np.ndim(time) != 1 or len(time) < 16 or np.shape(time) != np.shape(position):
+            given = f"times of shape {np.shape(time)}, positions of shape {np.shape(position)}"
+            raise ParameterError(f"{name}: {given}", expected="at least 16 times and one position for each")
         if not (np.isfinite(time).all() and np.isfinite(position).all()):
             raise ParameterError(f"{name}: has values that are not numbers", do="remove or fill them first")
+        if not 0.0 <= cutoff < np.inf:
+            raise ParameterError(f"{name}: cut-off {cutoff} Hz", expected="zero or a positive number")
+        steps = np.diff(time)
         if not np.ptp(steps) < 0.1 * float(np.mean(steps)):
             raise ParameterError(f"{name}: steps from {steps.min():g} to {steps.max():g} s", expected="even time")
         rate = 1.0 / float(np.mean(steps))
