@@ -41,6 +41,7 @@ def test_velocity_and_acceleration_are_the_derivatives(kind: str) -> None:
     """Against fourth-order central differences."""
     trajectory: Trajectory = EVERY_KIND[kind]
     time, d = np.random.default_rng(0).uniform(0.01, 3.9, 2000), 1e-4
+    time = time[np.abs(2.0 * time - np.round(2.0 * time)) > 0.01]  # away from where motions join: the jerk jumps there
 
     def differenced(column: int) -> np.ndarray:
         near, far = (trajectory.sample(time + k * d) - trajectory.sample(time - k * d) for k in (1, 2))
@@ -49,7 +50,7 @@ def test_velocity_and_acceleration_are_the_derivatives(kind: str) -> None:
     _, velocity, acceleration = trajectory.sample(time).T
     assert np.abs(velocity).max() > 0.1
     np.testing.assert_allclose(velocity, differenced(0), atol=1e-8 * np.abs(velocity).max())
-    # a recorded motion's acceleration is a cubic spline, whose own derivative has corners at the knots
+    # a recorded motion's acceleration is a cubic spline, whose curvature jumps at the knots
     tolerance = 1e-6 if kind == "recorded" else 1e-8
     np.testing.assert_allclose(acceleration, differenced(1), atol=tolerance * np.abs(acceleration).max())
 
