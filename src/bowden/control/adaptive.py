@@ -114,4 +114,12 @@ ADAPTIVE = Law(
         "bound_leakage": (0.0, 1e3),
         "derivative_time": (0.0, 10.0),
     },
+    state_units={
+        "integral": "rad·s",
+        "slope_inverse": "rad/rad",
+        "bound": "rad",
+        "joint": "rad",
+        "joint_rate": "rad/s",
+        "filtered_error": "rad·s",
+    },
 )

@@ -49,6 +49,8 @@ class Law:
     """Other named sets of gains, such as the ones a paper printed."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
+    state_units: Mapping[str, str] = field(default_factory=dict)
+    """Field of the state → its unit, for the record; a field that is not named has none."""
 
     def start(self, sample: Sample) -> State:
         """The state with which the law begins at this sample."""

@@ -79,4 +79,5 @@ OBSERVER = Law(
     step_kernel=step,
     source="Dinh et al. 2017, Eq. 8; parameters of Section 5.1.1",
     limits={"rate": (1e-6, 1e4), "shape": (0.5, 1e4), "exponent": (1.0, 50.0), "from_reference": (0.0, 1.0)},
+    state_units={"h": "1", "driver": "rad"},
 )

@@ -42,4 +42,5 @@ UNCOMPENSATED = Law(
     start_kernel=start,
     step_kernel=step,
     source="Dinh et al. 2017, Section 3.1, Fig. 7B",
+    state_units={"command": "rad"},
 )

@@ -1,4 +1,4 @@
-"""The motor's electrical side: current, mechanical and electrical power (Eq. 18)."""
+"""The motor's electrical side: its current, from which `bowden.core.metrics.power` has Eq. 18."""
 
 from typing import NamedTuple
 
@@ -38,18 +38,3 @@ def current(acceleration: float, joint: float, cable_slope: float, motor: Motor)
     """
     load = cable_slope * (motor.pretension + motor.spring * joint)
     return (motor.inertia * acceleration + load) / (motor.gear * motor.torque_constant)
-
-
-@kernel
-def mechanical_power(current: float, velocity: float, motor: Motor) -> float:
-    """Pm = ω·kτ·I with the signed speed of the motor shaft, `velocity` at the spool [W].
-
-    Eq. 18 prints |ω|; with the current counted along the motion it is the same.
-    """
-    return velocity * motor.gear * motor.torque_constant * current
-
-
-@kernel
-def electrical_power(current: float, velocity: float, motor: Motor) -> float:
-    """Pe = Pm + R·I² (Eq. 18) [W]."""
-    return mechanical_power(current, velocity, motor) + motor.resistance * current * current

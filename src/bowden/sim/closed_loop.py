@@ -212,7 +212,7 @@ def _trace(
     )
     units["current"] = "A"
     for name, values in states.items():
-        columns[f"law.{name}"], units[f"law.{name}"] = values.copy(), "1"
+        columns[f"law.{name}"], units[f"law.{name}"] = values.copy(), law.state_units.get(name, "1")
     settings = {
         "bowden": __version__,
         "law": law.name,
