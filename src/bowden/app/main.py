@@ -6,38 +6,50 @@ Nothing heavy is imported here or at the top of a command's module, so that ``bo
 import importlib
 import importlib.util
 import sys
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
 from bowden import __version__
 from bowden.core.errors import BowdenError
 
+
+class _Entry(NamedTuple):
+    """A command, whose function has its name."""
+
+    module: str
+    summary: str
+    """One line for ``bowden --help``."""
+    examples: list[str]
+
+
 _COMMANDS = {
-    "init": ("bowden.app.init_command", ["bowden init", "bowden init my_rig.toml --force"]),
-    "identify": (
-        "bowden.app.identify_command",
-        [
-            "bowden identify log.csv",
-            "bowden identify log.csv.gz --out out/cable",
-            "bowden identify log.csv --json",
-        ],
+    "init": _Entry(
+        "bowden.app.init_command",
+        "Write a commented rig.toml of the default bench.",
+        ["bowden init", "bowden init my_rig.toml --force"],
     ),
-    "simulate": (
+    "identify": _Entry(
+        "bowden.app.identify_command",
+        "Identify a cable from a log of its motion.",
+        ["bowden identify log.csv", "bowden identify log.csv.gz --out out/cable", "bowden identify log.csv --json"],
+    ),
+    "simulate": _Entry(
         "bowden.app.simulate_command",
+        "Simulate one law or several on a rig.",
         [
             "bowden simulate rig.toml",
             "bowden simulate rig.toml --law uncompensated --law observer --law adaptive",
-            "bowden simulate rig.toml --law my_law.py:MY_LAW --duration 30 --csv",
+            "bowden simulate rig.toml --law my_law.py --duration 30 --csv",
             "bowden simulate rig.toml --law adaptive --preset paper --json",
         ],
     ),
-    "reproduce": (
+    "reproduce": _Entry(
         "bowden.app.reproduce_command",
-        ["bowden reproduce", "bowden reproduce --only table1.adaptive.constant", "bowden reproduce --json"],
+        "Reproduce the paper's bench, claim by claim.",
+        ["bowden reproduce", "bowden reproduce --only table1 --only fig16", "bowden reproduce --json"],
     ),
 }
-"""Name of a command, which is also its function's → the module it stands in, and examples for its help."""
 
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
@@ -56,10 +68,11 @@ def _bowden(
 
 
 def _register() -> None:
-    for name, (module, examples) in _COMMANDS.items():
-        if importlib.util.find_spec(module):
-            function = getattr(importlib.import_module(module), name)
-            app.command(name, epilog="\b\nExamples:\n" + "\n".join(f"  {example}" for example in examples))(function)
+    for name, entry in _COMMANDS.items():
+        if importlib.util.find_spec(entry.module):
+            function = getattr(importlib.import_module(entry.module), name)
+            examples = "\n".join(f"  {example}" for example in entry.examples)
+            app.command(name, short_help=entry.summary, epilog=f"\b\nExamples:\n{examples}")(function)
 
 
 _register()

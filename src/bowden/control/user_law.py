@@ -7,11 +7,13 @@ compiler's rarely do. Compiled code is kept under the hash of the file (see `bow
 never met by stale code.
 """
 
+import contextlib
 import hashlib
 import math
 import re
 import sys
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
@@ -46,18 +48,41 @@ def load(name: str, folder: Path | None = None) -> Law:
     return law
 
 
-def explain(error: Exception, law: Law) -> ParameterError:
-    """One line for a failure of the compiler on a law's kernels, with the line of the law's file if it names one."""
-    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
-    path = Path(law.step_kernel.__code__.co_filename)
-    lines = re.findall(rf'File "(?:[^"]*/)?{re.escape(path.name)}", line (\d+)', text)
-    where = f"{path}, line {lines[-1]}" if lines else str(path)
-    skipped = ("Failed in", "During", "File ", "<source", "Overload", "There are", "- ", "In definition", "raised from")
-    said = [line.strip() for line in text.splitlines() if line.strip() and not line.strip().startswith(skipped)]
-    return ParameterError(
-        f"{where}: the law {law.name!r} cannot be compiled: {said[0] if said else type(error).__name__}",
-        do="use only numbers, NamedTuples and kernels in it (see docs/kernels.md)",
-    )
+@contextlib.contextmanager
+def explained(law: Law) -> Iterator[None]:
+    """Turn what the compiler says about a law's kernels into one line, with the line of the file if it names one.
+
+    Raises:
+        ParameterError: the law cannot be compiled.
+    """
+    try:
+        yield
+    except Exception as error:
+        if not type(error).__module__.startswith("numba."):
+            raise
+        path = Path(law.step_kernel.__code__.co_filename)
+        text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+        numbers = re.findall(rf'File "(?:[^"]*[/\\])?{re.escape(path.name)}", line (\d+)', text)
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        said = next((line for line in lines if not line.startswith(_ABOUT_ITSELF)), type(error).__name__)
+        raise ParameterError(
+            f"{path}{f', line {numbers[-1]}' if numbers else ''}: the law {law.name!r} cannot be compiled: {said}",
+            do="use only numbers, NamedTuples and kernels in it (docs/kernels.md)",
+        ) from error
+
+
+_ABOUT_ITSELF = (
+    "Failed in",
+    "During",
+    "File",
+    "<source",
+    "Overload",
+    "There are",
+    "- ",
+    "In definition",
+    "raised from",
+)
+"""How those lines of Numba's messages begin that tell where it was, not what is wrong."""
 
 
 def _split(name: str) -> tuple[str, str]:
@@ -79,8 +104,9 @@ def _run(path: Path) -> ModuleType:
     try:
         exec(compile(source, str(path), "exec", dont_inherit=True), module.__dict__)
     except SyntaxError as error:
-        raise ParameterError(f"{path}, line {error.lineno}: {error.msg}", do="correct it there") from error
-    except ValueError as error:  # a file with null bytes
+        line = f", line {error.lineno}" if error.lineno else ""
+        raise ParameterError(f"{path}{line}: {error.msg}", do="correct it there") from error
+    except ValueError as error:  # null bytes, before Python 3.12
         raise ParameterError(f"{path} is not Python: {error}", expected="a Python file") from error
     except Exception as error:
         raise _mistake(error, path) from error
@@ -117,7 +143,7 @@ def _check(law: Law, path: Path) -> None:
     for part in (law.start_kernel, law.step_kernel):
         if not isinstance(part, FunctionType) or not hasattr(part, "__kernel__"):
             raise ParameterError(f"{_line(part, path)}: not a kernel", do="put @kernel of bowden.core.kernel before it")
-    _check_numbers(law.gains, "gains", str(path), (float, int))
+    _check_numbers(law.gains, "gains", str(path), whole=True)
     where = _line(law.step_kernel, path)
     sample = Sample(0.01, 0.02)
     try:
@@ -139,15 +165,16 @@ def _check(law: Law, path: Path) -> None:
         raise _mistake(error, path) from error
 
 
-def _check_numbers(values: Any, what: str, where: str, kinds: tuple[type, ...] = (float,)) -> None:
+def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -> None:
     if not hasattr(values, "_asdict"):
         raise ParameterError(f"{where}: {what} is a {type(values).__name__}", expected="a NamedTuple of floats")
     for name, value in values._asdict().items():
-        _check_number(value, f"{name} in {what}", where, kinds)
+        _check_number(value, f"{name} in {what}", where, whole=whole)
 
 
-def _check_number(value: Any, what: str, where: str, kinds: tuple[type, ...] = (float,)) -> None:
-    if not isinstance(value, kinds) or isinstance(value, bool):
+def _check_number(value: Any, what: str, where: str, *, whole: bool = False) -> None:
+    """A finite float, or an int where `whole` allows it: a state that begins as an int would not compile."""
+    if not (isinstance(value, float) or (whole and type(value) is int)):
         raise ParameterError(f"{where}: {what} is {value!r}, a {type(value).__name__}", expected="a float, such as 0.0")
     if not math.isfinite(value):
         raise ParameterError(f"{where}: {what} is {value}", expected="a finite number")

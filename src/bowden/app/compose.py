@@ -1,0 +1,194 @@
+"""The only place where things are wired: from a rig.toml to a bench, a law, a reference and a sheath that moves."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from bowden.app import rig_schema as schema
+from bowden.app.config import near, read_rig
+from bowden.control import LAWS, Law, user_law
+from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Recorded, Trajectory
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.models.bouc_wen import BoucWen
+from bowden.models.encoder import Encoder
+from bowden.models.motor import Motor
+from bowden.models.servo import Servo
+from bowden.models.sheath import Sheath
+from bowden.sim.plant import Bench
+from bowden.sim.scenario import BendPath, constant_bend, random_bend, scripted_bend
+
+MOST_CYCLES = 10_000_000
+"""A longer run is refused: its record would not fit into the memory of a common computer."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything that a run needs but its laws."""
+
+    bench: Bench
+    reference: Trajectory
+    bend: BendPath
+    duration: float
+    """[s]"""
+    seed: int
+    initial_motor: float
+    """[rad]"""
+    notes: tuple[str, ...]
+    """What the user should know about how the file was understood."""
+
+
+def setup(path: Path, duration: float | None = None, seed: int | None = None) -> tuple[Setup, schema.Rig]:
+    """Read a rig.toml and build all but the laws.
+
+    Args:
+        path: the rig.toml.
+        duration: in place of the file's [s].
+        seed: in place of the file's.
+
+    Raises:
+        ParameterError: a file, key or value that cannot be used.
+    """
+    rig = read_rig(path)
+    scenario = rig.scenario
+    duration = scenario.duration_s if duration is None else duration
+    seed = scenario.seed if seed is None else seed
+    bench, notes = _bench(rig, path.parent)
+    if not (duration > 0.0 and 2.0 <= duration / bench.sample_time <= MOST_CYCLES):
+        raise ParameterError(
+            f"a run of {duration:g} s has {max(duration, 0.0) / bench.sample_time:g} cycles",
+            expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
+        )
+    if seed < 0:
+        raise ParameterError(f"the seed is {seed}", expected="a whole number not below 0")
+    initial = scenario.initial_motor_deg * RADIANS
+    built = Setup(
+        bench=bench,
+        reference=_reference(rig.reference, path.parent),
+        bend=_bend(scenario.bend, bench.sheath, duration, seed),
+        duration=duration,
+        seed=seed,
+        initial_motor=-initial if notes else initial,
+        notes=notes,
+    )
+    return built, rig
+
+
+def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str | None = None) -> Law:
+    """A law with the gains that this rig gives it.
+
+    A law that carries a model of the cable (its gains have all the fields of `BoucWen`) is given the rig's. Then comes
+    the preset, and the rig's own gains last, if it is the rig's law.
+
+    Args:
+        name: a key of `LAWS`, or ``FILE.py:NAME`` of a user's own.
+        rig: the file's contents.
+        bench: with the cable as the laws know it.
+        folder: where a relative FILE is found.
+        preset: in place of the rig's.
+
+    Raises:
+        ParameterError: an unknown law, preset or gain, or a user's file that cannot be used.
+    """
+    if user_law.is_file(name):
+        law = user_law.load(name, folder)
+    elif name in LAWS:
+        law = LAWS[name]
+    else:
+        raise ParameterError(
+            f"there is no law {name!r}", expected=near(name, LAWS), do="or name a file: my_law.py:NAME"
+        )
+    if set(BoucWen._fields) <= set(law.gains._fields):
+        law = law.with_gains(**bench.cable._asdict())
+    rigs_own = name == rig.control.law
+    chosen = preset or (rig.control.preset if rigs_own else None)
+    if chosen is not None:
+        law = law.preset(chosen)
+    return law.with_gains(**rig.control.gains) if rigs_own else law
+
+
+def _bench(rig: schema.Rig, folder: Path) -> tuple[Bench, tuple[str, ...]]:
+    cable, width = _cable(rig.cable, folder)
+    notes: tuple[str, ...] = ()
+    if cable.slope < 0.0:
+        # joint = αφ·x + αh·h(x) is the same motion for −x, −αφ and −αh, since h(−x) = −h(x)
+        cable = cable._replace(slope=-cable.slope, hysteresis_gain=-cable.hysteresis_gain)
+        notes = ("the cable's slope is negative: motor angles are counted the other way round here",)
+    encoders = [
+        Encoder(encoder.resolution_deg * RADIANS, encoder.noise_deg * RADIANS)
+        for encoder in (rig.encoder.joint, rig.encoder.motor)
+    ]
+    bench = Bench(
+        cable=cable,
+        sheath=Sheath(rig.sheath.bend_deg * RADIANS, width * rig.sheath.gap, rig.sheath.loss),
+        servo=Servo(
+            natural_frequency=rig.servo.natural_frequency_hz * schema.HERTZ,
+            damping=rig.servo.damping,
+            speed_limit=rig.servo.speed_limit_deg_per_s * RADIANS,
+        ),
+        motor=Motor(
+            torque_constant=rig.motor.torque_constant_nm_per_a,
+            resistance=rig.motor.resistance_ohm,
+            gear=rig.motor.gear,
+            inertia=rig.motor.inertia_kg_m2,
+            spring=rig.motor.spring_nm_per_rad,
+            pretension=rig.motor.pretension_nm,
+            current_limit=rig.motor.current_limit_a,
+        ),
+        joint_encoder=encoders[0],
+        motor_encoder=encoders[1],
+        sample_time=rig.bench.sample_time_ms * schema.MILLISECONDS,
+        delay=rig.bench.delay_cycles,
+        substeps=rig.bench.substeps,
+    )
+    return bench, notes
+
+
+def _cable(section: schema.CableSection, folder: Path) -> tuple[BoucWen, float]:
+    """The cable, and the factor on its play."""
+    cable = BoucWen(
+        slope=section.slope,
+        hysteresis_gain=section.hysteresis_gain_rad,
+        rate=section.rate_per_rad,
+        shape=section.shape,
+        exponent=section.exponent,
+        offset=section.offset_deg * RADIANS,
+    )
+    return cable, section.width
+
+
+def _reference(section: schema.ReferenceSection, folder: Path) -> Trajectory:
+    match section:
+        case schema.PeriodicMinimumJerkSection():
+            return PeriodicMinimumJerk(section.low_deg * RADIANS, section.high_deg * RADIANS, section.period_s)
+        case schema.PointToPointSection():
+            return PointToPoint(tuple(section.times_s), _radians(section.positions_deg))
+        case schema.ChirpSection():
+            return Chirp(section.amplitude_deg * RADIANS, section.start_hz, section.end_hz, section.sweep_s)
+        case schema.MultisineSection():
+            return Multisine(
+                tuple(section.frequencies_hz),
+                _radians(section.amplitudes_deg),
+                _radians(section.phases_deg),
+                section.centre_deg * RADIANS,
+                section.ramp_s,
+            )
+        case schema.RecordedSection():
+            return _recorded(section, folder)
+
+
+def _recorded(section: schema.RecordedSection, folder: Path) -> Recorded:
+    raise NotImplementedError
+
+
+def _bend(section: schema.BendSection, sheath: Sheath, duration: float, seed: int) -> BendPath:
+    match section:
+        case schema.ConstantBendSection():
+            return constant_bend(sheath.bend if section.bend_deg is None else section.bend_deg * RADIANS)
+        case schema.ScriptedBendSection():
+            return scripted_bend(section.times_s, _radians(section.bends_deg))
+        case schema.RandomBendSection():
+            return random_bend(section.low_deg * RADIANS, section.high_deg * RADIANS, section.fastest_s, duration, seed)
+
+
+def _radians(angles: list[float]) -> tuple[float, ...]:
+    return tuple(angle * RADIANS for angle in angles)

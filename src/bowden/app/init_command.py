@@ -1,0 +1,30 @@
+"""``bowden init``: a commented rig.toml of the default bench."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bowden.app.console import print_json, seconds
+from bowden.core.errors import OutputError
+
+
+def init(
+    path: Annotated[Path, typer.Argument(help="The file to write.")] = Path("rig.toml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+) -> None:
+    """Write a commented rig.toml of the default bench: every key with its unit and meaning."""
+    from bowden.app.rig_page import toml_text
+    from bowden.core.files import whole_file
+
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder", do=f"name the file: {path / 'rig.toml'}")
+    if path.exists() and not force:
+        raise OutputError(f"{path} is there already", do="choose another name, or overwrite it with --force")
+    with whole_file(path) as part:
+        part.write_text(toml_text(path.name), encoding="utf-8")
+    if json:
+        print_json({"files": [str(path)], "seconds": seconds()})
+    else:
+        print(f"Wrote {path}. Next: bowden simulate {path}")

@@ -1,0 +1,113 @@
+"""``bowden simulate``: one law, or several side by side, on the bench of a rig.toml."""
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bowden.app.console import make_folder, output_folder, print_json, progress, seconds
+
+if TYPE_CHECKING:
+    from bowden.app.compose import Setup
+    from bowden.control.law import Law
+    from bowden.core.metrics import Metrics
+    from bowden.core.trace import Trace
+
+
+def simulate(
+    rig: Annotated[Path, typer.Argument(help="The bench, reference and scenario; bowden init writes one.")],
+    law: Annotated[
+        list[str] | None,
+        typer.Option(help="A law's name, or FILE.py:NAME of your own; may be repeated. The rig's law by default."),
+    ] = None,
+    preset: Annotated[str | None, typer.Option(help="A named set of gains, for every law of this run.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of the run in seconds.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the encoders' noise and of a random bend.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the traces and the page.")] = Path("out/simulate"),
+    csv: Annotated[bool, typer.Option("--csv", help="Write the traces as CSV too.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+) -> None:
+    """Simulate laws on a rig: figures of merit, traces as Parquet, and a page with every plot."""
+    from bowden.app import compose
+
+    setup, description = compose.setup(rig, duration, seed)
+    laws = [compose.law_for(name, description, setup.bench, Path(), preset) for name in law or ()]
+    if not laws:
+        laws = [compose.law_for(description.control.law, description, setup.bench, rig.parent, preset)]
+    output_folder(out)
+    traces = _run(setup, laws)
+    files = _write(traces, make_folder(out), f"Simulation of {rig.name}", csv=csv)
+    metrics = {name: trace.metrics() for name, trace in traces.items()}
+    for note in setup.notes:
+        print(f"bowden: note: {note}", file=sys.stderr)
+    if json:
+        runs = [{"law": name, "stable": traces[name].stable} | asdict(found) for name, found in metrics.items()]
+        print_json({"runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
+    else:
+        _print_table(metrics)
+        print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
+
+
+def _run(setup: "Setup", laws: list["Law"]) -> dict[str, "Trace"]:
+    """A trace for each law; laws of one name are told apart by a number."""
+    from bowden.control import user_law
+    from bowden.sim.closed_loop import simulate as run
+
+    traces: dict[str, Trace] = {}
+    for i, law in enumerate(laws):
+        name, again = law.name, 2
+        while name in traces:
+            name, again = f"{law.name}-{again}", again + 1
+        with (
+            progress(f"simulating {name} ({i + 1} of {len(laws)}); a law's first run is compiled"),
+            user_law.explained(law),
+        ):
+            traces[name] = run(
+                setup.bench,
+                law,
+                setup.reference,
+                duration=setup.duration,
+                bend=setup.bend,
+                seed=setup.seed,
+                initial_motor=setup.initial_motor,
+            )
+    return traces
+
+
+def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -> list[Path]:
+    """Write every trace and, last, the page."""
+    from bowden.report.simulate_page import write_simulation
+
+    files = []
+    for name, trace in traces.items():
+        files.append(folder / f"{name}.parquet")
+        trace.to_parquet(files[-1])
+        if csv:
+            files.append(folder / f"{name}.csv")
+            trace.to_csv(files[-1])
+    files.append(folder / "simulate.html")
+    with progress("drawing the page"):
+        write_simulation(files[-1], traces, title)
+    return files
+
+
+def _print_table(metrics: dict[str, "Metrics"]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("law", no_wrap=True)
+    titles = ("RMSE\n°", "after 10 s\n°", "peak\n°", "delay\nms", "width\n°", "Pm energy\nJ", "Pe energy\nJ")
+    for title in titles:
+        table.add_column(title, justify="right", no_wrap=True)
+    for name, found in metrics.items():
+        values = list(asdict(found).values())
+        if found.rmse_deg is None:
+            table.add_row(name, *["unstable", *["–"] * (len(values) - 1)])
+            continue
+        values[3] = None if values[3] is None else 1e3 * values[3]
+        table.add_row(name, *("–" if value is None else f"{value:.3g}" for value in values))
+    Console(width=None if sys.stdout.isatty() else 100).print(table)
