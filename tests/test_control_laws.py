@@ -1,0 +1,230 @@
+"""The paper's laws, each alone, with nothing else around it."""
+
+import json
+import math
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bowden.control import LAWS
+from bowden.control.adaptive import AdaptiveState
+from bowden.control.observer import ObserverGains
+from bowden.control.observer import start as observer_start
+from bowden.control.observer import step as observer_step
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.control.stability import adaptive_model, response
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled, kernel
+from bowden.core.signals import Reference, Sample
+from bowden.core.units import RADIANS
+from bowden.models.bouc_wen import BoucWen, advance, joint_angle, slope_of_h
+
+exact_advance = compiled(advance)
+DT = 1e-3
+STILL = Reference(0.0, 0.0, 0.0)
+numbers = st.floats(-3.0, 3.0)
+
+
+@kernel
+def quasi_static(gains: Any, cable: Any, references: Any, follow: float, errors: Any) -> None:
+    """The observer on a motor that takes up `follow` of the distance to its command in each cycle."""
+    motor, h, joint = 0.0, 0.0, cable.offset
+    state = observer_start(gains, Sample(joint, motor))
+    for k in range(len(references)):
+        reference = Reference(references[k, 0], references[k, 1], references[k, 2])
+        state, command = observer_step(gains, state, Sample(joint, motor), reference, 1e-3)
+        travel = follow * (command - motor)
+        h, motor = advance(h, travel, cable), motor + travel
+        joint = joint_angle(motor, h, cable)
+        errors[k] = joint - references[k, 0]
+
+
+def quasi_static_error(gains: ObserverGains, cable: BoucWen, follow: float) -> float:
+    """RMS of joint − reference [rad] over two slow strokes, without the first second."""
+    references = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 20.0).sample(np.arange(0.0, 40.0, DT))
+    errors = np.empty(len(references))
+    compiled(quasi_static)(gains, cable, references, follow, errors)
+    return float(np.sqrt(np.mean(np.square(errors[1000:]))))
+
+
+def test_the_paper_s_laws_are_there() -> None:
+    assert {"uncompensated", "observer", "adaptive"} <= set(LAWS)
+    assert all(law.name == name and law.source for name, law in LAWS.items())
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_is_a_pure_function_with_a_flat_state(name: str) -> None:
+    law = LAWS[name]
+    state = law.start(Sample(0.1, 0.2))
+    arguments = (state, Sample(0.11, 0.21), Reference(0.3, 0.1, -0.2), DT)
+    first, second = law.step(*arguments), law.step(*arguments)
+    assert first == second
+    after, command = first
+    assert type(after) is type(state)
+    assert all(isinstance(float(value), float) for value in (*after, command))
+    json.dumps(law.gains._asdict())
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_unknown_gains_and_presets_are_refused(name: str) -> None:
+    with pytest.raises(ParameterError, match=f"law '{name}' has no gain 'kapa'; expected one of "):
+        LAWS[name].with_gains(kapa=1.0)
+    with pytest.raises(ParameterError, match=f"law '{name}' has no preset"):
+        LAWS[name].preset("best")
+
+
+@given(numbers, numbers, numbers, numbers)
+def test_uncompensated_is_the_identity(joint: float, motor: float, wanted: float, rate: float) -> None:
+    law = LAWS["uncompensated"]
+    state = law.start(Sample(joint, motor))
+    assert state.command == motor
+    assert law.step(state, Sample(joint, motor), Reference(wanted, rate, 0.0), DT)[1] == wanted
+    reversed_cable = law.with_gains(slope=-2.0)
+    assert reversed_cable.step(state, Sample(joint, motor), Reference(wanted, rate, 0.0), DT)[1] == -0.5 * wanted
+
+
+@pytest.mark.parametrize(
+    ("cable", "follow"), [(BoucWen(), 0.05), (BoucWen(rate=5.0), 1.0), (BoucWen(slope=-0.9, offset=0.3), 0.05)]
+)
+def test_observer_takes_a_known_hysteresis_away(cable: BoucWen, follow: float) -> None:
+    """With exact parameters; where the cable is monotone, on a motor that follows at once, else on a slow one."""
+    exact = ObserverGains(*cable)
+    uncompensated = quasi_static_error(exact._replace(hysteresis_gain=0.0), cable, follow)
+    assert uncompensated > 2.0 * RADIANS
+    assert quasi_static_error(exact, cable, follow) < 0.1 * uncompensated
+
+
+def test_observer_fed_by_its_own_command() -> None:
+    """Erratum 6: the loop from ĥ back to ĥ has a gain above one at a reversal; Euler's rule chatters there.
+
+    Integrated exactly, as the law does, the command jumps once from one branch to the other and goes on.
+    """
+    cable = BoucWen()
+    assert abs(cable.hysteresis_gain / cable.slope) * slope_of_h(0.0, 1.0, cable) > 1.0
+    references = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0).sample(np.arange(0.0, 15.0, DT))[:, 0]
+    turns = {}
+    for rule in ("euler", "exact"):
+        h, commands = 0.0, [0.0]
+        for wanted in references.tolist():
+            commands.append((wanted - cable.hysteresis_gain * h) / cable.slope)
+            travel = commands[-1] - commands[-2]
+            change = abs(travel) * slope_of_h(h, math.copysign(1.0, travel), cable)
+            h = h + change if rule == "euler" else exact_advance(h, travel, cable)
+        steps = np.diff(commands)
+        assert np.abs(steps).max() > 20.0 * np.abs(np.diff(references)).max()
+        steps = steps[np.abs(steps) > 1e-9]
+        turns[rule] = int(np.sum(np.signbit(steps[1:]) != np.signbit(steps[:-1])))
+    assert turns["exact"] == 2  # as the reference
+    assert turns["euler"] > 40
+
+
+def test_observer_driven_by_the_reference_does_not_look_at_the_sensors() -> None:
+    law = LAWS["observer"].with_gains(from_reference=1.0)
+    commands = []
+    for noise in (0.0, 1.0):
+        random = np.random.default_rng(0)
+        state, record = law.start(Sample(0.0, 0.0)), []
+        for k in range(300):
+            sample = Sample(*(noise * random.normal(0.0, 1.0, 2)).tolist())
+            state, command = law.step(state, sample, Reference(0.5 * math.sin(0.01 * k), 0.0, 0.0), DT)
+            record.append(float(command))
+        commands.append(record)
+    assert commands[0] == commands[1]
+
+
+def test_gains_of_the_paper_are_a_preset_and_not_the_default() -> None:
+    law = LAWS["adaptive"]
+    printed = {
+        "error_gain": 2.0,
+        "feedback_gain": 10.0,
+        "smoothing": 0.01,
+        "slope_adaptation": 2.0,
+        "bound_adaptation": 2.0,
+        "slope_leakage": 0.005,
+        "bound_leakage": 0.005,
+    }
+    assert printed.items() <= law.preset("paper").gains._asdict().items()
+    assert law.preset("paper").gains.derivative_time == 0.0
+    differing = {name for name, value in printed.items() if getattr(law.gains, name) != value}
+    assert differing == {"error_gain", "feedback_gain"}
+
+
+@given(numbers, numbers, numbers, numbers, st.floats(0.0, 2.0), st.floats(0.0, 0.5), numbers)
+def test_adaptive_is_eqs_9_to_14(
+    joint: float, before: float, wanted: float, rate: float, beta: float, bound: float, integral: float
+) -> None:
+    """One step, written out from PAPER.md's notation."""
+    law = LAWS["adaptive"].preset("paper")
+    e = joint - wanted
+    integral_after = integral + e * DT
+    s = 2.0 * e + integral_after
+    switch = math.tanh(s / 0.01)
+    phi = wanted - 2.0 * ((joint - before) / DT - rate) - bound * switch
+    after, command = (
+        LAWS["adaptive"]
+        .preset("paper")
+        .step(
+            AdaptiveState(integral, beta, bound, before, 0.0, 0.0), Sample(joint, 0.0), Reference(wanted, rate, 0.0), DT
+        )
+    )
+    close: Any = {"rel": 1e-10, "abs": 1e-10}
+    assert command == pytest.approx(beta * phi - 10.0 * s, **close)
+    assert (after.slope_inverse - beta) / DT == pytest.approx(-2.0 * phi * s - 2.0 * 0.005 * beta, rel=1e-8, abs=1e-6)
+    assert (after.bound - bound) / DT == pytest.approx(
+        2.0 * beta * switch * s - 2.0 * 0.005 * bound, rel=1e-8, abs=1e-6
+    )
+    assert after.filtered_error == pytest.approx(s, **close)
+
+
+def pid(gains: Any, beta: float, bound: float) -> control.TransferFunction:
+    """The PID that the law's documentation names, from measured joint to minus the command, written in z.
+
+    κλ and κ act on e and its sum, β̂λ on its difference through a first-order low-pass with time constant τ; the frozen
+    D̂m adds β̂·D̂m/ε to κ.
+    """
+    z = control.tf([1.0, 0.0], [1.0], DT)
+    stiffness = gains.feedback_gain + beta * bound / gains.smoothing
+    pole = gains.derivative_time / (gains.derivative_time + DT)
+    derivative = (1.0 - pole) / DT * (z - 1.0) / (z - pole)
+    return stiffness * (gains.error_gain + DT * z / (z - 1.0)) + beta * gains.error_gain * derivative
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.parametrize("bound", [0.0, 0.08])
+def test_frozen_it_is_the_pid_that_is_claimed(preset: str, bound: float) -> None:
+    """Adaptation off, β̂ = 1/αφ, s far below ε: against python-control on a random measurement."""
+    beta = 1.0 / 0.938
+    law = LAWS["adaptive"] if preset == "default" else LAWS["adaptive"].preset(preset)
+    law = law.with_gains(slope_adaptation=0.0, bound_adaptation=0.0, smoothing=0.1)
+    joint = np.cumsum(np.random.default_rng(0).normal(0.0, 1e-7, 2000))
+    state, commands = AdaptiveState(0.0, beta, bound, 0.0, 0.0, 0.0), []
+    for angle in joint.tolist():
+        state, command = law.step(state, Sample(angle, 0.0), STILL, DT)
+        commands.append(float(command))
+    expected = -control.forced_response(pid(law.gains, beta, bound), np.arange(2000) * DT, joint).outputs
+    np.testing.assert_allclose(commands, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    assert (state.slope_inverse, state.bound) == (beta, bound)
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.parametrize("bound", [0.0, 0.08])
+def test_the_margins_rest_on_the_same_pid(preset: str, bound: float) -> None:
+    law = LAWS["adaptive"] if preset == "default" else LAWS["adaptive"].preset(preset)
+    omega = np.geomspace(0.1, 3000.0, 60)
+    modelled = response(adaptive_model(law.gains, DT, 1.07, bound), omega, DT)
+    expected = pid(law.gains, 1.07, bound)(np.exp(1j * omega * DT))
+    np.testing.assert_allclose(modelled, expected, rtol=1e-6)
+
+
+def test_reference_reaches_the_command_through_beta_and_the_pid() -> None:
+    """The same law, from the reference: its PID acts on e, and β̂ feeds the reference forward."""
+    gains = {"slope_adaptation": 0.0, "bound_adaptation": 0.0, "derivative_time": 0.0}
+    law, beta = LAWS["adaptive"].with_gains(**gains), 1.1
+    state = AdaptiveState(0.0, beta, 0.0, 0.0, 0.0, 0.0)
+    _, command = law.step(state, Sample(0.0, 0.0), Reference(0.2, 0.5, 0.0), DT)
+    lam, kappa = law.gains.error_gain, law.gains.feedback_gain
+    assert command == pytest.approx(beta * 0.2 + beta * lam * 0.5 + kappa * (lam * 0.2 + 0.2 * DT))
