@@ -53,7 +53,7 @@ def minimum_jerk(start: float, end: float, duration: float, time: float) -> Refe
 def _minimum_jerk(start: float | Array, end: float | Array, duration: float | Array, time: Array) -> Array:
     """`minimum_jerk` over arrays, (n, 3)."""
     spread = cast(Callable[..., Reference], minimum_jerk)  # made of ufuncs: arrays pass through
-    return np.stack(cast(tuple[Array, Array, Array], spread(start, end, duration, time)), axis=1)
+    return np.stack(cast(tuple[Array, Array, Array], spread(start, end, duration, time))).T
 
 
 def _positive(what: str, **values: float) -> None:
@@ -82,9 +82,11 @@ class PeriodicMinimumJerk:
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`."""
-        phase, half = np.mod(time, self.period), 0.5 * self.period
-        up = _minimum_jerk(self.low, self.high, half, phase)
-        return np.where((phase < half)[:, None], up, _minimum_jerk(self.high, self.low, half, phase - half))
+        half = 0.5 * self.period
+        until_top = half - (time - self.period * np.floor(time / self.period))  # below zero on the way back
+        motion = _minimum_jerk(self.low, self.high, half, half - np.abs(until_top))  # the way back mirrors the way up
+        motion[:, 1] *= np.copysign(1.0, until_top)
+        return motion
 
     def describe(self) -> dict[str, Any]:
         """See `Trajectory.describe`."""

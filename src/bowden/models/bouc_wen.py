@@ -110,15 +110,7 @@ def advance(h: float, travel: float, cable: BoucWen) -> float:
 
 @kernel
 def advance_prepared(h: float, travel: float, cable: PreparedCable) -> float:
-    """`advance` with the cable's constants at hand. A saturated cable, the usual case, costs one comparison."""
-    if np.abs(np.copysign(cable.bound, travel) - h) < 1e-13:
-        return h
-    return _travel(h, travel, cable)
-
-
-@kernel
-def _travel(h: float, travel: float, cable: PreparedCable) -> float:
-    """Eq. 7 over the travel in pieces, each by a series.
+    """`advance` with the cable's constants at hand: Eq. 7 over the travel in pieces, each by a series.
 
     In y = h·direction and z = ρ·|travel| Eq. 7 has one form on each side of zero:
 

@@ -14,13 +14,17 @@ from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.models import motor as motor_model
+from bowden.models.bouc_wen import advance_prepared
 from bowden.models.encoder import reading
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
-from bowden.sim.plant import Bench, bench_start, bench_step, prepare_bench
+from bowden.sim.plant import Bench, bench_at, bench_start, bench_substep, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
 
-COLUMNS = {
+UNITS = {
+    "time": "s",
+    "reference": "rad",
+    "reference_velocity": "rad/s",
     "joint": "rad",
     "motor": "rad",
     "joint_measured": "rad",
@@ -29,8 +33,14 @@ COLUMNS = {
     "motor_velocity": "rad/s",
     "motor_acceleration": "rad/s²",
     "h": "1",
+    "width": "1",
+    "slope": "rad/rad",
+    "current": "A",
 }
-"""What the compiled loop records, in this order, with units."""
+"""The columns of a run's trace and their units; the law's own state follows."""
+
+_RECORDED = list(UNITS)[3:11]
+"""The columns that the compiled loop fills, in its order."""
 
 RUNAWAY = 1e3
 """A command beyond this [rad] ends the run: the loop is unstable and the rest of the record stays NaN."""
@@ -64,12 +74,14 @@ def run_loop(
     record: NDArray[np.float64],
     states: NDArray[np.float64],
 ) -> int:
-    """One run; fills `record` (n, 8) and `states` (n, m) and returns the number of cycles that it lasted.
+    """One run; fills `record` (8, n) and `states` (m, n) and returns the number of cycles that it lasted.
 
     Each cycle reads the encoders, steps the law, and moves the plant by one sample time under the command that was
-    computed `delay` cycles before. The sheath's width and slope are linear between cycles.
+    computed `delay` cycles before. The sheath's width and slope are linear between cycles. The cable does not know
+    time, so that its travel is gathered over the sub-steps while the motor goes one way, and h advanced where it turns
+    and at the end of the cycle.
     """
-    cycles = references.shape[0]
+    cycles = references.shape[1]
     plant = bench_start(bench, initial_motor, widths[0], slope_factors[0])
     sample = Sample(
         reading(plant.joint, normals[0, 0], encoders[0]),
@@ -81,35 +93,39 @@ def run_loop(
             reading(plant.joint, normals[k, 0], encoders[0]),
             reading(plant.motor.position, normals[k, 1], encoders[1]),
         )
-        reference = Reference(references[k, 0], references[k, 1], references[k, 2])
+        reference = Reference(references[0, k], references[1, k], references[2, k])
         state, command = law_step(gains, state, sample, reference, dt)
-        record[k, 0] = plant.joint
-        record[k, 1] = plant.motor.position
-        record[k, 2] = sample.joint
-        record[k, 3] = sample.motor
-        record[k, 4] = command
-        record[k, 5] = plant.motor.velocity
-        record[k, 6] = plant.motor.acceleration
-        record[k, 7] = plant.h
+        record[0, k] = plant.joint
+        record[1, k] = plant.motor.position
+        record[2, k] = sample.joint
+        record[3, k] = sample.motor
+        record[4, k] = command
+        record[5, k] = plant.motor.velocity
+        record[6, k] = plant.motor.acceleration
+        record[7, k] = plant.h
         for j in range(len(state)):
-            states[k, j] = state[j]
+            states[j, k] = state[j]
         if not abs(command) < 1e3:
             return k
-        applied = record[k - delay, 4] if k >= delay else initial_motor
+        applied = record[4, k - delay] if k >= delay else initial_motor
+        motor, h, travel = plant.motor, plant.h, 0.0
         for i in range(substeps):
             part = (i + 1.0) / substeps
-            width = widths[k] + part * (widths[k + 1] - widths[k])
-            slope_factor = slope_factors[k] + part * (slope_factors[k + 1] - slope_factors[k])
-            plant = bench_step(bench, plant, applied, width, slope_factor)
+            motor, piece = bench_substep(bench, motor, applied, widths[k] + part * (widths[k + 1] - widths[k]))
+            if piece * travel < 0.0:
+                h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
+            travel += piece
+        h = advance_prepared(h, travel, bench.hysteresis)
+        plant = bench_at(bench, motor, h, widths[k + 1], slope_factors[k + 1])
     return cycles
 
 
 class _Inputs(NamedTuple):
-    time: NDArray[np.float64]
-    references: NDArray[np.float64]
-    widths: NDArray[np.float64]
-    slope_factors: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    time: NDArray[np.float64]  # (n,)
+    references: NDArray[np.float64]  # (3, n)
+    widths: NDArray[np.float64]  # (n + 1,)
+    slope_factors: NDArray[np.float64]  # (n + 1,)
+    normals: NDArray[np.float64]  # (n, 2)
 
 
 def simulate(
@@ -140,10 +156,10 @@ def simulate(
         ParameterError: a duration or setting that cannot be.
     """
     inputs = _inputs(plant, reference, duration, bend or constant_bend(plant.sheath.bend), seed)
-    cycles = len(inputs.time)
-    record = np.full((cycles, len(COLUMNS)), np.nan)
-    fields = type(law.start(Sample(0.0, 0.0)))._fields
-    states = np.full((cycles, len(fields)), np.nan)
+    fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
+    # one block: a system hands out a large piece of memory far faster than many small ones
+    block = np.empty((len(_RECORDED) + len(fields), len(inputs.time)))
+    record, states = block[: len(_RECORDED)], block[len(_RECORDED) :]
     lasted = compiled_loop(law)(
         law.gains,
         prepare_bench(plant),
@@ -159,8 +175,15 @@ def simulate(
         record,
         states,
     )
-    record[lasted:] = np.nan
-    return _trace(plant, law, reference, inputs, record, dict(zip(fields, states.T, strict=True)), seed)
+    block[:, lasted:] = np.nan
+    values = {"time": inputs.time, "reference": inputs.references[0], "reference_velocity": inputs.references[1]}
+    values |= dict(zip(_RECORDED, record, strict=True))
+    values |= {"width": inputs.widths[:-1], "slope": inputs.slope_factors[:-1] * plant.cable.slope}
+    values["current"] = _spread(
+        motor_model.current, values["motor_acceleration"], values["joint"], values["slope"], plant.motor
+    )
+    values |= dict(zip(fields, states, strict=True))
+    return Trace(values, UNITS | dict.fromkeys(fields, "1"), _settings(plant, law, reference), seed)
 
 
 def compiled_loop(law: Law) -> Callable[..., int]:
@@ -172,7 +195,7 @@ def _inputs(plant: Bench, reference: Trajectory, duration: float, bend: BendPath
     dt = plant.sample_time
     for name, value, fine in (
         ("sample_time", dt, dt > 0.0),
-        ("duration", duration, duration >= 2.0 * dt and duration / dt < 1e9),
+        ("duration", duration, 2.0 * dt <= duration < 1e9 * dt),
         ("delay", plant.delay, plant.delay >= 0),
         ("substeps", plant.substeps, plant.substeps >= 1),
     ):
@@ -183,37 +206,15 @@ def _inputs(plant: Bench, reference: Trajectory, duration: float, bend: BendPath
     angles = bend(edges)
     return _Inputs(
         time=edges[:-1],
-        references=reference.sample(edges[:-1]),
+        references=np.ascontiguousarray(reference.sample(edges[:-1]).T),
         widths=_spread(width_at, angles, plant.sheath),
         slope_factors=_spread(slope_factor_at, angles, plant.sheath),
         normals=np.random.default_rng(seed).standard_normal((cycles, 2)),
     )
 
 
-def _trace(
-    plant: Bench,
-    law: Law,
-    reference: Trajectory,
-    inputs: _Inputs,
-    record: NDArray[np.float64],
-    states: dict[str, NDArray[np.float64]],
-    seed: int,
-) -> Trace:
-    columns = {
-        "time": inputs.time,
-        "reference": inputs.references[:, 0].copy(),
-        "reference_velocity": inputs.references[:, 1].copy(),
-    } | {name: record[:, i].copy() for i, name in enumerate(COLUMNS)}
-    units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s"} | COLUMNS
-    columns["width"], units["width"] = inputs.widths[:-1].copy(), "1"
-    columns["slope"], units["slope"] = inputs.slope_factors[:-1] * plant.cable.slope, "rad/rad"
-    columns["current"] = _spread(
-        motor_model.current, columns["motor_acceleration"], columns["joint"], columns["slope"], plant.motor
-    )
-    units["current"] = "A"
-    for name, values in states.items():
-        columns[f"law.{name}"], units[f"law.{name}"] = values.copy(), law.state_units.get(name, "1")
-    settings = {
+def _settings(plant: Bench, law: Law, reference: Trajectory) -> dict[str, Any]:
+    return {
         "bowden": __version__,
         "law": law.name,
         "gains": dict(law.gains._asdict()),
@@ -223,7 +224,6 @@ def _trace(
         "motor_resistance": plant.motor.resistance,
         "torque_constant": plant.motor.torque_constant * plant.motor.gear,
     }
-    return Trace(columns, units, settings, seed)
 
 
 def _spread(kernel_of_numbers: Callable[..., Any], *arguments: Any) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from bowden.core.kernel import kernel
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
+from bowden.models.bouc_wen import BoucWen, PreparedCable, prepare_cable
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor, acceleration_limit
 from bowden.models.servo import Servo, ServoState, ServoStep, prepare, servo_step
@@ -56,16 +56,20 @@ def prepare_bench(bench: Bench) -> BenchStep:
 @kernel
 def bench_start(bench: BenchStep, motor: float, width: float, slope_factor: float) -> BenchState:
     """At rest at a `motor` angle [rad] with h = 0."""
-    return BenchState(ServoState(motor, 0.0, 0.0), 0.0, joint_in_sheath(motor, 0.0, width, slope_factor, bench.cable))
+    return bench_at(bench, ServoState(motor, 0.0, 0.0), 0.0, width, slope_factor)
 
 
 @kernel
-def bench_step(bench: BenchStep, state: BenchState, command: float, width: float, slope_factor: float) -> BenchState:
-    """One sub-step under a constant command [rad]."""
-    motor = servo_step(state.motor, command, bench.servo)
-    travel = (motor.position - state.motor.position) / width  # as in `advance_in_sheath`
-    h = advance_prepared(state.h, travel, bench.hysteresis)
+def bench_at(bench: BenchStep, motor: ServoState, h: float, width: float, slope_factor: float) -> BenchState:
+    """The bench with its motor and its cable's h where they are, in a sheath of that width and slope factor."""
     return BenchState(motor, h, joint_in_sheath(motor.position, h, width, slope_factor, bench.cable))
+
+
+@kernel
+def bench_substep(bench: BenchStep, motor: ServoState, command: float, width: float) -> tuple[ServoState, float]:
+    """The motor one sub-step later under a constant command [rad], and its travel over the sheath's width [rad]."""
+    moved = servo_step(motor, command, bench.servo)
+    return moved, (moved.position - motor.position) / width  # the cable's share of `advance_in_sheath`
 
 
 PAPER_ENCODER = Encoder(resolution=360.0 / 16384 * RADIANS, noise=0.01 * RADIANS)
