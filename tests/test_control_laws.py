@@ -164,13 +164,8 @@ def test_adaptive_is_eqs_9_to_14(
     s = 2.0 * e + integral_after
     switch = math.tanh(s / 0.01)
     phi = wanted - 2.0 * ((joint - before) / DT - rate) - bound * switch
-    after, command = (
-        LAWS["adaptive"]
-        .preset("paper")
-        .step(
-            AdaptiveState(integral, beta, bound, before, 0.0, 0.0), Sample(joint, 0.0), Reference(wanted, rate, 0.0), DT
-        )
-    )
+    state = AdaptiveState(integral, beta, bound, before, 0.0, 0.0)
+    after, command = law.step(state, Sample(joint, 0.0), Reference(wanted, rate, 0.0), DT)
     close: Any = {"rel": 1e-10, "abs": 1e-10}
     assert command == pytest.approx(beta * phi - 10.0 * s, **close)
     assert (after.slope_inverse - beta) / DT == pytest.approx(-2.0 * phi * s - 2.0 * 0.005 * beta, rel=1e-8, abs=1e-6)

@@ -1,0 +1,227 @@
+"""The closed loop: against python-control where it is linear, and exact about delay, seeds, sheath and failure."""
+
+import json
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.adaptive import AdaptiveState
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled, kernel
+from bowden.core.signals import Reference, Sample
+from bowden.core.trace import Trace
+from bowden.core.units import RADIANS
+from bowden.models.bouc_wen import BoucWen, advance, joint_angle
+from bowden.models.encoder import Encoder
+from bowden.models.servo import Servo
+from bowden.models.sheath import Sheath
+from bowden.sim.closed_loop import simulate
+from bowden.sim.plant import PAPER_ENCODER, Bench
+from bowden.sim.scenario import constant_bend, scripted_bend
+
+STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
+SLOPE, BETA, BOUND = 0.938, 1.0 / 0.938, 0.05
+LINEAR = BoucWen(slope=SLOPE, hysteresis_gain=0.0)
+NOISY = Bench(joint_encoder=PAPER_ENCODER, motor_encoder=PAPER_ENCODER)
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A jump to `height`, a ramp, and a wave."""
+
+    height: float = 0.1
+
+    def sample(self, time: np.ndarray) -> np.ndarray:
+        position = self.height * (time > 0.0) + 0.2 * time + 0.1 * np.sin(3.0 * time)
+        return np.stack((position, 0.2 + 0.3 * np.cos(3.0 * time), -0.9 * np.sin(3.0 * time)), axis=1)
+
+    def describe(self) -> dict[str, Any]:
+        return {"kind": "steps", "height": self.height}
+
+
+@kernel
+def start_at_the_truth(gains: Any, sample: Any) -> AdaptiveState:
+    """β̂ and D̂m where they are to be frozen."""
+    return AdaptiveState(0.0, 1.0 / 0.938, 0.05, sample.joint, 0.0, 0.0)
+
+
+def frozen(**gains: float) -> Any:
+    """The adaptive law with its estimates frozen and tanh as good as linear."""
+    changes = {"slope_adaptation": 0.0, "bound_adaptation": 0.0, "smoothing": 1000.0} | gains
+    return replace(LAWS["adaptive"].with_gains(**changes), start_kernel=start_at_the_truth)
+
+
+def linear_oracle(bench: Bench, gains: Any, references: np.ndarray) -> np.ndarray:
+    """Joint angles of the same loop put together from python-control's parts.
+
+    From the reference the law sees v = β̂·φd + β̂·λ·dφd/dt + PI(φd); from the joint −C(z), the PID; the plant is the held
+    servo behind its delay.
+    """
+    dt = bench.sample_time
+    omega, zeta = bench.servo.natural_frequency, bench.servo.damping
+    servo = control.ss([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]], [[0.0], [omega**2]], [[SLOPE, 0.0]], 0)
+    plant = control.sample_system(servo, dt, method="zoh")
+    one_cycle = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], dt)
+    for _ in range(bench.delay):
+        plant = plant * one_cycle
+    total = control.ss([[1.0]], [[dt]], [[1.0]], [[dt]], dt)  # Σ e·dt, this sample's included
+    pole = gains.derivative_time / (gains.derivative_time + dt)
+    gain = (1.0 - pole) / dt
+    derivative = control.ss([[pole]], [[1.0]], [[gain * (pole - 1.0)]], [[gain]], dt)
+    stiffness = gains.feedback_gain + BETA * BOUND / gains.smoothing
+    pi = stiffness * (gains.error_gain + total)
+    time = np.arange(len(references)) * dt
+    ahead = BETA * references[:, 0] + BETA * gains.error_gain * references[:, 1]
+    ahead = ahead + control.forced_response(pi, time, references[:, 0]).outputs
+    loop = control.feedback(plant, pi + BETA * gains.error_gain * derivative)
+    return np.asarray(control.forced_response(loop, time, ahead).outputs)
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5])
+@pytest.mark.parametrize("damping", [0.6, 1.0, 1.5])
+@pytest.mark.parametrize("derivative_time", [0.0, 0.005])
+def test_linear_loop_against_python_control(delay: int, damping: float, derivative_time: float) -> None:
+    law = frozen(error_gain=0.05, feedback_gain=15.0, derivative_time=derivative_time, smoothing=100.0)
+    bench = Bench(cable=LINEAR, servo=Servo(30.0, damping), delay=delay)
+    trace = simulate(bench, law, Steps(), duration=2.0)
+    expected = linear_oracle(bench, law.gains, Steps().sample(trace.time))
+    assert trace.stable
+    assert np.ptp(trace["joint"]) > 0.3
+    np.testing.assert_allclose(trace["joint"], expected, atol=1e-9)
+
+
+def test_linear_loop_without_delay_against_python_control() -> None:
+    """A command that acts in its own cycle is the plant without z⁻¹ beside the hold."""
+    bench, law = Bench(cable=LINEAR, delay=0), frozen(error_gain=0.1, feedback_gain=12.0)
+    trace = simulate(bench, law, Steps(), duration=2.0)
+    np.testing.assert_allclose(trace["joint"], linear_oracle(bench, law.gains, Steps().sample(trace.time)), atol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [1, 2, 7])
+def test_a_command_arrives_exactly_delay_cycles_later(delay: int) -> None:
+    prompt, late = (
+        simulate(Bench(delay=d), LAWS["uncompensated"], Steps(), duration=1.0, initial_motor=0.1) for d in (0, delay)
+    )
+    assert late["command"].tolist() == prompt["command"].tolist()
+    assert late["motor"][: delay + 1].tolist() == [0.1] * (delay + 1)
+    assert late["motor"][delay:].tolist() == prompt["motor"][:-delay].tolist()
+    assert late["joint"][delay:].tolist() == prompt["joint"][:-delay].tolist()
+
+
+@pytest.mark.parametrize("name", ["uncompensated", "observer", "adaptive"])
+def test_the_compiled_loop_runs_the_interpreted_law(name: str) -> None:
+    """Fed the trace's measurements, the plain law gives the trace's commands and states, bit for bit."""
+    law = LAWS[name]
+    trace = simulate(NOISY, law, STROKE, duration=3.0, seed=4)
+    measured = np.stack((trace["joint_measured"], trace["motor_measured"]), axis=1).tolist()
+    references = STROKE.sample(trace.time).tolist()
+    state = law.start(Sample(*measured[0]))
+    for k, (sample, reference) in enumerate(zip(measured, references, strict=True)):
+        state, command = law.step(state, Sample(*sample), Reference(*reference), 1e-3)
+        assert command == trace["command"][k]
+        assert all(value == trace[f"law.{field}"][k] for field, value in state._asdict().items())
+
+
+def test_the_same_seed_gives_the_same_run() -> None:
+    first, again, other = (simulate(NOISY, LAWS["adaptive"], STROKE, duration=2.0, seed=seed) for seed in (1, 1, 2))
+    assert first.seed == 1
+    for name in first.columns:
+        np.testing.assert_array_equal(first[name], again[name])
+    assert (first["joint"] != other["joint"]).any()
+
+
+def test_encoders_show_counts_of_the_true_angles() -> None:
+    trace = simulate(NOISY, LAWS["observer"], STROKE, duration=3.0)
+    for name in ("joint", "motor"):
+        error = trace[f"{name}_measured"] - trace[name]
+        expected = math.sqrt(PAPER_ENCODER.noise**2 + PAPER_ENCODER.resolution**2 / 12.0)
+        assert error.std() == pytest.approx(expected, rel=0.05)
+    ideal = simulate(Bench(), LAWS["observer"], STROKE, duration=1.0)
+    assert ideal["joint_measured"].tolist() == ideal["joint"].tolist()
+
+
+@pytest.mark.parametrize("name", ["uncompensated", "observer", "adaptive"])
+def test_four_times_as_many_sub_steps_change_little(name: str) -> None:
+    coarse, fine = (simulate(Bench(substeps=n), LAWS[name], STROKE, duration=20.0) for n in (10, 40))
+    rmse = float(np.sqrt(np.mean(coarse.error**2)))
+    assert np.abs(coarse["joint"] - fine["joint"]).max() < 0.01 * rmse
+
+
+def test_a_still_sheath_is_bouc_wen_alone() -> None:
+    """With one sub-step a cycle the motor's samples are its whole path; the joint follows from them."""
+    cable, move = BoucWen(offset=0.05), compiled(advance)
+    bench = Bench(cable=cable, substeps=1)
+    trace = simulate(bench, LAWS["adaptive"], STROKE, duration=12.0, bend=constant_bend(bench.sheath.bend))
+    h, joints = 0.0, []
+    for travel, motor in zip(np.diff(trace["motor"], prepend=0.0).tolist(), trace["motor"].tolist(), strict=True):
+        h = move(h, travel, cable)
+        joints.append(joint_angle(motor, h, cable))
+    np.testing.assert_allclose(trace["joint"], joints, atol=1e-9)
+    assert (trace["width"] == 1.0).all()
+    assert (trace["slope"] == cable.slope).all()
+
+
+def test_a_moved_sheath_does_not_make_the_joint_jump() -> None:
+    """Fig. 15: twice the bend gives twice the dead zone and less motion; the joint's path has no corner."""
+    bench = Bench(sheath=Sheath(bend=2.0, loss=0.2))
+    moved = simulate(bench, LAWS["uncompensated"], STROKE, duration=40.0, bend=scripted_bend([10.0, 20.0], [2.0, 4.0]))
+    still = simulate(bench, LAWS["uncompensated"], STROKE, duration=40.0)
+    before, after = moved.time < 10.0, moved.time > 30.0
+    assert moved["joint"][before].tolist() == still["joint"][before].tolist()
+    assert (moved["width"][0], moved["width"][-1]) == (1.0, 2.0)
+    assert moved["slope"][-1] == pytest.approx(0.8 * still["slope"][-1])
+    assert np.ptp(moved["joint"][after]) < 0.85 * np.ptp(still["joint"][after])
+    fastest = np.abs(np.diff(still["joint"])).max()
+    assert np.abs(np.diff(moved["joint"])).max() < 1.2 * fastest
+
+
+def test_a_run_that_ran_away_says_so() -> None:
+    """Erratum 7: the printed gains at 1 kHz around the bench's servo."""
+    trace = simulate(Bench(), LAWS["adaptive"].preset("paper"), STROKE, duration=30.0)
+    assert not trace.stable
+    finite = np.isfinite(trace["joint"])
+    last = int(np.argmin(finite))
+    assert 0 < last < len(trace)
+    assert finite[:last].all()
+    assert not finite[last:].any()
+    assert np.isfinite(trace.time).all()
+    assert set(vars(trace.metrics()).values()) == {None}
+
+
+def test_a_trace_knows_what_made_it() -> None:
+    bench = Bench(servo=Servo(damping=0.9), joint_encoder=Encoder(1e-3))
+    trace: Trace = simulate(bench, LAWS["adaptive"], STROKE, duration=1.0)
+    settings = json.loads(json.dumps(dict(trace.settings), allow_nan=True))
+    assert settings["law"] == "adaptive"
+    assert settings["gains"] == LAWS["adaptive"].gains._asdict()
+    assert settings["reference"] == STROKE.describe()
+    assert settings["plant"]["servo"]["damping"] == 0.9
+    assert settings["sample_time"] == 1e-3
+    assert len(trace) == 1000
+    np.testing.assert_allclose(np.diff(trace.time), 1e-3)
+    assert {"reference", "joint", "motor", "command", "current", "law.slope_inverse"} <= set(trace.columns)
+    assert set(trace.units) == set(trace.columns)
+
+
+@pytest.mark.parametrize(
+    ("bench", "duration"),
+    [
+        (Bench(), 0.0),
+        (Bench(), math.nan),
+        (Bench(), math.inf),
+        (Bench(sample_time=0.0), 1.0),
+        (Bench(sample_time=-1e-3), 1.0),
+        (Bench(delay=-1), 1.0),
+        (Bench(substeps=0), 1.0),
+        (Bench(servo=Servo(natural_frequency=-1.0)), 1.0),
+    ],
+)
+def test_absurd_runs_are_refused(bench: Bench, duration: float) -> None:
+    with pytest.raises(ParameterError, match="expected"):
+        simulate(bench, LAWS["uncompensated"], STROKE, duration=duration)
