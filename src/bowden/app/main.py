@@ -57,14 +57,19 @@ _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.callback()
-def _bowden(
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
-) -> None:
-    """From a cable's log to a compensated cable: models, identification, control laws, simulation."""
-    if version:
+def _print_version(wanted: bool) -> None:
+    if wanted:
         print(f"bowden {__version__}")
         raise typer.Exit
+
+
+@app.callback()
+def _bowden(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
+    ] = False,
+) -> None:
+    """From a cable's log to a compensated cable: models, identification, control laws, simulation."""
 
 
 def _register() -> None:

@@ -175,7 +175,7 @@ def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -
 def _check_number(value: Any, what: str, where: str, *, whole: bool = False) -> None:
     """A finite float, or an int where `whole` allows it: a state that begins as an int would not compile."""
     if not (isinstance(value, float) or (whole and type(value) is int)):
-        raise ParameterError(f"{where}: {what} is {value!r}, a {type(value).__name__}", expected="a float, such as 0.0")
+        raise ParameterError(f"{where}: {what} is {value!r} ({type(value).__name__})", expected="a float, such as 0.0")
     if not math.isfinite(value):
         raise ParameterError(f"{where}: {what} is {value}", expected="a finite number")
 

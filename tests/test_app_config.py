@@ -1,0 +1,156 @@
+"""rig.toml: what is written is what is meant, and every mistake gets one line that helps."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from bowden.app import compose
+from bowden.app.config import read_rig
+from bowden.app.rig_page import json_schema, markdown, toml_text
+from bowden.app.rig_schema import BENDS, REFERENCES, Rig
+from bowden.control import LAWS
+from bowden.core.errors import ParameterError
+from bowden.paper.bench import default_bench, minimum_jerk
+
+ROOT = Path(__file__).parents[1]
+
+
+def rig(folder: Path, text: str) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_commented_default_says_what_an_empty_file_says() -> None:
+    table = tomllib.loads(toml_text())
+    assert Rig.model_validate(table) == Rig()
+    assert set(table) == set(Rig.model_fields)
+
+
+def numbers(value: Any) -> list[float]:
+    """Every number in nested NamedTuples, in order."""
+    return [number for part in value for number in numbers(part)] if isinstance(value, tuple) else [value]
+
+
+def test_the_default_rig_is_the_papers_bench(tmp_path: Path) -> None:
+    setup, _ = compose.setup(rig(tmp_path, toml_text()))
+    assert numbers(setup.bench) == pytest.approx(numbers(default_bench()), rel=4e-16, abs=0.0)  # degrees and back
+    assert setup.reference == minimum_jerk()
+    assert not setup.notes
+
+
+def test_every_commented_alternative_is_right_when_it_is_uncommented() -> None:
+    text = toml_text()
+    blocks = text.split("# Or, in place of that:\n")[1:]
+    assert len(blocks) == len(REFERENCES) + len(BENDS) - 2
+    for block in blocks:
+        lines = block.split("\n\n")[0].splitlines()
+        Rig.model_validate(tomllib.loads("\n".join(line.removeprefix("# ") for line in lines)))
+    gains = text.split("# [control.gains]\n")[1].split("\n\n")[0]
+    given = tomllib.loads("\n".join(line.removeprefix("# ") for line in gains.splitlines()))
+    assert given == LAWS["adaptive"].gains._asdict()
+
+
+@pytest.mark.parametrize(("name", "text"), [("rig.md", markdown()), ("json/rig.schema.json", json_schema())])
+def test_the_written_documentation_is_up_to_date(name: str, text: str) -> None:
+    assert (ROOT / "docs" / name).read_text(encoding="utf-8") == text, "run: make docs"
+
+
+def test_the_schema_takes_the_default_and_refuses_an_unknown_key() -> None:
+    schema = json.loads(json_schema())
+    table = tomllib.loads(toml_text())
+    jsonschema.validate(table, schema)
+    table["servo"]["dampng"] = 1.0
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(table, schema)
+
+
+@pytest.mark.parametrize("example", sorted((ROOT / "examples").glob("*.toml")), ids=lambda path: path.name)
+def test_the_examples_are_right(example: Path) -> None:
+    compose.setup(example)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[servo]\ndampng = 1", "unknown key 'dampng' in [servo]; expected damping (did you mean this?)"),
+        ("[encoder.joint]\nnois_deg = 1", "unknown key 'nois_deg' in [encoder.joint]; expected noise_deg (did you"),
+        ("[servos]\ndamping = 1", "unknown key or section 'servos'; expected servo (did you mean this?)"),
+        ("[servo]\ndamping = -1", "servo.damping is -1; expected a number above 0"),
+        ("[servo]\ndamping = 1e9", "servo.damping is 1000000000.0; expected a number not above 20"),
+        ("[servo]\ndamping = nan", "servo.damping is nan; expected a finite number"),
+        ("[servo]\ndamping = inf", "servo.damping is inf; expected a finite number"),
+        ("[servo]\ndamping = '1'", "servo.damping is '1'; expected a number"),
+        ("[servo]\ndamping = true", "servo.damping is true; expected a number"),
+        ("servo = 3", "servo is 3; expected a section"),
+        ("[bench]\nsubsteps = 1.5", "bench.substeps is 1.5; expected a whole number"),
+        ("[cable]\nslope = 0.0", "[cable] slope is 0; expected a number above or below 0"),
+        ("[cable]\nmodel = 'm.toml'\nslope = 1.0", "[cable] has a model and its own slope; expected one or the other"),
+        ("[cable]\nmodel = 'none.toml'", "none.toml: no such file"),
+        ("[reference]\nlow_deg = 1", "reference.kind is missing; expected periodic_minimum_jerk, point_to_point"),
+        ("[reference]\nkind = 'chrip'", "reference.kind is 'chrip'; expected chirp (did you mean this?)"),
+        ("[reference]\nkind = 'chirp'\nend = 3", "unknown key 'end' in [reference]; expected end_hz (did you mean"),
+        ("[reference]\nkind = 'recorded'", "reference.file is missing; add it"),
+        ("[reference]\nkind = 'multisine'\nfrequencies_hz = []", "frequencies_hz is []; expected at least 1"),
+        ("[reference]\nkind = 'multisine'\nphases_deg = [1]", "multisine: lists of different lengths"),
+        ("[scenario.bend]\nkind = 'scripted'\nbends_deg = [1, -2]", "scenario.bend.bends_deg.1 is -2; expected a numb"),
+        ("[scenario]\nduration_s = 1e-9", "expected a duration that makes 2 to 10000000"),
+        ("[scenario]\nseed = -1", "scenario.seed is -1; expected a number not below 0"),
+        ("[servo\n", "is not TOML"),
+    ],
+)
+def test_a_mistake_gets_one_line_that_helps(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        compose.setup(rig(tmp_path, text))
+    assert said in str(caught.value)
+    assert "rig.toml" in str(caught.value) or "run of" in str(caught.value) or "multisine" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_no_text_or_no_file(tmp_path: Path) -> None:
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
+    for path, said in (
+        (tmp_path / "binary.toml", "not text"),
+        (tmp_path, "directory"),
+        (tmp_path / "x", "bowden init"),
+    ):
+        with pytest.raises(ParameterError, match=said):
+            read_rig(path)
+
+
+def test_gains_come_from_the_rig_the_preset_and_the_cable_in_that_order(tmp_path: Path) -> None:
+    text = "[cable]\nslope = 0.8\n[control]\nlaw = 'observer'\n[control.gains]\nrate = 7.0\n"
+    setup, description = compose.setup(rig(tmp_path, text))
+    observer = compose.law_for("observer", description, setup.bench, tmp_path)
+    assert (observer.gains.slope, observer.gains.rate) == (0.8, 7.0)
+    adaptive = compose.law_for("adaptive", description, setup.bench, tmp_path, "paper")
+    assert adaptive.gains == LAWS["adaptive"].presets["paper"]
+
+
+@pytest.mark.parametrize(
+    ("law", "text", "said"),
+    [
+        ("adaptiv", "", "there is no law 'adaptiv'; expected adaptive (did you mean this?)"),
+        ("observer", "[control]\npreset = 'paper'\nlaw = 'observer'", "law 'observer' has no preset 'paper'"),
+        ("adaptive", "[control.gains]\nerrorgain = 1.0", "no gain 'errorgain'"),
+        ("adaptive", "[control.gains]\nerror_gain = -1.0", "gain error_gain of law 'adaptive' is -1"),
+    ],
+)
+def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, text: str, said: str) -> None:
+    setup, description = compose.setup(rig(tmp_path, text))
+    with pytest.raises(ParameterError) as caught:
+        compose.law_for(law, description, setup.bench, tmp_path)
+    assert said in str(caught.value)
+
+
+def test_a_cable_that_runs_the_other_way_is_counted_the_other_way(tmp_path: Path) -> None:
+    text = "[cable]\nslope = {}0.9\nhysteresis_gain_rad = {}0.1\n[scenario]\ninitial_motor_deg = {}5.0"
+    plus, _ = compose.setup(rig(tmp_path, text.format("", "-", "")))
+    minus, _ = compose.setup(rig(tmp_path, text.format("-", "", "-")))
+    assert minus.bench == plus.bench
+    assert minus.initial_motor == plus.initial_motor
+    assert "other way" in minus.notes[0]

@@ -1,0 +1,194 @@
+"""The command line: what it prints, what it writes, and that a failure is one line, code 2 and nothing written."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from bowden import __version__
+from bowden.app import init_command, main, rig_page
+from bowden.core.trace import Trace
+
+ROOT = Path(__file__).parents[1]
+SHORT = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 4.0\n[scenario]\nduration_s = 8.0\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty current folder with a short rig in it."""
+    monkeypatch.chdir(tmp_path)
+    Path("rig.toml").write_text(SHORT)
+    return tmp_path
+
+
+def check(document: str, schema: str) -> Any:
+    parsed = json.loads(document)
+    jsonschema.validate(parsed, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    return parsed
+
+
+def test_simulate_prints_one_document_and_writes_what_it_names(capsys: pytest.CaptureFixture[str]) -> None:
+    names = ("uncompensated", "observer", "adaptive")
+    laws = [part for name in names for part in ("--law", name)]
+    assert main.run(["simulate", "rig.toml", *laws, "--csv", "--json", "--out", "deep/er"]) == 0
+    document = check(capsys.readouterr().out, "simulate")
+    assert [run["law"] for run in document["runs"]] == list(names)
+    assert document["runs"][0]["rmse_deg"] > 3.0 * document["runs"][2]["rmse_deg"]
+    assert document["runs"][0]["rmse_after_10s_deg"] is None
+    written = sorted(str(path) for path in Path("deep/er").iterdir())
+    assert sorted(document["files"]) == written
+    trace = Trace.from_parquet("deep/er/adaptive.parquet")
+    assert len(trace) == 8000
+    assert Trace.from_csv("deep/er/adaptive.csv").columns.keys() == trace.columns.keys()
+    assert trace.metrics().rmse_deg == document["runs"][2]["rmse_deg"]
+    assert "adaptive" in Path("deep/er/simulate.html").read_text()
+
+
+def test_an_unstable_run_is_a_result_with_nulls(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["simulate", "rig.toml", "--preset", "paper", "--json"]) == 0
+    (run,) = check(capsys.readouterr().out, "simulate")["runs"]
+    assert run.pop("law") == "adaptive"
+    assert run.pop("stable") is False
+    assert set(run.values()) == {None}
+
+
+def test_simulate_prints_a_table_and_tells_laws_of_one_name_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    own = str(ROOT / "examples" / "my_law.py")
+    assert main.run(["simulate", "rig.toml", "--law", own, "--law", own, "--duration", "2", "--seed", "7"]) == 0
+    printed = capsys.readouterr()
+    assert "my_law-2" in printed.out
+    assert "out/simulate/simulate.html" in printed.out.replace("\\", "/")
+    assert printed.err == ""
+    assert Trace.from_parquet("out/simulate/my_law-2.parquet").seed == 7
+
+
+def test_a_rig_finds_its_own_law_beside_itself(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "rigs").mkdir()
+    (folder / "rigs" / "law.py").write_text((ROOT / "examples" / "my_law.py").read_text())
+    text = SHORT + "[control]\nlaw = 'law.py'\n[control.gains]\nintegral_gain = 0.0\n"
+    (folder / "rigs" / "rig.toml").write_text(text)
+    assert main.run(["simulate", "rigs/rig.toml", "--duration", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["runs"][0]["law"] == "law"
+    assert Trace.from_parquet("out/simulate/law.parquet").settings["gains"]["integral_gain"] == 0.0
+
+
+def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["init", "new.toml", "--json"]) == 0
+    assert check(capsys.readouterr().out, "init")["files"] == ["new.toml"]
+    assert Path("new.toml").read_text(encoding="utf-8") == rig_page.toml_text("new.toml")
+    assert main.run(["init"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert Path("rig.toml").read_text() == SHORT
+    assert main.run(["init", "--force"]) == 0
+    assert "bowden simulate rig.toml" in capsys.readouterr().out
+    assert Path("rig.toml").read_text(encoding="utf-8") == rig_page.toml_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["simulate", "none.toml"], "cannot read none.toml: no such file or directory; write one with: bowden init"),
+        (["simulate", "rig.toml", "--law", "adaptve"], "there is no law 'adaptve'; expected adaptive (did you mean"),
+        (["simulate", "rig.toml", "--law", "none.py"], "none.py: no such file"),
+        (
+            ["simulate", "rig.toml", "--preset", "papier"],
+            "law 'adaptive' has no preset 'papier'; expected one of paper",
+        ),
+        (["simulate", "rig.toml", "--law", "observer", "--preset", "paper"], "law 'observer' has no preset 'paper'"),
+        (["simulate", "rig.toml", "--duration", "-3"], "a run of -3 s has 0 cycles"),
+        (["simulate", "rig.toml", "--duration", "nan"], "a run of nan s"),
+        (["simulate", "rig.toml", "--duration", "1e9"], "expected a duration that makes 2 to 10000000"),
+        (["simulate", "rig.toml", "--seed", "-1"], "the seed is -1"),
+        (["simulate", "rig.toml", "--duration", "long"], "Invalid value for '--duration'"),
+        (["simulate", "rig.toml", "--out", "rig.toml"], "rig.toml is not a folder; choose another one with --out"),
+        (["simulate", "rig.toml", "--out", "rig.toml/deep"], "rig.toml is not a folder; choose another one with --out"),
+        (["simulate", "rig.toml", "--laws", "adaptive"], "--laws"),
+        (["simulate"], "see bowden simulate --help"),
+        (["init", "none/rig.toml"], "cannot write none/rig.toml: No such file or directory"),
+        (["init", "."], "is a folder; name the file: rig.toml"),
+        (["simulat"], "simulat"),
+        ([], "see bowden --help"),
+    ],
+)
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_failure_is_one_line_code_2_and_nothing_written(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str, as_json: bool
+) -> None:
+    assert main.run([*arguments, "--json"] if as_json and arguments else arguments) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert said in printed.err.replace("\\", "/")
+    assert printed.err.startswith("bowden: ")
+    assert printed.err.count("\n") == 1
+    assert [path.name for path in folder.iterdir()] == ["rig.toml"]
+
+
+def test_an_interruption_is_code_130_and_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: Any) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rig_page, "toml_text", interrupted)
+    assert main.run(["init", "new.toml"]) == 130
+    assert capsys.readouterr().err == "bowden: interrupted\n"
+    assert not Path("new.toml").exists()
+    assert not Path("new.toml.part").exists()
+
+
+def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(init_command, "seconds", lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        main.run(["init", "new.toml", "--json"])
+
+
+def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The installed command, in a process of its own."""
+    return subprocess.run([Path(sys.executable).with_name("bowden"), *arguments], capture_output=True, text=True)
+
+
+def test_help_answers_at_once_and_loads_nothing_heavy() -> None:
+    command("--help")  # the first one may have to write bytecode
+    times = []
+    for _ in range(5):
+        before = time.perf_counter()
+        done = command("--help")
+        times.append(time.perf_counter() - before)
+    assert done.returncode == 0
+    assert all(name in done.stdout for name in main._COMMANDS)
+    assert min(times) < 0.3
+    heavy = ["numpy", "numba", "scipy", "matplotlib", "pyarrow", "pydantic", "rich", "jinja2"]
+    code = f"import sys, bowden.app.main; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("name", ["init", "identify", "simulate", "reproduce"])
+def test_every_command_has_help_with_examples(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run([name, "--help"]) == 0
+    printed = capsys.readouterr().out
+    assert f"  bowden {name}" in printed.split("Examples:")[1]
+    assert "--json" in printed
+
+
+def test_the_installed_command(folder: Path) -> None:
+    done = command("--version")
+    assert (done.returncode, done.stdout) == (0, f"bowden {__version__}\n")
+    done = command("simulate", "none.toml", "--json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    done = command("init", "new.toml")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="nothing is read-only for root")
+def test_a_read_only_folder_is_refused_before_anything_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "locked").mkdir(mode=0o500)
+    assert main.run(["simulate", "rig.toml", "--out", "locked/deep"]) == 2
+    assert "locked is read-only" in capsys.readouterr().err

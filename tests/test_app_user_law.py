@@ -1,0 +1,151 @@
+"""A law from a user's own file: it runs beside the built-in ones, and what is wrong with it is said in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS, user_law
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.paper.bench import default_bench
+from bowden.sim.closed_loop import simulate
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "my_law.py"
+SOURCE = EXAMPLE.read_text()
+RETURN = "return State(integral), command"
+
+
+def test_the_example_law_follows_better_than_no_compensation() -> None:
+    law = user_law.load(str(EXAMPLE))
+    assert law.name == "my_law"
+    motion = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 4.0)
+    own, none = (simulate(default_bench(), one, motion, duration=8.0) for one in (law, LAWS["uncompensated"]))
+    assert own.stable
+    assert np.sqrt(np.mean(own.error**2)) < 0.2 * np.sqrt(np.mean(none.error**2))
+    assert own["law.integral"][-1] != 0.0
+
+
+def test_an_edited_law_is_not_met_by_its_old_code(tmp_path: Path) -> None:
+    """Same file, same name, same length and the same second: only the content tells."""
+    path = tmp_path / "law.py"
+    motion = PeriodicMinimumJerk(0.0, 1.0, 1.0)
+    for sign in ("+", "-"):
+        path.write_text(SOURCE.replace("command = reference", f"command = {sign}1.0 + reference"))
+        trace = simulate(default_bench(), user_law.load(str(path)), motion, duration=0.1)
+        assert np.sign(trace["command"][0]) == float(f"{sign}1")
+
+
+def test_a_law_object_is_found_by_its_name_or_alone(tmp_path: Path) -> None:
+    source = "from bowden.control import LAWS\nSOFT = LAWS['adaptive'].with_gains(feedback_gain=5.0)\n"
+    (tmp_path / "one.py").write_text(source)
+    (tmp_path / "two.py").write_text(source + "HARD = LAWS['adaptive'].with_gains(feedback_gain=30.0)\n")
+    for name, gain in (("one.py", 5.0), ("one.py:SOFT", 5.0), ("two.py:HARD", 30.0)):
+        assert user_law.load(name, tmp_path).gains.feedback_gain == gain
+    with pytest.raises(ParameterError, match=r"the laws SOFT, HARD; .*say which: two.py:NAME"):
+        user_law.load("two.py", tmp_path)
+    with pytest.raises(ParameterError, match="has no 'WEAK'; expected one of SOFT, HARD"):
+        user_law.load("two.py:WEAK", tmp_path)
+    with pytest.raises(ParameterError, match=r"LAWS in .*two\.py is a dict; expected a Law"):
+        user_law.load("two.py:LAWS", tmp_path)
+
+
+def line_of(source: str, part: str) -> int:
+    return source[: source.index(part)].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "at", "said"),
+    [
+        ("return State(0.0)", "return State(0.0", "return State(0.0", "was never closed"),
+        ("return State(0.0)", "return State(0)", "@kernel\ndef start", "integral in the state from start is 0 (int)"),
+        ("return State(0.0)", "return 0.0", "@kernel\ndef start", "the state from start is a float; expected a NamedT"),
+        (RETURN, "return command", "@kernel\ndef step", "step returns"),
+        (
+            RETURN,
+            "return (integral,), command",
+            "@kernel\ndef step",
+            "the state from step is a tuple; expected a State",
+        ),
+        (RETURN, f"{RETURN} * float('nan')", "@kernel\ndef step", "the command is nan; expected a finite number"),
+        (RETURN, "return State(float('inf')), command", "@kernel\ndef step", "integral in the state from step is inf"),
+        ("@kernel\ndef step", "def step", "def step", "not a kernel; put @kernel"),
+        ("ahead = 0.5", "ahead = gains.nothing", "ahead = gains.nothing", "AttributeError: 'Gains' object has no"),
+        ("gains.blend)", "0.0)", "ahead = 0.5", "ZeroDivisionError"),
+        ("from typing", "import nothing_of_that_name\nfrom typing", "import nothing", "ModuleNotFoundError"),
+    ],
+)
+def test_what_is_wrong_is_said_with_file_and_line(tmp_path: Path, old: str, new: str, at: str, said: str) -> None:
+    source = SOURCE.replace(old, new)
+    assert source != SOURCE
+    path = tmp_path / "law.py"
+    path.write_text(source)
+    with pytest.raises(ParameterError) as caught:
+        user_law.load(str(path))
+    assert said in str(caught.value)
+    assert f"{path}, line {line_of(source, at)}:" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("", "no Law and no Gains, start, step"),
+        (SOURCE.replace("def step", "def move"), "no Law and no step"),
+        (
+            SOURCE.replace("slope: float = 0.938", "slope: float")
+            .replace("= 0.09", "")
+            .replace("= 0.02", "")
+            .replace("= 5.0", ""),
+            "TypeError",
+        ),
+        (SOURCE.replace("= 0.938", "= 'much'"), "slope in gains is 'much' (str); expected a float"),
+    ],
+)
+def test_what_is_missing_is_said(tmp_path: Path, source: str, said: str) -> None:
+    (tmp_path / "law.py").write_text(source)
+    with pytest.raises(ParameterError, match=r"law\.py") as caught:
+        user_law.load("law.py", tmp_path)
+    assert said in str(caught.value)
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="no such file"):
+        user_law.load("nothing.py:LAW", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "at", "said"),
+    [
+        ("ahead = 0.5", "ahead = helper(0.5)", "ahead = helper", "Untyped global name 'helper'"),
+        ("ahead = 0.5", "ahead = len(str([1, '', {}])) * 0.0 + 0.5", "ahead = len", "the law 'law' cannot be compiled"),
+    ],
+)
+def test_what_does_not_compile_is_said_with_file_and_line(
+    tmp_path: Path, old: str, new: str, at: str, said: str
+) -> None:
+    helper = "def helper(x: float) -> float:\n    return x\n\n\n@kernel\ndef start"
+    source = SOURCE.replace("@kernel\ndef start", helper).replace(old, new)
+    path = tmp_path / "law.py"
+    path.write_text(source)
+    law = user_law.load(str(path))
+    with pytest.raises(ParameterError) as caught, user_law.explained(law):
+        simulate(default_bench(), law, PeriodicMinimumJerk(0.0, 1.0, 1.0), duration=0.1)
+    assert said in str(caught.value)
+    assert f"{path}, line {line_of(source, at)}:" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_failures_that_are_not_the_compilers_pass_through() -> None:
+    with pytest.raises(ZeroDivisionError), user_law.explained(LAWS["adaptive"]):
+        raise ZeroDivisionError
+
+
+def test_names_of_laws_and_of_files_are_told_apart() -> None:
+    assert [user_law.is_file(name) for name in ("adaptive", "law.py", "a/law.py:MINE", "C:\\a\\law.py:MINE")] == [
+        False,
+        True,
+        True,
+        True,
+    ]

@@ -1,0 +1,175 @@
+"""The rules of the house that no other tool checks: layers, sizes, the portable subset, and no one's own paths."""
+
+import ast
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "bowden"
+
+FLOORS = [
+    ["core"],
+    ["models"],
+    ["sensing", "safety"],
+    ["control"],
+    ["sim", "identify", "export"],
+    ["design", "runtime"],
+    ["hardware"],
+    ["report"],
+    ["paper"],
+    ["app"],
+]
+"""From the ground up; a room imports from itself and from floors below its own."""
+
+FLOOR_OF = {room: i for i, rooms in enumerate(FLOORS) for room in rooms}
+
+PORTABLE_ROOMS = ("sensing", "safety", "control")
+"""Whose kernels must run interpreted, compiled and exported."""
+
+FORBIDDEN_CALLS = {"np.where", "np.clip", "np.round", "np.isnan", "min", "max", "round"}
+
+
+def modules() -> list[Path]:
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def room_of(path: Path) -> str | None:
+    """The room that a module stands in; None for the package's own ``__init__``."""
+    parts = path.relative_to(PACKAGE).parts
+    return parts[0] if len(parts) > 1 else None
+
+
+def imported_rooms(source: str, path: Path) -> Iterator[tuple[int, str]]:
+    """Line and room of every import of the package, those inside functions and type checks too."""
+    for node in ast.walk(ast.parse(source)):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names = [node.module or ""] + [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            raise AssertionError(f"{path}:{node.lineno}: write imports in full, so that their floor can be seen")
+        for name in names:
+            parts = name.split(".")
+            if parts[0] == "bowden" and len(parts) > 1 and parts[1] in FLOOR_OF:
+                yield node.lineno, parts[1]
+
+
+def wrong_imports(source: str, path: Path, room: str) -> list[str]:
+    return [
+        f"{path}:{line}: {room} imports {other}"
+        for line, other in imported_rooms(source, path)
+        if other != room and FLOOR_OF[other] >= FLOOR_OF[room]
+    ]
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_down(path: Path) -> None:
+    room = room_of(path)
+    if room is None:
+        assert not list(imported_rooms(path.read_text(), path)), "the package itself imports nothing of its rooms"
+        return
+    assert room in FLOOR_OF, f"{room} has no floor; give it one in DESIGN and here"
+    assert not wrong_imports(path.read_text(), path, room)
+
+
+@pytest.mark.parametrize(
+    ("source", "wrong"),
+    [
+        ("from bowden.core import kernel", False),
+        ("from bowden.control.law import Law", False),
+        ("from bowden.app import main", True),
+        ("import bowden.report.page", True),
+        ("from bowden import identify", True),
+        ("def f():\n    from bowden.identify.log import read", True),
+    ],
+)
+def test_the_import_test_sees_what_it_should(source: str, wrong: bool) -> None:
+    assert bool(wrong_imports(source, Path("sim/x.py"), "sim")) is wrong
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_files_are_short(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= 300
+
+
+def portable_faults(source: str) -> list[str]:
+    """What the kernels of a source file take from outside the portable subset, with the line."""
+    faults = []
+    for function in ast.walk(ast.parse(source)):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        if not any(isinstance(mark, ast.Name) and mark.id == "kernel" for mark in function.decorator_list):
+            continue
+        for node in ast.walk(function):
+            said = None
+            if isinstance(node, ast.If | ast.IfExp | ast.While | ast.BoolOp | ast.Match | ast.Try | ast.With):
+                said = type(node).__name__
+            elif isinstance(node, ast.Not):
+                said = "not"
+            elif isinstance(node, ast.Compare) and len(node.ops) > 1:
+                said = "a chain of comparisons, which is an `and`"
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) in FORBIDDEN_CALLS:
+                said = ast.unparse(node.func)
+            elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "math":
+                said = ast.unparse(node)
+            if said:
+                faults.append(f"line {getattr(node, 'lineno', function.lineno)}, {function.name}: {said}")
+    return faults
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in modules() if room_of(path) in PORTABLE_ROOMS] + sorted((ROOT / "examples").glob("*.py")),
+    ids=lambda path: path.name,
+)
+def test_laws_filters_and_limits_stay_in_the_portable_subset(path: Path) -> None:
+    assert not portable_faults(path.read_text())
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "y = np.where(x > 0, x, 0.0)",
+        "y = np.clip(x, 0.0, 1.0)",
+        "y = max(x, 0.0)",
+        "y = x if x > 0 else 0.0",
+        "y = math.tanh(x)",
+        "y = (x > 0) and x",
+        "y = 0.0 < x < 1.0",
+        "while x > 0: x = x - 1",
+    ],
+)
+def test_the_subset_test_sees_what_it_should(line: str) -> None:
+    assert portable_faults(f"@kernel\ndef f(x):\n    {line}\n    return y\n")
+    assert not portable_faults(f"def f(x):\n    {line}\n    return y\n")
+
+
+def tracked_files() -> list[Path]:
+    done = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    if done.returncode != 0:
+        pytest.skip("not a git checkout, so nothing says which files are the project's")
+    return [ROOT / name for name in done.stdout.split("\0") if name and (ROOT / name).is_file()]
+
+
+MACHINE = re.compile(r"(?<![\w.])/(?:home|Users|root|work|mnt|opt|srv)/[\w.-]+|[A-Z]:\\Users\\")
+
+
+def test_no_file_names_a_place_on_somebodys_machine() -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:100]}"
+        for path in tracked_files()
+        if path != Path(__file__) and path.suffix not in (".png", ".gz", ".parquet", ".mat")
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if MACHINE.search(line)
+    ]
+    assert not found
+
+
+def test_that_test_sees_a_place() -> None:
+    assert MACHINE.search("cd /home/somebody/bowden")
+    assert not MACHINE.search("see https://example.org/home/page and ../shared/data")
