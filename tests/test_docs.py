@@ -1,0 +1,159 @@
+"""The written pages: their Python runs, their commands work and print what is shown, their links and figures hold."""
+
+import doctest
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from bowden.app.main import run
+from bowden.paper.reproduce import reproduce
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NUMBER = re.compile(r"(?<![\w.])[-−]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def page_id(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=page_id)
+def test_python_on_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One page is one session; a block that begins with ``# name.py`` is that file's contents."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for i, block in enumerate(blocks(page, "python")):
+        file = re.match(r"# (\w+\.py)\n", block)
+        if file:
+            (tmp_path / file[1]).write_text(block, encoding="utf-8")
+        elif ">>>" in block:
+            session = doctest.DocTestParser().get_doctest(block, names, f"{page.name}[{i}]", str(page), 0)
+            assert doctest.DocTestRunner(verbose=False).run(session, clear_globs=False).failed == 0
+            names = session.globs
+        else:
+            exec(compile(block, f"{page.name}[{i}]", "exec"), names)
+
+
+def slug(heading: str) -> str:
+    """The anchor that GitHub gives a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+
+
+def headings(path: Path) -> set[str]:
+    text = re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return {slug(heading) for heading in re.findall(r"^#+ (.+)$", text, re.MULTILINE)}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_id)
+def test_links_resolve(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if re.match(r"[a-z]+:", target):
+            continue
+        file, _, anchor = target.partition("#")
+        goal = (page.parent / file).resolve() if file else page
+        assert goal.exists(), f"{page_id(page)} links to {target}"
+        if anchor:
+            assert anchor in headings(goal), f"{page_id(page)} links to {target}"
+
+
+def commands(path: Path) -> list[str]:
+    """Lines of code blocks that call bowden."""
+    return re.findall(r"^(?:    |\$ )(bowden .+?)(?:  +#.*)?$", path.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=page_id)
+def test_commands_and_options_exist(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for line in commands(page):
+        _, *words = shlex.split(line, comments=True)
+        if words[0] == "--help":
+            continue
+        assert run([words[0], "--help"]) == 0, line
+        known = capsys.readouterr().out
+        for option in (word for word in words if word.startswith("--")):
+            assert re.search(rf"{option}\b", known), f"{line}: {words[0]} has no {option}"
+
+
+def shown(page: Path) -> list[tuple[str, str]]:
+    """The commands of a page's console blocks, with the output that is shown below each."""
+    pairs = []
+    for block in blocks(page, "console"):
+        for part in block.split("$ ")[1:]:
+            command, _, output = part.partition("\n")
+            pairs.append((command, output))
+    return pairs
+
+
+def same(given: str, wanted: str) -> bool:
+    """Words equal, numbers within 2 % (or half a unit of what is shown), times and paper's rules left out."""
+
+    def reduced(text: str) -> tuple[list[str], list[float]]:
+        text = re.sub(r"\(\d+(\.\d+)? s\)", "", text)
+        numbers = [float(number.replace("−", "-")) for number in NUMBER.findall(text)]
+        return NUMBER.sub("#", re.sub(r"[─━]+", "", text)).split(), numbers
+
+    (words, numbers), (wanted_words, wanted_numbers) = reduced(given), reduced(wanted)
+    return words == wanted_words and numbers == pytest.approx(wanted_numbers, rel=0.02, abs=0.006)
+
+
+def test_the_tutorial_works_as_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every command in its order in an empty folder; files are written as the page gives them."""
+    page = ROOT / "docs" / "tutorial.md"
+    monkeypatch.chdir(tmp_path)
+    for name, block in re.findall(
+        r"^`([\w.]+\.(?:toml|py))`:\n+```\w+\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    ):
+        Path(name).write_text(block, encoding="utf-8")
+    pairs = shown(page)
+    assert len(pairs) > 4
+    for command, wanted in pairs:
+        name, *words = shlex.split(command)
+        assert name == "bowden", f"{command}: no command of this package"
+        assert run(words) == 0, capsys.readouterr().err
+        printed = capsys.readouterr().out
+        assert same(printed, wanted), f"{command}\nprinted:\n{printed}\nshown:\n{wanted}"
+
+
+FIGURES = {
+    "table1.observer.constant": ("{:.3f}°", "README.md"),
+    "table1.observer.varying": ("{:.3f}°", "README.md"),
+    "table1.adaptive.constant": ("{:.3f}°", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
+    "table1.adaptive.varying": ("{:.3f}°", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
+    "fig4.ratio": ("{:.3f}", "docs/theory.md"),
+    "fig4.mismatch": ("{:.1f} mm", "docs/theory.md"),
+    "fig4.residual": ("{:.2f} mm", "docs/theory.md"),
+    "erratum.spools.flexor_travel": ("{:.1f} mm", "docs/theory.md"),
+    "erratum.eq14.command": ("{:.3f}°", "docs/theory.md"),
+    "erratum.eq14.absorbed": ("{:.3f}°", "docs/theory.md"),
+    "erratum.gains.pole": ("{:.2f}", "docs/adaptive_gains.md"),
+    "erratum.gains.fastest_servo": ("{:.1f} rad/s", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.gains.static": ("{:.3f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.gains.static_after_10s": ("{:.3f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.lyapunov": ("{:.0f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.lyapunov.default": ("{:.0f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.monotone.slope": ("{:.2f}", "docs/theory.md"),
+    "erratum.monotone.wrong_way": ("{:.2f}°", "docs/theory.md"),
+    "erratum.monotone.noise": ("{:.2f}°", "docs/theory.md", "docs/decisions/0006-stated-choices.md"),
+    "erratum.convergence.slope_inverse": ("{:.2f}", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.convergence.bound": ("{:.2f} rad", "docs/theory.md"),
+    "erratum.rmse": ("{:.4f}°", "docs/theory.md"),
+}
+"""Claim → how its computed figure is quoted, and where."""
+
+
+def test_quoted_figures_are_the_computed_ones() -> None:
+    for result in reproduce(list(FIGURES)).results:
+        if result.claim.id not in FIGURES:
+            continue
+        form, *pages = FIGURES[result.claim.id]
+        quote = form.format(result.computed).replace("-", "−")
+        for page in pages:
+            text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+            assert quote in text, f"{page} does not quote {result.claim.id}, {quote}"
