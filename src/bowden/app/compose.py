@@ -6,7 +6,7 @@ from pathlib import Path
 from bowden.app import rig_schema as schema
 from bowden.app.config import near, read_rig
 from bowden.control import LAWS, Law, user_law
-from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Recorded, Trajectory
+from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.bouc_wen import BoucWen
@@ -173,11 +173,9 @@ def _reference(section: schema.ReferenceSection, folder: Path) -> Trajectory:
                 section.ramp_s,
             )
         case schema.RecordedSection():
-            return _recorded(section, folder)
+            from bowden.app.recorded import read_motion  # brings pyarrow
 
-
-def _recorded(section: schema.RecordedSection, folder: Path) -> Recorded:
-    raise NotImplementedError
+            return read_motion(section, folder)
 
 
 def _bend(section: schema.BendSection, sheath: Sheath, duration: float, seed: int) -> BendPath:
