@@ -19,8 +19,8 @@ from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.models.bouc_wen import BoucWen, advance, joint_angle
 from bowden.models.encoder import Encoder
-from bowden.models.servo import Servo
-from bowden.models.sheath import Sheath
+from bowden.models.servo import Servo, ServoState, prepare, servo_step
+from bowden.models.sheath import Sheath, joint_in_sheath
 from bowden.sim.closed_loop import simulate
 from bowden.sim.plant import PAPER_ENCODER, Bench
 from bowden.sim.scenario import constant_bend, scripted_bend
@@ -165,6 +165,25 @@ def test_a_still_sheath_is_bouc_wen_alone() -> None:
     np.testing.assert_allclose(trace["joint"], joints, atol=1e-9)
     assert (trace["width"] == 1.0).all()
     assert (trace["slope"] == cable.slope).all()
+
+
+def test_every_sub_step_counts() -> None:
+    """Against servo and cable stepped in turn: long cycles, in which the motor turns and the sheath moves."""
+    bench = Bench(servo=Servo(40.0, 0.1), sample_time=0.05, substeps=30, delay=0, sheath=Sheath(bend=1.0, loss=0.3))
+    bend = scripted_bend([0.0, 4.0], [1.0, 2.5])
+    trace = simulate(bench, LAWS["uncompensated"], Steps(), duration=6.0, bend=bend)
+    servo, state, h, joints = prepare(bench.servo, 0.05 / 30), ServoState(0.0, 0.0, 0.0), 0.0, []
+    bends = bend(np.arange(121) * 0.05)
+    turns = 0
+    for k, command in enumerate(trace["command"].tolist()):
+        joints.append(joint_in_sheath(state.position, h, bends[k], 1.0 - 0.3 * (bends[k] - 1.0), bench.cable))
+        for i in range(30):
+            width = bends[k] + (i + 1) / 30 * (bends[k + 1] - bends[k])
+            before, state = state, servo_step(state, command, servo)
+            h = compiled(advance)(h, (state.position - before.position) / width, bench.cable)
+            turns += before.velocity * state.velocity < 0.0
+    assert turns > 15
+    np.testing.assert_allclose(trace["joint"], joints, atol=1e-8)
 
 
 def test_a_moved_sheath_does_not_make_the_joint_jump() -> None:
