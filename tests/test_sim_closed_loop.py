@@ -213,6 +213,30 @@ def test_a_run_that_ran_away_says_so() -> None:
     assert set(vars(trace.metrics()).values()) == {None}
 
 
+FIRST_CALCULATED = [
+    ("uncompensated", {}, 10.0, 1.0, 4.75),
+    ("observer", {}, 10.0, 1.0, 0.67),
+    ("observer", {"hysteresis_gain": -0.129 * 0.58}, 10.0, 1.0, 1.707),
+    ("adaptive", {"error_gain": 0.05, "feedback_gain": 20.0}, 10.0, 1.0, 0.39),
+    ("observer", {}, 3.92, 1.0, 1.707),
+    ("adaptive", {"error_gain": 0.05, "feedback_gain": 20.0}, 3.92, 1.0, 0.95),
+    ("observer", {}, 3.92, 1.77, 7.561),
+    ("adaptive", {"error_gain": 0.05, "feedback_gain": 20.0}, 3.92, 1.77, 1.10),
+]
+
+
+@pytest.mark.parametrize(("name", "gains", "period", "bend", "rmse_deg"), FIRST_CALCULATED)
+def test_an_independent_calculation_gave_the_same(
+    name: str, gains: dict[str, float], period: float, bend: float, rmse_deg: float
+) -> None:
+    """RMSE over 60 s from rest, calculated before this code existed; the sheath moves linearly from 10 to 20 s."""
+    bench = Bench(sheath=Sheath(bend=1.0, loss=(1.0 - 0.778 / 0.938) / 0.77))
+    stroke = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, period)
+    law = LAWS[name].with_gains(**gains)
+    trace = simulate(bench, law, stroke, duration=60.0, bend=lambda t: np.interp(t, [10.0, 20.0], [1.0, bend]))
+    assert trace.metrics().rmse_deg == pytest.approx(rmse_deg, rel=0.03)
+
+
 def test_a_trace_knows_what_made_it() -> None:
     bench = Bench(servo=Servo(damping=0.9), joint_encoder=Encoder(1e-3))
     trace: Trace = simulate(bench, LAWS["adaptive"], STROKE, duration=1.0)
