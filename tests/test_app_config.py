@@ -14,7 +14,9 @@ from bowden.app.rig_page import json_schema, markdown, toml_text
 from bowden.app.rig_schema import BENDS, REFERENCES, Rig
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
 from bowden.paper.bench import default_bench, minimum_jerk
+from bowden.sim.closed_loop import simulate
 
 ROOT = Path(__file__).parents[1]
 
@@ -40,6 +42,7 @@ def test_the_default_rig_is_the_papers_bench(tmp_path: Path) -> None:
     setup, _ = compose.setup(rig(tmp_path, toml_text()))
     assert numbers(setup.bench) == pytest.approx(numbers(default_bench()), rel=4e-16, abs=0.0)  # degrees and back
     assert setup.reference == minimum_jerk()
+    assert setup.initial_motor == 0.0
     assert not setup.notes
 
 
@@ -145,6 +148,18 @@ def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, tex
     with pytest.raises(ParameterError) as caught:
         compose.law_for(law, description, setup.bench, tmp_path)
     assert said in str(caught.value)
+
+
+def test_a_run_starts_where_the_reference_does(tmp_path: Path) -> None:
+    text = (
+        "[cable]\noffset_deg = 4.0\n[reference]\nkind = 'multisine'\ncentre_deg = 30.0\n[scenario]\nduration_s = 0.1\n"
+    )
+    setup, description = compose.setup(rig(tmp_path, text + "[scenario.bend]\nkind = 'constant'\nbend_deg = 300.0"))
+    law = compose.law_for("observer", description, setup.bench, tmp_path)
+    trace = simulate(
+        setup.bench, law, setup.reference, duration=setup.duration, bend=setup.bend, initial_motor=setup.initial_motor
+    )
+    assert trace["joint"][0] == pytest.approx(30.0 * RADIANS)
 
 
 def test_a_cable_that_runs_the_other_way_is_counted_the_other_way(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from bowden.app import rig_schema as schema
 from bowden.app.config import near, read_rig
 from bowden.control import LAWS, Law, user_law
@@ -13,7 +15,7 @@ from bowden.models.bouc_wen import BoucWen
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor
 from bowden.models.servo import Servo
-from bowden.models.sheath import Sheath
+from bowden.models.sheath import Sheath, slope_factor
 from bowden.sim.plant import Bench
 from bowden.sim.scenario import BendPath, constant_bend, random_bend, scripted_bend
 
@@ -60,14 +62,16 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         )
     if seed < 0:
         raise ParameterError(f"the seed is {seed}", expected="a whole number not below 0")
-    initial = scenario.initial_motor_deg * RADIANS
+    reference = _reference(rig.reference, path.parent)
+    bend = _bend(scenario.bend, bench.sheath, duration, seed)
+    initial = scenario.initial_motor_deg
     built = Setup(
         bench=bench,
-        reference=_reference(rig.reference, path.parent),
-        bend=_bend(scenario.bend, bench.sheath, duration, seed),
+        reference=reference,
+        bend=bend,
         duration=duration,
         seed=seed,
-        initial_motor=-initial if notes else initial,
+        initial_motor=_resting(bench, reference, bend) if initial is None else (-1 if notes else 1) * initial * RADIANS,
         notes=notes,
     )
     return built, rig
@@ -176,6 +180,13 @@ def _reference(section: schema.ReferenceSection, folder: Path) -> Trajectory:
             from bowden.app.recorded import read_motion  # brings pyarrow
 
             return read_motion(section, folder)
+
+
+def _resting(bench: Bench, reference: Trajectory, bend: BendPath) -> float:
+    """The motor angle at which the joint is where the reference starts, with h = 0 [rad]."""
+    start = np.zeros(1)
+    slope = bench.cable.slope * float(slope_factor(float(bend(start)[0]), bench.sheath))
+    return (float(reference.sample(start)[0, 0]) - bench.cable.offset) / slope
 
 
 def _bend(section: schema.BendSection, sheath: Sheath, duration: float, seed: int) -> BendPath:

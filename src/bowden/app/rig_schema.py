@@ -29,13 +29,16 @@ def in_unit(value: float, unit: float) -> float:
     return next((x for x in decimals if x * unit == value), quotient)
 
 
+_ANGLE: dict[str, Any] = {"ge": -720.0, "le": 720.0}
+
+
 def _key(default: Any, meaning: str, unit: str = "–", symbol: str = "", **rules: Any) -> Any:
     return Field(default, description=meaning, json_schema_extra={"unit": unit, "symbol": symbol}, **rules)
 
 
 def _degrees(default: float, meaning: str, symbol: str = "") -> Any:
     """An angle of either sign, at most two turns; the default is in radians."""
-    return _key(in_unit(default, RADIANS), meaning, "°", symbol, ge=-720.0, le=720.0)
+    return _key(in_unit(default, RADIANS), meaning, "°", symbol, **_ANGLE)
 
 
 def _bend(default_deg: float, meaning: str, symbol: str = "") -> Any:
@@ -249,7 +252,13 @@ class ScenarioSection(Section):
 
     duration_s: float = _seconds(_CHOSEN["duration_s"], "length of the run")
     seed: int = _key(_CHOSEN["seed"], "seed of the encoders' noise and of a random bend", ge=0, lt=2**63)
-    initial_motor_deg: float = _degrees(0.0, "motor angle at rest before the start")
+    initial_motor_deg: float | None = _key(
+        None,
+        "motor angle before the start; left out, the joint is where the reference starts",
+        "°",
+        examples=[0.0],
+        **_ANGLE,
+    )
     bend: BendSection = ConstantBendSection()
 
 
