@@ -15,6 +15,7 @@ from bowden.app.rig_schema import BENDS, REFERENCES, Rig
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
+from bowden.models.bouc_wen import BoucWen
 from bowden.paper.bench import default_bench, minimum_jerk
 from bowden.sim.closed_loop import simulate
 
@@ -93,7 +94,7 @@ def test_the_examples_are_right(example: Path) -> None:
         ("[bench]\nsubsteps = 1.5", "bench.substeps is 1.5; expected a whole number"),
         ("[cable]\nslope = 0.0", "[cable] slope is 0; expected a number above or below 0"),
         ("[cable]\nmodel = 'm.toml'\nslope = 1.0", "[cable] has a model and its own slope; expected one or the other"),
-        ("[cable]\nmodel = 'none.toml'", "none.toml: no such file"),
+        ("[cable]\nmodel = 'none.toml'", "none.toml cannot be read: No such file"),
         ("[reference]\nlow_deg = 1", "reference.kind is missing; expected periodic_minimum_jerk, point_to_point"),
         ("[reference]\nkind = 'chrip'", "reference.kind is 'chrip'; expected chirp (did you mean this?)"),
         ("[reference]\nkind = 'chirp'\nend = 3", "unknown key 'end' in [reference]; expected end_hz (did you mean"),
@@ -110,7 +111,7 @@ def test_a_mistake_gets_one_line_that_helps(tmp_path: Path, text: str, said: str
     with pytest.raises(ParameterError) as caught:
         compose.setup(rig(tmp_path, text))
     assert said in str(caught.value)
-    assert "rig.toml" in str(caught.value) or "run of" in str(caught.value) or "multisine" in str(caught.value)
+    assert any(what in str(caught.value) for what in ("rig.toml", "none.toml", "run of", "multisine"))
     assert "\n" not in str(caught.value)
 
 
@@ -148,6 +149,39 @@ def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, tex
     with pytest.raises(ParameterError) as caught:
         compose.law_for(law, description, setup.bench, tmp_path)
     assert said in str(caught.value)
+
+
+MODEL = """
+best = "{best}"
+[models.bouc_wen.parameters]
+slope = {slope}
+hysteresis_gain = 0.11
+rate = 10.0
+shape = 9.0
+exponent = 2.5
+offset = 0.02
+initial_h = 0.0
+[models.line.parameters]
+slope = -0.8
+offset = 0.0
+"""
+
+
+def test_an_identified_cable_is_the_benchs_and_the_observers(tmp_path: Path) -> None:
+    path = rig(tmp_path, "[cable]\nmodel = 'model.toml'\n[control]\nlaw = 'observer'")
+    (tmp_path / "model.toml").write_text(MODEL.format(slope=-0.9, best="bouc_wen"))
+    setup, description = compose.setup(path)
+    assert setup.bench.cable == BoucWen(0.9, -0.11, 10.0, 9.0, 2.5, 0.02)  # it runs the other way: counted so
+    assert setup.bench.sheath.gap == 1.0
+    assert len(setup.notes) == 1
+    observer = compose.law_for("observer", description, setup.bench, tmp_path)
+    assert observer.gains._asdict().items() >= setup.bench.cable._asdict().items()
+
+    (tmp_path / "model.toml").write_text(MODEL.format(slope=0.9, best="line"))
+    assert "recommends 'line'" in compose.setup(path)[0].notes[0]
+    (tmp_path / "model.toml").write_text(MODEL.format(slope=0.0, best="line"))
+    with pytest.raises(ParameterError, match="slope of bouc_wen is 0"):
+        compose.setup(path)
 
 
 def test_a_run_starts_where_the_reference_does(tmp_path: Path) -> None:

@@ -54,7 +54,13 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
     scenario = rig.scenario
     duration = scenario.duration_s if duration is None else duration
     seed = scenario.seed if seed is None else seed
-    bench, notes = _bench(rig, path.parent)
+    cable, width, notes = _cable(rig.cable, path.parent)
+    turned = cable.slope < 0.0
+    if turned:
+        # joint = αφ·x + αh·h(x) is the same motion for −x, −αφ and −αh, since h(−x) = −h(x)
+        cable = cable._replace(slope=-cable.slope, hysteresis_gain=-cable.hysteresis_gain)
+        notes.append("the cable's slope is negative: motor angles are counted the other way round here")
+    bench = _bench(rig, cable, width)
     if not (duration > 0.0 and 2.0 <= duration / bench.sample_time <= MOST_CYCLES):
         raise ParameterError(
             f"a run of {duration:g} s has {max(duration, 0.0) / bench.sample_time:g} cycles",
@@ -71,8 +77,10 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         bend=bend,
         duration=duration,
         seed=seed,
-        initial_motor=_resting(bench, reference, bend) if initial is None else (-1 if notes else 1) * initial * RADIANS,
-        notes=notes,
+        initial_motor=_resting(bench, reference, bend)
+        if initial is None
+        else (-1 if turned else 1) * initial * RADIANS,
+        notes=tuple(notes),
     )
     return built, rig
 
@@ -110,18 +118,38 @@ def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str 
     return law.with_gains(**rig.control.gains) if rigs_own else law
 
 
-def _bench(rig: schema.Rig, folder: Path) -> tuple[Bench, tuple[str, ...]]:
-    cable, width = _cable(rig.cable, folder)
-    notes: tuple[str, ...] = ()
-    if cable.slope < 0.0:
-        # joint = αφ·x + αh·h(x) is the same motion for −x, −αφ and −αh, since h(−x) = −h(x)
-        cable = cable._replace(slope=-cable.slope, hysteresis_gain=-cable.hysteresis_gain)
-        notes = ("the cable's slope is negative: motor angles are counted the other way round here",)
+def _cable(section: schema.CableSection, folder: Path) -> tuple[BoucWen, float, list[str]]:
+    """The cable, the factor on its play, and notes."""
+    if section.model is not None:
+        return _identified(folder / section.model)
+    cable = BoucWen(
+        slope=section.slope,
+        hysteresis_gain=section.hysteresis_gain_rad,
+        rate=section.rate_per_rad,
+        shape=section.shape,
+        exponent=section.exponent,
+        offset=section.offset_deg * RADIANS,
+    )
+    return cable, section.width, []
+
+
+def _identified(path: Path) -> tuple[BoucWen, float, list[str]]:
+    from bowden.identify.model_file import load_model
+
+    cable, best = load_model(path, "bouc_wen").to_bouc_wen(), load_model(path).name
+    if cable.slope == 0.0:
+        raise ParameterError(f"{path}: the slope of bouc_wen is 0", do="identify a log in which the joint moves")
+    if best == "bouc_wen":
+        return cable, 1.0, []
+    return cable, 1.0, [f"{path} recommends {best!r}; the bench runs the cable's bouc_wen model"]
+
+
+def _bench(rig: schema.Rig, cable: BoucWen, width: float) -> Bench:
     encoders = [
         Encoder(encoder.resolution_deg * RADIANS, encoder.noise_deg * RADIANS)
         for encoder in (rig.encoder.joint, rig.encoder.motor)
     ]
-    bench = Bench(
+    return Bench(
         cable=cable,
         sheath=Sheath(rig.sheath.bend_deg * RADIANS, width * rig.sheath.gap, rig.sheath.loss),
         servo=Servo(
@@ -144,20 +172,6 @@ def _bench(rig: schema.Rig, folder: Path) -> tuple[Bench, tuple[str, ...]]:
         delay=rig.bench.delay_cycles,
         substeps=rig.bench.substeps,
     )
-    return bench, notes
-
-
-def _cable(section: schema.CableSection, folder: Path) -> tuple[BoucWen, float]:
-    """The cable, and the factor on its play."""
-    cable = BoucWen(
-        slope=section.slope,
-        hysteresis_gain=section.hysteresis_gain_rad,
-        rate=section.rate_per_rad,
-        shape=section.shape,
-        exponent=section.exponent,
-        offset=section.offset_deg * RADIANS,
-    )
-    return cable, section.width
 
 
 def _reference(section: schema.ReferenceSection, folder: Path) -> Trajectory:
