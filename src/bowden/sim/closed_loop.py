@@ -1,7 +1,7 @@
 """The closed loop: a law against the bench, compiled as one function."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
 from bowden.sim.plant import Bench, bench_at, bench_start, bench_substep, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
+
+if TYPE_CHECKING:
+    from bowden.sim.cable_plant import CablePlant
 
 UNITS = {
     "time": "s",
@@ -129,7 +132,7 @@ class _Inputs(NamedTuple):
 
 
 def simulate(
-    plant: Bench,
+    plant: "Bench | CablePlant",
     law: Law,
     reference: Trajectory,
     *,
@@ -138,10 +141,10 @@ def simulate(
     seed: int = 0,
     initial_motor: float = 0.0,
 ) -> Trace:
-    """Run a law against the bench.
+    """Run a law against the bench, or against any other cable.
 
     Args:
-        plant: the bench.
+        plant: the bench, or a plant round another cable.
         law: the control law with its gains.
         reference: the joint's desired motion.
         duration: length of the run [s].
@@ -155,7 +158,14 @@ def simulate(
     Raises:
         ParameterError: a duration or setting that cannot be.
     """
-    inputs = _inputs(plant, reference, duration, bend or constant_bend(plant.sheath.bend), seed)
+    bend = bend or constant_bend(plant.sheath.bend)
+    if not isinstance(plant, Bench):
+        from bowden.sim.cable_loop import simulate_cable  # which takes the law's stand-ins from here
+
+        return simulate_cable(
+            plant, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial_motor
+        )
+    inputs = _inputs(plant, reference, duration, bend, seed)
     fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
     # one block: a system hands out a large piece of memory far faster than many small ones
     block = np.empty((len(_RECORDED) + len(fields), len(inputs.time)))

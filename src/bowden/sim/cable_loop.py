@@ -1,0 +1,232 @@
+"""The closed loop round any cable: a law and a cable, compiled together as one function."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden import __version__
+from bowden.control.law import Law
+from bowden.control.reference import Trajectory
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel, specialise
+from bowden.core.signals import Reference, Sample
+from bowden.core.trace import Trace
+from bowden.models import motor as motor_model
+from bowden.models.encoder import reading
+from bowden.models.servo import ServoState, servo_step
+from bowden.models.sheath import slope_factor as slope_factor_at
+from bowden.models.sheath import width as width_at
+from bowden.sim.cable_plant import CablePlant, Seen, lagged, prepare_servo
+from bowden.sim.closed_loop import RUNAWAY, UNITS, law_start, law_step
+from bowden.sim.scenario import BendPath
+
+_RECORDED = ["joint", "motor", "joint_measured", "motor_measured", "command", "motor_velocity", "motor_acceleration"]
+_RECORDED += ["h", "torque"]
+"""The columns that the compiled loop fills, in its order."""
+
+
+@kernel
+def cable_start(cable: Any, motor: float, width: float, slope_factor: float) -> Any:
+    """Stand-in for the cable's ``start``; `specialise` puts the cable's own in its place."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def cable_advance(
+    cable: Any, memory: Any, before: float, after: float, width: float, slope_factor: float, dt: float
+) -> Any:
+    """Stand-in for the cable's ``advance``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def cable_look(cable: Any, memory: Any, motor: float, width: float, slope_factor: float) -> Seen:
+    """Stand-in for the cable's ``look``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def run_cable_loop(
+    gains: Any,
+    cable: Any,
+    servo: Any,
+    references: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    slope_factors: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    encoders: Any,
+    initial_motor: float,
+    dt: float,
+    delay: int,
+    substeps: int,
+    load_lag: float,
+    record: NDArray[np.float64],
+    states: NDArray[np.float64],
+) -> int:
+    """One run; fills `record` (9, n) and `states` (m, n) and returns the number of cycles that it lasted.
+
+    A cycle is `bowden.sim.closed_loop.run_loop`'s. The cable is advanced where the motor turns and at the end of the
+    cycle, with the time since it last was; the load's lag is solved exactly between cycles.
+    """
+    motor = ServoState(initial_motor, 0.0, 0.0)
+    memory = cable_start(cable, initial_motor, widths[0], slope_factors[0])
+    seen = cable_look(cable, memory, initial_motor, widths[0], slope_factors[0])
+    joint = seen.joint
+    sample = Sample(reading(joint, normals[0, 0], encoders[0]), reading(initial_motor, normals[0, 1], encoders[1]))
+    state = law_start(gains, sample)
+    for k in range(references.shape[1]):
+        sample = Sample(reading(joint, normals[k, 0], encoders[0]), reading(motor.position, normals[k, 1], encoders[1]))
+        reference = Reference(references[0, k], references[1, k], references[2, k])
+        state, command = law_step(gains, state, sample, reference, dt)
+        record[0, k] = joint
+        record[1, k] = motor.position
+        record[2, k] = sample.joint
+        record[3, k] = sample.motor
+        record[4, k] = command
+        record[5, k] = motor.velocity
+        record[6, k] = motor.acceleration
+        record[7, k] = seen.h
+        record[8, k] = seen.torque
+        for j in range(len(state)):
+            states[j, k] = state[j]
+        if not abs(command) < RUNAWAY:
+            return k
+        applied = record[4, k - delay] if k >= delay else initial_motor
+        turned, done = motor.position, 0
+        for i in range(substeps):
+            moved = servo_step(motor, applied, servo)
+            if (moved.position - motor.position) * (motor.position - turned) < 0.0:
+                part = i / substeps
+                width = widths[k] + part * (widths[k + 1] - widths[k])
+                factor = slope_factors[k] + part * (slope_factors[k + 1] - slope_factors[k])
+                memory = cable_advance(cable, memory, turned, motor.position, width, factor, (i - done) / substeps * dt)
+                turned, done = motor.position, i
+            motor = moved
+        factor, part = slope_factors[k + 1], (substeps - done) / substeps
+        memory = cable_advance(cable, memory, turned, motor.position, widths[k + 1], factor, part * dt)
+        before = seen.joint
+        seen = cable_look(cable, memory, motor.position, widths[k + 1], factor)
+        joint = lagged(joint, before, seen.joint, dt, load_lag)
+    return references.shape[1]
+
+
+def simulate_cable(
+    plant: CablePlant,
+    law: Law,
+    reference: Trajectory,
+    *,
+    duration: float,
+    bend: BendPath,
+    seed: int = 0,
+    initial_motor: float = 0.0,
+) -> Trace:
+    """Run a law against any cable; what `bowden.sim.closed_loop.simulate` does with a `CablePlant`.
+
+    The trace has that function's columns. ``h`` is NaN for a cable that has no single internal variable; the current
+    holds the cable's own torque where the cable knows forces, and else the bench's spring through ``slope``.
+
+    Raises:
+        ParameterError: a duration or setting that cannot be.
+    """
+    time, widths, slope_factors = _clock(plant, duration, bend)
+    references = np.ascontiguousarray(reference.sample(time).T)
+    noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0
+    shape = (len(time), 2)
+    fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
+    block = np.empty((len(_RECORDED) + len(fields), len(time)))
+    record, states = block[: len(_RECORDED)], block[len(_RECORDED) :]
+    lasted = compiled_cable_loop(plant, law)(
+        law.gains,
+        plant.cable.prepared,
+        prepare_servo(plant),
+        references,
+        widths,
+        slope_factors,
+        np.random.default_rng(seed).standard_normal(shape) if noisy else np.zeros(shape),
+        (plant.joint_encoder, plant.motor_encoder),
+        float(initial_motor),
+        plant.sample_time,
+        plant.delay,
+        plant.substeps,
+        float(plant.load_lag),
+        record,
+        states,
+    )
+    block[:, lasted:] = np.nan
+    values = {"time": time, "reference": references[0], "reference_velocity": references[1]}
+    values |= dict(zip(_RECORDED, record, strict=True))
+    torque = values.pop("torque")
+    values |= {"width": widths[:-1], "slope": slope_factors[:-1] * plant.cable.slope}
+    acceleration, motor = values["motor_acceleration"], plant.motor
+    if plant.cable.physical:
+        values["current"] = (motor.inertia * acceleration + torque) / (motor.gear * motor.torque_constant)
+    else:
+        values["current"] = np.asarray(motor_model.current(acceleration, values["joint"], values["slope"], motor))
+    values |= dict(zip(fields, states, strict=True))
+    return Trace(values, UNITS | dict.fromkeys(fields, "1"), _settings(plant, law, reference), seed)
+
+
+def compiled_cable_loop(plant: CablePlant, law: Law) -> Callable[..., int]:
+    """`run_cable_loop` with the law's and the cable's kernels in it, compiled at the first call and cached on disk.
+
+    Cables with the same kernels (a play and a stack of them) share it.
+    """
+    cable = plant.cable
+    return specialise(
+        run_cable_loop,
+        f"{law.name}_{cable.advance.__name__}",
+        law_start=law.start_kernel,
+        law_step=law.step_kernel,
+        cable_start=cable.start,
+        cable_advance=cable.advance,
+        cable_look=cable.look,
+    )
+
+
+_Array = NDArray[np.float64]
+
+
+def _clock(plant: CablePlant, duration: float, bend: BendPath) -> tuple[_Array, _Array, _Array]:
+    """Time (n,), and the sheath's width and slope factor at the edges of the cycles (n + 1,)."""
+    dt, loss = plant.sample_time, plant.sheath.loss
+    for name, value, fine in (
+        ("sample_time", dt, dt > 0.0),
+        ("duration", duration, 2.0 * dt <= duration < 1e9 * dt),
+        ("delay", plant.delay, plant.delay >= 0),
+        ("substeps", plant.substeps, plant.substeps >= 1),
+        ("load_lag", plant.load_lag, 0.0 <= plant.load_lag < float("inf")),
+    ):
+        if not fine:
+            raise ParameterError(f"simulate: {name} is {value}", expected="a positive number that makes sense here")
+    if plant.cable.physical and loss != 0.0:
+        raise ParameterError(
+            f"simulate: the sheath's loss is {loss} with a cable of the kind {plant.cable.name!r}",
+            expected="0, since that cable computes what its sheath loses",
+        )
+    edges = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
+    angles: Any = bend(edges)  # the sheath's kernels are made of ufuncs, and so take arrays
+    widths, factors = width_at(angles, plant.sheath), slope_factor_at(angles, plant.sheath)
+    return edges[:-1], np.asarray(widths, dtype=np.float64), np.asarray(factors, dtype=np.float64)
+
+
+def _settings(plant: CablePlant, law: Law, reference: Trajectory) -> dict[str, Any]:
+    parts = {name: _plain(value) for name, value in plant._asdict().items() if name != "cable"}
+    return {
+        "bowden": __version__,
+        "law": law.name,
+        "gains": dict(law.gains._asdict()),
+        "reference": reference.describe(),
+        "plant": {"cable": {"kind": plant.cable.name, **_plain(plant.cable.parameters)}, **parts},
+        "sample_time": plant.sample_time,
+        "motor_resistance": plant.motor.resistance,
+        "torque_constant": plant.motor.torque_constant * plant.motor.gear,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """NamedTuples as objects, arrays and tuples as lists, for JSON."""
+    if hasattr(value, "_asdict"):
+        return {name: _plain(part) for name, part in value._asdict().items()}
+    return value.tolist() if isinstance(value, np.ndarray) else list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,56 @@
+"""Cables of elastic tendon with friction along their sheath, for `CablePlant`."""
+
+import numpy as np
+
+from bowden.core.kernel import kernel
+from bowden.models import capstan
+from bowden.models.capstan import Tendon
+from bowden.models.sliding_cable import (
+    PreparedTendon,
+    TendonMemory,
+    advance_tendon,
+    motor_tension,
+    prepare_tendon,
+    start_tendon,
+    tendon_joint,
+)
+from bowden.sim.cable_plant import Cable, Seen
+
+
+@kernel
+def sliding_start(cable: PreparedTendon, motor: float, width: float, slope_factor: float) -> TendonMemory:
+    """At rest with one tension all along."""
+    return start_tendon(cable, motor, width)
+
+
+@kernel
+def sliding_advance(
+    cable: PreparedTendon,
+    memory: TendonMemory,
+    before: float,
+    after: float,
+    width: float,
+    slope_factor: float,
+    dt: float,
+) -> TendonMemory:
+    """See `bowden.models.sliding_cable`; in place."""
+    return advance_tendon(cable, memory, after, width)
+
+
+@kernel
+def sliding_look(cable: PreparedTendon, memory: TendonMemory, motor: float, width: float, slope_factor: float) -> Seen:
+    """The joint, and the tendon's pull on the spool."""
+    torque = cable.motor_radius * motor_tension(cable, memory)
+    return Seen(tendon_joint(cable, memory), torque, np.nan)
+
+
+def sliding(tendon: Tendon | None = None) -> Cable:
+    """The partially moving, partially sticking tendon; with the defaults of `Tendon` where nothing is given.
+
+    Raises:
+        ParameterError: a tendon that cannot be.
+    """
+    tendon = tendon or Tendon()
+    prepared = prepare_tendon(tendon)
+    slope = capstan.slope(tendon, pulling=True)
+    return Cable("sliding", tendon, prepared, sliding_start, sliding_advance, sliding_look, slope, physical=True)

@@ -1,0 +1,289 @@
+"""The plant round any cable: the bench's bits where it is the bench, and each cable what its model says."""
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled
+from bowden.core.trace import Trace
+from bowden.core.units import DEGREES, RADIANS
+from bowden.models import backlash, capstan, prandtl_ishlinskii
+from bowden.models.backlash import Play
+from bowden.models.bouc_wen import BoucWen
+from bowden.models.bouc_wen_static import StaticTerms, joint_angle
+from bowden.models.capstan import Tendon
+from bowden.models.servo import Servo
+from bowden.models.sheath import Sheath, joint_in_sheath
+from bowden.sim import cables, friction_cables
+from bowden.sim.cable_plant import CablePlant, lagged, resting_motor
+from bowden.sim.closed_loop import simulate
+from bowden.sim.plant import PAPER_ENCODER, Bench
+from bowden.sim.scenario import scripted_bend
+
+STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
+TERMS = StaticTerms(np.array([0.03, -0.01, 0.004]), np.array([0.02]), 0.6, 0.7)
+CABLES = {
+    "play": cables.play(),
+    "stack": cables.stack(0.3, [0.02, 0.05, 0.1], [0.3, 0.2, 0.15]),
+    "bouc_wen": cables.bouc_wen(),
+    "bouc_wen_static": cables.bouc_wen(BoucWen(), TERMS),
+    "sliding": friction_cables.sliding(),
+    "slack": friction_cables.sliding(Tendon(pretension=0.0, slack=5e-4)),
+}
+every_cable = pytest.mark.parametrize("cable", list(CABLES.values()), ids=list(CABLES))
+
+
+def noisy(plant: Any) -> Any:
+    return plant._replace(joint_encoder=PAPER_ENCODER, motor_encoder=PAPER_ENCODER)
+
+
+@pytest.mark.parametrize("name", ["uncompensated", "adaptive"])
+def test_a_bouc_wen_cable_is_the_bench(name: str) -> None:
+    settings: dict[str, Any] = {"servo": Servo(40.0, 0.7), "delay": 2, "substeps": 7, "sheath": Sheath(2.0, 1.3)}
+    bench = noisy(Bench(cable=BoucWen(offset=0.1), **settings))
+    plant = noisy(CablePlant(cables.bouc_wen(BoucWen(offset=0.1)), **settings))
+    ours, theirs = (simulate(p, LAWS[name], STROKE, duration=6.0, seed=3, initial_motor=0.1) for p in (plant, bench))
+    assert list(ours.columns) == list(theirs.columns)
+    assert ours.units == theirs.units
+    for column in ours.columns:
+        np.testing.assert_allclose(ours[column], theirs[column], rtol=0, atol=1e-9, err_msg=column)
+
+
+def test_a_moved_sheath_is_the_benchs() -> None:
+    bend, sheath = scripted_bend([1.0, 5.0], [2.0, 4.0]), Sheath(bend=2.0, loss=0.2)
+    ours, theirs = (
+        simulate(plant, LAWS["adaptive"], STROKE, duration=8.0, bend=bend)
+        for plant in (CablePlant(cables.bouc_wen(), sheath=sheath), Bench(sheath=sheath))
+    )
+    np.testing.assert_allclose(ours["joint"], theirs["joint"], atol=2e-6)
+    assert ours["width"].tolist() == theirs["width"].tolist()
+    assert ours["slope"].tolist() == theirs["slope"].tolist()
+
+
+@every_cable
+def test_every_cable_runs_under_a_law_and_tells_what_made_it(cable: cables.Cable) -> None:
+    plant = noisy(CablePlant(cable, sheath=Sheath(bend=2.0)))
+    run = lambda seed: simulate(  # noqa: E731  # one call, three seeds
+        plant, LAWS["adaptive"], STROKE, duration=6.0, bend=scripted_bend([1.0, 4.0], [2.0, 3.0]), seed=seed
+    )
+    trace, again, other = run(1), run(1), run(2)
+    assert trace.stable
+    assert trace["joint"].tolist() == again["joint"].tolist()
+    assert trace["joint"].tolist() != other["joint"].tolist()
+    assert np.isfinite(trace["current"]).all()
+    assert np.sqrt(np.mean(trace.error[3000:] ** 2)) < 0.03
+    settings = json.loads(json.dumps(dict(trace.settings)))
+    assert settings["plant"]["cable"]["kind"] == cable.name
+    assert len(settings["plant"]["cable"]) > 1
+    assert settings["plant"]["sheath"]["bend"] == 2.0
+
+
+@every_cable
+def test_no_cable_knows_time(cable: cables.Cable) -> None:
+    """The same positions of the motor, twice as fast: the same joint angles (the tendon without mass included)."""
+    plant = CablePlant(cable)
+    path = np.concatenate([np.linspace(0.0, 1.3, 40), np.linspace(1.3, 0.4, 30), np.linspace(0.4, 1.0, 20)]).tolist()
+    joints = []
+    for dt in (1e-3, 2e-3):
+        memory, before, seen = cable.start(cable.prepared, 0.0, 1.0, 1.0), 0.0, []
+        for motor in path:
+            memory = cable.advance(cable.prepared, memory, before, motor, 1.0, 1.0, dt)
+            before = motor
+            seen.append(cable.look(cable.prepared, memory, motor, 1.0, 1.0).joint)
+        joints.append(seen)
+    assert plant.load_lag == 0.0
+    assert joints[0] == joints[1]
+
+
+def recorded_run(plant: CablePlant) -> Trace:
+    """One sub-step a cycle, so that the motor's samples are its whole path."""
+    return simulate(plant._replace(substeps=1), LAWS["adaptive"], STROKE, duration=12.0)
+
+
+def test_pure_play_is_the_operator() -> None:
+    trace = recorded_run(CablePlant(cables.play(Play(0.9, 0.06, 0.05))))
+    z, joints = 0.0, []
+    for motor in trace["motor"].tolist():
+        z = float(backlash.push(z, motor, 0.06))
+        joints.append(0.9 * z + 0.05)
+    np.testing.assert_allclose(trace["joint"], joints, atol=1e-12)
+
+
+def test_a_stack_is_the_models() -> None:
+    widths, weights = np.array([0.02, 0.05, 0.1]), np.array([0.3, 0.3, 0.2, 0.15])
+    trace = recorded_run(CablePlant(CABLES["stack"]))
+    slots = prandtl_ishlinskii.plays(trace["motor"], widths)
+    np.testing.assert_allclose(
+        trace["joint"], prandtl_ishlinskii.joint_angle(trace["motor"], slots, weights, 0.0), atol=1e-12
+    )
+
+
+def test_a_wider_sheath_widens_the_play() -> None:
+    sheath = Sheath(bend=1.0)
+    narrow, wide = (
+        simulate(CablePlant(cables.play(), sheath=sheath), LAWS["uncompensated"], STROKE, duration=20.0, bend=bend)
+        for bend in (None, scripted_bend([0.0, 1.0], [2.0, 2.0]))
+    )
+    late = narrow.time > 5.0
+    lost = Play().slope * 2.0 * Play().half_width
+    assert np.ptp(narrow["joint"][late]) - np.ptp(wide["joint"][late]) == pytest.approx(lost, rel=1e-6)
+
+
+def test_static_terms_are_chebyshev_polynomials_that_go_on_along_their_tangents() -> None:
+    """Against NumPy's own Chebyshev series and its derivative."""
+    cable, h, width, factor = BoucWen(offset=0.02), 0.3, 1.4, 0.9
+    series = np.polynomial.Chebyshev([0.0, 0.0, *TERMS.static])
+    heights = np.polynomial.Chebyshev([cable.hysteresis_gain, *TERMS.heights])
+    for motor in np.linspace(-1.0, 2.2, 81).tolist():
+        u = (motor - TERMS.centre) / TERMS.half_range
+        inside = min(1.0, max(-1.0, u))
+        static = series(inside) + series.deriv()(inside) * (u - inside)
+        expected = factor * (cable.slope * motor + static) + width * heights(inside) * h + cable.offset
+        given = joint_angle(motor, h, width, factor, cable, TERMS)
+        assert given == pytest.approx(expected, abs=1e-12)
+        assert given == compiled(joint_angle)(motor, h, width, factor, cable, TERMS)
+        none = CABLES["bouc_wen"].parameters.terms
+        plain = joint_in_sheath(motor, h, width, factor, cable)
+        assert joint_angle(motor, h, width, factor, cable, none) == pytest.approx(plain, abs=1e-15)
+
+
+PLAIN = {"slope": -0.9, "hysteresis_gain": 0.13, "rate": 9.0, "shape": 8.0, "exponent": 2.0, "offset": 0.4}
+STATIC = {
+    "static_2": 0.02,
+    "static_3": -0.01,
+    "hysteresis_gain_1": 0.03,
+    "static_centre": -0.5,
+    "static_half_range": 0.6,
+}
+MODELS = {
+    "play": {"slope": -0.9, "half_width": 0.05, "offset": 0.4, "initial_lag": 0.0},
+    "bouc_wen": {**PLAIN, "initial_h": 0.0},
+    "bouc_wen_static": {**PLAIN, **STATIC, "initial_h": 0.0},
+    "prandtl_ishlinskii": {"slope": -0.3, "half_width_1": 0.04, "half_width_2": 0.1, "weight_1": -0.4}
+    | {"weight_2": -0.2, "offset": 0.4, "initial_lag": 0.0},
+}
+
+
+def forwards(name: str) -> dict[str, float]:
+    """The same cable written with the motor counted the other way, so that its slope is positive."""
+    turn = {"slope", "hysteresis_gain", "static_3", "static_centre", "weight_1", "weight_2"}
+    return {key: -value if key in turn else value for key, value in MODELS[name].items()}
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_an_identified_cable_that_runs_backwards_is_turned_round(name: str) -> None:
+    """Turned or written forwards, one joint; and it is reachable from the start."""
+    backwards, ahead = cables.identified(name, MODELS[name]), cables.identified(name, forwards(name))
+    assert backwards.slope == pytest.approx(0.9)
+    start = resting_motor(CablePlant(backwards), 0.1)
+    one, other = (
+        simulate(CablePlant(cable), LAWS["adaptive"], STROKE, duration=5.0, initial_motor=start)
+        for cable in (backwards, ahead)
+    )
+    assert one["joint"][0] == pytest.approx(0.1, abs=1e-9)
+    assert one["joint"].tolist() == other["joint"].tolist()
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_a_model_that_lacks_a_parameter_is_refused(name: str) -> None:
+    with pytest.raises(ParameterError, match="'offset' is missing"):
+        cables.identified(name, {key: value for key, value in MODELS[name].items() if key != "offset"})
+    with pytest.raises(ParameterError, match="'line' is missing"):
+        cables.identified("line", MODELS[name])
+
+
+def test_a_lagging_load_follows_the_cable_as_a_first_order_system() -> None:
+    """Against a run without the lag, filtered; open loop, so that both have one motor."""
+    prompt, late = (
+        simulate(CablePlant(cables.play(), load_lag=lag), LAWS["uncompensated"], STROKE, duration=8.0)
+        for lag in (0.0, 0.03)
+    )
+    assert late["motor"].tolist() == prompt["motor"].tolist()
+    time, inner = prompt.time, prompt["joint"]
+    from scipy.signal import lsim
+
+    expected = lsim(([1.0], [0.03, 1.0]), inner, time)[1]
+    np.testing.assert_allclose(late["joint"], expected, atol=1e-9)
+    assert np.abs(late["joint"] - inner).max() * DEGREES > 0.5
+
+
+def test_lag_in_one_step_or_two_is_the_same() -> None:
+    half = lagged(0.3, 1.0, 1.5, 0.01, 0.02)
+    assert lagged(half, 1.5, 2.0, 0.01, 0.02) == pytest.approx(lagged(0.3, 1.0, 2.0, 0.02, 0.02), abs=1e-14)
+    assert lagged(0.3, 1.0, 1.5, 0.01, 0.0) == 1.5
+    assert compiled(lagged)(0.3, 1.0, 1.5, 0.01, 0.02) == half
+
+
+def test_the_sliding_cable_loses_its_dead_zone_in_the_loop() -> None:
+    """Motor travel between the turn and the joint's first motion, and the current of the tendon's pull."""
+    tendon = Tendon(elements=40)
+    plant = CablePlant(friction_cables.sliding(tendon))
+    trace = simulate(plant, LAWS["uncompensated"], STROKE, duration=10.0)
+    top = int(np.argmax(trace["motor"]))
+    resting = trace["joint"][top]
+    moves = top + int(np.argmax(trace["joint"][top:] < resting - 1e-6))
+    lost = trace["motor"][top] - trace["motor"][moves]
+    assert lost == pytest.approx(capstan.dead_zone(tendon, resting), rel=0.01)
+    up = int(np.argmin(np.abs(trace.time - 2.5)))
+    pull = (0.1 + 0.2 * trace["joint"][up]) * math.exp(0.15 * math.pi)
+    torque = trace["current"] * plant.motor.gear * plant.motor.torque_constant
+    assert torque[up] - plant.motor.inertia * trace["motor_acceleration"][up] == pytest.approx(pull, rel=1e-9)
+
+
+def test_a_slack_cable_transmits_nothing_until_it_is_taken_up() -> None:
+    plant = CablePlant(CABLES["slack"])
+    trace = simulate(plant, LAWS["uncompensated"], STROKE, duration=10.0)
+    loose = trace["motor"] < 0.05  # 0.5 mm on a spool of 10 mm
+    assert loose[: len(trace) // 2].sum() > 100
+    assert np.abs(trace["joint"][loose]).max() < 1e-12
+    assert trace["joint"].max() > 0.8
+
+
+@every_cable
+def test_a_run_that_ran_away_says_so(cable: cables.Cable) -> None:
+    trace = simulate(CablePlant(cable), LAWS["adaptive"].preset("paper"), STROKE, duration=30.0)
+    assert not trace.stable
+    assert np.isfinite(trace["joint"][0])
+    assert np.isnan(trace["joint"][-1])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"sample_time": 0.0},
+        {"delay": -1},
+        {"substeps": 0},
+        {"load_lag": -1e-3},
+        {"load_lag": math.nan},
+        {"servo": Servo(natural_frequency=-1.0)},
+    ],
+)
+def test_absurd_plants_are_refused(change: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match="expected"):
+        simulate(CablePlant(cables.play())._replace(**change), LAWS["uncompensated"], STROKE, duration=1.0)
+
+
+def test_absurd_cables_are_refused() -> None:
+    with pytest.raises(ParameterError, match="two lists of one length"):
+        cables.stack(0.5, [0.1], [0.2, 0.3])
+    with pytest.raises(ParameterError, match="half-widths not below 0"):
+        cables.stack(0.5, [-0.1], [0.2])
+    with pytest.raises(ParameterError, match="half_range"):
+        cables.bouc_wen(terms=TERMS._replace(half_range=0.0))
+    plant = CablePlant(friction_cables.sliding(), sheath=Sheath(loss=0.1))
+    with pytest.raises(ParameterError, match="computes what its sheath loses"):
+        simulate(plant, LAWS["uncompensated"], STROKE, duration=1.0)
+
+
+def test_a_cable_of_ones_own_joins_with_three_kernels() -> None:
+    """Any kernels do: here the play's, under another name and with other numbers."""
+    mine = replace(cables.play(Play(half_width=0.0)), name="mine")
+    trace = simulate(CablePlant(mine), LAWS["uncompensated"], STROKE, duration=2.0)
+    np.testing.assert_allclose(trace["joint"], Play().slope * trace["motor"], atol=1e-15)
