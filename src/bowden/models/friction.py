@@ -1,0 +1,48 @@
+"""Friction as a return mapping: the share z of its limit that friction has reached, over travel instead of time.
+
+    Dahl:     dz/d|x| = (d − z)/z₀,  d = ±1 the direction, so that z goes to d exponentially
+    Coulomb:  z = z + x/z₀, cut to ±1: an elastic bristle that slips at its limit; z₀ is made so short that it sticks
+
+Both know no time, keep |z| ≤ 1, and never fall over a growing travel, so that a step with them is a convex problem.
+
+Source: Dahl, *A solid friction model*, 1968 (his exponent 1, with the stiffness at rest F/z₀), as Palli and Melchiorri
+take it along a sheath (IEEE/RSJ IROS 2006, the paper's [6]); Simo and Hughes, *Computational Inelasticity*, 1998, for
+the return mapping.
+"""
+
+import numpy as np
+
+from bowden.core.kernel import exp, kernel
+
+
+@kernel
+def dahl(z: float, travel: float, presliding: float) -> float:
+    """z after a signed `travel` [m], exactly; `presliding` is z₀ [m].
+
+    >>> round(float(dahl(0.0, 1e-4, 1e-4)), 4)
+    0.6321
+    """
+    direction = np.copysign(1.0, travel)
+    return direction + (z - direction) * exp(-np.abs(travel) / presliding)
+
+
+@kernel
+def coulomb(z: float, travel: float, presliding: float) -> float:
+    """z after a signed `travel` [m]: elastic as far as it can be, slipping beyond.
+
+    >>> float(coulomb(0.5, 1e-7, 1e-6)), float(coulomb(0.5, 1.0, 1e-6))
+    (0.6, 1.0)
+    """
+    return max(-1.0, min(1.0, z + travel / presliding))
+
+
+@kernel
+def dahl_slope(z: float, travel: float, presliding: float) -> float:
+    """dz/dx at the end of a `travel` [1/m]."""
+    return (1.0 - np.copysign(1.0, travel) * dahl(z, travel, presliding)) / presliding
+
+
+@kernel
+def coulomb_slope(z: float, travel: float, presliding: float) -> float:
+    """dz/dx at the end of a `travel` [1/m]: none where it slips."""
+    return 1.0 / presliding if np.abs(z + travel / presliding) < 1.0 else 0.0
