@@ -44,6 +44,15 @@ _COMMANDS = {
             "bowden simulate rig.toml --law adaptive --preset paper --json",
         ],
     ),
+    "check": _Entry(
+        "bowden.app.check_command",
+        "Say whether a rig's gains hold, before anything moves.",
+        [
+            "bowden check rig.toml",
+            "bowden check rig.toml --preset paper",
+            "bowden check rig.toml --law my_law.py --json",
+        ],
+    ),
     "reproduce": _Entry(
         "bowden.app.reproduce_command",
         "Reproduce the paper's bench, claim by claim.",

@@ -88,9 +88,25 @@ def adaptive_model(gains: AdaptiveGains, dt: float, slope_inverse: float, bound:
 def response(model: StateSpace, omega: Array, dt: float) -> NDArray[np.complex128]:
     """Frequency response (n,) at `omega` [rad/s]."""
     z = np.exp(1j * omega * dt)
+    if not len(model.a):
+        return np.full(len(z), complex(model.d))
+    if len(model.a) > 8:  # the coefficients of so long a polynomial would lose the digits of poles near one
+        return _response_by_schur(model, z)
     poles = np.poly(model.a)  # det(zI − A); the numerator follows by the matrix determinant lemma
     zeros = np.poly(model.a - model.b @ model.c) + (model.d - 1.0) * poles
     return np.asarray(np.polyval(zeros, z) / np.polyval(poles, z))
+
+
+def _response_by_schur(model: StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """C·(zI − A)⁻¹·B + D by one triangular form of A and a back substitution for all z at once."""
+    from scipy.linalg import schur
+
+    upper, turned = schur(model.a, output="complex")
+    b, c = (turned.conj().T @ model.b)[:, 0], (model.c @ turned)[0]
+    x = np.empty((len(b), len(z)), dtype=np.complex128)
+    for i in range(len(b) - 1, -1, -1):
+        x[i] = (b[i] + upper[i, i + 1 :] @ x[i + 1 :]) / (z - upper[i, i])
+    return np.asarray(c @ x + model.d)
 
 
 def closed_loop_poles(plant: StateSpace, law: StateSpace) -> NDArray[np.complex128]:
@@ -107,6 +123,8 @@ def margins(plant: StateSpace, law: StateSpace, dt: float) -> Margins:
     poles = closed_loop_poles(plant, law)
     omega = np.geomspace(1e-2, np.pi / dt * (1.0 - 1e-9), 4000)
     loop = response(plant, omega, dt) * response(law, omega, dt)
+    if not np.any(loop):  # a law without feedback
+        return Margins(bool(np.max(np.abs(poles)) < 1.0), None, None, None, float(np.max(np.abs(poles))))
     gain, phase = np.log(np.abs(loop)), np.unwrap(np.angle(loop))
     margin_gains = []
     for turn in np.arange(np.floor(phase.min() / np.pi), np.ceil(phase.max() / np.pi) + 1):

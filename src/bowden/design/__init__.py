@@ -1,0 +1,1 @@
+"""Gains against plants: whether a loop holds, and which gains to give it."""

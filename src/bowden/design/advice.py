@@ -1,0 +1,123 @@
+"""Which number to change, and to what, so that a loop holds."""
+
+import math
+
+import numpy as np
+
+from bowden.control.law import Law
+from bowden.control.stability import margins, servo_model
+from bowden.core.units import DEGREES
+from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check
+from bowden.design.linearise import linearise
+from bowden.models.bouc_wen import BoucWen
+from bowden.sim.plant import Bench
+
+FACTORS = tuple(10.0 ** (-k / 6.0) for k in range(1, 19))
+"""By which a gain is tried smaller (and, inverted, larger), the nearest first."""
+_TRIED = 16
+"""Candidates that are checked in full."""
+
+
+def advise(
+    bench: Bench,
+    law: Law,
+    found: Check,
+    *,
+    bends: tuple[float, float] | None = None,
+    stroke: tuple[float, float] = STROKE,
+) -> str:
+    """A sentence or two on what to change; empty where there is nothing to mend.
+
+    The smallest change of one gain that makes the loop hold is looked for and checked in full; where there is none,
+    the delay is.
+    """
+    parts = []
+    if found.verdict != "holds":
+        parts.append(_remedy(bench, law, found, bends, stroke))
+    steepest = bench.cable.slope + bench.cable.hysteresis_gain * bench.cable.rate
+    if found.verdict != "does_not_hold" and found.cycle_confirmed and found.swing is not None:
+        parts.append(
+            f"at rest the play makes the joint swing by ±{found.swing * DEGREES:.2g}°: "
+            + (
+                "the cable's model moves the joint the wrong way after a reversal, identify it again with a log of "
+                "small motions, or end the integral's work at rest"
+                if steepest < 0.0
+                else "lower the gain that acts on the integral of the error"
+            )
+        )
+    return "; ".join(parts)
+
+
+def _remedy(
+    bench: Bench, law: Law, found: Check, bends: tuple[float, float] | None, stroke: tuple[float, float]
+) -> str:
+    for name, value in _candidates(bench, law, found)[:_TRIED]:
+        if check(bench, law.with_gains(**{name: value}), bends=bends, stroke=stroke).verdict == "holds":
+            return f"set {name} to {value:.3g} (now {getattr(law.gains, name):.3g})"
+    holding, failing = -1, bench.delay  # the longest delay known to hold lies between the two
+    while failing - holding > 1:
+        delay = (holding + failing) // 2 if holding >= 0 else 0
+        held = check(bench._replace(delay=delay), law, bends=bends, stroke=stroke).verdict == "holds"
+        if not held and delay == 0:
+            break
+        holding, failing = (delay, failing) if held else (holding, delay)
+    if holding >= 0:
+        return f"shorten the delay to {holding} cycles (now {bench.delay})"
+    return "no single gain and no shorter delay mends it: find gains with bowden tune"
+
+
+def _candidates(bench: Bench, law: Law, found: Check) -> list[tuple[str, float]]:
+    """Changes of one gain that give the linear loops their margins, the smallest first."""
+    visited = [point.estimates for point in found.points]
+    bounded = all(trial.bounded for trial in found.trials)
+    estimates = [visited[0], visited[-1]] if bounded else [visited[0]]  # a run that ran away shows no usual estimates
+    slopes = sorted({point.slope for point in found.points})
+    model = set(BoucWen._fields) if set(BoucWen._fields) <= set(law.gains._fields) else set()
+    passing: list[tuple[int, str, float]] = []
+    for name in law.gains._fields:
+        if name in model or not _matters(law, name, bench.sample_time, estimates[-1]):
+            continue
+        for changes in _changes(law, name):
+            fine = [k for k, changed in changes if _has_margins(bench, changed, estimates, slopes)]
+            passing += [(k, name, getattr(dict(changes)[k].gains, name)) for k in (fine[:1] if bounded else fine[::3])]
+    return [(name, value) for _, name, value in sorted(passing)]
+
+
+def _changes(law: Law, name: str) -> list[list[tuple[int, Law]]]:
+    """The law with one gain smaller, and with it larger, step by step; a switch that is off, on."""
+    value = getattr(law.gains, name)
+    if value == 0.0:
+        return [[(0, law.with_gains(**{name: 1.0}))]] if law.limits.get(name) == (0.0, 1.0) else []
+    sides = [[(k, _with(law, name, value * f**sign)) for k, f in enumerate(FACTORS)] for sign in (1, -1)]
+    return [[(k, changed) for k, changed in side if changed is not None] for side in sides]
+
+
+def _with(law: Law, name: str, value: float) -> Law | None:
+    """The law with that gain rounded to three digits; None where its limits forbid it."""
+    low, high = law.limits.get(name, (-math.inf, math.inf))
+    rounded = float(f"{value:.3g}")
+    return law.with_gains(**{name: rounded}) if low <= rounded <= high else None
+
+
+def _matters(law: Law, name: str, dt: float, estimates: dict[str, float]) -> bool:
+    """Whether the linear law changes with that gain at all."""
+    changes = [side[0][1] for side in _changes(law, name) if side]
+    if not changes:
+        return False
+    before, after = (linearise(each, dt, estimates=estimates) for each in (law, changes[0]))
+    return any(
+        old.shape != new.shape or not np.allclose(old, new, rtol=1e-6, atol=0.0)
+        for old, new in zip(before, after, strict=True)
+    )
+
+
+def _has_margins(bench: Bench, law: Law, estimates: list[dict[str, float]], slopes: list[float]) -> bool:
+    plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
+    for values in estimates:
+        model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or 1e-6, estimates=values)
+        for slope in slopes:
+            found = margins(plant, model.seen_through(slope), bench.sample_time)
+            gain, phase = found.gain_margin_db, found.phase_margin_deg
+            if not (found.stable and (gain or ENOUGH_DB) >= ENOUGH_DB and (phase or ENOUGH_DEG) >= ENOUGH_DEG):
+                return False
+    return True

@@ -1,0 +1,257 @@
+"""Does this law hold on this bench? Margins over all slopes of the sheath, limit cycle, chatter, proof and trial."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bowden.control.adaptive import AdaptiveGains
+from bowden.control.law import Law
+from bowden.control.stability import Margins, margins, servo_model, ultimate_bounds
+from bowden.core.errors import ParameterError
+from bowden.core.signals import Sample
+from bowden.core.units import RADIANS
+from bowden.design.limit_cycle import Cycle, describing_function, predict
+from bowden.design.linearise import find_estimates, linearise
+from bowden.design.trial import Trial, dead_zone, run_trial, slope_at
+from bowden.models.bouc_wen import saturation
+from bowden.models.sheath import slope_factor, width
+from bowden.sim.plant import Bench
+
+ENOUGH_DB, ENOUGH_DEG = 6.0, 30.0
+"""Margins below which a loop has little of them."""
+STROKE = (0.0, 70.0 * RADIANS)
+"""Of the trial, where none is given [rad]."""
+_IDEAL = 1e-6
+"""Width of the differences where the encoder is ideal [rad]."""
+
+VerdictName = Literal["holds", "little_margin", "does_not_hold"]
+Estimates = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One linear loop, and what its margins are."""
+
+    bend: float
+    """[rad]"""
+    slope: float
+    """Joint motion per motor motion [rad/rad]."""
+    estimates: Estimates
+    """The law's estimates, frozen here."""
+    margins: Margins
+
+
+@dataclass(frozen=True)
+class Check:
+    """What was found."""
+
+    verdict: VerdictName
+    reason: str
+    """What decided, in a sentence."""
+    points: tuple[Point, ...]
+    """Every linear loop that was looked at."""
+    worst: Point
+    """The one that decides."""
+    cycle: Cycle | None
+    """The limit cycle that the describing function predicts, at the worse end of the bends."""
+    trials: tuple[Trial, ...]
+    """At the smallest and at the largest bend."""
+    chatters: bool
+    """Unstable for one count of the encoder, stable for the whole stroke: a steep curve such as tanh(s/ε) chatters."""
+    command_per_count: float
+    """Step of the command for one count of the joint's encoder [rad]."""
+    ultimate_s: float | None
+    """The paper's bound on |s| [rad·s]; None for other laws."""
+    ultimate_error: float | None
+    """The paper's bound on |e| [rad]; None for other laws."""
+
+    @property
+    def gain_margin_db(self) -> float | None:
+        """The smallest over all points; None where a loop is unstable or none has a limit."""
+        return self._least(point.margins.gain_margin_db for point in self.points)
+
+    @property
+    def phase_margin_deg(self) -> float | None:
+        """The smallest over all points; None where a loop is unstable or none has a limit."""
+        return self._least(point.margins.phase_margin_deg for point in self.points)
+
+    @property
+    def delay_margin_s(self) -> float | None:
+        """The smallest over all points; None where a loop is unstable or none has a limit."""
+        return self._least(point.margins.delay_margin_s for point in self.points)
+
+    @property
+    def swing(self) -> float | None:
+        """Half of the joint's span while the reference rests, at the worse bend [rad]."""
+        return None if any(t.swing is None for t in self.trials) else max(t.swing or 0.0 for t in self.trials)
+
+    @property
+    def cycle_confirmed(self) -> bool | None:
+        """Whether the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
+        if self.cycle is None or self.swing is None:
+            return None
+        return self.swing > 0.25 * self.cycle.amplitude
+
+    def _least(self, values: Iterable[float | None]) -> float | None:
+        there = [value for value in values if value is not None]
+        return min(there) if there and all(point.margins.stable for point in self.points) else None
+
+
+def check(
+    bench: Bench,
+    law: Law,
+    *,
+    bends: tuple[float, float] | None = None,
+    stroke: tuple[float, float] = STROKE,
+    seed: int = 1,
+) -> Check:
+    """Judge a law on a bench: `holds`, `little_margin` (below 6 dB or 30°) or `does_not_hold`.
+
+    The law is linearised at rest, one encoder count wide, with its estimates frozen at their start and at what they
+    visit in two trials (the ends of the bends), and its margins are taken for every slope that the cable has there. A
+    cable that is steeper after a reversal counts with that slope; one that is flatter is left to the describing
+    function and to the trials, since no linear loop with an integral survives a slope of zero.
+
+    Args:
+        bench: with the cable.
+        law: with its gains.
+        bends: smallest and largest total bend of the sheath [rad]; the identified one where it is not given.
+        stroke: ends of the trials' motion [rad].
+        seed: of the encoders' noise.
+
+    Raises:
+        ParameterError: gains that are not finite, bends or a stroke that cannot be.
+    """
+    ends = _checked(bench, law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
+    trials = tuple(run_trial(bench, law, bend, stroke, seed) for bend in ends)
+    estimates = visited_estimates(law, trials, bench.sample_time)
+    points = linear_points(bench, law, ends, estimates, bench.joint_encoder.resolution or _IDEAL)
+    worst = min(points, key=_severity)
+    bounded = all(trial.bounded for trial in trials)
+    wide = (
+        []
+        if worst.margins.stable
+        else linear_points(bench, law, ends, estimates, 0.5 * abs(stroke[1] - stroke[0]), reversals=False)
+    )
+    chatters = bool(wide) and all(point.margins.stable for point in wide)
+    verdict, reason = _judge(worst, bounded, chatters)
+    model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or _IDEAL, estimates=estimates[-1])
+    bound = None
+    if isinstance(law.gains, AdaptiveGains) and _has_bounds(law.gains):
+        bound = ultimate_bounds(law.gains, slope_at(bench, ends[1]), 0.5 * dead_zone(bench, ends[1]))
+    return Check(
+        verdict=verdict,
+        reason=reason,
+        points=tuple(points),
+        worst=worst,
+        cycle=_predicted_cycle(bench, law, ends, estimates),
+        trials=trials,
+        chatters=chatters,
+        command_per_count=abs(float(model.d[0])) * bench.joint_encoder.resolution,
+        ultimate_s=bound.filtered_error if bound else None,
+        ultimate_error=bound.error if bound else None,
+    )
+
+
+def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Estimates]:
+    """Values of the law's estimates: where they start, then what the trials visited, the last of them last."""
+    visited = [state for trial in trials for state in trial.visited]
+    start = law.start(Sample(0.0, 0.0))
+    names = find_estimates(law, type(start)(**visited[-1]), dt) if visited else []
+    picked = [{name: getattr(start, name) for name in names}, *({n: state[n] for n in names} for state in visited)]
+    return [values for i, values in enumerate(picked) if values not in picked[i + 1 :]]
+
+
+def linear_points(
+    bench: Bench,
+    law: Law,
+    bends: Iterable[float],
+    estimates: Iterable[Estimates],
+    width: float,
+    *,
+    reversals: bool = True,
+) -> list[Point]:
+    """The linear loop at every bend's slopes and with every set of estimates, seen through differences of a `width`.
+
+    Slopes are the one with the play taken up and, if `reversals` count, the one after a reversal where it is steeper.
+    """
+    plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
+    points = []
+    for values in estimates:
+        model = linearise(law, bench.sample_time, width=width, estimates=values)
+        for bend in dict.fromkeys(bends):
+            for slope in _slopes(bench, bend, reversals):
+                found = margins(plant, model.seen_through(slope), bench.sample_time)
+                points.append(Point(bend, slope, values, found))
+    return points
+
+
+def _slopes(bench: Bench, bend: float, reversals: bool) -> list[float]:
+    slope, cable = slope_at(bench, bend), bench.cable
+    steepest = 1.0 + float(saturation(cable)) ** cable.exponent  # of Eq. 7 over ρ, right after a reversal
+    after = slope + cable.hysteresis_gain * cable.rate * steepest
+    return [slope, after] if reversals and after > slope else [slope]
+
+
+def _predicted_cycle(bench: Bench, law: Law, bends: tuple[float, float], estimates: list[Estimates]) -> Cycle | None:
+    """The largest cycle over the bends and over the estimates at the start and at the end of the trials."""
+    plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
+    cycles = []
+    for bend in dict.fromkeys(bends):
+        factors = float(width(bend, bench.sheath)), float(slope_factor(bend, bench.sheath))
+        gains = describing_function(bench, *factors)
+        for values in (estimates[0], estimates[-1]):
+            model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or _IDEAL, estimates=values)
+            cycles.append(predict(gains, plant, model, bench.sample_time))
+    return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
+
+
+def _has_bounds(gains: AdaptiveGains) -> bool:
+    """Whether the paper's proof says anything: it divides by these."""
+    return min(gains.error_gain, gains.feedback_gain, gains.slope_leakage, gains.bound_leakage) > 0.0 and (
+        min(gains.slope_adaptation, gains.bound_adaptation) > 0.0
+    )
+
+
+def _severity(point: Point) -> float:
+    """Smaller is worse: minus the largest pole of an unstable loop, else the nearer of both limits as a share."""
+    if not point.margins.stable:
+        return -point.margins.largest_pole
+    shares = [np.inf]
+    if point.margins.gain_margin_db is not None:
+        shares.append(point.margins.gain_margin_db / ENOUGH_DB)
+    if point.margins.phase_margin_deg is not None:
+        shares.append(point.margins.phase_margin_deg / ENOUGH_DEG)
+    return min(shares)
+
+
+def _judge(worst: Point, bounded: bool, chatters: bool) -> tuple[VerdictName, str]:
+    where = f"at a bend of {worst.bend / RADIANS:.0f}° (slope {worst.slope:.3g}"
+    where += "".join(f", {name} {value:.3g}" for name, value in worst.estimates.items()) + ")"
+    if not worst.margins.stable:
+        pole = f"the sampled loop is unstable {where}: its largest pole is {worst.margins.largest_pole:.4g}"
+        if chatters and bounded:
+            return "little_margin", f"{pole}; for large motions it is stable, so it chatters and stays bounded"
+        return "does_not_hold", pole
+    if not bounded:
+        return "does_not_hold", "the linear loop is stable, but the trial runs away or does not come to rest"
+    if _severity(worst) < 1.0:
+        found = worst.margins
+        shown = [f"{found.gain_margin_db:.1f} dB" if found.gain_margin_db is not None else ""]
+        shown.append(f"{found.phase_margin_deg:.0f}°" if found.phase_margin_deg is not None else "")
+        return "little_margin", f"only {' and '.join(part for part in shown if part)} are left {where}"
+    return "holds", "every linear loop has its margins, and the trials come to rest"
+
+
+def _checked(bench: Bench, law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
+    """The bends, known to be usable with the rest."""
+    for name, value in law.gains._asdict().items():
+        if not np.isfinite(value):
+            raise ParameterError(f"gain {name} of law {law.name!r} is {value}", expected="a finite number")
+    if not 0.0 < bends[0] <= bends[1] < np.inf:
+        raise ParameterError(f"check: bends {bends}", expected="smallest and largest, above 0 rad")
+    if not (np.isfinite(stroke).all() and stroke[0] != stroke[1]):
+        raise ParameterError(f"check: stroke {stroke}", expected="two different angles")
+    return bends

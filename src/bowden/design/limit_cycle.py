@@ -1,0 +1,100 @@
+"""The limit cycle that backlash can cause: the cable's describing function against the sampled loop.
+
+Driven by motor = A·sin ωt, the cable's hysteresis answers at ω with the complex gain N(A), which does not depend on ω.
+With G the servo, its delay and hold, and C₁, C₂ the law from joint and motor to minus the command, a cycle is where
+
+    1 + G·C₂ + N(A)·G·C₁ = 0
+
+and lasts where the loop is stable at a larger amplitude and unstable at a smaller one (Loeb's criterion: the sign with
+which the left side winds around the root). Sources: Gelb and Vander Velde, *Multiple-Input Describing Functions*, 1968.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.stability import StateSpace, response
+from bowden.core.kernel import compiled, kernel
+from bowden.design.linearise import LawModel
+from bowden.models.bouc_wen import PreparedCable, advance_prepared, prepare_cable
+from bowden.sim.plant import Bench
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+AMPLITUDES = np.geomspace(2e-4, 2.0, 100)
+"""Of the motor, searched [rad]."""
+
+_POINTS = 128
+_CYCLES = 3
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """An oscillation that lasts."""
+
+    amplitude: float
+    """Half of its span at the joint [rad]."""
+    period: float
+    """[s]"""
+
+
+@kernel
+def hysteresis_response(amplitudes: Array, cable: PreparedCable, points: int, cycles: int) -> Complex:
+    """h at the frequency of motor = A·sin: its complex gain for each amplitude (k,) [1/rad].
+
+    The last of several cycles is taken, in which h no longer knows where it began.
+    """
+    gains = np.empty(len(amplitudes), np.complex128)
+    for i in range(len(amplitudes)):
+        h, before, total = 0.0, 0.0, 0.0 + 0.0j
+        for k in range(1, cycles * points + 1):
+            angle = 2.0 * np.pi * k / points
+            motor = amplitudes[i] * np.sin(angle)
+            h = advance_prepared(h, motor - before, cable)
+            before = motor
+            if k > (cycles - 1) * points:
+                total += h * (np.sin(angle) + 1j * np.cos(angle))
+        gains[i] = 2.0 * total / (points * amplitudes[i])
+    return gains
+
+
+def describing_function(bench: Bench, width: float, slope_factor: float, amplitudes: Array = AMPLITUDES) -> Complex:
+    """N(A) of the cable in a sheath of that width and slope factor (k,) [rad/rad].
+
+    Args:
+        bench: with its cable.
+        width: factor on the hysteresis.
+        slope_factor: factor on the slope.
+        amplitudes: of the motor (k,) [rad].
+    """
+    of_h = compiled(hysteresis_response)(amplitudes / width, prepare_cable(bench.cable), _POINTS, _CYCLES)
+    return np.asarray(slope_factor * bench.cable.slope + bench.cable.hysteresis_gain * of_h)
+
+
+def predict(
+    gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitudes: Array = AMPLITUDES
+) -> Cycle | None:
+    """The largest lasting limit cycle, or None where the describing function shows none.
+
+    Args:
+        gains: N at each amplitude (k,).
+        plant: from command to motor.
+        law: near rest.
+        dt: sample time [s].
+        amplitudes: of the motor (k,) [rad].
+    """
+    omega = np.geomspace(0.05, 0.9 * np.pi / dt, 900)
+    moved = response(plant, omega, dt)
+    direct, through = (1.0 + moved * response(law.by_motor, omega, dt)), moved * response(law.by_joint, omega, dt)
+    left = direct[None, :] + gains[:, None] * through[None, :]  # (amplitude, frequency)
+    ahead = [left[:-1, :-1], left[1:, :-1], left[1:, 1:], left[:-1, 1:], left[:-1, :-1]]
+    turns = sum(np.angle(b / a) for a, b in itertools.pairwise(ahead)) / (2.0 * np.pi)
+    lasting = np.argwhere(turns > 0.5)
+    if not len(lasting):
+        return None
+    i, j = lasting[-1]
+    amplitude = np.sqrt(amplitudes[i] * amplitudes[i + 1]) * abs(gains[i] + gains[i + 1]) / 2.0
+    return Cycle(float(amplitude), float(2.0 * np.pi / np.sqrt(omega[j] * omega[j + 1])))

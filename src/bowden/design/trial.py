@@ -1,0 +1,93 @@
+"""A short closed-loop run that shows what a loop does: it moves, then rests."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.law import Law
+from bowden.control.reference import PointToPoint
+from bowden.models.bouc_wen import saturation
+from bowden.models.sheath import slope_factor, width
+from bowden.sim.closed_loop import simulate
+from bowden.sim.plant import Bench
+from bowden.sim.scenario import constant_bend
+
+Array = NDArray[np.float64]
+
+MOVES = (0.0, 2.0, 4.0, 6.0, 8.0, 9.0, 20.0)
+"""When the trial's way points are reached: low, high, low, high, low, middle, and rest there [s]."""
+_SETTLED = 14.0
+"""From here on the rest is judged [s]."""
+_SNAPSHOTS = 8
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a run showed."""
+
+    bounded: bool
+    """Whether it came to rest: it did not run away, and ends within one and a half dead zones and a degree."""
+    swing: float | None
+    """Half of the joint's span while the reference rests [rad]; None where the run ran away."""
+    period: float | None
+    """Of that swing [s]; None where it crosses its middle less than three times."""
+    peak: float | None
+    """Largest error after the first 4 s [rad]; None where the run ran away."""
+    ripple: float | None
+    """Root mean square of the command's step from one cycle to the next, at rest [rad]."""
+    visited: tuple[dict[str, float], ...]
+    """The law's state now and then, while the error was no larger than the stroke."""
+
+
+def dead_zone(bench: Bench, bend: float) -> float:
+    """Height of the cable's loop at a `bend`: what the joint loses in a reversal [rad]."""
+    return 2.0 * abs(bench.cable.hysteresis_gain) * float(width(bend, bench.sheath)) * float(saturation(bench.cable))
+
+
+def slope_at(bench: Bench, bend: float) -> float:
+    """The cable's slope at a `bend` once the play is taken up [rad/rad]."""
+    return bench.cable.slope * float(slope_factor(bend, bench.sheath))
+
+
+def run_trial(bench: Bench, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1) -> Trial:
+    """Move between the ends of a `stroke` [rad] at a constant `bend` [rad], then rest in its middle."""
+    low, high = stroke
+    middle = 0.5 * (low + high)
+    trace = simulate(
+        bench,
+        law,
+        PointToPoint(MOVES, (low, high, low, high, low, middle, middle)),
+        duration=MOVES[-1],
+        bend=constant_bend(bend),
+        seed=seed,
+        initial_motor=(low - bench.cable.offset) / slope_at(bench, bend),
+    )
+    error = trace.columns["joint"] - trace.columns["reference"]
+    near = np.abs(error) <= abs(high - low)
+    lasted = len(error) if near.all() else int(np.argmin(near))
+    states = {name.removeprefix("law."): v for name, v in trace.columns.items() if name.startswith("law.")}
+    picked = np.unique(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
+    visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
+    if not trace.stable:
+        return Trial(False, None, None, None, None, visited)
+    rest = error[trace.columns["time"] >= _SETTLED]
+    span = float(np.ptp(rest))
+    commands = trace.columns["command"][-len(rest) :]
+    return Trial(
+        bounded=lasted == len(error) and span <= 1.5 * dead_zone(bench, bend) + np.radians(1.0),
+        swing=0.5 * span,
+        period=_period(rest, bench.sample_time),
+        peak=float(np.max(np.abs(error[trace.columns["time"] >= MOVES[2]]))),
+        ripple=float(np.sqrt(np.mean(np.diff(commands) ** 2))),
+        visited=visited,
+    )
+
+
+def _period(values: Array, dt: float) -> float | None:
+    """Median time between crossings of the middle of the span upwards that go on for a tenth of the span."""
+    middle, band = 0.5 * (np.max(values) + np.min(values)), 0.1 * float(np.ptp(values))
+    side = np.where(values > middle + band, 1, np.where(values < middle - band, -1, 0))
+    at = np.flatnonzero(side)
+    ups = at[1:][(side[at[1:]] > 0) & (side[at[:-1]] < 0)]
+    return float(np.median(np.diff(ups))) * dt if len(ups) >= 3 else None
