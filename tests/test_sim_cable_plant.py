@@ -26,6 +26,7 @@ from bowden.sim import cables, friction_cables
 from bowden.sim.cable_plant import CablePlant, lagged, resting_motor
 from bowden.sim.closed_loop import simulate
 from bowden.sim.plant import PAPER_ENCODER, Bench
+from bowden.sim.pose_cable import poses
 from bowden.sim.scenario import scripted_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
@@ -35,6 +36,7 @@ CABLES = {
     "stack": cables.stack(0.3, [0.02, 0.05, 0.1], [0.3, 0.2, 0.15]),
     "bouc_wen": cables.bouc_wen(),
     "bouc_wen_static": cables.bouc_wen(BoucWen(), TERMS),
+    "poses": poses([cables.bouc_wen(), cables.bouc_wen(BoucWen(slope=0.8), TERMS)]),
     "sliding": friction_cables.sliding(),
     "slack": friction_cables.sliding(Tendon(pretension=0.0, slack=5e-4)),
 }
@@ -275,7 +277,44 @@ def test_absurd_plants_are_refused(change: dict[str, Any]) -> None:
         simulate(CablePlant(cables.play())._replace(**change), LAWS["uncompensated"], STROKE, duration=1.0)
 
 
+@every_cable
+def test_a_cable_rests_where_it_is_told(cable: cables.Cable) -> None:
+    plant = CablePlant(cable, sheath=Sheath(bend=2.0))
+    for joint in (0.05, 0.7):
+        start = resting_motor(plant, joint, 2.2)
+        memory = cable.start(cable.prepared, start, 1.1, 1.0)
+        assert cable.look(cable.prepared, memory, start, 1.1, 1.0).joint == pytest.approx(joint, abs=1e-9)
+
+
+def test_a_joint_cannot_rest_beyond_its_springs_end() -> None:
+    with pytest.raises(ParameterError, match="cannot rest with its joint at -1 rad"):
+        resting_motor(CablePlant(CABLES["sliding"]), -1.0)
+
+
+def test_poses_go_from_one_cable_to_the_next() -> None:
+    """At each end the cable of that pose, which has felt the motor all along; halfway their mean."""
+    first, second = cables.bouc_wen(BoucWen(offset=0.1)), cables.bouc_wen(BoucWen(slope=0.8), TERMS)
+    plant, sheath = CablePlant(poses([first, second])), Sheath(bend=2.0)
+    runs = [
+        simulate(plant._replace(cable=cable, sheath=sheath), LAWS["uncompensated"], STROKE, duration=9.0, bend=bend)
+        for cable, bend in (
+            (plant.cable, scripted_bend([3.0, 6.0], [2.0, 4.0])),
+            (first, None),
+            (second, None),
+        )
+    ]
+    time, joint, one, two = runs[0].time, *(run["joint"] for run in runs)
+    assert joint[time < 3.0].tolist() == one[time < 3.0].tolist()
+    assert joint[time > 6.001].tolist() == two[time > 6.001].tolist()
+    assert joint[4500] == pytest.approx(0.5 * (one[4500] + two[4500]), abs=1e-12)
+    assert np.abs(np.diff(joint)).max() < 2.0 * np.abs(np.diff(one)).max()
+
+
 def test_absurd_cables_are_refused() -> None:
+    with pytest.raises(ParameterError, match="two cables or more"):
+        poses([cables.bouc_wen()])
+    with pytest.raises(ParameterError, match="bouc_wen_static"):
+        poses([cables.bouc_wen(), cables.play()])
     with pytest.raises(ParameterError, match="two lists of one length"):
         cables.stack(0.5, [0.1], [0.2, 0.3])
     with pytest.raises(ParameterError, match="half-widths not below 0"):
@@ -292,3 +331,13 @@ def test_a_cable_of_ones_own_joins_with_three_kernels() -> None:
     mine = replace(cables.play(Play(half_width=0.0)), name="mine")
     trace = simulate(CablePlant(mine), LAWS["uncompensated"], STROKE, duration=2.0)
     np.testing.assert_allclose(trace["joint"], Play().slope * trace["motor"], atol=1e-15)
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_an_identified_cable_is_the_one_that_identification_predicts(name: str) -> None:
+    """Where the log's start is at rest; a cable that runs backwards has its motor counted the other way."""
+    model = pytest.importorskip("bowden.identify.model", reason="identification is not here")
+    cable = cables.identified(name, MODELS[name])
+    trace = recorded_run(CablePlant(cable))
+    predicted = model.CableModel(name, MODELS[name]).joint_angle(-trace["motor"])
+    np.testing.assert_allclose(trace["joint"], predicted, atol=1e-9)

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from bowden.core.errors import ParameterError
 from bowden.core.kernel import exp, kernel
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor, acceleration_limit
@@ -93,6 +94,9 @@ def resting_motor(plant: CablePlant, joint: float, bend: float | None = None) ->
         plant: with its cable.
         joint: wanted [rad].
         bend: total bend of the sheath at the start; the identified one where it is not given [rad].
+
+    Raises:
+        ParameterError: the cable has its joint there at no motor angle.
     """
     angle = plant.sheath.bend if bend is None else bend
     width, factor = float(width_at(angle, plant.sheath)), float(slope_factor_at(angle, plant.sheath))
@@ -109,6 +113,11 @@ def resting_motor(plant: CablePlant, joint: float, bend: float | None = None) ->
             break
         before, motor, left = motor, motor - now * (motor - before) / (now - left), now
         now = error(motor)
+    if not abs(now) < 1e-9:
+        raise ParameterError(
+            f"a {cable.name!r} cable cannot rest with its joint at {joint:g} rad but at {joint + now:g} rad",
+            expected="an angle that its load lets the joint take",
+        )
     return motor
 
 
