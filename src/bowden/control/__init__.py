@@ -2,12 +2,29 @@
 
 from collections.abc import Mapping
 
+from bowden.control.active_disturbance_rejection import ACTIVE_DISTURBANCE_REJECTION
 from bowden.control.adaptive import ADAPTIVE
+from bowden.control.backlash_inverse import BACKLASH_INVERSE
+from bowden.control.cascaded_pid import CASCADED_PID
+from bowden.control.hysteresis_model import HYSTERESIS_MODEL
 from bowden.control.law import Law
 from bowden.control.observer import OBSERVER
+from bowden.control.offset_inverse import OFFSET_INVERSE
 from bowden.control.uncompensated import UNCOMPENSATED
 
-LAWS: Mapping[str, Law] = {law.name: law for law in (UNCOMPENSATED, OBSERVER, ADAPTIVE)}
+LAWS: Mapping[str, Law] = {
+    law.name: law
+    for law in (
+        UNCOMPENSATED,
+        OBSERVER,
+        ADAPTIVE,
+        OFFSET_INVERSE,
+        HYSTERESIS_MODEL,
+        CASCADED_PID,
+        BACKLASH_INVERSE,
+        ACTIVE_DISTURBANCE_REJECTION,
+    )
+}
 """Every law by its name, with default gains for the paper's bench."""
 
 __all__ = ["LAWS", "Law"]
