@@ -5,6 +5,7 @@ Nothing heavy is imported here or at the top of a command's module, so that ``bo
 
 import importlib
 import importlib.util
+import io
 import sys
 from typing import Annotated, NamedTuple
 
@@ -105,4 +106,7 @@ def _fail(message: str, code: int) -> int:
 
 def main() -> None:
     """Entry point of the command ``bowden``."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal without Greek letters is no reason to fail
     sys.exit(run(sys.argv[1:]))
