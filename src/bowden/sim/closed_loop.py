@@ -106,7 +106,7 @@ def run_loop(
         record[7, k] = plant.h
         for j in range(len(state)):
             states[j, k] = state[j]
-        if not abs(command) < 1e3:
+        if not abs(command) < RUNAWAY:
             return k
         applied = record[4, k - delay] if k >= delay else initial_motor
         offset, velocity = plant.motor.position - applied, plant.motor.velocity
@@ -192,7 +192,12 @@ def simulate(
         motor_model.current, values["motor_acceleration"], values["joint"], values["slope"], plant.motor
     )
     values |= dict(zip(fields, states, strict=True))
-    return Trace(values, UNITS | dict.fromkeys(fields, "1"), _settings(plant, law, reference), seed)
+    return Trace(
+        values,
+        UNITS | {name: law.state_units.get(name[4:], "1") for name in fields},
+        _settings(plant, law, reference),
+        seed,
+    )
 
 
 def compiled_loop(law: Law) -> Callable[..., int]:
