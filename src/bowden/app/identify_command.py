@@ -2,14 +2,12 @@
 
 import math
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, seconds
+from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
     from bowden.identify.fit import Fit
@@ -36,7 +34,7 @@ def identify(
 
     checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
     output_folder(out)
-    with _bar(quiet=json) as progress:
+    with progress_bar(quiet=json) as progress:
         fit = identify_log(checked, progress=progress)
         progress("drawing the page", 1.0)
         from bowden.identify.model_file import write_model
@@ -71,21 +69,6 @@ def document(fit: "Fit") -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-@contextmanager
-def _bar(quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on standard error where that is a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda what, share: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:30}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("compiling", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)
 
 
 def _print_table(fit: "Fit") -> None:
