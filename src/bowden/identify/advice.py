@@ -21,7 +21,13 @@ _SLOW = 0.5 / DEGREES
 
 
 def advise(
-    log: Log, split: int, path: Path, fitted_from: int, models: Mapping[str, "ModelFit"], best: str
+    log: Log,
+    split: int,
+    path: Path,
+    fitted_from: int,
+    models: Mapping[str, "ModelFit"],
+    best: str,
+    predicted: Array,
 ) -> list[str]:
     """Warnings about a log and what was identified from it.
 
@@ -32,13 +38,20 @@ def advise(
         fitted_from: first sample that was fitted.
         models: what was identified.
         best: the recommended model.
+        predicted: its joint angle over the whole log (n,) [rad].
     """
+    correlation = abs(float(np.corrcoef(log.motor[:split], log.joint[:split])[0, 1]))
+    if correlation < 0.5:
+        return [
+            f"the joint does not follow the motor (correlation {correlation:.2f}), nothing here can be relied on: "
+            "check the columns, the units, and whether the two were recorded on one clock"
+        ]
     return [
         *_about_motion(log, split, path),
         *_about_settling(log, fitted_from),
         *_about_size(log, split, path, models),
         *_about_parameters(models),
-        *_about_rate(log, split, models, best),
+        *_about_rate(log, split, predicted),
         *_about_the_second_half(log, split, path, models[best]),
     ]
 
@@ -47,8 +60,8 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
     found = []
     if path.strokes < 2:
         found.append(
-            "the motor does not reverse in the first half, so no hysteresis shows: record at least three cycles, back "
-            "and forth"
+            "the motor does not reverse in the first half, so no hysteresis shows: move faster or record longer, six "
+            "cycles or more"
         )
     elif path.strokes < 6:
         found.append(
@@ -117,28 +130,19 @@ def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
     ]
 
 
-def _about_rate(log: Log, split: int, models: Mapping[str, "ModelFit"], best: str) -> list[str]:
+def _about_rate(log: Log, split: int, predicted: Array) -> list[str]:
     """A lag in time, which no rate-independent model has: the residual then follows the joint's speed."""
-    found = []
-    joint, motor = log.joint[:split], log.motor[:split]
-    correlation = abs(float(np.corrcoef(motor, joint)[0, 1]))
-    if correlation < 0.9:
-        found.append(
-            f"the joint hardly follows the motor (correlation {correlation:.2f}): check the columns, the units and "
-            "whether the two were recorded on one clock"
-        )
-    predicted = models[best].model.joint_angle(log.motor)[:split]
-    speed = np.gradient(predicted, log.time[:split])
-    residual = joint - predicted
+    speed = np.gradient(predicted[:split], log.time[:split])
+    residual = log.joint[:split] - predicted[:split]
     power = float(speed @ speed)
     lag = -float(residual @ speed) / power if power > 0.0 else 0.0
     explained = lag * lag * power / max(float(residual @ residual), 1e-300)
-    if explained > 0.2 and abs(lag) > 2e-3:
-        found.append(
-            f"the joint lags {1e3 * lag:.3g} ms behind the best model: the cable or the recording depends on speed, "
-            "the models do not; record more slowly, and both angles on one clock"
-        )
-    return found
+    if explained < 0.2 or abs(lag) < 2e-3:
+        return []
+    return [
+        f"the joint lags {1e3 * lag:.3g} ms behind the best model: the cable or the recording depends on speed, "
+        "the models do not; record more slowly, and both angles on one clock"
+    ]
 
 
 def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -> list[str]:

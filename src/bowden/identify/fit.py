@@ -70,6 +70,8 @@ class Fit:
     """First sample of the second half."""
     fitted_from: int
     """First sample that was fitted; above zero where the cable was still settling."""
+    predicted: Array
+    """Joint angle of the recommended model, simulated straight through the log (n,) [rad]."""
 
 
 def identify(
@@ -150,19 +152,21 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
 
     tell("judging on the second half", 0.9)
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
+    whole = build_path(log.time, log.motor, log.joint, noise, len(log.time))
     models: dict[str, ModelFit] = {}
     for family in families:
         estimate = estimates[family.name]
         model = CableModel(family.name, estimate.parameters)
-        error = model.joint_angle(log.motor) - log.joint
+        error = follow(model, whole, log.time) - log.joint
         models[family.name] = ModelFit(
             model=model,
-            uncertainty=standard_errors(fine, estimate),
+            uncertainty=standard_errors(fine, estimate, family),
             train_rms=_rms(error[fitted_from:split]),
             test_rms=_rms(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
-    warnings = advice.advise(log, split, fine, fitted_from, models, best)
+    predicted = follow(models[best].model, whole, log.time)
+    warnings = advice.advise(log, split, fine, fitted_from, models, best, predicted)
     tell("done", 1.0)
     return Fit(
         models=models,
@@ -172,12 +176,23 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         seconds=clock.perf_counter() - begin,
         split=split,
         fitted_from=fitted_from,
+        predicted=predicted,
     )
+
+
+def follow(model: CableModel, path: Path, time: Array) -> Array:
+    """The model's joint angle at each sample (n,) [rad], simulated straight through a path at the log's full rate.
+
+    The path is the motor's motion freed of encoder noise. Bouc–Wen needs that: its small loops do not close, so that a
+    flicker of the encoder, at rest most of all, drives h towards zero, which the cable itself does not do.
+    """
+    counted = path.weight > 0
+    return np.interp(time, path.time[counted], model.joint_angle(path.motor)[counted])
 
 
 def _path(log: Log, split: int, noise: float, nodes: int) -> Path:
     path = build_path(log.time[:split], log.motor[:split], log.joint[:split], noise, nodes)
-    if path.span < 8.0 * noise or np.count_nonzero(path.weight) < 20:
+    if not path.span > max(8.0 * noise, 1e-9) or np.count_nonzero(path.weight) < 20:
         raise LogError(
             f"{log.name}: in the first half the motor moves {np.rad2deg(path.span):.3g}° with {np.rad2deg(noise):.2g}° "
             "of noise",

@@ -10,14 +10,14 @@ Source: White, Econometrica 48(4), 1980; Carlstein, Annals of Statistics 14(3), 
 
 import numpy as np
 
-from bowden.identify.family import Array, Estimate
+from bowden.identify.family import Array, Estimate, Family
 from bowden.identify.path import Path
 from bowden.identify.projection import inverse_of, products
 
 _BLOCKS = 24
 
 
-def standard_errors(path: Path, estimate: Estimate) -> dict[str, float]:
+def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str, float]:
     """One standard deviation of every parameter; infinite where the data do not show it, NaN for a setting."""
     names = list(estimate.slopes)
     jacobian = np.stack([estimate.slopes[name] for name in names], axis=1)
@@ -29,19 +29,40 @@ def standard_errors(path: Path, estimate: Estimate) -> dict[str, float]:
     scaled = kept / size[seen]
     values, vectors = np.linalg.eigh(products(scaled, path.weight))
     blind = (np.abs(vectors[:, values < 1e-11 * values[-1]]) > 1e-2).any(axis=1)
-    variance = np.diag(_sandwich(path, kept, path.joint - estimate.fitted))
+    inverse = inverse_of(products(kept, path.weight))
+    variance = np.diag(inverse @ _score_covariance(path, kept, path.joint - estimate.fitted) @ inverse)
+    variance = variance + sum(
+        (inverse @ np.einsum("np,n->p", kept, path.weight * change)) ** 2
+        for change in _reversal_changes(path, estimate, family)
+    )
     for name, value, hidden in zip(np.array(names)[seen], variance, blind, strict=True):
         if not hidden:
             errors[str(name)] = float(np.sqrt(value + estimate.variance.get(str(name), 0.0)))
     return errors
 
 
-def _sandwich(path: Path, jacobian: Array, residual: Array) -> Array:
-    inverse = inverse_of(products(jacobian, path.weight))
+def _score_covariance(path: Path, jacobian: Array, residual: Array) -> Array:
     count = jacobian.shape[1]
     blocks = max(_BLOCKS, 2 * count)
     scores = jacobian * (path.weight * residual)[:, None]
     edges = np.linspace(0, len(scores), blocks + 1).astype(int)[:-1]
     sums = np.add.reduceat(scores, edges, axis=0)
-    middle = sums.T @ sums * blocks / (blocks - count)  # count directions of the sums are zero at the minimum
-    return np.asarray(inverse @ middle @ inverse)
+    return np.asarray(sums.T @ sums * blocks / (blocks - count))  # count directions of the sums vanish at the minimum
+
+
+def _reversal_changes(path: Path, estimate: Estimate, family: Family) -> list[Array]:
+    """How the joint changes (n,) when the reversals of one side lie further out by their common error."""
+    turns = np.flatnonzero(np.diff(path.stroke) > 0) + 1
+    outward = np.sign(path.motor[turns] - path.motor[turns - 1])
+    found = []
+    for side in (1.0, -1.0):
+        values = path.motor[turns[outward == side]]
+        if not len(values) or path.reversal_error == 0.0:
+            continue
+        together = float(np.ptp(values)) < 10.0 * path.reversal_error
+        error = path.reversal_error * (1.0 if together else 1.0 / np.sqrt(len(values)))
+        motor = path.motor.copy()
+        motor[turns[outward == side]] += side * error
+        base = family.predict(estimate.parameters, path.motor)
+        found.append(family.predict(estimate.parameters, motor) - base)
+    return found

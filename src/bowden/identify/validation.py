@@ -65,7 +65,8 @@ def _held_out(family: Family, path: Path, near: Estimate, mask: NDArray[np.bool_
 def simplest_of_the_best(errors: Mapping[Any, Array], complexity: Mapping[Any, int]) -> Any:
     """The key with the fewest parameters whose error is not clearly above the smallest.
 
-    Clearly: the mean over the blocks of its difference to the best is more than one standard error of that mean.
+    Clearly: the mean over the blocks of its difference to the best is more than one standard error of that mean, and
+    more than a twentieth of the smallest error, below which a difference is of no use.
 
     >>> best, near, far = np.array([1.0, 2.0, 3.0]), np.array([1.2, 1.9, 3.1]), np.array([2.0, 3.1, 4.0])
     >>> simplest_of_the_best({"c": best, "b": near, "a": far}, {"a": 1, "b": 2, "c": 3})
@@ -75,6 +76,6 @@ def simplest_of_the_best(errors: Mapping[Any, Array], complexity: Mapping[Any, i
     for key in sorted(errors, key=lambda key: complexity[key]):
         above = errors[key] - errors[best]
         scatter = float(np.std(above, ddof=1)) / np.sqrt(len(above)) if len(above) > 1 else 0.0
-        if float(np.mean(above)) <= scatter:
+        if float(np.mean(above)) <= max(scatter, 0.05 * float(np.mean(errors[best]))):
             return key
     return best
