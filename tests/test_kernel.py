@@ -110,6 +110,7 @@ KERNELS_OF_TWO = [
     (geometry.spool_angle, lambda x, y: (x, y)),
     (motor.acceleration_limit, lambda x, y: (motor.Motor(),)),
     (motor.current, lambda x, y: (x, y, 0.9, motor.Motor())),
+    (servo.servo_approach, lambda x, y: (x, 0.5 * y, SERVO)),
     (servo.servo_step, lambda x, y: (servo.ServoState(x, 0.5 * y, 0.0), y, SERVO)),
     (sheath.width, lambda x, y: (x, sheath.Sheath(gap=1.3))),
     (sheath.slope_factor, lambda x, y: (x, sheath.Sheath(loss=0.2))),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import print_json, progress, seconds
+from bowden.app.console import print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
     from bowden.design.check import Check
@@ -30,7 +30,8 @@ def check(
     folder = Path() if law else rig.parent
     chosen = compose.law_for(law or description.control.law, description, setup.bench, folder, preset)
     bends, stroke = ranges.bends(setup), ranges.stroke(setup)
-    with progress(f"checking {chosen.name}; a law's first run is compiled"), user_law.explained(chosen):
+    with progress_bar(quiet=json) as progress, user_law.explained(chosen):
+        progress(f"checking {chosen.name}", 0.0)
         found = judge(setup.bench, chosen, bends=bends, stroke=stroke, seed=setup.seed)
         advice = advise(setup.bench, chosen, found, bends=bends, stroke=stroke)
     for note in setup.notes:

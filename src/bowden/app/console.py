@@ -5,7 +5,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +24,18 @@ def print_json(document: dict[str, Any]) -> None:
 
 
 @contextlib.contextmanager
-def progress(what: str) -> Iterator[None]:
-    """Show on a terminal that long work is going on; silent where standard error is none."""
-    if not sys.stderr.isatty():
-        yield
+def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """A bar on standard error where that is a terminal; call what is given with what is done now and the share done."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda what, share: None
         return
     from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    with Console(stderr=True).status(what):
-        yield
+    columns = (TextColumn("{task.description:30}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda what, share: bar.update(task, description=what, completed=share)
 
 
 def output_folder(path: Path) -> Path:

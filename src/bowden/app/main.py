@@ -3,39 +3,44 @@
 Nothing heavy is imported here or at the top of a command's module, so that ``bowden --help`` answers at once.
 """
 
-import importlib
-import importlib.util
+import io
 import sys
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import typer
 
 from bowden import __version__
+from bowden.app.check_command import check
+from bowden.app.identify_command import identify
+from bowden.app.init_command import init
+from bowden.app.reproduce_command import reproduce
+from bowden.app.simulate_command import simulate
 from bowden.core.errors import BowdenError
 
 
 class _Entry(NamedTuple):
-    """A command, whose function has its name."""
+    """A command."""
 
-    module: str
+    function: Callable[..., None]
     summary: str
     """One line for ``bowden --help``."""
     examples: list[str]
 
 
-_COMMANDS = {
-    "init": _Entry(
-        "bowden.app.init_command",
+_COMMANDS = [
+    _Entry(
+        init,
         "Write a commented rig.toml of the default bench.",
         ["bowden init", "bowden init my_rig.toml --force"],
     ),
-    "identify": _Entry(
-        "bowden.app.identify_command",
+    _Entry(
+        identify,
         "Identify a cable from a log of its motion.",
         ["bowden identify log.csv", "bowden identify log.csv.gz --out out/cable", "bowden identify log.csv --json"],
     ),
-    "simulate": _Entry(
-        "bowden.app.simulate_command",
+    _Entry(
+        simulate,
         "Simulate one law or several on a rig.",
         [
             "bowden simulate rig.toml",
@@ -44,8 +49,8 @@ _COMMANDS = {
             "bowden simulate rig.toml --law adaptive --preset paper --json",
         ],
     ),
-    "check": _Entry(
-        "bowden.app.check_command",
+    _Entry(
+        check,
         "Say whether a rig's gains hold, before anything moves.",
         [
             "bowden check rig.toml",
@@ -53,12 +58,12 @@ _COMMANDS = {
             "bowden check rig.toml --law my_law.py --json",
         ],
     ),
-    "reproduce": _Entry(
-        "bowden.app.reproduce_command",
+    _Entry(
+        reproduce,
         "Reproduce the paper's bench, claim by claim.",
         ["bowden reproduce", "bowden reproduce --only table1 --only fig16", "bowden reproduce --json"],
     ),
-}
+]
 
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
@@ -81,15 +86,9 @@ def _bowden(
     """From a cable's log to a compensated cable: models, identification, control laws, simulation."""
 
 
-def _register() -> None:
-    for name, entry in _COMMANDS.items():
-        if importlib.util.find_spec(entry.module):
-            function = getattr(importlib.import_module(entry.module), name)
-            examples = "\n".join(f"  {example}" for example in entry.examples)
-            app.command(name, short_help=entry.summary, epilog=f"\b\nExamples:\n{examples}")(function)
-
-
-_register()
+for _entry in _COMMANDS:
+    _examples = "\n".join(f"  {example}" for example in _entry.examples)
+    app.command(short_help=_entry.summary, epilog=f"\b\nExamples:\n{_examples}")(_entry.function)
 
 
 def run(arguments: list[str]) -> int:
@@ -114,4 +113,7 @@ def _fail(message: str, code: int) -> int:
 
 def main() -> None:
     """Entry point of the command ``bowden``."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal without Greek letters is no reason to fail
     sys.exit(run(sys.argv[1:]))

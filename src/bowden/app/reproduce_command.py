@@ -1,14 +1,12 @@
 """``bowden reproduce``: the paper's bench, claim by claim."""
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, seconds
+from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
     from bowden.paper.reproduce import Reproduction
@@ -29,7 +27,7 @@ def reproduce(
 
     select(claims_of(only or []))
     output_folder(out)
-    with _bar(quiet=json) as progress:
+    with progress_bar(quiet=json) as progress:
         outcome = run(only or [], progress)
     path = make_folder(out) / "reproduce.html"
     write_report(outcome, path)
@@ -38,21 +36,6 @@ def reproduce(
     else:
         _print_table(outcome)
         print(f"\nReport: {path}  ({seconds():.0f} s)")
-
-
-@contextmanager
-def _bar(quiet: bool) -> Iterator[Callable[[str, float], None] | None]:
-    """A progress bar on standard error where that is a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:24}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("compiling", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)
 
 
 def _print_table(outcome: "Reproduction") -> None:

@@ -1,13 +1,14 @@
 """``bowden simulate``: one law, or several side by side, on the bench of a rig.toml."""
 
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, progress, seconds
+from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
     from bowden.app.compose import Setup
@@ -37,8 +38,10 @@ def simulate(
     if not laws:
         laws = [compose.law_for(description.control.law, description, setup.bench, rig.parent, preset)]
     output_folder(out)
-    traces = _run(setup, laws)
-    files = _write(traces, make_folder(out), f"Simulation of {rig.name}", csv=csv)
+    with progress_bar(quiet=json) as progress:
+        traces = _run(setup, laws, progress)
+        progress("writing traces, drawing the page", 0.8)
+        files = _write(traces, make_folder(out), f"Simulation of {rig.name}", csv=csv)
     metrics = {name: trace.metrics() for name, trace in traces.items()}
     for note in setup.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
@@ -50,7 +53,7 @@ def simulate(
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
 
 
-def _run(setup: "Setup", laws: list["Law"]) -> dict[str, "Trace"]:
+def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], None]) -> dict[str, "Trace"]:
     """A trace for each law; laws of one name are told apart by a number."""
     from bowden.control import user_law
     from bowden.sim.closed_loop import simulate as run
@@ -60,10 +63,8 @@ def _run(setup: "Setup", laws: list["Law"]) -> dict[str, "Trace"]:
         name, again = law.name, 2
         while name in traces:
             name, again = f"{law.name}-{again}", again + 1
-        with (
-            progress(f"simulating {name} ({i + 1} of {len(laws)}); a law's first run is compiled"),
-            user_law.explained(law),
-        ):
+        progress(f"simulating {name} (compiled at first)", 0.1 + 0.7 * i / len(laws))
+        with user_law.explained(law):
             traces[name] = run(
                 setup.bench,
                 law,
@@ -88,8 +89,7 @@ def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -
             files.append(folder / f"{name}.csv")
             trace.to_csv(files[-1])
     files.append(folder / "simulate.html")
-    with progress("drawing the page"):
-        write_simulation(files[-1], traces, title)
+    write_simulation(files[-1], traces, title)
     return files
 
 

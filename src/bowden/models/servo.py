@@ -82,15 +82,19 @@ def prepare(servo: Servo, dt: float) -> ServoStep:
 
 
 @kernel
+def servo_approach(offset: float, velocity: float, servo: ServoStep) -> tuple[float, float]:
+    """The motor relative to a command that is constant over one sub-step: its offset [rad] and velocity after it."""
+    dt, change = servo.dt, servo.acceleration_limit * servo.dt
+    free = servo.vx * offset + servo.vv * velocity
+    if np.abs(free - velocity) <= change and np.abs(free) <= servo.speed_limit:
+        return servo.xx * offset + servo.xv * velocity, free
+    limited = max(velocity - change, min(velocity + change, free))
+    limited = max(-servo.speed_limit, min(servo.speed_limit, limited))
+    return offset + 0.5 * dt * (velocity + limited), limited
+
+
+@kernel
 def servo_step(state: ServoState, command: float, servo: ServoStep) -> ServoState:
     """The motor one sub-step later, for a command [rad] that is constant over it."""
-    x, v, dt = state.position - command, state.velocity, servo.dt
-    free, change = servo.vx * x + servo.vv * v, servo.acceleration_limit * dt
-    if np.abs(free - v) <= change and np.abs(free) <= servo.speed_limit:
-        velocity = free
-        position = servo.xx * x + servo.xv * v
-    else:
-        velocity = max(v - change, min(v + change, free))
-        velocity = max(-servo.speed_limit, min(servo.speed_limit, velocity))
-        position = x + 0.5 * dt * (v + velocity)
-    return ServoState(position + command, velocity, (velocity - v) / dt)
+    offset, velocity = servo_approach(state.position - command, state.velocity, servo)
+    return ServoState(offset + command, velocity, (velocity - state.velocity) / servo.dt)

@@ -25,6 +25,8 @@ def run(runs: Runs) -> Finding:
     angle = np.linspace(*ELBOW_RANGE, 181)
     flexor = np.array([flexor_extension(a, geometry) for a in angle]) * _MM
     extensor = np.array([extensor_extension(a, geometry) for a in angle]) * _MM
+    swapped = joint_radius_for_mismatch(0.05, extensor_moves_more=True)
+    other = 1.0 / size_spools(geometry._replace(joint_radius=swapped)).ratio
     figure, (axes,) = new_figure(width=8.6, height=4.2)
     axes.plot(angle * DEGREES, flexor, label="flexor $h_1$")
     axes.plot(angle * DEGREES, extensor, label="extensor $h_2$")
@@ -48,5 +50,7 @@ def run(runs: Runs) -> Finding:
             (figure, "Travel of the flexor and extensor cables over the elbow's range, with the printed a, b, R.")
         ],
         text="The text says that the extensor moves more and that the mismatch is 50 mm; with the printed dimensions "
-        "the flexor moves more, and no joint radius gives both the printed ratio and the printed mismatch.",
+        "the flexor moves more, and no joint radius gives both the printed ratio and the printed mismatch. With "
+        f"R = {swapped * _MM:.0f} mm the extensor does move more, by 50 mm, but then its spool has to be the larger "
+        f"one, {other:.2f} times the flexor's.",
     )

@@ -16,9 +16,10 @@ from bowden.core.trace import Trace
 from bowden.models import motor as motor_model
 from bowden.models.bouc_wen import advance_prepared
 from bowden.models.encoder import reading
+from bowden.models.servo import ServoState, servo_approach
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
-from bowden.sim.plant import Bench, bench_at, bench_start, bench_substep, prepare_bench
+from bowden.sim.plant import Bench, bench_at, bench_start, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
 
 if TYPE_CHECKING:
@@ -108,17 +109,25 @@ def run_loop(
         record[7, k] = plant.h
         for j in range(len(state)):
             states[j, k] = state[j]
-        if not abs(command) < 1e3:
+        if not abs(command) < RUNAWAY:
             return k
         applied = record[4, k - delay] if k >= delay else initial_motor
-        motor, h, travel = plant.motor, plant.h, 0.0
+        offset, velocity = plant.motor.position - applied, plant.motor.velocity
+        before, h, travel = velocity, plant.h, 0.0
+        widening = (widths[k + 1] - widths[k]) / substeps
+        inverse_width = 1.0 / widths[k]
         for i in range(substeps):
-            part = (i + 1.0) / substeps
-            motor, piece = bench_substep(bench, motor, applied, widths[k] + part * (widths[k + 1] - widths[k]))
+            before = velocity
+            moved, velocity = servo_approach(offset, velocity, bench.servo)
+            if widening != 0.0:  # spares a still sheath the division
+                inverse_width = 1.0 / (widths[k] + (i + 1.0) * widening)
+            piece = (moved - offset) * inverse_width
             if piece * travel < 0.0:
                 h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
             travel += piece
+            offset = moved
         h = advance_prepared(h, travel, bench.hysteresis)
+        motor = ServoState(offset + applied, velocity, (velocity - before) / bench.servo.dt)
         plant = bench_at(bench, motor, h, widths[k + 1], slope_factors[k + 1])
     return cycles
 
@@ -193,7 +202,12 @@ def simulate(
         motor_model.current, values["motor_acceleration"], values["joint"], values["slope"], plant.motor
     )
     values |= dict(zip(fields, states, strict=True))
-    return Trace(values, UNITS | dict.fromkeys(fields, "1"), _settings(plant, law, reference), seed)
+    return Trace(
+        values,
+        UNITS | {name: law.state_units.get(name[4:], "1") for name in fields},
+        _settings(plant, law, reference),
+        seed,
+    )
 
 
 def compiled_loop(law: Law) -> Callable[..., int]:
@@ -214,12 +228,13 @@ def _inputs(plant: Bench, reference: Trajectory, duration: float, bend: BendPath
     cycles = round(duration / dt)
     edges = np.arange(cycles + 1, dtype=np.float64) * dt
     angles = bend(edges)
+    noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0
     return _Inputs(
         time=edges[:-1],
         references=np.ascontiguousarray(reference.sample(edges[:-1]).T),
         widths=_spread(width_at, angles, plant.sheath),
         slope_factors=_spread(slope_factor_at, angles, plant.sheath),
-        normals=np.random.default_rng(seed).standard_normal((cycles, 2)),
+        normals=np.random.default_rng(seed).standard_normal((cycles, 2)) if noisy else np.zeros((cycles, 2)),
     )
 
 

@@ -7,7 +7,7 @@ from bowden.core.units import RADIANS
 from bowden.models.bouc_wen import BoucWen, PreparedCable, prepare_cable
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor, acceleration_limit
-from bowden.models.servo import Servo, ServoState, ServoStep, prepare, servo_step
+from bowden.models.servo import Servo, ServoState, ServoStep, prepare
 from bowden.models.sheath import Sheath, joint_in_sheath
 
 
@@ -63,13 +63,6 @@ def bench_start(bench: BenchStep, motor: float, width: float, slope_factor: floa
 def bench_at(bench: BenchStep, motor: ServoState, h: float, width: float, slope_factor: float) -> BenchState:
     """The bench with its motor and its cable's h where they are, in a sheath of that width and slope factor."""
     return BenchState(motor, h, joint_in_sheath(motor.position, h, width, slope_factor, bench.cable))
-
-
-@kernel
-def bench_substep(bench: BenchStep, motor: ServoState, command: float, width: float) -> tuple[ServoState, float]:
-    """The motor one sub-step later under a constant command [rad], and its travel over the sheath's width [rad]."""
-    moved = servo_step(motor, command, bench.servo)
-    return moved, (moved.position - motor.position) / width  # the cable's share of `advance_in_sheath`
 
 
 PAPER_ENCODER = Encoder(resolution=360.0 / 16384 * RADIANS, noise=0.01 * RADIANS)

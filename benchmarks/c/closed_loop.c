@@ -1,0 +1,223 @@
+/* The adaptive law against the bench, written by hand: the yardstick for the package's compiled loop.
+ *
+ * The arithmetic is the package's own (servo, series of the cable, law, encoders, reference, current), the parameters are
+ * known at run time only, and the same columns are stored. The encoders' normal numbers are handed in: they must be
+ * NumPy's for the two to agree.
+ */
+#include <math.h>
+
+struct parameters { /* SI and radians */
+    double sample_time;
+    double slope, hysteresis_gain, rate, shape, exponent, offset;             /* cable */
+    double bend, identified_bend, gap, loss;                                  /* sheath */
+    double natural_frequency, damping, speed_limit, acceleration_limit;       /* servo */
+    double torque_constant, gear, inertia, spring, pretension;                /* motor and load */
+    double joint_resolution, joint_noise, motor_resolution, motor_noise;      /* encoders */
+    double error_gain, feedback_gain, smoothing, slope_adaptation, bound_adaptation, slope_leakage, bound_leakage;
+    double derivative_time;                                                   /* the last of the law's gains */
+    double low, high, period;                                                 /* reference */
+    double initial_motor;
+    long delay, substeps, cycles;
+};
+
+struct cable {
+    double rate, exponent, growth, bound, piece, near_zero;
+};
+
+struct servo {
+    double xx, xv, vx, vv, dt, speed_limit, change;
+};
+
+static double smaller(double a, double b) { return b < a ? b : a; }
+static double larger(double a, double b) { return b > a ? b : a; }
+
+static struct cable prepare_cable(const struct parameters *p)
+{
+    struct cable c;
+    c.rate = p->rate;
+    c.exponent = p->exponent;
+    c.growth = 2.0 * p->shape - 1.0;
+    c.bound = pow(c.growth, -1.0 / p->exponent);
+    c.piece = 0.03 / (1.0 + p->exponent / c.bound * larger(1.0, 1.0 / c.growth));
+    c.near_zero = 0.5 * pow(0.01 / larger(1.0, c.growth), 1.0 / p->exponent);
+    return c;
+}
+
+static struct servo prepare_servo(const struct parameters *p)
+{
+    double dt = p->sample_time / (double)p->substeps, omega = p->natural_frequency, sigma = p->damping * omega;
+    double disc = (p->damping * p->damping - 1.0) * omega * omega, root = sqrt(fabs(disc));
+    double cosine = 1.0, sine = dt, decay = exp(-sigma * dt);
+    if (root * dt >= 1e-6) {
+        cosine = disc < 0.0 ? cos(root * dt) : cosh(root * dt);
+        sine = (disc < 0.0 ? sin(root * dt) : sinh(root * dt)) / root;
+    }
+    struct servo s = {decay * (cosine + sigma * sine), decay * sine,   -decay * omega * omega * sine,
+                      decay * (cosine - sigma * sine), dt,             p->speed_limit,
+                      p->acceleration_limit * dt};
+    return s;
+}
+
+static double through_zero(double y, double z, double q, const struct cable *c)
+{
+    double n = c->exponent;
+    double i1 = 1.0 / (n + 1.0), i2 = 1.0 / (2.0 * n + 1.0), i3 = 1.0 / (3.0 * n + 1.0), i4 = 1.0 / (4.0 * n + 1.0);
+    double t = z + y * (1.0 + q * (i1 + q * (i2 + q * (i3 + q * i4))));
+    q = (t > 0.0 ? c->growth : -1.0) * pow(fabs(t), n);
+    double b1 = -i1;
+    double b2 = -n * b1 * i2;
+    double b3 = -n * (b2 + 0.5 * (n - 1.0) * b1 * b1) * i3;
+    double b4 = -n * (b3 + (n - 1.0) * b1 * (b2 + (n - 2.0) / 6.0 * b1 * b1)) * i4;
+    return t * (1.0 + q * (b1 + q * (b2 + q * (b3 + q * b4))));
+}
+
+static double away_from_zero(double y, double z, double q, double n)
+{
+    double u = 1.0 / y;
+    double a1 = 1.0 - q;
+    double q1 = n * a1 * q * u;
+    double a2 = -q1 / 2.0;
+    double q2 = (2.0 * n * a2 * q + (n - 1.0) * a1 * q1) * u / 2.0;
+    double a3 = q2 * (-1.0 / 3.0);
+    double q3 = (3.0 * n * a3 * q + (2.0 * n - 1.0) * a2 * q1 + (n - 2.0) * a1 * q2) * u * (1.0 / 3.0);
+    double a4 = -q3 / 4.0;
+    double q4 = 4.0 * n * a4 * q + (3.0 * n - 1.0) * a3 * q1 + (2.0 * n - 2.0) * a2 * q2 + (n - 3.0) * a1 * q3;
+    double a5 = q4 * u * (-1.0 / 20.0);
+    return y + z * (a1 + z * (a2 + z * (a3 + z * (a4 + z * a5))));
+}
+
+static double advance(double h, double travel, const struct cable *c)
+{
+    if (fabs(copysign(c->bound, travel) - h) < 1e-13)
+        return h;
+    double direction = copysign(1.0, travel), left = c->rate * fabs(travel), y = direction * h;
+    while (left > 0.0 && !(fabs(c->bound - y) < 1e-13)) {
+        double size = fabs(y), q = (y > 0.0 ? c->growth : -1.0) * pow(size, c->exponent), z;
+        if (size < c->near_zero) {
+            z = smaller(left, c->near_zero);
+            y = through_zero(y, z, q, c);
+        } else {
+            z = smaller(smaller(left, c->piece), 0.05 * size / larger(1.0, fabs(1.0 - q)));
+            y = away_from_zero(y, z, q, c->exponent);
+        }
+        left -= z;
+    }
+    return direction * y;
+}
+
+static double reading(double angle, double normal, double resolution, double noise)
+{
+    double noisy = angle + noise * normal;
+    return resolution > 0.0 ? resolution * floor(noisy / resolution + 0.5) : noisy;
+}
+
+/* The loop alone; `references` is (3, n), `normals` (n, 2), `record` (8, n) and `states` (6, n). Returns the cycles. */
+long loop(const struct parameters *p, const double *references, const double *widths, const double *slopes,
+          const double *normals, double *record, double *states)
+{
+    const struct cable cable = prepare_cable(p);
+    const struct servo servo = prepare_servo(p);
+    const long n = p->cycles;
+    const double dt = p->sample_time;
+    double position = p->initial_motor, velocity = 0.0, acceleration = 0.0, h = 0.0;
+    double joint = slopes[0] * p->slope * position + widths[0] * p->hysteresis_gain * h + p->offset;
+    double integral = 0.0, slope_inverse = 0.0, bound = 0.0, joint_rate = 0.0;
+    double last = reading(joint, normals[0], p->joint_resolution, p->joint_noise);
+
+    for (long k = 0; k < n; k++) {
+        double measured = reading(joint, normals[2 * k], p->joint_resolution, p->joint_noise);
+        double motor = reading(position, normals[2 * k + 1], p->motor_resolution, p->motor_noise);
+        double reference = references[k], reference_rate = references[n + k];
+
+        double error = measured - reference;
+        integral += error * dt;
+        joint_rate += ((measured - last) / dt - joint_rate) * dt / (p->derivative_time + dt);
+        last = measured;
+        double s = p->error_gain * error + integral;
+        double direction = tanh(s / p->smoothing);
+        double wanted = reference - p->error_gain * (joint_rate - reference_rate) - bound * direction;
+        double command = slope_inverse * wanted - p->feedback_gain * s;
+        double next = slope_inverse - dt * p->slope_adaptation * (wanted * s + p->slope_leakage * slope_inverse);
+        bound += dt * p->bound_adaptation * (slope_inverse * direction * s - p->bound_leakage * bound);
+        slope_inverse = next;
+
+        record[k] = joint;
+        record[n + k] = position;
+        record[2 * n + k] = measured;
+        record[3 * n + k] = motor;
+        record[4 * n + k] = command;
+        record[5 * n + k] = velocity;
+        record[6 * n + k] = acceleration;
+        record[7 * n + k] = h;
+        states[k] = integral;
+        states[n + k] = slope_inverse;
+        states[2 * n + k] = bound;
+        states[3 * n + k] = last;
+        states[4 * n + k] = joint_rate;
+        states[5 * n + k] = s;
+        if (!(fabs(command) < 1e3))
+            return k;
+
+        double applied = k >= p->delay ? record[4 * n + k - p->delay] : p->initial_motor;
+        double offset = position - applied, before = velocity, travel = 0.0;
+        double widening = (widths[k + 1] - widths[k]) / (double)p->substeps, inverse_width = 1.0 / widths[k];
+        for (long i = 0; i < p->substeps; i++) {
+            double moved, free = servo.vx * offset + servo.vv * velocity;
+            before = velocity;
+            if (fabs(free - velocity) <= servo.change && fabs(free) <= servo.speed_limit) {
+                moved = servo.xx * offset + servo.xv * velocity;
+                velocity = free;
+            } else {
+                velocity = larger(before - servo.change, smaller(before + servo.change, free));
+                velocity = larger(-servo.speed_limit, smaller(servo.speed_limit, velocity));
+                moved = offset + 0.5 * servo.dt * (before + velocity);
+            }
+            if (widening != 0.0)
+                inverse_width = 1.0 / (widths[k] + ((double)i + 1.0) * widening);
+            double piece = (moved - offset) * inverse_width;
+            if (piece * travel < 0.0) {
+                h = advance(h, travel, &cable);
+                travel = 0.0;
+            }
+            travel += piece;
+            offset = moved;
+        }
+        position = offset + applied;
+        acceleration = (velocity - before) / servo.dt;
+        h = advance(h, travel, &cable);
+        joint = slopes[k + 1] * p->slope * position + widths[k + 1] * p->hysteresis_gain * h + p->offset;
+    }
+    return n;
+}
+
+/* A whole run: times, sheath, reference, loop and current. `inputs` holds time, reference, its rate and acceleration,
+ * slope (5, n), `edges` the widths and slope factors between cycles (2, n + 1). */
+long run(const struct parameters *p, const double *normals, double *inputs, double *edges, double *record,
+         double *states, double *current)
+{
+    const long n = p->cycles;
+    const double half = 0.5 * p->period, span = p->high - p->low, speed = 1.0 / half;
+    double *references = inputs + n, *slope = inputs + 4 * n, *widths = edges, *slopes = edges + n + 1;
+    for (long k = 0; k <= n; k++) {
+        double bend = p->bend;
+        widths[k] = larger(0.01, bend / p->identified_bend * p->gap);
+        slopes[k] = larger(0.05, 1.0 - p->loss * (bend / p->identified_bend - 1.0));
+    }
+    for (long k = 0; k < n; k++) {
+        double time = (double)k * p->sample_time;
+        double until_top = half - (time - p->period * floor(time / p->period));
+        double x = larger(0.0, smaller(1.0, (half - fabs(until_top)) / half));
+        double rate = span * speed * 30.0 * x * x * (1.0 + x * (x - 2.0));
+        inputs[k] = time;
+        references[k] = p->low + span * x * x * x * (10.0 + x * (6.0 * x - 15.0));
+        references[n + k] = until_top < 0.0 ? -rate : rate;
+        references[2 * n + k] = span * speed * speed * 60.0 * x * (1.0 + x * (2.0 * x - 3.0));
+        slope[k] = slopes[k] * p->slope;
+    }
+    long lasted = loop(p, references, widths, slopes, normals, record, states);
+    for (long k = 0; k < n; k++) {
+        double load = slope[k] * (p->pretension + p->spring * record[k]);
+        current[k] = (p->inertia * record[6 * n + k] + load) / (p->gear * p->torque_constant);
+    }
+    return lasted;
+}

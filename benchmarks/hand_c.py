@@ -1,0 +1,165 @@
+"""One minute of the adaptive closed loop against a hand-written C program of the same arithmetic."""
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control import LAWS
+from bowden.core.trace import Trace
+from bowden.paper import bench as paper
+from bowden.sim.closed_loop import compiled_loop, simulate
+from bowden.sim.plant import prepare_bench
+from measure import Row, by_turns
+
+Array = NDArray[np.float64]
+DURATION = 60.0
+FLAGS = ("-O3", "-std=c99", "-ffp-contract=off", "-fPIC", "-shared")
+SEED = 1
+
+PLANT, LAW, REFERENCE = paper.bench(), LAWS["adaptive"], paper.minimum_jerk()
+STEP = prepare_bench(PLANT)
+CYCLES = round(DURATION / PLANT.sample_time)
+CABLE, SERVO, MOTOR = PLANT.cable, PLANT.servo, PLANT.motor
+
+NUMBERS: dict[str, float] = {
+    "sample_time": PLANT.sample_time,
+    **CABLE._asdict(),
+    "bend": PLANT.sheath.bend,
+    "identified_bend": PLANT.sheath.bend,
+    "gap": PLANT.sheath.gap,
+    "loss": PLANT.sheath.loss,
+    "natural_frequency": SERVO.natural_frequency,
+    "damping": SERVO.damping,
+    "speed_limit": SERVO.speed_limit,
+    "acceleration_limit": STEP.servo.acceleration_limit,
+    **{name: getattr(MOTOR, name) for name in ("torque_constant", "gear", "inertia", "spring", "pretension")},
+    "joint_resolution": PLANT.joint_encoder.resolution,
+    "joint_noise": PLANT.joint_encoder.noise,
+    "motor_resolution": PLANT.motor_encoder.resolution,
+    "motor_noise": PLANT.motor_encoder.noise,
+    **LAW.gains._asdict(),
+    "low": REFERENCE.low,
+    "high": REFERENCE.high,
+    "period": REFERENCE.period,
+    "initial_motor": 0.0,
+}
+"""The C program's parameters, in the order of its ``struct parameters``."""
+
+
+class Parameters(ctypes.Structure):
+    """The C program's ``struct parameters``."""
+
+    _fields_ = [  # a list, as ctypes asks for
+        *((name, ctypes.c_double) for name in NUMBERS),
+        *((name, ctypes.c_long) for name in ("delay", "substeps", "cycles")),
+    ]
+
+
+def compiler() -> str | None:
+    """The C compiler, or None where there is none."""
+    names = (os.environ.get("CC"), "cc", "gcc", "clang")
+    return next((path for name in names if name and (path := shutil.which(name))), None)
+
+
+def rows(rounds: int = 40) -> tuple[list[Row], list[str]]:
+    """The comparison's rows and notes.
+
+    Raises:
+        RuntimeError: the two do not agree to 1e-9: they did not do the same work.
+    """
+    cc = compiler()
+    if cc is None:
+        return [Row("a minute of the adaptive loop against C", "", "", "skipped: no C compiler (set CC)", "", "")], []
+    with _built(cc) as library:
+        return _rows(library, rounds, cc)
+
+
+def _rows(library: ctypes.CDLL, rounds: int, cc: str) -> tuple[list[Row], list[str]]:
+    parameters = Parameters(**NUMBERS, delay=PLANT.delay, substeps=PLANT.substeps, cycles=CYCLES)
+    pointer = ctypes.byref(parameters)
+    noise = np.random.default_rng(SEED).standard_normal((CYCLES, 2))
+
+    def c_program(normals: Array) -> tuple[Array, Array, Array, Array]:
+        inputs, edges, current = np.empty((5, CYCLES)), np.empty((2, CYCLES + 1)), np.empty(CYCLES)
+        block = np.empty((14, CYCLES))
+        _lasted(library.run(pointer, *map(_at, (normals, inputs, edges, block[:8], block[8:], current))))
+        return inputs, edges, block, current
+
+    def package() -> Trace:
+        return simulate(PLANT, LAW, REFERENCE, duration=DURATION, seed=SEED)
+
+    inputs, edges, block, current = c_program(noise)
+    difference = _difference(package(), inputs, block, current)
+    if not difference <= 1e-9:
+        raise RuntimeError(f"C and package differ by {difference:g}: not the same work")
+
+    references, (widths, slopes) = inputs[1:4].copy(), edges
+    record, states, loop = np.empty((8, CYCLES)), np.empty((6, CYCLES)), compiled_loop(LAW)
+    arguments = (references, widths, slopes, noise, (PLANT.joint_encoder, PLANT.motor_encoder), 0.0)
+    settings = (PLANT.sample_time, PLANT.delay, PLANT.substeps)
+
+    c_arguments = [_at(values) for values in (references, widths, slopes, noise, record, states)]
+    timings = by_turns(
+        rounds,
+        simulate=package,
+        c_program=lambda: c_program(noise),
+        c_with_noise=lambda: c_program(np.random.default_rng(SEED).standard_normal((CYCLES, 2))),
+        loop=lambda: _lasted(loop(LAW.gains, STEP, *arguments, *settings, record, states)),
+        c_loop=lambda: _lasted(library.loop(pointer, *c_arguments)),
+    )
+
+    def row(what: str, ours: str, peer: str, target: str) -> Row:
+        return Row(what, timings[ours], timings[peer], timings[ours].over(timings[peer]), "× C", target)
+
+    given = timings["simulate"].over(timings["c_program"])
+    notes = [
+        "C: the same arithmetic with the same parameters, known at run time, storing the same columns; the largest "
+        f"difference is {difference:.0e} (1e-9 allowed, or nothing is printed). {_version(cc)}, {' '.join(FLAGS[:3])}, "
+        "no -march.",
+        "The encoders' normal numbers are NumPy's, drawn within the time on both sides. Where they are handed to the C "
+        f"program beforehand, it takes {timings['c_program']} and `simulate` {given} times that.",
+    ]
+    return [
+        row("a minute of the adaptive loop against C: `simulate`", "simulate", "c_with_noise", "≤ 1.3"),
+        row("the same: the compiled loop alone", "loop", "c_loop", "≤ 1.3"),
+    ], notes
+
+
+def _difference(trace: Trace, inputs: Array, block: Array, current: Array) -> float:
+    """Largest difference over the columns of the trace."""
+    names = [name for name in trace.columns if name not in ("width", "current")]
+    theirs = dict(zip(names, [*inputs[:3], *block[:8], inputs[4], *block[8:]], strict=True)) | {"current": current}
+    return max(float(np.max(np.abs(trace[name] - values))) for name, values in theirs.items())
+
+
+@contextmanager
+def _built(cc: str) -> Iterator[ctypes.CDLL]:
+    source = Path(__file__).parent / "c" / "closed_loop.c"
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "closed_loop.so"
+        subprocess.run([cc, *FLAGS, "-o", str(target), str(source), "-lm"], check=True)
+        library = ctypes.CDLL(str(target))
+        library.run.restype = library.loop.restype = ctypes.c_long
+        yield library
+
+
+def _version(cc: str) -> str:
+    return subprocess.run([cc, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+def _at(values: Array) -> Any:
+    return ctypes.c_void_p(values.ctypes.data)
+
+
+def _lasted(cycles: int) -> None:
+    if cycles != CYCLES:
+        raise RuntimeError(f"the run ended after {cycles} of {CYCLES} cycles")

@@ -1,0 +1,92 @@
+"""``bowden identify``: from a log to a model of its cable."""
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
+
+if TYPE_CHECKING:
+    from bowden.identify.fit import Fit
+
+
+def identify(
+    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV or MATLAB file with time, motor and joint.")],
+    time: Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")] = None,
+    motor: Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")] = None,
+    joint: Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")] = None,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of both angles, deg or rad; by default as the columns' names end.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for model.toml and identify.html.")] = Path("out/identify"),
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+) -> None:
+    """Fit cable models to a log's first half, judge them on the second, and say which one to use and why.
+
+    Five models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, and a
+    Prandtl-Ishlinskii stack. The folder gets model.toml, with every parameter and its uncertainty, and a page.
+    """
+    from bowden.identify.fit import identify_log
+    from bowden.identify.log import read_log
+
+    checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
+    output_folder(out)
+    with progress_bar(quiet=json) as progress:
+        fit = identify_log(checked, progress=progress)
+        progress("drawing the page", 1.0)
+        from bowden.identify.model_file import write_model
+        from bowden.report.identify_page import identify_page
+
+        page = identify_page(checked, fit)
+        folder = make_folder(out)
+        page.write(folder / "identify.html")
+        write_model(folder / "model.toml", fit, checked.name)
+    if json:
+        print_json(document(fit) | {"seconds": seconds()})
+    else:
+        _print_table(fit)
+        print(f"\nModel: {folder / 'model.toml'}\nPage: {folder / 'identify.html'}  ({seconds():.1f} s)")
+
+
+def document(fit: "Fit") -> dict[str, Any]:
+    """The figures of a fit for JSON, without the seconds; what does not exist is None."""
+    from bowden.core.units import DEGREES
+
+    models = {
+        name: {
+            "parameters": dict(fitted.parameters),
+            "uncertainty": {key: _finite(value) for key, value in fitted.uncertainty.items()},
+            "train_rms_deg": _finite(fitted.train_rms * DEGREES),
+            "test_rms_deg": _finite(fitted.test_rms * DEGREES),
+        }
+        for name, fitted in fit.models.items()
+    }
+    return {"best": fit.best, "models": models, "warnings": list(fit.warnings), "samples": fit.samples}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _print_table(fit: "Fit") -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    from bowden.core.units import DEGREES
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("model", no_wrap=True)
+    for title in ("parameters", "first half\n° RMS", "second half\n° RMS"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for name, fitted in fit.models.items():
+        errors = (f"{value * DEGREES:.3f}" for value in (fitted.train_rms, fitted.test_rms))
+        count = sum(not math.isnan(value) for value in fitted.uncertainty.values())
+        table.add_row(f"{name} *" if name == fit.best else name, str(count), *errors)
+    Console(width=None if sys.stdout.isatty() else 100).print(table)
+    print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
+    for warning in fit.warnings:
+        print(f"- {warning}")

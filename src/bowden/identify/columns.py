@@ -1,0 +1,118 @@
+"""Which column of a log is the time, the motor and the joint, and in which unit."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from bowden.core.errors import LogError
+from bowden.core.units import RADIANS
+
+ROLES = ("time", "motor", "joint")
+
+_NAMES: Mapping[str, Sequence[str]] = {
+    "time": ("time", "t", "timestamp", "times", "elapsed", "seconds", "sec", "clock"),
+    "motor": (
+        *("motor_measured", "motor", "motor_angle", "motor_position", "motor_pos", "phi_in", "theta_in", "q_in"),
+        *("phi_motor", "theta_motor", "q_motor", "input", "input_angle", "proximal", "proximal_angle", "actuator"),
+        *("actuator_angle", "spindle", "spool", "drive", "in"),
+    ),
+    "joint": (
+        *("joint_measured", "joint", "joint_angle", "joint_position", "joint_pos", "phi_out", "theta_out", "q_out"),
+        *("phi_joint", "theta_joint", "q_joint", "output", "output_angle", "distal", "distal_angle", "elbow"),
+        *("elbow_angle", "jaw", "pulley", "load", "link", "out"),
+    ),
+}
+"""Common names, the likeliest first: what an encoder read before what a simulation knows."""
+
+_UNITS = {
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microseconds"), "us"),
+}
+
+FACTORS = {"deg": RADIANS, "rad": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
+"""Unit → what one of it is in SI."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where a signal is found."""
+
+    index: int
+    """Position among the columns, from 0."""
+    name: str
+    """As written in the log."""
+    unit: str | None
+    """``deg``, ``rad``, ``s``, ``ms`` or ``us``; None where the log does not say."""
+
+
+def unit_of(text: str) -> str | None:
+    """The unit that a cell of its own names, or None.
+
+    >>> unit_of("[deg]"), unit_of("rad"), unit_of("motor")
+    ('deg', 'rad', None)
+    """
+    return _UNITS.get(text.strip().strip("[]()").strip().lower())
+
+
+def split_name(name: str) -> tuple[str, str | None]:
+    """A column's plain name and the unit at its end.
+
+    >>> split_name("Motor Angle [deg]"), split_name("time_s"), split_name("joint")
+    (('motor_angle', 'deg'), ('time', 's'), ('joint', None))
+    """
+    text = name.strip().strip('"').strip()
+    parts = re.fullmatch(r"(.*?)[\s_./-]*[\[(]\s*(\S+?)\s*[\])]|(.+)[\s_./-]+(\S+?)", text)
+    base, unit = text, None
+    if parts:
+        named = (parts[2] or parts[4] or "").lower()
+        if named in _UNITS:
+            base, unit = parts[1] if parts[2] else parts[3], _UNITS[named]
+    return re.sub(r"[^0-9a-zµ°]+", "_", base.lower()).strip("_"), unit
+
+
+def find_columns(names: Sequence[str], given: Mapping[str, str | None], where: str) -> dict[str, Column]:
+    """Time, motor and joint among a log's columns.
+
+    Args:
+        names: the columns as written.
+        given: role → name that the user gave, or None to guess.
+        where: the log, for messages.
+
+    Raises:
+        LogError: a column is not there; the message lists those that are.
+    """
+    found: dict[str, Column] = {}
+    missing: list[str] = []
+    for role in ROLES:
+        wanted = given.get(role)
+        index = _guess(role, names) if wanted is None else _named(wanted, names)
+        if index is None:
+            missing.append(f"a column {wanted!r} for the {role}" if wanted is not None else f"a {role} column")
+        else:
+            found[role] = Column(index, names[index].strip(), split_name(names[index])[1])
+    listed = ", ".join(repr(name.strip()) for name in names[:12]) + (", …" if len(names) > 12 else "")
+    if missing:
+        raise LogError(
+            f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
+            do="name the columns with --time, --motor and --joint",
+        )
+    if len({column.index for column in found.values()}) < len(ROLES):
+        chosen = ", ".join(f"{role} = {column.name!r}" for role, column in found.items())
+        raise LogError(f"{where}: one column is taken twice ({chosen})", expected="three different columns")
+    return found
+
+
+def _named(wanted: str, names: Sequence[str]) -> int | None:
+    plain = [name.strip().strip('"') for name in names]
+    if wanted in plain:
+        return plain.index(wanted)
+    lower = [name.lower() for name in plain]
+    return lower.index(wanted.lower()) if lower.count(wanted.lower()) == 1 else None
+
+
+def _guess(role: str, names: Sequence[str]) -> int | None:
+    plain = [split_name(name)[0] for name in names]
+    return next((plain.index(name) for name in _NAMES[role] if name in plain), None)

@@ -1,0 +1,206 @@
+"""From three signals to a recommended model: each family fitted to a log's first half and judged on its second."""
+
+import math
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import LogError, ParameterError
+from bowden.identify import advice
+from bowden.identify.bouc_wen import BoucWenCable
+from bowden.identify.bouc_wen_static import BoucWenStatic, richest, settled
+from bowden.identify.family import Estimate, Family
+from bowden.identify.line import Line
+from bowden.identify.log import Log, prepare
+from bowden.identify.model import CableModel
+from bowden.identify.path import Path, build_path, motor_noise
+from bowden.identify.play import PlayOperator
+from bowden.identify.stack import PrandtlIshlinskii
+from bowden.identify.uncertainty import standard_errors
+from bowden.identify.validation import folds, held_out_errors, simplest_of_the_best, without_start
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+"""What is being done now, and the share of the work that is behind."""
+
+_FINE, _JUDGED, _SEARCHED = 2500, 600, 150
+"""Nodes of the path on which models are fitted, compared with one another, and searched for globally."""
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """One family's best member."""
+
+    model: CableModel
+    """The model itself: its parameters, and the joint angle that it predicts."""
+    uncertainty: Mapping[str, float]
+    """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where it is a
+    setting that was not fitted."""
+    train_rms: float
+    """Error on what was fitted of the first half, at the log's full rate [rad]."""
+    test_rms: float
+    """Error on the second half, which no decision has seen [rad]."""
+    left_out_rms: float
+    """Error on strokes of the first half that were left out in turn; the recommendation rests on it [rad]."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Every parameter by name; SI and radians."""
+        return self.model.parameters
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a log says about its cable."""
+
+    models: Mapping[str, ModelFit]
+    """``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``."""
+    best: str
+    """The recommended model's name."""
+    warnings: tuple[str, ...]
+    """What the log cannot show, what was mended in it, and what to record instead."""
+    samples: int
+    """Samples in the log."""
+    seconds: float
+    """Time that the identification took [s]."""
+    split: int
+    """First sample of the second half."""
+    fitted_from: int
+    """First sample that was fitted; above zero where the cable was still settling."""
+    predicted: Array
+    """Joint angle of the recommended model, simulated straight through the log (n,) [rad]."""
+
+
+def identify(
+    time: Array,
+    motor: Array,
+    joint: Array,
+    *,
+    unit: str = "rad",
+    name: str = "log",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit every family of cable models to a log's first half and judge it on the second.
+
+    Args:
+        time: (n,) increasing and even [s].
+        motor: motor-side angle (n,).
+        joint: joint-side angle (n,).
+        unit: of both angles, ``rad`` or ``deg``.
+        name: of the log, for messages.
+        seed: of the global search; with the same seed the result is the same.
+        progress: called with what is being done and the share of the work that is behind.
+
+    Returns:
+        The models with their uncertainties and errors, and the name of the one to use.
+
+    Raises:
+        LogError: signals that nothing can be fitted to; see `bowden.identify.checks`.
+        ParameterError: an unknown unit, or signals of different lengths.
+
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> motor = 0.5 * np.sin(2.0 * t)
+    >>> fit = identify(t, motor, 0.9 * motor + 0.1)
+    >>> fit.best, round(fit.models["line"].parameters["slope"], 6)
+    ('line', 0.9)
+    """
+    t, x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (time, motor, joint))
+    if not (t.ndim == 1 and t.shape == x.shape == y.shape):
+        raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
+    if unit not in ("rad", "deg"):
+        raise ParameterError(f"identify: unit is {unit!r}", expected="rad or deg")
+    if unit == "deg":
+        x, y = np.deg2rad(x), np.deg2rad(y)
+    return identify_log(prepare(t, x, y, name, lambda sample: f"{name}, sample {sample + 1}"), seed, progress)
+
+
+def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> Fit:
+    """`identify` for a log that was read and checked.
+
+    Raises:
+        LogError: the motor's motion cannot be told from its noise.
+    """
+    begin = clock.perf_counter()
+    tell = progress or (lambda what, share: None)
+    split = int(np.searchsorted(log.time, 0.5 * (log.time[0] + log.time[-1])))
+    noise = motor_noise(log.motor[:split])
+    paths = [_path(log, split, noise, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED)]
+    tell("bouc_wen, searched globally", 0.1)
+    plain = BoucWenCable(paths[2], seed).fit(paths[0])
+    rich = richest(paths[0], plain)
+    start = settled(paths[0], rich)
+    fine, judged, searched = (without_start(path, start) for path in paths)
+    cable = BoucWenCable(searched, seed)
+    if start:
+        tell("bouc_wen, without the start", 0.3)
+        plain = cable.fit(fine)
+        rich = richest(fine, plain)
+    families: list[Family] = [Line(), PlayOperator(), cable, BoucWenStatic(rich), PrandtlIshlinskii()]
+    estimates: dict[str, Estimate] = {}
+    for family in families:
+        tell(family.name, 0.4 + 0.07 * len(estimates))
+        estimates[family.name] = plain if family is cable else family.fit(fine)
+
+    tell("comparing on left-out strokes", 0.8)
+    masks = folds(judged)
+    errors = {family.name: held_out_errors(family, judged, estimates[family.name], masks) for family in families}
+    best: str = simplest_of_the_best(errors, {name: len(estimate.slopes) for name, estimate in estimates.items()})
+
+    tell("judging on the second half", 0.9)
+    fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
+    whole = build_path(log.time, log.motor, log.joint, noise, len(log.time))
+    models: dict[str, ModelFit] = {}
+    for family in families:
+        estimate = estimates[family.name]
+        model = CableModel(family.name, estimate.parameters)
+        error = follow(model, whole, log.time) - log.joint
+        models[family.name] = ModelFit(
+            model=model,
+            uncertainty=standard_errors(fine, estimate, family),
+            train_rms=_rms(error[fitted_from:split]),
+            test_rms=_rms(error[split:]),
+            left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
+        )
+    predicted = follow(models[best].model, whole, log.time)
+    warnings = advice.advise(log, split, fine, fitted_from, models, best, predicted)
+    tell("done", 1.0)
+    return Fit(
+        models=models,
+        best=best,
+        warnings=(*log.warnings, *warnings),
+        samples=len(log.time),
+        seconds=clock.perf_counter() - begin,
+        split=split,
+        fitted_from=fitted_from,
+        predicted=predicted,
+    )
+
+
+def follow(model: CableModel, path: Path, time: Array) -> Array:
+    """The model's joint angle at each sample (n,) [rad], simulated straight through a path at the log's full rate.
+
+    The path is the motor's motion freed of encoder noise. Bouc–Wen needs that: its small loops do not close, so that a
+    flicker of the encoder, at rest most of all, drives h towards zero, which the cable itself does not do.
+    """
+    counted = path.weight > 0
+    return np.interp(time, path.time[counted], model.joint_angle(path.motor)[counted])
+
+
+def _path(log: Log, split: int, noise: float, nodes: int) -> Path:
+    path = build_path(log.time[:split], log.motor[:split], log.joint[:split], noise, nodes)
+    if not path.span > max(8.0 * noise, 1e-9) or np.count_nonzero(path.weight) < 20:
+        raise LogError(
+            f"{log.name}: in the first half the motor moves {np.rad2deg(path.span):.3g}° with {np.rad2deg(noise):.2g}° "
+            "of noise",
+            expected="strokes well above the encoder's noise",
+            do="check the motor's column, or record a larger motion from the start",
+        )
+    return path
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

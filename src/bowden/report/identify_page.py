@@ -1,0 +1,210 @@
+"""The page of an identification: which model to use and why, the loop, the traces, the residual, the parameters."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.units import DEGREES
+from bowden.identify.fit import Fit, ModelFit
+from bowden.identify.log import Log
+from bowden.identify.model import meaning
+from bowden.report.page import Page
+from bowden.report.style import COLOURS, legend, new_figure, thin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+TITLES = {
+    "line": "straight line",
+    "play": "play operator",
+    "bouc_wen": "Bouc–Wen",
+    "bouc_wen_static": "Bouc–Wen with a static nonlinearity",
+    "prandtl_ishlinskii": "Prandtl–Ishlinskii stack",
+}
+"""Name of a model → what it is called in a sentence."""
+
+
+def write_identification(path: Path | str, log: Log, fit: Fit) -> None:
+    """Write the page of an identification.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    identify_page(log, fit).write(path)
+
+
+def identify_page(log: Log, fit: Fit) -> Page:
+    """The page that `write_identification` writes."""
+    best = fit.models[fit.best]
+    predicted = best.model.joint_angle(log.motor)
+    duration = log.time[-1] - log.time[0]
+    page = Page(
+        f"The cable of {log.name}",
+        f"{fit.samples} samples, {duration:.4g} s. Models are fitted to the first half and judged on the second.",
+    )
+    page.heading("Which model to use")
+    page.text("{why}", why=recommendation(fit))
+    _models_table(page, fit)
+    for warning in fit.warnings:
+        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.heading("The loop")
+    page.figure(
+        loop_figure(log, fit, predicted),
+        f"Left: joint over motor, as recorded and as the recommended model ({TITLES[fit.best]}) draws it. Right: the "
+        "same without the straight line that fits the first half best, which shows the motion that the cable loses.",
+    )
+    page.heading("Over time")
+    page.figure(
+        time_figure(log, fit, predicted),
+        "Motor and joint over time. The shaded half was not fitted: there the model runs on from the motor alone.",
+    )
+    page.figure(
+        residual_figure(log, fit, predicted),
+        f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above over time, below over "
+        "the motor's angle; what repeats in every stroke is the cable's, what does not is noise or change.",
+    )
+    page.heading("Parameters")
+    page.text(
+        "One standard deviation stands behind each value; it holds for residuals that are correlated over time too. A "
+        "dash marks a setting that was not fitted, ∞ what this log does not show."
+    )
+    names = [fit.best] + [name for name in ("bouc_wen",) if name != fit.best]
+    for name in names + [name for name in fit.models if name not in names]:
+        _parameter_table(page, name, fit.models[name])
+    return page
+
+
+def recommendation(fit: Fit) -> str:
+    """One plain paragraph: which model, how good, and why it and no other."""
+    best = fit.models[fit.best]
+    lowest = min(fit.models, key=lambda name: fit.models[name].left_out_rms)
+    text = (
+        f"Use the model {fit.best} ({TITLES[fit.best]}): on the second half of the log, which nothing was fitted to or "
+        f"chosen by, it predicts the joint within {best.test_rms * DEGREES:.2g}° RMS. "
+    )
+    if lowest == fit.best:
+        others = [name for name in fit.models if name != fit.best]
+        second = min(others, key=lambda name: fit.models[name].left_out_rms)
+        text += (
+            f"It was chosen in the first half: on strokes that were left out of the fit it errs by "
+            f"{best.left_out_rms * DEGREES:.2g}°, the next best ({second}) by "
+            f"{fit.models[second].left_out_rms * DEGREES:.2g}°."
+        )
+    else:
+        text += (
+            f"It was chosen in the first half, on strokes that were left out of the fit: {lowest} errs a little less "
+            f"there ({fit.models[lowest].left_out_rms * DEGREES:.3g}° against {best.left_out_rms * DEGREES:.3g}°), but "
+            "not clearly, and the simpler model is taken."
+        )
+    if fit.best != "bouc_wen":
+        plain = fit.models["bouc_wen"].test_rms * DEGREES
+        text += f" Simulation and the observer take the plain bouc_wen, which errs by {plain:.2g}° there."
+    return text
+
+
+def _models_table(page: Page, fit: Fit) -> None:
+    rows = [
+        [
+            name,
+            str(sum(not math.isnan(value) for value in fitted.uncertainty.values())),
+            f"{fitted.train_rms * DEGREES:.3f}",
+            f"{fitted.left_out_rms * DEGREES:.3f}",
+            f"{fitted.test_rms * DEGREES:.3f}",
+        ]
+        for name, fitted in fit.models.items()
+    ]
+    page.table(
+        ["model", "parameters", "first half [° RMS]", "left-out strokes [° RMS]", "second half [° RMS]"],
+        rows,
+        "Errors of the joint angle. The choice rests on the left-out strokes; the second half only judges it.",
+        ["best" if name == fit.best else "" for name in fit.models],
+    )
+
+
+def _parameter_table(page: Page, name: str, fitted: ModelFit) -> None:
+    rows = []
+    for key, value in fitted.parameters.items():
+        unit, text = meaning(key)
+        rows.append([key, f"{value:.5g}", _spread(fitted.uncertainty[key]), unit, text])
+    page.table(["parameter", "value", "±", "unit", "meaning"], rows, f"{name}: {TITLES[name]}")
+
+
+def _spread(uncertainty: float) -> str:
+    if math.isnan(uncertainty):
+        return "–"
+    return "∞" if math.isinf(uncertainty) else f"{uncertainty:.2g}"
+
+
+def loop_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
+    """Joint over motor, whole and without its straight line."""
+    figure, panels = new_figure(1, 2, height=3.4)
+    line = fit.models["line"].model.joint_angle(log.motor)
+    motor = log.motor * DEGREES
+    for axes, base in zip(panels, (np.zeros_like(line), line), strict=True):
+        for part, label in ((slice(0, fit.split), "first half"), (slice(fit.split, None), "second half")):
+            colour = COLOURS["data"] if part.start == 0 else COLOURS["joint"]
+            axes.plot(*_few(motor[part], (log.joint - base)[part] * DEGREES), color=colour, lw=1.0, label=label)
+        late = slice(fit.split, None)
+        axes.plot(*_few(motor[late], (predicted - base)[late] * DEGREES), color=COLOURS["model"], lw=1.2, label="model")
+        axes.set_xlabel("motor [°]")
+    panels[0].set_ylabel("joint [°]")
+    panels[1].set_ylabel("joint − straight line [°]")
+    legend(panels[1], 3)
+    return _placed(figure, wspace=0.25, bottom=0.16, top=0.88)
+
+
+def time_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
+    """Motor and joint over time, with the model."""
+    figure, (upper, lower) = new_figure(2, 1, height=3.8, share_x=True)
+    time = log.time - log.time[0]
+    upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
+    upper.set_ylabel("motor [°]")
+    lower.plot(*_few(time, log.joint * DEGREES), color=COLOURS["data"], lw=2.2, label="joint")
+    lower.plot(*_few(time, predicted * DEGREES), color=COLOURS["model"], lw=1.0, label="model")
+    lower.set(xlabel="time [s]", ylabel="joint [°]")
+    legend(lower)
+    for axes in (upper, lower):
+        _shade(axes, time, fit)
+    return _placed(figure, hspace=0.28, bottom=0.13, top=0.97)
+
+
+def residual_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
+    """Joint minus model, over time and over the motor's angle."""
+    figure, (upper, lower) = new_figure(2, 1, height=4.2)
+    time, residual = log.time - log.time[0], (log.joint - predicted) * DEGREES
+    upper.plot(*_few(time, residual), color=COLOURS["error"], lw=0.8)
+    upper.set(xlabel="time [s]", ylabel="joint − model [°]")
+    judged = residual[fit.fitted_from :]
+    room = 0.1 * float(np.ptp(judged)) + 1e-6
+    upper.set_ylim(float(judged.min()) - room, float(judged.max()) + room)  # the start may lie far outside
+    _shade(upper, time, fit)
+    for part, label in ((slice(fit.fitted_from, fit.split), "fitted"), (slice(fit.split, None), "second half")):
+        colour = COLOURS["joint"] if label == "second half" else COLOURS["data"]
+        lower.plot(*_few(log.motor[part] * DEGREES, residual[part]), color=colour, lw=0.7, label=label)
+    lower.set(xlabel="motor [°]", ylabel="joint − model [°]")
+    legend(lower)
+    return _placed(figure, hspace=0.55, bottom=0.12, top=0.97)
+
+
+def _placed(figure: "Figure", **room: float) -> "Figure":
+    """The figure with fixed margins: finding them costs as much time as the drawing itself."""
+    figure.set_layout_engine(None)
+    figure.subplots_adjust(left=0.09, right=0.985, **room)
+    return figure
+
+
+def _few(x: Array, y: Array) -> tuple[Array, Array]:
+    return thin(x, y, 1500)
+
+
+def _shade(axes: "Axes", time: Array, fit: Fit) -> None:
+    """Mark the half that was not fitted, and the start where that was left out."""
+    axes.axvspan(float(time[fit.split]), float(time[-1]), color="#000000", alpha=0.06, lw=0.0)
+    if fit.fitted_from:
+        axes.axvspan(float(time[0]), float(time[fit.fitted_from]), color="#000000", alpha=0.03, lw=0.0, hatch="//")
