@@ -94,12 +94,7 @@ def start_tendon(tendon: PreparedTendon, motor: float, width: float) -> TendonMe
 def advance_tendon(tendon: PreparedTendon, memory: TendonMemory, motor: float, width: float) -> TendonMemory:
     """After the motor has gone one way to an angle [rad] in a sheath of that relative width; in place."""
     if width != memory.last[0]:
-        straightened = width < memory.last[0]
-        memory.last[0] = width
-        for i in range(tendon.angles.size):
-            memory.ratios[i] = exp(-width * tendon.angles[i])
-        if straightened:
-            _settle(tendon, memory)
+        _bend(tendon, memory, width)
     pulled = tendon.motor_radius * motor - tendon.slack
     if pulled != memory.moved[0]:
         _pull(tendon, memory, pulled)
@@ -160,11 +155,28 @@ def _pull(tendon: PreparedTendon, memory: TendonMemory, pulled: float) -> None:
 
 
 @kernel
-def _settle(tendon: PreparedTendon, memory: TendonMemory) -> None:
+def _bend(tendon: PreparedTendon, memory: TendonMemory, width: float) -> None:
+    """Take the sheath to another width, the motor at rest; in shorter steps where `_settle` goes in circles."""
+    part, before = width - memory.last[0], memory.moved.copy()
+    while memory.last[0] < width or memory.last[0] > width:
+        reached = memory.last[0]
+        step_ends = width if np.abs(width - reached) <= np.abs(part) * (1.0 + 1e-9) else reached + part
+        for i in range(tendon.angles.size):
+            memory.ratios[i] = exp(-step_ends * tendon.angles[i])
+        if step_ends > reached or _settle(tendon, memory) or np.abs(part) < 1e-4 * width:
+            memory.last[0] = step_ends
+            before[:] = memory.moved
+        else:
+            memory.moved[:] = before
+            part *= 0.5
+
+
+@kernel
+def _settle(tendon: PreparedTendon, memory: TendonMemory) -> bool:
     """Let every node slide that the straighter sheath no longer holds, the motor at rest.
 
     Which nodes slide, and which way, is found by solving for the positions and mending the choice until it holds; one
-    solve is one sweep down and one up (a tridiagonal system).
+    solve is one sweep down and one up (a tridiagonal system). False if it went in circles.
     """
     u, ratios, k, p = memory.moved, memory.ratios, tendon.element, tendon.preload
     n = u.size - 1
@@ -178,12 +190,12 @@ def _settle(tendon: PreparedTendon, memory: TendonMemory) -> None:
             if slides[i] != 0.0:
                 if slides[i] * (u[i] - before[i]) < -1e-15:
                     slides[i], mended = 0.0, True
-            elif far < ratios[i] * near - 1e-11 * (near + far):
+            elif far < ratios[i] * near - 1e-9:
                 slides[i], mended = 1.0, True
-            elif near < ratios[i] * far - 1e-11 * (near + far):
+            elif near < ratios[i] * far - 1e-9:
                 slides[i], mended = -1.0, True
         if not mended:
-            return
+            return True
         upper[0], right[0] = 0.0, u[0]
         for i in range(1, n + 1):  # −lower·u[i−1] + middle·u[i] − above·u[i+1] = side
             lower, middle, above, side = 0.0, 1.0, 0.0, before[i]
@@ -196,3 +208,4 @@ def _settle(tendon: PreparedTendon, memory: TendonMemory) -> None:
             upper[i], right[i] = above / pivot, (side + lower * right[i - 1]) / pivot
         for i in range(n, 0, -1):
             u[i] = right[i] + (upper[i] * u[i + 1] if i < n else 0.0)
+    return False
