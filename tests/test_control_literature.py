@@ -165,6 +165,53 @@ def test_margins_are_kept_over_the_sheath_s_slopes(name: str) -> None:
     assert delay_margin > 5e-3
 
 
+def enough(law: Law) -> float | None:
+    """The phase margin, worst at the ends of the slopes, of a law with 12 dB and 60° there; None for any other."""
+    worst = math.inf
+    for factor in (SLOPES[0], SLOPES[-1]):
+        model = linear(law, factor * BENCH.cable.slope)
+        found = margins(servo_model(BENCH.servo, DT, BENCH.delay, 1.0), model, DT)
+        if (found.gain_margin_db or 0.0) < 12.0 or (found.phase_margin_deg or 0.0) < 60.0:
+            return None
+        worst = min(worst, found.phase_margin_deg or 0.0)
+    return worst
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "rate", "others"),
+    [
+        ("offset_inverse", "error_share", "error_rate", [{}]),
+        ("backlash_inverse", "proportional_gain", "integral_gain", [{}]),
+        (
+            "cascaded_pid",
+            "proportional_gain",
+            "integral_gain",
+            [{"derivative_gain": kd} for kd in (0.0025, 0.005, 0.01)],
+        ),
+    ],
+)
+def test_the_feedback_is_the_tuning_rule_s_choice(name: str, share: str, rate: str, others: list[Any]) -> None:
+    """Largest integral gain with the margins, in steps of 10; then the largest phase margin, in steps of 0.1."""
+    law = LAWS[name]
+    found = {}
+    for integral in (40.0, 50.0):
+        for other in others:
+            for proportional in np.arange(21).tolist():
+                changes = {share: proportional / 10.0, rate: integral, **other}
+                phase_margin = enough(law.with_gains(**changes))
+                if phase_margin is not None:
+                    found[tuple(changes.items())] = phase_margin
+    chosen = max(found, key=lambda changes: (dict(changes)[rate], found[changes]))
+    assert dict(chosen) == {key: getattr(law.gains, key) for key, _ in chosen}
+
+
+def test_the_observer_s_bandwidth_is_the_tuning_rule_s_choice() -> None:
+    law = LAWS["active_disturbance_rejection"]
+    more = law.with_gains(observer_bandwidth=law.gains.observer_bandwidth + 10.0)
+    assert enough(more) is not None
+    assert figures(law.name, False)[2] <= 2.0 < measured(more, False)[2]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_margins_equal_python_controls(name: str) -> None:
     model = linear(LAWS[name], BENCH.cable.slope)
@@ -196,16 +243,20 @@ def test_the_observer_s_prediction_is_the_servo_s() -> None:
     np.testing.assert_allclose([[known.xx, known.xv], [known.vx, known.vv]], exact, rtol=2e-3, atol=1e-6)
 
 
-@cache
-def figures(name: str, moved: bool) -> tuple[float, float, float]:
+def measured(law: Law, moved: bool) -> tuple[float, float, float]:
     """RMSE from rest and after 10 s [deg], and the command's total variation over the reference's."""
-    trace = paper.run(LAWS[name], moved=moved)
+    trace = paper.run(law, moved=moved)
     found = trace.metrics()
     assert trace.stable
     assert found.rmse_deg is not None
     assert found.rmse_after_10s_deg is not None
     variation = np.abs(np.diff(trace["command"])).sum() / np.abs(np.diff(trace["reference"])).sum()
     return found.rmse_deg, found.rmse_after_10s_deg, float(variation)
+
+
+@cache
+def figures(name: str, moved: bool) -> tuple[float, float, float]:
+    return measured(LAWS[name], moved)
 
 
 @pytest.mark.parametrize("moved", [False, True], ids=["constant", "moved"])

@@ -47,7 +47,7 @@ class BacklashInverseGains(NamedTuple):
     """Tf [s]."""
     contact_travel: float = 0.3
     """Motor travel after a reversal from which on the cable is surely pushed [rad]."""
-    velocity_band: float = 0.002
+    velocity_band: float = 0.001
     """Reference speed below which the direction is kept [rad/s]."""
     switching_time: float = 0.01
     """Time constant of the inverse's change of side [s]."""

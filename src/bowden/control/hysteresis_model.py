@@ -32,7 +32,7 @@ class HysteresisModelGains(NamedTuple):
     """f, stretch under the full Coulomb friction, in motor travel [rad]."""
     friction_travel: float = 0.02
     """ξ, joint travel over which the stretch builds up [rad]."""
-    velocity_band: float = 0.002
+    velocity_band: float = 0.001
     """Reference speed below which nothing changes side [rad/s]."""
     switching_time: float = 0.01
     """Time constant with which the clearance is crossed [s]."""

@@ -28,7 +28,7 @@ class OffsetInverseGains(NamedTuple):
     """α̂, joint motion per motor motion; negative where the cable runs the other way [rad/rad]."""
     half_width: float = 0.0466
     """r, half of the motor travel that is lost at a reversal [rad]."""
-    velocity_band: float = 0.002
+    velocity_band: float = 0.001
     """Reference speed below which the direction is kept [rad/s]."""
     switching_time: float = 0.01
     """T, time constant of the offset's change of side [s]."""
