@@ -13,7 +13,9 @@ import typer
 from bowden import __version__
 from bowden.app.check_command import check
 from bowden.app.identify_command import identify
+from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
+from bowden.app.league_command import league
 from bowden.app.reproduce_command import reproduce
 from bowden.app.simulate_command import simulate
 from bowden.core.errors import BowdenError
@@ -50,12 +52,26 @@ _COMMANDS = [
         ],
     ),
     _Entry(
+        identify_servo,
+        "Identify a servo from a log of a step or a chirp.",
+        ["bowden identify-servo step.csv", "bowden identify-servo chirp.csv --command target --unit deg --json"],
+    ),
+    _Entry(
         check,
         "Say whether a rig's gains hold, before anything moves.",
         [
             "bowden check rig.toml",
             "bowden check rig.toml --preset paper",
             "bowden check rig.toml --law my_law.py --json",
+        ],
+    ),
+    _Entry(
+        league,
+        "Compare control laws on plants that nobody tuned them for.",
+        [
+            "bowden league",
+            "bowden league --laws adaptive --laws bowden --plants bench --plants play",
+            "bowden league --law my_law.py:MINE --scenarios periodic,fast --json",
         ],
     ),
     _Entry(

@@ -72,15 +72,29 @@ def _candidates(bench: Bench, law: Law, found: Check) -> list[tuple[str, float]]
     bounded = all(trial.bounded for trial in found.trials)
     estimates = [visited[0], visited[-1]] if bounded else [visited[0]]  # a run that ran away shows no usual estimates
     slopes = sorted({point.slope for point in found.points})
-    model = set(BoucWen._fields) if set(BoucWen._fields) <= set(law.gains._fields) else set()
     passing: list[tuple[int, str, float]] = []
-    for name in law.gains._fields:
-        if name in model or not _matters(law, name, bench.sample_time, estimates[-1]):
-            continue
+    for name in gains_that_matter(law, bench.sample_time, estimates[-1], switches=True):
         for changes in _changes(law, name):
             fine = [k for k, changed in changes if _has_margins(bench, changed, estimates, slopes)]
             passing += [(k, name, getattr(dict(changes)[k].gains, name)) for k in (fine[:1] if bounded else fine[::3])]
     return [(name, value) for _, name, value in sorted(passing)]
+
+
+def gains_that_matter(law: Law, dt: float, estimates: dict[str, float], *, switches: bool = False) -> list[str]:
+    """The gains with which the linear law changes; parameters of a cable's model are no choice, and left out.
+
+    Args:
+        law: with its gains.
+        dt: sample time [s].
+        estimates: name of a state → the value at which it is frozen.
+        switches: whether those that are zero and may be one count too.
+    """
+    model = set(BoucWen._fields) if set(BoucWen._fields) <= set(law.gains._fields) else set()
+    return [
+        name
+        for name in law.gains._fields
+        if name not in model and (switches or getattr(law.gains, name) != 0.0) and _matters(law, name, dt, estimates)
+    ]
 
 
 def _changes(law: Law, name: str) -> list[list[tuple[int, Law]]]:

@@ -57,7 +57,7 @@ class Check:
     cycle: Cycle | None
     """The limit cycle that the describing function predicts, at the worse end of the bends."""
     trials: tuple[Trial, ...]
-    """At the smallest and at the largest bend."""
+    """At the smallest and, if it is another, at the largest bend."""
     chatters: bool
     """Unstable for one count of the encoder, stable for the whole stroke: a steep curve such as tanh(s/ε) chatters."""
     command_per_count: float
@@ -125,7 +125,7 @@ def check(
         ParameterError: gains that are not finite, bends or a stroke that cannot be.
     """
     ends = _checked(bench, law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
-    trials = tuple(run_trial(bench, law, bend, stroke, seed) for bend in ends)
+    trials = tuple(run_trial(bench, law, bend, stroke, seed) for bend in dict.fromkeys(ends))
     estimates = visited_estimates(law, trials, bench.sample_time)
     points = linear_points(bench, law, ends, estimates, bench.joint_encoder.resolution or _IDEAL)
     worst = min(points, key=_severity)

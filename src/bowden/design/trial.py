@@ -15,10 +15,10 @@ from bowden.sim.scenario import constant_bend
 
 Array = NDArray[np.float64]
 
-MOVES = (0.0, 2.0, 4.0, 6.0, 8.0, 9.0, 20.0)
-"""When the trial's way points are reached: low, high, low, high, low, middle, and rest there [s]."""
-_SETTLED = 14.0
-"""From here on the rest is judged [s]."""
+_HALF = 2.0
+"""Time of one motion, up or down [s]."""
+_REST, _JUDGED, _END = 40.0, 50.0, 60.0
+"""When the motions end, from when the rest is judged, and the end of the trial [s]."""
 _SNAPSHOTS = 8
 
 
@@ -27,7 +27,7 @@ class Trial:
     """What a run showed."""
 
     bounded: bool
-    """Whether it came to rest: it did not run away, and ends within one and a half dead zones and a degree."""
+    """Whether it came to rest: it did not run away, and its joint ends up within twice the dead zone and 1°."""
     swing: float | None
     """Half of the joint's span while the reference rests [rad]; None where the run ran away."""
     period: float | None
@@ -53,12 +53,14 @@ def slope_at(bench: Bench, bend: float) -> float:
 def run_trial(bench: Bench, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1) -> Trial:
     """Move between the ends of a `stroke` [rad] at a constant `bend` [rad], then rest in its middle."""
     low, high = stroke
-    middle = 0.5 * (low + high)
+    times = np.arange(0.0, _REST + 0.5 * _HALF, _HALF)
+    positions = np.where(np.arange(len(times)) % 2, high, low)
+    positions[-1] = 0.5 * (low + high)
     trace = simulate(
         bench,
         law,
-        PointToPoint(MOVES, (low, high, low, high, low, middle, middle)),
-        duration=MOVES[-1],
+        PointToPoint((*times.tolist(), _END), (*positions.tolist(), float(positions[-1]))),
+        duration=_END,
         bend=constant_bend(bend),
         seed=seed,
         initial_motor=(low - bench.cable.offset) / slope_at(bench, bend),
@@ -71,14 +73,14 @@ def run_trial(bench: Bench, law: Law, bend: float, stroke: tuple[float, float], 
     visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
     if not trace.stable:
         return Trial(False, None, None, None, None, visited)
-    rest = error[trace.columns["time"] >= _SETTLED]
+    rest = error[trace.columns["time"] >= _JUDGED]
     span = float(np.ptp(rest))
     commands = trace.columns["command"][-len(rest) :]
     return Trial(
-        bounded=lasted == len(error) and span <= 1.5 * dead_zone(bench, bend) + np.radians(1.0),
+        bounded=lasted == len(error) and span <= 2.0 * dead_zone(bench, bend) + np.radians(1.0),
         swing=0.5 * span,
         period=_period(rest, bench.sample_time),
-        peak=float(np.max(np.abs(error[trace.columns["time"] >= MOVES[2]]))),
+        peak=float(np.max(np.abs(error[trace.columns["time"] >= 2.0 * _HALF]))),
         ripple=float(np.sqrt(np.mean(np.diff(commands) ** 2))),
         visited=visited,
     )

@@ -1,0 +1,142 @@
+"""A servo found again from simulated logs, and logs that cannot tell it refused."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bowden.app.main import run
+from bowden.core.errors import LogError
+from bowden.core.kernel import compiled
+from bowden.core.units import RADIANS
+from bowden.identify.servo import Estimate, identify_servo
+from bowden.models.servo import Servo, ServoState, prepare, servo_step
+
+Array = NDArray[np.float64]
+SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify_servo.schema.json"
+
+
+def log(servo: Servo, delay: float, kind: str, seed: int = 0, dt: float = 1e-3) -> tuple[Array, Array, Array]:
+    """Three seconds, 0.01° of noise and counts of 0.022°; the plant has 50 steps a sample and its own delay line."""
+    time = np.arange(round(3.0 / dt)) * dt
+    command = 20.0 * RADIANS * ((time > 0.3) * 1.0 - (time > 1.5) * 0.5)
+    if kind == "chirp":
+        command = 20.0 * RADIANS * np.sin(2.0 * np.pi * (0.2 * time + 14.8 * time**2 / 6.0))
+    step, prepared = compiled(servo_step), prepare(servo, dt / 50.0)
+    state, motor = ServoState(0.0, 0.0, 0.0), np.empty(len(time))
+    for k in range(len(time)):
+        motor[k] = state.position
+        for i in range(50):
+            state = step(state, float(command[max(0, int(np.floor(k + (i + 0.5) / 50.0 - delay / dt)))]), prepared)
+    noisy = motor + 0.01 * RADIANS * np.random.default_rng(seed).standard_normal(len(time))
+    count = 0.022 * RADIANS
+    return time, command, count * np.round(noisy / count)
+
+
+def near(found: Estimate | None, truth: float, relative: float) -> bool:
+    return found is not None and abs(found.value - truth) <= relative * truth and found.uncertainty < relative * truth
+
+
+@pytest.mark.parametrize(
+    ("frequency", "damping", "delay", "kind"),
+    [(8.5, 1.0, 0.0024, "step"), (3.0, 0.6, 0.0105, "step"), (18.0, 0.5, 0.0013, "chirp"), (8.5, 1.2, 0.001, "chirp")],
+)
+def test_frequency_damping_and_delay_are_found_again(frequency: float, damping: float, delay: float, kind: str) -> None:
+    found = identify_servo(*log(Servo(2.0 * np.pi * frequency, damping), delay, kind))
+    assert near(found.natural_frequency, 2.0 * np.pi * frequency, 0.01)
+    assert near(found.damping, damping, 0.01)
+    assert abs(found.delay.value - delay) < 1e-4  # a tenth of a sample
+    assert (found.speed_limit, found.acceleration_limit) == (None, None)
+    assert found.residual < 0.015 * RADIANS
+
+
+def test_limits_are_found_where_the_log_reaches_them() -> None:
+    omega = 2.0 * np.pi * 8.5
+    slow = identify_servo(*log(Servo(omega, 0.7, speed_limit=2.0), 0.002, "step"))
+    assert near(slow.speed_limit, 2.0, 0.01)
+    assert slow.acceleration_limit is None
+    weak = identify_servo(*log(Servo(omega, 0.7, acceleration_limit=60.0), 0.002, "step"))
+    assert near(weak.acceleration_limit, 60.0, 0.01)
+    both = identify_servo(*log(Servo(omega, 0.7, 3.0, 100.0), 0.002, "chirp"))
+    assert near(both.speed_limit, 3.0, 0.01)
+    assert near(both.acceleration_limit, 100.0, 0.01)
+    assert near(both.natural_frequency, omega, 0.01)
+
+
+def test_the_uncertainty_is_of_the_size_of_the_errors() -> None:
+    truth = 2.0 * np.pi * 8.5
+    fits = [identify_servo(*log(Servo(truth, 1.0), 0.002, "step", seed)) for seed in range(4)]
+    errors = np.array([fit.natural_frequency.value - truth for fit in fits])
+    claimed = np.mean([fit.natural_frequency.uncertainty for fit in fits])
+    assert 0.2 < np.sqrt(np.mean(errors**2)) / claimed < 4.0
+
+
+TIME = np.arange(3000) * 1e-3
+SLOW = 30.0 * RADIANS * np.sin(2.0 * np.pi * 0.1 * TIME)
+NOISE = 1e-4 * np.random.default_rng(1).standard_normal(3000)
+
+
+@pytest.mark.parametrize(
+    ("command", "motor", "said"),
+    [
+        (SLOW, SLOW + NOISE, "does not tell the servo's frequency"),
+        (0.0 * SLOW, NOISE, "no excitation: the command spans 0°"),
+        (SLOW, NOISE, "the motor moves"),
+        (SLOW, -SLOW + NOISE, "unexplained"),
+        (SLOW, np.where(TIME[7] == TIME, np.nan, SLOW), "motor of the servo log is not finite at sample 7"),
+        (SLOW[:20], SLOW[:20], "samples of time, command and motor"),
+    ],
+)
+def test_a_log_that_cannot_tell_is_refused(command: Array, motor: Array, said: str) -> None:
+    with pytest.raises(LogError, match=said):
+        identify_servo(TIME[: len(command)], command, motor)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    columns = log(Servo(2.0 * np.pi * 6.0, 0.8), 0.0024, "step")
+    values = np.stack([columns[0] * 1e3, columns[1] / RADIANS, columns[2] / RADIANS], axis=1)
+    np.savetxt("step.csv", values, delimiter=",", header="time_ms,target_deg,motor_deg", comments="")
+    return tmp_path
+
+
+def test_the_command_writes_keys_of_a_rig(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["identify-servo", "step.csv", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    assert document["natural_frequency_hz"]["value"] == pytest.approx(6.0, rel=0.01)
+    assert document["delay_cycles"] == 3
+    written = tomllib.loads((folder / "out/servo/servo.toml").read_text(encoding="utf-8"))
+    assert written["servo"]["natural_frequency_hz"] == pytest.approx(6.0, rel=0.01)
+    (folder / "rig.toml").write_text((folder / "out/servo/servo.toml").read_text(encoding="utf-8"))
+    assert run(["check", "rig.toml", "--law", "uncompensated", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "holds"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["none.csv"], "cannot read none.csv"),
+        (["step.csv", "--motor", "spool"], "no column 'spool' of numbers among time_ms, target_deg, motor_deg"),
+        (["step.csv", "--command", "motor_deg"], "one column is taken twice"),
+        (["step.csv", "--unit", "grad"], "--unit is 'grad'"),
+        (["plain.csv"], "does not say its unit"),
+        (["empty.csv"], "empty.csv is not a table"),
+        (["step.csv", "--sample-time-ms", "0"], "--sample-time-ms is 0"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    (folder / "plain.csv").write_text("time,command,motor\n0,1,2\n1,2,3\n")
+    (folder / "empty.csv").write_text("")
+    assert run(["identify-servo", *words]) == 2
+    printed = capsys.readouterr()
+    assert said in printed.err
+    assert printed.err.count("\n") == 1
+    assert not (folder / "out").exists()
