@@ -51,9 +51,9 @@ class BacklashInverseGains(NamedTuple):
     """Reference speed below which the direction is kept [rad/s]."""
     switching_time: float = 0.01
     """Time constant of the inverse's change of side [s]."""
-    proportional_gain: float = 1.5
+    proportional_gain: float = 1.3
     """kp [–]."""
-    integral_gain: float = 40.0
+    integral_gain: float = 30.0
     """ki [1/s]."""
     integral_limit: float = 0.35
     """Largest size of ki·∫e dt [rad]."""
