@@ -85,7 +85,7 @@ OFFSET_INVERSE = Law(
     gains=OffsetInverseGains(),
     start_kernel=start,
     step_kernel=step,
-    source="Agrawal, Peine, Yao, Choi, IEEE ICRA 2010, 1074–1079; Dinh et al. 2017, Section 1, [13]",
+    source="Agrawal, Peine, Yao, Choi, IEEE ICRA 2010; Dinh et al. 2017, Section 1, [13]",
     limits={
         "half_width": (0.0, math.inf),
         "velocity_band": (0.0, math.inf),
