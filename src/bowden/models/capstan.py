@@ -8,8 +8,8 @@ and where it sticks |dT/ds| is at most μκT. With M = μ·∫κ ds from end to 
 pulling and T_in·e^(+M) releasing; the elastic tendon stretches by ∫T/EA ds, and the difference of that stretch between
 the two, at one joint tension, is the motor's travel that a reversal loses.
 
-Source: Agrawal, Peine, Yao, IEEE Transactions on Robotics 26(6), 2010, 1051 (the paper's [13]); Tian and Wang (the
-paper's [14]); Kaneko, Yamashita and Tanie, IEEE ICAR 1991 (the paper's [9]) for the equivalent stiffness.
+Source: the capstan equation of Euler and Eytelwein, and the elastic tendon of Kaneko et al. 1991 (the paper's [9]),
+Tian et al. ([14]) and Agrawal et al. 2010 ([13]); the integrals are worked out here.
 """
 
 import math
@@ -25,7 +25,7 @@ class Tendon(NamedTuple):
     """A tendon in a sheath, from the motor's spool to the joint's pulley.
 
     The defaults are a stated choice: the load is that of `bowden.models.motor.Motor`, and with friction and stiffness
-    as here a reversal in the middle of a 0–70° stroke loses 5.5° of the motor, about as much as on the paper's bench.
+    as here a reversal in the middle of a 0–70° stroke loses 5.6° of the motor, about as much as on the paper's bench.
     """
 
     length: float = 1.0

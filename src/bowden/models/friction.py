@@ -5,9 +5,8 @@
 
 Both know no time, keep |z| ≤ 1, and never fall over a growing travel, so that a step with them is a convex problem.
 
-Source: Dahl, *A solid friction model*, 1968 (his exponent 1, with the stiffness at rest F/z₀), as Palli and Melchiorri
-take it along a sheath (IEEE/RSJ IROS 2006, the paper's [6]); Simo and Hughes, *Computational Inelasticity*, 1998, for
-the return mapping.
+Source: Dahl, *A solid friction model*, 1968 (exponent 1, stiffness at rest F/z₀), which Palli and Melchiorri take
+along a sheath (the paper's [6]); Simo and Hughes, *Computational Inelasticity*, 1998, for the return mapping.
 """
 
 import numpy as np

@@ -13,8 +13,8 @@ A step is implicit (backward Euler), with the limits F of its beginning: the pos
 function, found by Newton's method with a line search, one tridiagonal solve a turn. It is stable for any step, which
 matters because the tendon's own waves last microseconds; they are damped away, the joint's motion is resolved.
 
-Source: Kaneko, Yamashita and Tanie, IEEE ICAR 1991 (the paper's [9]) with Coulomb friction; Palli and Melchiorri,
-IEEE/RSJ IROS 2006 (the paper's [6]) with Dahl friction.
+Source: the lumped masses of Kaneko et al. 1991 (the paper's [9]) with Coulomb friction, and of Palli and Melchiorri
+([6]) with Dahl friction; the limit that keeps the capstan's ratio and the implicit step are this file's.
 """
 
 from typing import NamedTuple

@@ -15,8 +15,8 @@ When the sheath is bent more, what stuck sticks; when it straightens, nodes slid
 
 Left out: the tendon's mass, friction that does not grow with tension, and the path's change of length with the bend.
 
-Source: Agrawal, Peine, Yao 2010 (the paper's [13]), Tian and Wang (the paper's [14]); the front in place of their
-partial differential equation is this file's.
+Source: the partly moving, partly sticking cable of Tian et al. (the paper's [14]) and Agrawal et al. 2010 ([13]); the
+front in place of their partial differential equations is this file's.
 """
 
 from typing import NamedTuple

@@ -165,7 +165,8 @@ def simulate_cable(
     else:
         values["current"] = np.asarray(motor_model.current(acceleration, values["joint"], values["slope"], motor))
     values |= dict(zip(fields, states, strict=True))
-    return Trace(values, UNITS | dict.fromkeys(fields, "1"), _settings(plant, law, reference), seed)
+    units = UNITS | {name: law.state_units.get(name.removeprefix("law."), "1") for name in fields}
+    return Trace(values, units, _settings(plant, law, reference), seed)
 
 
 def compiled_cable_loop(plant: CablePlant, law: Law) -> Callable[..., int]:
