@@ -14,6 +14,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
+from bowden.identify.model import CableModel
 from bowden.models import backlash, capstan, prandtl_ishlinskii
 from bowden.models.backlash import Play
 from bowden.models.bouc_wen import BoucWen
@@ -336,8 +337,7 @@ def test_a_cable_of_ones_own_joins_with_three_kernels() -> None:
 @pytest.mark.parametrize("name", list(MODELS))
 def test_an_identified_cable_is_the_one_that_identification_predicts(name: str) -> None:
     """Where the log's start is at rest; a cable that runs backwards has its motor counted the other way."""
-    model = pytest.importorskip("bowden.identify.model", reason="identification is not here")
     cable = cables.identified(name, MODELS[name])
     trace = recorded_run(CablePlant(cable))
-    predicted = model.CableModel(name, MODELS[name]).joint_angle(-trace["motor"])
+    predicted = CableModel(name, MODELS[name]).joint_angle(-trace["motor"])
     np.testing.assert_allclose(trace["joint"], predicted, atol=1e-9)
