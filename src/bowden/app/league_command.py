@@ -1,0 +1,153 @@
+"""``bowden league``: every law on every plant in every scenario."""
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
+
+if TYPE_CHECKING:
+    from bowden.control.law import Law
+    from bowden.design.league import Played, Standing
+    from bowden.design.league_cells import LeaguePlant, Scenario
+
+_Names = list[str] | None
+
+
+def league(
+    laws: Annotated[_Names, typer.Option(help="Only these laws; commas between them, or repeat the option.")] = None,
+    plants: Annotated[_Names, typer.Option(help="Only these plants.")] = None,
+    scenarios: Annotated[_Names, typer.Option(help="Only these scenarios.")] = None,
+    law: Annotated[_Names, typer.Option(help="FILE.py:NAME of your own law, to join the others.")] = None,
+    data: Annotated[
+        Path, typer.Option(help="Folder with cable/*.csv.gz and elbow/*.csv.gz; without it there are fewer cells.")
+    ] = Path("../shared/data"),
+    out: Annotated[Path, typer.Option(help="Folder for the page.")] = Path("out/league"),
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+) -> None:
+    """Compare laws, each with one set of gains, on plants that nobody tuned them for.
+
+    A plant or scenario that needs a recording is left out where the data folder has none. Ctrl-C ends the league with a
+    page of what has been played.
+    """
+    from bowden.control import user_law
+    from bowden.design import league as design
+    from bowden.report.league_page import league_page
+
+    entered = _laws(laws, law or [])
+    makers, notes = _plants(data)
+    played_in, more = _scenarios(data)
+    chosen = _chosen("plant", makers, plants)
+    motions = _chosen("scenario", played_in, scenarios)
+    output_folder(out)
+    played: list[Played] = []
+    interrupted = False
+    with progress_bar(quiet=json) as progress:
+        try:
+            for cell in design.play(entered, chosen, motions, progress, guard=user_law.explained):
+                played.append(cell)
+        except KeyboardInterrupt:
+            interrupted = True
+        standings = design.standings([one.cell for one in played])
+        progress("drawing the page", 1.0)
+        page = league_page(played, standings, motions, interrupted=interrupted)
+        path = make_folder(out) / "league.html"
+        page.write(path)
+    for note in (*notes, *more):
+        print(f"bowden: note: {note}", file=sys.stderr)
+    if json:
+        print_json({"cells": [asdict(one.cell) for one in played], "seconds": seconds()})
+    else:
+        _print_table(standings)
+        print(f"\nPage: {path}  ({seconds():.1f} s)")
+    if interrupted:
+        raise typer.Exit(130)
+
+
+def _laws(wanted: _Names, own: list[str]) -> list["Law"]:
+    """The laws that play: those of `LAWS` that are wanted, all where none is, and the user's own."""
+    from bowden.control import LAWS, user_law
+    from bowden.core.errors import ParameterError
+
+    found = list(_chosen("law", LAWS, wanted))
+    for file in own:
+        law = user_law.load(file)
+        if law.name in {one.name for one in found}:
+            raise ParameterError(f"{file}: there is a law {law.name!r} already", do="give yours another name")
+        found.append(law)
+    return found
+
+
+def _chosen(what: str, known: Mapping[str, Any], wanted: _Names) -> list[Any]:
+    """Those of `known` that are wanted, in the order of `known`; all where nothing is wanted.
+
+    Raises:
+        ParameterError: one that is not known.
+    """
+    from bowden.app.config import near
+    from bowden.core.errors import ParameterError
+
+    asked = [name.strip() for text in wanted or [] for name in text.split(",")]
+    for name in asked:
+        if name not in known:
+            raise ParameterError(f"there is no {what} {name!r} in the league", expected=near(name, known))
+    return [value for name, value in known.items() if not asked or name in asked]
+
+
+def _plants(data: Path) -> tuple[dict[str, Callable[[], "LeaguePlant"]], list[str]]:
+    """Plant → what makes it, and notes."""
+    from bowden.design import league_cells, league_identified
+    from bowden.paper.bench import default_bench, moved_sheath
+
+    bench = default_bench()
+    ready = league_cells.plants(bench, moved_sheath())
+    makers: dict[str, Callable[[], LeaguePlant]] = {one.name: partial(_itself, one) for one in ready}
+    logs = {file.name.removesuffix(".csv.gz"): file for file in sorted((data / "cable").glob("*.csv.gz"))}
+    base = league_cells.as_cable_plant(bench)
+    for name in league_identified.names(logs):
+        makers[name] = partial(league_identified.identified_plant, base, name, logs)
+    return makers, [] if logs else [f"no cable logs in {data / 'cable'}, so no plant that was identified from one"]
+
+
+def _itself(plant: "LeaguePlant") -> "LeaguePlant":
+    return plant
+
+
+def _scenarios(data: Path) -> tuple[dict[str, "Scenario"], list[str]]:
+    """Scenario by name, and notes."""
+    from bowden.design import league_cells
+
+    files = sorted((data / "elbow").glob("*.csv.gz"))
+    if not files:
+        found, notes = league_cells.scenarios(), [f"no recording in {data / 'elbow'}, so no scenario of an elbow"]
+    else:
+        from bowden.app.recorded import read_motion  # brings pyarrow
+        from bowden.app.rig_schema import RecordedSection
+
+        section = RecordedSection(file=files[0].name, position_column="elbow_deg")
+        found, notes = league_cells.scenarios(read_motion(section, files[0].parent)), []
+    return {one.name: one for one in found}, notes
+
+
+def _print_table(standings: list["Standing"]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    from bowden.design.league import YARDSTICK
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("law", no_wrap=True)
+    titles = ("cells\nwon", "RMSE\n°", f"over\n{YARDSTICK}", "chatter", "most\nchatter", "unstable\ncells", "cells")
+    for title in titles:
+        table.add_column(title, justify="right", no_wrap=True)
+    for one in standings:
+        values = (one.rmse_deg, one.ratio, one.chatter, one.most_chatter)
+        shown = ("–" if value is None else f"{value:.3g}" for value in values)
+        table.add_row(one.law, f"{100.0 * one.won:.0f} %", *shown, str(one.unstable), str(one.cells))
+    Console(width=None if sys.stdout.isatty() else 100).print(table)

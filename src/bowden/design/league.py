@@ -1,0 +1,207 @@
+"""The league: every law on every plant in every scenario, with one set of gains for each law."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.law import Law
+from bowden.core.trace import Trace
+from bowden.core.units import DEGREES
+from bowden.design.league_cells import LeaguePlant, Scenario
+from bowden.design.league_exact import exact_travel
+from bowden.sim.cable_plant import CablePlant, resting_motor
+from bowden.sim.closed_loop import simulate
+
+YARDSTICK = "adaptive"
+"""The law that ratios are taken to: the paper's."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What one law did in one scenario on one plant; None where a figure does not exist."""
+
+    law: str
+    plant: str
+    scenario: str
+    rmse_deg: float | None
+    """From rest [deg]."""
+    rmse_after_10s_deg: float | None
+    """The same without the first ten seconds [deg]."""
+    peak_deg: float | None
+    """Largest |e| [deg]."""
+    delay_s: float | None
+    """See `bowden.core.metrics.delay` [s]."""
+    chatter: float | None
+    """Total variation of the command over that of the exact inverse's (`bowden.design.league_exact`) [–]."""
+    energy_j: float | None
+    """∫Pe dt of the motor, Eq. 18 [J]."""
+    stable: bool
+    """Whether it reached the end with the joint never further from the reference than the plant's whole stroke."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """A cell and how its error went."""
+
+    cell: Cell
+    what: str
+    """What its plant is."""
+    errors: NDArray[np.float64]
+    """Largest |e| in each of `STRETCHES` stretches of the run; NaN of an unstable one (k,) [deg]."""
+
+
+STRETCHES = 48
+"""Points of the small plots."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A law's place in the league."""
+
+    law: str
+    cells: int
+    """Cells that it played."""
+    won: float
+    """Share of the cells in which no other law had a lower RMSE from rest [–]."""
+    ratio: float | None
+    """Median of its RMSE from rest over the yardstick's, an unstable cell counting as the largest; None where the
+    yardstick did not play, or the median is an unstable cell [–]."""
+    rmse_deg: float | None
+    """Median RMSE from rest, an unstable cell counting as the largest [deg]."""
+    chatter: float | None
+    """Median chatter over its stable cells [–]."""
+    most_chatter: float | None
+    """Largest chatter of its stable cells [–]."""
+    unstable: int
+    """Cells in which it was unstable."""
+
+
+def told(law: Law, plant: CablePlant) -> Law:
+    """The law with what is known of a rig, its servo and its delay; of the cable nothing is told.
+
+    By the names of its gains: ``servo_frequency`` ω, ``servo_damping`` ζ and ``delay`` τ; or ``lead`` = 2ζ/ω + τ and
+    with it ``lead_square`` = 1/ω² + (2ζ/ω)·τ + τ²/2. τ = (d + ½)·Ts reaches to the middle of the time for which a
+    command is held.
+    """
+    omega, zeta = plant.servo.natural_frequency, plant.servo.damping
+    tau = (plant.delay + 0.5) * plant.sample_time
+    lag = 2.0 * zeta / omega
+    known = {"servo_frequency": omega, "servo_damping": zeta, "delay": tau}
+    if {"lead", "lead_square"} <= set(law.gains._fields):
+        known |= {"lead": lag + tau, "lead_square": 1.0 / omega**2 + lag * tau + 0.5 * tau * tau}
+    return law.with_gains(**{name: value for name, value in known.items() if name in law.gains._fields})
+
+
+def play(
+    laws: Sequence[Law],
+    plants: Sequence[Callable[[], LeaguePlant]],
+    scenarios: Sequence[Scenario],
+    progress: Callable[[str, float], None],
+    guard: Callable[[Law], AbstractContextManager[None]],
+    seed: int = 1,
+) -> Iterator[Played]:
+    """Play the cells, plant by plant and in each of them scenario by scenario, so that a league that is broken off
+    has compared all laws in what it has.
+
+    Args:
+        laws: with their gains.
+        plants: each made when it is its turn, since to identify one takes a second.
+        scenarios: what to do.
+        progress: called with what is done now and the share done.
+        guard: held round a law's run, to say what is wrong with a user's own (`bowden.control.user_law.explained`).
+        seed: of the encoders' noise, the same for all laws.
+    """
+    total, done = len(laws) * len(plants) * len(scenarios), 0
+    for make in plants:
+        found = make()
+        for scenario in scenarios:
+            reference = scenario.reference(found.stroke)
+            start = float(reference.sample(np.zeros(1))[0, 0])
+            initial = resting_motor(found.plant, start, float(found.bend(np.zeros(1))[0]))
+            progress(f"{found.name}, {scenario.name}", done / total)
+            travel = exact_travel(
+                found.plant, reference, duration=scenario.duration, bend=found.bend, initial_motor=initial
+            )
+            for law in laws:
+                progress(f"{found.name}, {scenario.name}, {law.name}", done / total)
+                with guard(law):
+                    trace = simulate(
+                        found.plant,
+                        told(law, found.plant),
+                        reference,
+                        duration=scenario.duration,
+                        bend=found.bend,
+                        seed=seed,
+                        initial_motor=initial,
+                    )
+                yield _judged(law.name, found, scenario, trace, initial, travel)
+                done += 1
+
+
+def _judged(name: str, found: LeaguePlant, scenario: Scenario, trace: Trace, initial: float, travel: float) -> Played:
+    figures = trace.metrics()
+    span = found.stroke * DEGREES
+    if figures.peak_deg is None or figures.peak_deg > span:
+        cell = Cell(name, found.name, scenario.name, None, None, None, None, None, None, stable=False)
+        return Played(cell, found.what, np.full(STRETCHES, np.nan))
+    gone = float(np.abs(np.diff(trace.columns["command"], prepend=initial)).sum())
+    errors = np.abs(trace.columns["joint"] - trace.columns["reference"]) * DEGREES
+    return Played(
+        Cell(
+            law=name,
+            plant=found.name,
+            scenario=scenario.name,
+            rmse_deg=figures.rmse_deg,
+            rmse_after_10s_deg=figures.rmse_after_10s_deg,
+            peak_deg=figures.peak_deg,
+            delay_s=figures.delay_s,
+            chatter=gone / travel if travel > 0.0 else None,
+            energy_j=figures.electrical_energy_j,
+            stable=True,
+        ),
+        found.what,
+        np.array([part.max() for part in np.array_split(errors, STRETCHES)]),
+    )
+
+
+def standings(cells: Sequence[Cell]) -> list[Standing]:
+    """The laws from best to worst: by cells won, then by the median RMSE."""
+    table: dict[tuple[str, str], dict[str, Cell]] = {}
+    for cell in cells:
+        table.setdefault((cell.plant, cell.scenario), {})[cell.law] = cell
+    laws = list(dict.fromkeys(cell.law for cell in cells))
+    found = [_standing(law, [row for row in table.values() if law in row]) for law in laws]
+    return sorted(found, key=lambda one: (-one.won, math.inf if one.rmse_deg is None else one.rmse_deg))
+
+
+def _standing(law: str, rows: Sequence[dict[str, Cell]]) -> Standing:
+    errors = [_error(row[law]) for row in rows]
+    best = [min(map(_error, row.values())) for row in rows]
+    compared = [(_error(row[law]), _error(row[YARDSTICK])) for row in rows if YARDSTICK in row]
+    ratios = [error / other if math.isfinite(other) else 0.0 for error, other in compared if error < math.inf]
+    ratios += [math.inf] * sum(error == math.inf for error, _ in compared)
+    chatters = [row[law].chatter for row in rows]
+    heard = [chatter for chatter in chatters if chatter is not None]
+    return Standing(
+        law=law,
+        cells=len(rows),
+        won=sum(error < math.inf and error == least for error, least in zip(errors, best, strict=True)) / len(rows),
+        ratio=_finite(median(ratios)) if ratios else None,
+        rmse_deg=_finite(median(errors)),
+        chatter=median(heard) if heard else None,
+        most_chatter=max(heard, default=None),
+        unstable=sum(not row[law].stable for row in rows),
+    )
+
+
+def _error(cell: Cell) -> float:
+    return math.inf if cell.rmse_deg is None else cell.rmse_deg
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
