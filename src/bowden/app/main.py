@@ -18,6 +18,7 @@ from bowden.app.init_command import init
 from bowden.app.league_command import league
 from bowden.app.reproduce_command import reproduce
 from bowden.app.simulate_command import simulate
+from bowden.app.tune_command import tune
 from bowden.core.errors import BowdenError
 
 
@@ -73,6 +74,11 @@ _COMMANDS = [
             "bowden league --laws adaptive --laws bowden --plants bench --plants play",
             "bowden league --law my_law.py:MINE --scenarios periodic,fast --json",
         ],
+    ),
+    _Entry(
+        tune,
+        "Find gains for a rig, with margins, and write them into it.",
+        ["bowden tune rig.toml", "bowden tune rig.toml --dry-run --json"],
     ),
     _Entry(
         reproduce,

@@ -7,7 +7,7 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.stability import margins, servo_model
 from bowden.core.units import DEGREES
-from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check
+from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check, plant_response
 from bowden.design.linearise import linearise
 from bowden.models.bouc_wen import BoucWen
 from bowden.sim.plant import Bench
@@ -127,10 +127,11 @@ def _matters(law: Law, name: str, dt: float, estimates: dict[str, float]) -> boo
 
 def _has_margins(bench: Bench, law: Law, estimates: list[dict[str, float]], slopes: list[float]) -> bool:
     plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
+    answer = plant_response(bench.servo, bench.sample_time, bench.delay)
     for values in estimates:
         model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or 1e-6, estimates=values)
         for slope in slopes:
-            found = margins(plant, model.seen_through(slope), bench.sample_time)
+            found = margins(plant, model.seen_through(slope), bench.sample_time, answer)
             gain, phase = found.gain_margin_db, found.phase_margin_deg
             if not (found.stable and (gain or ENOUGH_DB) >= ENOUGH_DB and (phase or ENOUGH_DEG) >= ENOUGH_DEG):
                 return False

@@ -2,13 +2,15 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.control.adaptive import AdaptiveGains
 from bowden.control.law import Law
-from bowden.control.stability import Margins, margins, servo_model, ultimate_bounds
+from bowden.control.stability import Margins, frequencies, margins, response, servo_model, ultimate_bounds
 from bowden.core.errors import ParameterError
 from bowden.core.signals import Sample
 from bowden.core.units import RADIANS
@@ -16,6 +18,7 @@ from bowden.design.limit_cycle import Cycle, describing_function, predict
 from bowden.design.linearise import find_estimates, linearise
 from bowden.design.trial import Trial, dead_zone, run_trial, slope_at
 from bowden.models.bouc_wen import saturation
+from bowden.models.servo import Servo
 from bowden.models.sheath import slope_factor, width
 from bowden.sim.plant import Bench
 
@@ -178,14 +181,21 @@ def linear_points(
     Slopes are the one with the play taken up and, if `reversals` count, the one after a reversal where it is steeper.
     """
     plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
+    answer = plant_response(bench.servo, bench.sample_time, bench.delay)
     points = []
     for values in estimates:
         model = linearise(law, bench.sample_time, width=width, estimates=values)
         for bend in dict.fromkeys(bends):
             for slope in _slopes(bench, bend, reversals):
-                found = margins(plant, model.seen_through(slope), bench.sample_time)
+                found = margins(plant, model.seen_through(slope), bench.sample_time, answer)
                 points.append(Point(bend, slope, values, found))
     return points
+
+
+@lru_cache(8)
+def plant_response(servo: Servo, dt: float, delay: int) -> NDArray[np.complex128]:
+    """From command to motor at the frequencies of `margins` (4000,); kept, since many laws are tried on one servo."""
+    return response(servo_model(servo, dt, delay, 1.0), frequencies(dt), dt)
 
 
 def _slopes(bench: Bench, bend: float, reversals: bool) -> list[float]:
