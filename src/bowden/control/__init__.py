@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from bowden.control.active_disturbance_rejection import ACTIVE_DISTURBANCE_REJECTION
 from bowden.control.adaptive import ADAPTIVE
 from bowden.control.backlash_inverse import BACKLASH_INVERSE
+from bowden.control.bowden import BOWDEN
 from bowden.control.cascaded_pid import CASCADED_PID
 from bowden.control.hysteresis_model import HYSTERESIS_MODEL
 from bowden.control.law import Law
@@ -23,6 +24,7 @@ LAWS: Mapping[str, Law] = {
         CASCADED_PID,
         BACKLASH_INVERSE,
         ACTIVE_DISTURBANCE_REJECTION,
+        BOWDEN,
     )
 }
 """Every law by its name, with default gains for the paper's bench."""

@@ -176,18 +176,23 @@ def sel(condition: Any, a: Any, b: Any) -> Any:
 
     Compound conditions are products: ``sel((x >= low) * (x <= high), x, refused)``.
     """
-    if hasattr(condition, "is_symbolic"):  # a CasADi expression, while exporting
+    if _symbolic(condition):
         import casadi
 
         return casadi.if_else(condition, a, b)
     return a if condition else b
 
 
+def _symbolic(value: Any) -> bool:
+    """Whether a value is a CasADi expression, or what NumPy's functions make of one, while exporting."""
+    return type(value).__module__.partition(".")[0] == "casadi"
+
+
 def _libm(name: str) -> Callable[..., Any]:
     reference = getattr(math, {"power": "pow"}.get(name, name))
 
     def function(*arguments: Any) -> Any:
-        if any(hasattr(argument, "is_symbolic") for argument in arguments):
+        if any(_symbolic(argument) for argument in arguments):
             return arguments[0] ** arguments[1] if name == "power" else getattr(arguments[0], name)()
         try:
             return reference(*arguments)
