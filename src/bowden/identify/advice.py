@@ -27,7 +27,7 @@ def advise(
     fitted_from: int,
     models: Mapping[str, "ModelFit"],
     best: str,
-    predicted: Array,
+    lag: tuple[float, float],
 ) -> list[str]:
     """Warnings about a log and what was identified from it.
 
@@ -38,20 +38,21 @@ def advise(
         fitted_from: first sample that was fitted.
         models: what was identified.
         best: the recommended model.
-        predicted: its joint angle over the whole log (n,) [rad].
+        lag: of the joint [s], and the share of the best model's squared residual that it explains.
     """
     correlation = abs(float(np.corrcoef(log.motor[:split], log.joint[:split])[0, 1]))
     if correlation < 0.5:
         return [
             f"the joint does not follow the motor (correlation {correlation:.2f}), nothing here can be relied on: "
-            "check the columns, the units, and whether the two were recorded on one clock"
+            "check the columns, the units, and whether the two were recorded on one clock; or the motion is too small "
+            "for the cable's play, and a larger one is needed"
         ]
     return [
         *_about_motion(log, split, path),
         *_about_settling(log, fitted_from),
         *_about_size(log, split, path, models),
         *_about_parameters(models),
-        *_about_rate(log, split, predicted),
+        *_about_rate(lag),
         *_about_the_second_half(log, split, path, models[best]),
     ]
 
@@ -130,18 +131,13 @@ def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
     ]
 
 
-def _about_rate(log: Log, split: int, predicted: Array) -> list[str]:
-    """A lag in time, which no rate-independent model has: the residual then follows the joint's speed."""
-    speed = np.gradient(predicted[:split], log.time[:split])
-    residual = log.joint[:split] - predicted[:split]
-    power = float(speed @ speed)
-    lag = -float(residual @ speed) / power if power > 0.0 else 0.0
-    explained = lag * lag * power / max(float(residual @ residual), 1e-300)
-    if explained < 0.2 or abs(lag) < 2e-3:
+def _about_rate(lag: tuple[float, float]) -> list[str]:
+    seconds, share = lag
+    if share < 0.3 or abs(seconds) < 2e-3:
         return []
     return [
-        f"the joint lags {1e3 * lag:.3g} ms behind the best model: the cable or the recording depends on speed, "
-        "the models do not; record more slowly, and both angles on one clock"
+        f"what the best model leaves looks like a lag of the joint of {1e3 * seconds:.2g} ms: the cable or the "
+        "recording depends on speed, the models do not; record more slowly, and both angles on one clock"
     ]
 
 

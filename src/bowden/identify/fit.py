@@ -3,7 +3,7 @@
 import math
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from bowden.identify import advice
 from bowden.identify.bouc_wen import BoucWenCable
 from bowden.identify.bouc_wen_static import BoucWenStatic, richest, settled
 from bowden.identify.family import Estimate, Family
+from bowden.identify.lag import time_lag
 from bowden.identify.line import Line
 from bowden.identify.log import Log, prepare
 from bowden.identify.model import CableModel
@@ -64,13 +65,13 @@ class Fit:
     """What the log cannot show, what was mended in it, and what to record instead."""
     samples: int
     """Samples in the log."""
-    seconds: float
+    seconds: float = field(compare=False)
     """Time that the identification took [s]."""
     split: int
     """First sample of the second half."""
     fitted_from: int
     """First sample that was fitted; above zero where the cable was still settling."""
-    predicted: Array
+    predicted: Array = field(compare=False, repr=False)
     """Joint angle of the recommended model, simulated straight through the log (n,) [rad]."""
 
 
@@ -166,7 +167,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
     predicted = follow(models[best].model, whole, log.time)
-    warnings = advice.advise(log, split, fine, fitted_from, models, best, predicted)
+    warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, estimates[best]))
     tell("done", 1.0)
     return Fit(
         models=models,

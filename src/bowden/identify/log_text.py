@@ -1,6 +1,7 @@
 """Text logs: rows of numbers under a row of names, with whatever text above, plain or gzipped."""
 
 import gzip
+import itertools
 import json
 import re
 import zlib
@@ -175,12 +176,11 @@ def _numbers(path: Path, layout: _Layout, indices: list[int]) -> Array:
         if layout.decimal_comma:
             lines = (line.replace(",", ".") for line in file)
         table = np.loadtxt(
-            lines,
+            itertools.islice(lines, layout.skip + MOST_ROWS + 1),
             delimiter=None if layout.separator == _SPACES else layout.separator,
             skiprows=layout.skip,
             usecols=indices,
             quotechar='"',
-            max_rows=MOST_ROWS + 1,
             ndmin=2,
         )
     return np.asarray(table, dtype=np.float64)

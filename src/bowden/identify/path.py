@@ -207,7 +207,8 @@ def gather(
     n = 0
     for stroke in range(bounds.size - 1):
         sign = 1.0 if turning[stroke + 1] >= turning[stroke] else -1.0
-        m[n], t[n], owner[n] = turning[stroke], time[bounds[stroke]], stroke
+        m[n], j[n], w[n] = turning[stroke], 0.0, 0.0
+        t[n], owner[n] = time[bounds[stroke]], stroke
         n += 1
         first = n
         for begin in range(bounds[stroke], bounds[stroke + 1], together):

@@ -42,7 +42,6 @@ def write_identification(path: Path | str, log: Log, fit: Fit) -> None:
 def identify_page(log: Log, fit: Fit) -> Page:
     """The page that `write_identification` writes."""
     best = fit.models[fit.best]
-    predicted = best.model.joint_angle(log.motor)
     duration = log.time[-1] - log.time[0]
     page = Page(
         f"The cable of {log.name}",
@@ -55,17 +54,17 @@ def identify_page(log: Log, fit: Fit) -> Page:
         page.notice(warning[0].upper() + warning[1:] + ".")
     page.heading("The loop")
     page.figure(
-        loop_figure(log, fit, predicted),
+        loop_figure(log, fit),
         f"Left: joint over motor, as recorded and as the recommended model ({TITLES[fit.best]}) draws it. Right: the "
         "same without the straight line that fits the first half best, which shows the motion that the cable loses.",
     )
     page.heading("Over time")
     page.figure(
-        time_figure(log, fit, predicted),
+        time_figure(log, fit),
         "Motor and joint over time. The shaded half was not fitted: there the model runs on from the motor alone.",
     )
     page.figure(
-        residual_figure(log, fit, predicted),
+        residual_figure(log, fit),
         f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above over time, below over "
         "the motor's angle; what repeats in every stroke is the cable's, what does not is noise or change.",
     )
@@ -141,7 +140,7 @@ def _spread(uncertainty: float) -> str:
     return "∞" if math.isinf(uncertainty) else f"{uncertainty:.2g}"
 
 
-def loop_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
+def loop_figure(log: Log, fit: Fit) -> "Figure":
     """Joint over motor, whole and without its straight line."""
     figure, panels = new_figure(1, 2, height=3.4)
     line = fit.models["line"].model.joint_angle(log.motor)
@@ -151,7 +150,9 @@ def loop_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
             colour = COLOURS["data"] if part.start == 0 else COLOURS["joint"]
             axes.plot(*_few(motor[part], (log.joint - base)[part] * DEGREES), color=colour, lw=1.0, label=label)
         late = slice(fit.split, None)
-        axes.plot(*_few(motor[late], (predicted - base)[late] * DEGREES), color=COLOURS["model"], lw=1.2, label="model")
+        axes.plot(
+            *_few(motor[late], (fit.predicted - base)[late] * DEGREES), color=COLOURS["model"], lw=1.2, label="model"
+        )
         axes.set_xlabel("motor [°]")
     panels[0].set_ylabel("joint [°]")
     panels[1].set_ylabel("joint − straight line [°]")
@@ -159,14 +160,14 @@ def loop_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
     return _placed(figure, wspace=0.25, bottom=0.16, top=0.88)
 
 
-def time_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
+def time_figure(log: Log, fit: Fit) -> "Figure":
     """Motor and joint over time, with the model."""
     figure, (upper, lower) = new_figure(2, 1, height=3.8, share_x=True)
     time = log.time - log.time[0]
     upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
     upper.set_ylabel("motor [°]")
     lower.plot(*_few(time, log.joint * DEGREES), color=COLOURS["data"], lw=2.2, label="joint")
-    lower.plot(*_few(time, predicted * DEGREES), color=COLOURS["model"], lw=1.0, label="model")
+    lower.plot(*_few(time, fit.predicted * DEGREES), color=COLOURS["model"], lw=1.0, label="model")
     lower.set(xlabel="time [s]", ylabel="joint [°]")
     legend(lower)
     for axes in (upper, lower):
@@ -174,10 +175,10 @@ def time_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
     return _placed(figure, hspace=0.28, bottom=0.13, top=0.97)
 
 
-def residual_figure(log: Log, fit: Fit, predicted: Array) -> "Figure":
+def residual_figure(log: Log, fit: Fit) -> "Figure":
     """Joint minus model, over time and over the motor's angle."""
     figure, (upper, lower) = new_figure(2, 1, height=4.2)
-    time, residual = log.time - log.time[0], (log.joint - predicted) * DEGREES
+    time, residual = log.time - log.time[0], (log.joint - fit.predicted) * DEGREES
     upper.plot(*_few(time, residual), color=COLOURS["error"], lw=0.8)
     upper.set(xlabel="time [s]", ylabel="joint − model [°]")
     judged = residual[fit.fitted_from :]

@@ -1,0 +1,260 @@
+"""The laws of the identification: what it recovers, what it does not depend on, what it chooses and why."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bowden.core.errors import LogError, ParameterError
+from bowden.core.kernel import compiled
+from bowden.core.units import DEGREES
+from bowden.identify.bouc_wen import chebyshev
+from bowden.identify.fit import Fit, identify
+from bowden.identify.model import NAMES, CableModel
+from bowden.identify.validation import folds, simplest_of_the_best
+from bowden.models.bouc_wen import BoucWen, joint_angle
+from bowden.models.bouc_wen_sensitivity import hysteresis
+from bowden.models.prandtl_ishlinskii import plays
+
+Array = NDArray[np.float64]
+
+TIME = np.arange(8000) / 400.0
+MOTOR = np.radians(20.0 * np.sin(1.4 * TIME + 0.4) + 12.0 * np.sin(3.9 * TIME))
+CABLE = BoucWen(offset=0.1)
+TRUE = {**CABLE._asdict(), "initial_h": 0.05}
+
+
+def cable(motor: Array, true: BoucWen = CABLE) -> Array:
+    h = compiled(hysteresis)(np.ascontiguousarray(motor), 0.05, true)
+    return np.asarray(true.slope * motor + true.hysteresis_gain * h + true.offset)
+
+
+def noise(seed: int, size_deg: float = 0.01) -> Array:
+    return np.asarray(np.radians(size_deg) * np.random.default_rng(seed).standard_normal(len(TIME)))
+
+
+@pytest.fixture(scope="module")
+def known() -> Fit:
+    """A log with known parameters, and noise on both encoders."""
+    return identify(TIME, MOTOR + noise(1), cable(MOTOR) + noise(2))
+
+
+def test_known_parameters_come_back_within_their_uncertainty(known: Fit) -> None:
+    fitted = known.models["bouc_wen"]
+    assert known.best == "bouc_wen"
+    for name, value in TRUE.items():
+        assert abs(fitted.parameters[name] - value) < 3.0 * fitted.uncertainty[name], name
+    assert fitted.uncertainty["slope"] < 1e-4
+    assert fitted.uncertainty["exponent"] < 0.1
+    assert known.samples == len(TIME)
+
+
+def test_the_error_on_the_unseen_half_is_the_noise(known: Fit) -> None:
+    both = math.hypot(0.01, 0.938 * 0.01)  # the motor's own noise is averaged in the path, so a little less is left
+    assert 0.009 < known.models["bouc_wen"].test_rms * DEGREES < both
+    assert known.models["bouc_wen"].train_rms == pytest.approx(known.models["bouc_wen"].test_rms, rel=0.1)
+
+
+def test_all_models_are_there_and_the_richer_is_not_worse(known: Fit) -> None:
+    assert tuple(known.models) == NAMES
+    errors = {name: fitted.train_rms for name, fitted in known.models.items()}
+    assert errors["bouc_wen"] < errors["prandtl_ishlinskii"] < errors["play"] < errors["line"]
+    assert errors["bouc_wen_static"] <= errors["bouc_wen"] * 1.001
+    for fitted in known.models.values():
+        assert all(math.isfinite(value) for value in fitted.parameters.values())
+        assert fitted.uncertainty.keys() == fitted.parameters.keys()
+
+
+def test_the_identified_cable_plugs_into_the_simulation(known: Fit) -> None:
+    found = known.models["bouc_wen"].model.to_bouc_wen()
+    h = compiled(hysteresis)(MOTOR, 0.05, found)
+    joint = joint_angle(MOTOR, h, found)
+    assert joint == pytest.approx(cable(MOTOR), abs=np.radians(0.02))
+    with pytest.raises(ParameterError, match="take the model 'bouc_wen'"):
+        known.models["play"].model.to_bouc_wen()
+
+
+def test_the_same_log_gives_the_same_model(known: Fit) -> None:
+    again = identify(TIME, MOTOR + noise(1), cable(MOTOR) + noise(2))
+    assert again.models["play"] == known.models["play"]
+    assert [again.models[name].parameters for name in NAMES] == [known.models[name].parameters for name in NAMES]
+    assert (again.best, again.warnings) == (known.best, known.warnings)
+    assert np.array_equal(again.predicted, known.predicted)
+
+
+def test_degrees_and_radians_are_one_log(known: Fit) -> None:
+    degrees = [np.degrees(MOTOR + noise(1)), np.degrees(cable(MOTOR) + noise(2))]
+    other = identify(TIME, *degrees, unit="deg")
+    for name in NAMES:
+        assert other.models[name].parameters == pytest.approx(dict(known.models[name].parameters), rel=1e-4, abs=1e-7)
+
+
+def test_time_does_not_matter(known: Fit) -> None:
+    slow = identify(7.0 * TIME + 3.0, MOTOR + noise(1), cable(MOTOR) + noise(2))
+    for name in NAMES:
+        assert slow.models[name].parameters == pytest.approx(dict(known.models[name].parameters), rel=1e-9, abs=1e-12)
+
+
+def test_a_cable_that_runs_backwards_is_the_same_cable(known: Fit) -> None:
+    """The joint counted the other way round turns the sign of every linear coefficient, and of nothing else."""
+    flipped = identify(TIME, MOTOR + noise(1), -(cable(MOTOR) + noise(2)))
+    assert flipped.best == known.best
+    for name in NAMES:
+        fitted = flipped.models[name]
+        for key, value in known.models[name].parameters.items():
+            linear = key.startswith(("slope", "offset", "hysteresis_gain", "weight"))
+            sign = -1.0 if linear or (key[7:].isdigit() and key.startswith("static_")) else 1.0
+            assert fitted.parameters[key] == pytest.approx(sign * value, rel=2e-3, abs=1e-6), (name, key)
+        assert fitted.test_rms == pytest.approx(known.models[name].test_rms, rel=1e-3)
+
+
+def test_a_play_is_recognised_as_one() -> None:
+    z = compiled(plays)(np.concatenate([[MOTOR[0] + 0.02], MOTOR]), np.array([0.06]))[1:, 0]
+    fit = identify(TIME, MOTOR + noise(1), -0.9 * z + 0.2 + noise(2))
+    assert fit.best == "play"
+    for name, value in {"slope": -0.9, "half_width": 0.06, "offset": 0.2, "initial_lag": 0.02}.items():
+        fitted = fit.models["play"]
+        assert abs(fitted.parameters[name] - value) < 3.0 * fitted.uncertainty[name]
+
+
+def test_a_stack_is_recognised_as_one() -> None:
+    widths = np.array([0.01, 0.04, 0.12])
+    slots = compiled(plays)(MOTOR, widths)
+    fit = identify(TIME, MOTOR + noise(1), 0.4 * MOTOR + slots @ np.array([0.2, 0.2, 0.1]) + noise(2))
+    assert fit.best == "prandtl_ishlinskii"
+    assert fit.models[fit.best].test_rms * DEGREES < 0.03
+
+
+def test_a_bent_cable_needs_the_static_nonlinearity() -> None:
+    u = MOTOR / np.max(np.abs(MOTOR))
+    fit = identify(TIME, MOTOR + noise(1), cable(MOTOR) + 0.02 * u**3 + noise(2))
+    assert fit.best == "bouc_wen_static"
+    assert fit.models[fit.best].test_rms < 0.3 * fit.models["bouc_wen"].test_rms
+    assert fit.models[fit.best].test_rms * DEGREES < 0.015
+
+
+def test_without_hysteresis_a_line_is_enough() -> None:
+    fit = identify(TIME, MOTOR + noise(1), -0.9 * MOTOR + 0.3 + noise(2))
+    assert fit.best == "line"
+    fitted = fit.models["line"]
+    assert abs(fitted.parameters["slope"] + 0.9) < 3.0 * fitted.uncertainty["slope"]
+
+
+def test_the_second_half_decides_nothing() -> None:
+    """Spoiling the judging half changes its error, and no parameter, choice or uncertainty."""
+    joint = cable(MOTOR) + noise(2)
+    spoilt = joint.copy()
+    spoilt[len(joint) // 2 + 1 :] += 0.2 * np.sin(9.0 * TIME[len(joint) // 2 + 1 :])
+    good, bad = identify(TIME, MOTOR, joint), identify(TIME, MOTOR, spoilt)
+    assert good.best == bad.best
+    for name in NAMES:
+        assert good.models[name].parameters == bad.models[name].parameters
+        assert good.models[name].uncertainty == pytest.approx(dict(bad.models[name].uncertainty), nan_ok=True)
+        assert bad.models[name].test_rms > 0.1
+    assert any("second half is predicted worse" in warning for warning in bad.warnings)
+
+
+def test_a_start_off_the_loop_is_left_out_and_said() -> None:
+    motor = np.radians(30.0 * np.cos(2.2 * TIME))
+    joint = cable(motor) + noise(2)
+    settling = np.where(math.pi / 2.2 > TIME, 0.03 * np.sin(2.2 * TIME) ** 2, 0.0)
+    fit = identify(TIME, motor, joint + settling)
+    assert 0.5 < TIME[fit.fitted_from] < 3.5
+    assert any("were not fitted" in warning for warning in fit.warnings)
+    assert fit.models["bouc_wen"].test_rms * DEGREES < 0.015
+    assert identify(TIME, motor, joint).fitted_from == 0
+
+
+@pytest.mark.parametrize(
+    ("motor", "said"),
+    [
+        (0.02 * TIME, "does not reverse in the first half"),
+        (0.4 * np.abs(TIME / 5.0 - 1.0), "only 1 reversal"),
+        (0.5 * np.sin(2.0 * TIME), "one amplitude"),
+        (0.1 * np.sin(2.0 * TIME), "too small: of"),
+        (0.001 * np.sin(0.3 * TIME) * np.sin(4.0 * TIME), "moves too slowly"),
+        (0.3 * np.sin(2.0 * TIME) * (1.0 + TIME / 20.0), "beyond the range of the first"),
+    ],
+    ids=["no reversal", "one reversal", "one amplitude", "small", "slow", "growing"],
+)
+def test_what_the_motion_cannot_show_is_said(motor: Array, said: str) -> None:
+    fit = identify(TIME, motor, cable(motor))
+    assert any(said in warning for warning in fit.warnings), fit.warnings
+
+
+def test_a_lag_in_time_is_said() -> None:
+    rate = 0.2 + 0.05 * TIME
+    motor = 0.3 * np.sin(2.0 * math.pi * rate * TIME)
+    late = np.interp(TIME - 0.03, TIME, motor)
+    fit = identify(TIME, motor, 0.9 * late + 0.05)
+    (said,) = (warning for warning in fit.warnings if "looks like a lag" in warning)
+    assert 20.0 < float(re.findall(r"([\d.e+]+) ms", said)[0]) < 40.0
+
+
+def test_no_reversal_means_no_loop_parameters() -> None:
+    ramp = identify(TIME, 0.02 * TIME, cable(0.02 * TIME))
+    assert math.isinf(ramp.models["play"].uncertainty["half_width"])
+    assert any("nearly unidentifiable" in warning and "record reversals" in warning for warning in ramp.warnings)
+
+
+def test_a_joint_that_does_not_follow_is_said() -> None:
+    fit = identify(TIME, MOTOR, np.random.default_rng(0).standard_normal(len(TIME)))
+    assert fit.best == "line"
+    assert any("does not follow the motor" in warning for warning in fit.warnings)
+
+
+def test_progress_goes_on_to_the_end() -> None:
+    told: list[tuple[str, float]] = []
+    identify(TIME, MOTOR, cable(MOTOR), progress=lambda what, share: told.append((what, share)))
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_signals_that_cannot_be_fitted_are_refused() -> None:
+    with pytest.raises(ParameterError, match="three of one length"):
+        identify(TIME, MOTOR[:-1], MOTOR)
+    with pytest.raises(ParameterError, match="expected rad or deg"):
+        identify(TIME, MOTOR, MOTOR, unit="grad")
+    with pytest.raises(LogError, match="of noise; expected strokes"):
+        identify(TIME, np.where(TIME < 15.0, 0.0, MOTOR), MOTOR)
+    with pytest.raises(LogError, match="look like degrees"):
+        identify(TIME, np.degrees(MOTOR), MOTOR)
+    with pytest.raises(LogError, match="too short"):
+        identify(TIME[:30], MOTOR[:30], MOTOR[:30])
+
+
+def test_a_model_says_what_it_lacks() -> None:
+    with pytest.raises(ParameterError, match="no cable model 'spline'"):
+        CableModel("spline", {}).joint_angle(MOTOR)
+    with pytest.raises(ParameterError, match="no parameter 'slope'"):
+        CableModel("line", {}).joint_angle(MOTOR)
+
+
+def test_polynomials_go_on_along_their_tangents() -> None:
+    u = np.linspace(-2.0, 2.0, 4001)
+    for degree in range(1, 8):
+        values = chebyshev(u, degree)
+        inside = np.abs(u) <= 1.0
+        assert values[inside] == pytest.approx(np.polynomial.Chebyshev.basis(degree)(u[inside]), abs=1e-12)
+        slopes = np.diff(values) / np.diff(u)
+        assert slopes[-1] == pytest.approx(degree**2)
+        assert slopes[0] == pytest.approx(degree**2 * (-1) ** (degree + 1))
+
+
+def test_the_richer_model_must_earn_its_place() -> None:
+    noise = np.array([0.1, -0.1, 0.05, -0.05])
+    simple, rich = 1.0 + noise, 0.98 + noise[::-1]
+    assert simplest_of_the_best({"rich": rich, "simple": simple}, {"rich": 9, "simple": 2}) == "simple"
+    assert simplest_of_the_best({"rich": 0.5 * rich, "simple": simple}, {"rich": 9, "simple": 2}) == "rich"
+
+
+def test_judged_blocks_do_not_overlap() -> None:
+    from bowden.identify.path import build_path
+
+    path = build_path(TIME, MOTOR, MOTOR, 0.0, 500)
+    masks = np.array(folds(path))
+    assert np.all(masks.sum(axis=0) <= 1)
+    assert len(masks) == 5

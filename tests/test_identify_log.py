@@ -1,0 +1,269 @@
+"""Reading a cable's log: what is understood, what is mended, and one clear line for what is refused."""
+
+import gzip
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.io import savemat
+
+from bowden.core.errors import BowdenError, LogError, ParameterError
+from bowden.core.trace import Trace
+from bowden.identify import log_text
+from bowden.identify.columns import find_columns, split_name
+from bowden.identify.log import read_log
+
+Array = NDArray[np.float64]
+
+TIME = np.arange(400) / 100.0
+MOTOR = 0.5 * np.sin(3.0 * TIME)
+JOINT = 0.9 * MOTOR + 0.1
+LINES = [f"{t:.6f},{m:.6f},{j:.6f}" for t, m, j in zip(TIME, MOTOR, JOINT, strict=True)]
+HEADER = "time_s,motor_rad,joint_rad"
+
+
+def text(lines: list[str] | None = None, header: str = HEADER) -> str:
+    return "\n".join([header, *(LINES if lines is None else lines)]) + "\n"
+
+
+def rows(*columns: Array, separator: str = ",") -> list[str]:
+    return [separator.join(f"{value:.7f}" for value in row) for row in zip(*columns, strict=True)]
+
+
+def put(lines: list[str], at: int, line: str) -> list[str]:
+    """The log with line `at`, counted from 1 with the header, replaced."""
+    return [*lines[: at - 2], line, *lines[at - 1 :]]
+
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def to(content: str | bytes, name: str = "log.csv") -> Path:
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return to
+
+
+DEGREES = [TIME, np.degrees(MOTOR), np.degrees(JOINT)]
+
+UNDERSTOOD: dict[str, str | bytes] = {
+    "radians": text(),
+    "degrees": text(rows(*DEGREES), "time_s,motor_deg,joint_deg"),
+    "gzipped": gzip.compress(text().encode()),
+    "titles above": "My rig\nRate 100 Hz\n\n# a note\n" + text(),
+    "units below": text(["s,deg,deg", *rows(*DEGREES)], "t,phi_in,phi_out"),
+    "units in brackets": text(rows(1e3 * TIME, *DEGREES[1:]), "Time (ms),Motor angle [deg],Elbow [°]"),
+    "semicolons": text(rows(*DEGREES, separator=";"), "time;input_deg;output_deg"),
+    "decimal commas": text([r.replace(".", ",") for r in rows(*DEGREES, separator=";")], "t;motor_deg;joint_deg"),
+    "tabs": text(rows(*DEGREES, separator="\t"), "time\tspindle_deg\tjaw_deg"),
+    "spaces and a hash": text(rows(TIME, MOTOR, JOINT, separator="  "), "# time_s motor_rad joint_rad"),
+    "byte order mark": b"\xef\xbb\xbf" + text().encode(),
+    "windows": text().replace("\n", "\r\n"),
+    "latin": text(rows(*DEGREES), "time,motor [°],joint [°]").encode("latin-1"),
+    "quotes": text(header='"time_s","motor_rad","joint_rad"'),
+    "other columns": text([f"{i},ok,{r}" for i, r in enumerate(LINES)], f"n,state,{HEADER}"),
+    "other order": text(rows(JOINT, TIME, MOTOR), "distal_rad,timestamp,proximal_rad"),
+    "blank lines": text([line + "\n" for line in LINES]),
+}
+
+
+@pytest.mark.parametrize("content", UNDERSTOOD.values(), ids=UNDERSTOOD)
+def test_logs_that_are_understood(content: str | bytes, write: Write) -> None:
+    log = read_log(write(content))
+    assert log.time == pytest.approx(TIME, abs=1e-5)
+    assert log.motor == pytest.approx(MOTOR, abs=1e-6)
+    assert log.joint == pytest.approx(JOINT, abs=1e-6)
+    assert log.warnings == ()
+    assert log.name == "log.csv"
+
+
+def test_our_own_trace(tmp_path: Path) -> None:
+    columns = {"time": TIME, "motor": 9.0 + MOTOR, "joint": JOINT, "motor_measured": MOTOR, "joint_measured": JOINT}
+    units = {name: "s" if name == "time" else "rad" for name in columns}
+    Trace(columns, units).to_csv(tmp_path / "trace.csv")
+    log = read_log(tmp_path / "trace.csv")
+    assert np.array_equal(log.motor, MOTOR)  # what the encoder read, not what a simulation knows
+    assert log.warnings == ()
+
+
+def test_matlab(tmp_path: Path) -> None:
+    path = tmp_path / "log.mat"
+    savemat(path, {"time": TIME, "motor_deg": np.degrees(MOTOR), "joint_deg": np.degrees(JOINT)[:, None], "note": "x"})
+    assert read_log(path).joint == pytest.approx(JOINT)
+    savemat(path, {"run": {"t": TIME, "phi_in": MOTOR, "phi_out": JOINT}}, format="5")
+    assert read_log(path, unit="rad").motor == pytest.approx(MOTOR)
+    savemat(path, {"t": TIME, "phi_in": MOTOR, "phi_out": JOINT[:-1]})
+    with pytest.raises(LogError, match="vectors differ in length"):
+        read_log(path)
+
+
+def test_columns_and_units_can_be_given(write: Write) -> None:
+    path = write(text(rows(*DEGREES), "a,b,c"))
+    log = read_log(path, time="a", motor="b", joint="C", unit="deg")
+    assert log.joint == pytest.approx(JOINT, abs=1e-6)
+    with pytest.raises(ParameterError, match="expected deg or rad"):
+        read_log(path, unit="grad")
+    with pytest.raises(LogError, match="no column 'd' for the joint among 'a', 'b', 'c'"):
+        read_log(path, time="a", motor="b", joint="d")
+    with pytest.raises(LogError, match="one column is taken twice"):
+        read_log(path, time="a", motor="b", joint="b")
+
+
+def test_a_guess_is_not_silent(write: Write) -> None:
+    (first, second) = read_log(write(text(header="time,motor,joint"))).warnings
+    assert "'motor' names no unit and was taken as rad" in first
+    assert "'joint' names no unit and was taken as rad" in second
+    (mixed,) = read_log(write(text(rows(*DEGREES), "time,motor_deg,joint"))).warnings
+    assert "'joint' names no unit and was taken as deg" in mixed
+    against = read_log(write(text(header="time,motor_deg,joint_deg")), unit="rad").warnings
+    assert all("names deg, but rad was given" in warning for warning in against)
+
+
+def jittered(size: float) -> str:
+    random = np.random.default_rng(0)
+    return text(rows(TIME + size * 0.01 * random.uniform(-1.0, 1.0, len(TIME)), MOTOR, JOINT))
+
+
+def test_jitter_is_resampled_with_a_warning(write: Write) -> None:
+    log = read_log(write(jittered(0.05)))
+    assert np.ptp(np.diff(log.time)) < 1e-12
+    assert log.motor == pytest.approx(MOTOR, abs=2e-3)
+    assert "resampled" in log.warnings[0]
+
+
+def test_milliseconds_declared_as_seconds_are_noticed(write: Write) -> None:
+    slow = rows(*(np.repeat(column, 2) for column in (TIME, MOTOR, JOINT)))
+    lines = [f"{i}.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
+    assert "look like milliseconds" in read_log(write(text(lines))).warnings[0]
+
+
+REFUSED: dict[str, tuple[str | bytes, str]] = {
+    "missing column": (text(header="time_s,torque,joint_rad"), "no motor column among 'time_s', 'torque', 'joint_rad'"),
+    "two missing": (text(header="a,b,joint_rad"), "no time column and no motor column among"),
+    "no names": ("\n".join(LINES), "no column names above the 3 columns of numbers"),
+    "text in a number": (text(put(LINES, 17, "0.15,abc,0.2")), "line 17: 'abc' in column 'motor_rad'"),
+    "text in the first row": (text(put(LINES, 2, "0.0,abc,0.2")), "line 2: 'abc' in column 'motor_rad'"),
+    "a broken first row": (text(put(LINES, 2, "0.0,abc,def")), "line 2: '0.0,abc,def' is neither"),
+    "an empty field": (text(put(LINES, 9, "0.07,,0.2")), "line 9: nothing in column 'motor_rad'"),
+    "a row cut off": (text([*LINES, "4.00,0.1"]), "line 402: 2 of 3 columns"),
+    "nan": (text(put(LINES, 17, "0.15,nan,0.2")), "line 17: motor_rad is nan"),
+    "infinity": (text(put(LINES, 3, "inf,0.1,0.2")), "line 3: time_s is inf"),
+    "unsorted": (text([*LINES[:5], LINES[6], LINES[5], *LINES[7:]]), "line 8: time goes back"),
+    "repeated": (text([*LINES[:5], LINES[4], *LINES[5:]]), "line 7: time repeats"),
+    "a gap": (text(LINES[:200] + LINES[230:]), "line 202: time has a gap"),
+    "uneven": (jittered(0.3), "time has steps that scatter by 2"),
+    "a still motor": (text(rows(TIME, 0.0 * MOTOR + 0.3, JOINT)), "motor_rad is 0.3 rad in every sample"),
+    "a still joint": (text(rows(TIME, MOTOR, 0.0 * JOINT)), "joint_rad is 0 rad in every sample"),
+    "too short": (text(LINES[:30]), "30 samples are too short"),
+    "degrees as radians": (text(rows(*DEGREES)), "declared as radians; angles beyond ±20 rad look like degrees"),
+    "degrees unsaid": (text(rows(*DEGREES), "t,motor,joint"), "without a unit in its name"),
+    "empty": ("", "is empty"),
+    "blank": ("\n\n\n", "is empty"),
+    "names only": (HEADER + "\n", "no row of numbers found"),
+    "prose": ("This is no log.\nIt has lines.\n" * 40, "no row of numbers found"),
+    "binary": (bytes(range(256)) * 20, "is binary"),
+    "UTF-16": (text().encode("utf-16"), "is binary"),
+    "damaged gzip": (gzip.compress(text().encode())[:-400], "is damaged"),
+    "gzip in name only": (b"\x1f\x8bnot a gzip file at all", "is damaged"),
+    "MATLAB 7.3": (b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(200), "save it in MATLAB with save"),
+}
+
+
+@pytest.mark.parametrize(("content", "said"), REFUSED.values(), ids=REFUSED)
+def test_logs_that_are_refused(content: str | bytes, said: str, write: Write) -> None:
+    path = write(content)
+    with pytest.raises(LogError) as refused:
+        read_log(path)
+    message = str(refused.value)
+    assert said in message
+    assert path.name in message
+    assert "\n" not in message
+    assert "; " in message  # what is wrong, and what was expected or what to do
+
+
+def test_files_that_cannot_be_opened(tmp_path: Path, write: Write) -> None:
+    with pytest.raises(LogError, match="does not exist; check the path"):
+        read_log(tmp_path / "none.csv")
+    with pytest.raises(LogError, match="is a folder; expected a log file"):
+        read_log(tmp_path)
+    with pytest.raises(LogError, match="cannot be read as a MATLAB file"):
+        read_log(write("hello" * 100, "log.mat"))
+
+
+def test_a_file_that_may_not_be_read(write: Write) -> None:
+    path = write(text())
+    path.chmod(0)
+    try:
+        path.open("rb").close()
+    except PermissionError:
+        with pytest.raises(LogError, match="cannot be read: Permission denied"):
+            read_log(path)
+    else:
+        pytest.skip("this user may read everything")
+
+
+def test_more_rows_than_the_memory_should_hold(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log_text, "MOST_ROWS", 399)
+    with pytest.raises(LogError, match="more than 399 rows; cut it"):
+        read_log(write(text()))
+
+
+@given(st.binary(max_size=300))
+def test_whatever_the_bytes_the_answer_is_one_line(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(content)
+    with pytest.raises(BowdenError) as refused:
+        read_log(path)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@given(st.text(alphabet='0123456789.,;\t eE+-naif#"\n', max_size=400))
+def test_whatever_the_numbers_the_answer_is_one_line(tmp_path_factory: pytest.TempPathFactory, content: str) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_text(HEADER + "\n" + content)
+    with pytest.raises(BowdenError):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("motor", ("motor", None)),
+        ("Motor Angle (deg)", ("motor_angle", "deg")),
+        ("time [ms]", ("time", "ms")),
+        ("phi_in_rad", ("phi_in", "rad")),
+        ("joint/°", ("joint", "deg")),
+        ("deg", ("deg", None)),
+        ("speed (rad/s)", ("speed_rad_s", None)),
+    ],
+)
+def test_names_and_their_units(name: str, found: tuple[str, str | None]) -> None:
+    assert split_name(name) == found
+
+
+def test_a_measured_column_goes_before_a_true_one() -> None:
+    none: dict[str, Any] = {}
+    found = find_columns(["joint", "motor", "t", "joint_measured", "motor_measured"], none, "log")
+    assert [found[role].index for role in ("time", "motor", "joint")] == [2, 4, 3]
+
+
+def test_a_long_log_is_read_in_a_moment(write: Write) -> None:
+    import time as clock
+
+    n = 200_000
+    t = np.arange(n) / 1000.0
+    path = write(text(rows(t, 0.5 * np.sin(t), 0.4 * np.sin(t))))
+    before = clock.process_time()
+    assert len(read_log(path).time) == n
+    assert clock.process_time() - before < 2.0
+    assert math.isclose(read_log(path).time[-1], t[-1])

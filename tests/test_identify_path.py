@@ -1,0 +1,93 @@
+"""The path of a log: reversals, their extremes, and nodes that encoder noise does not move."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from bowden.identify.path import Path, build_path, motor_noise, resolution, reversals
+
+Array = NDArray[np.float64]
+
+TIME = np.arange(12_000) / 1000.0
+SINE = 0.5 * np.sin(2.0 * np.pi * 0.3 * TIME + 0.3)
+
+
+def quantised(angle: Array, count: float) -> Array:
+    return np.asarray(np.round(angle / count) * count)
+
+
+def noisy(seed: int, size: float, count: float) -> Array:
+    return quantised(SINE + size * np.random.default_rng(seed).standard_normal(len(SINE)), count)
+
+
+def path_of(motor: Array, joint: Array | None = None, nodes: int = 2500) -> Path:
+    return build_path(TIME, motor, motor if joint is None else joint, motor_noise(motor), nodes)
+
+
+def test_noise_and_resolution_are_read_off_the_signal() -> None:
+    white = SINE + 1e-3 * np.random.default_rng(0).standard_normal(len(SINE))
+    assert motor_noise(white) == pytest.approx(1e-3, rel=0.05)
+    assert resolution(white) == 0.0
+    assert resolution(quantised(SINE, 1e-3)) == pytest.approx(1e-3)
+    assert motor_noise(quantised(SINE, 1e-3)) == pytest.approx(1e-3 / np.sqrt(12.0))
+    assert motor_noise(SINE) < 1e-6
+
+
+@pytest.mark.parametrize(("size", "count"), [(0.0, 1e-9), (2e-4, 4e-4), (5e-4, 1e-9), (0.0, 8e-4)])
+def test_the_reversals_of_a_sine_are_found_whatever_the_encoder(size: float, count: float) -> None:
+    path = path_of(noisy(1, size, count))
+    assert path.strokes == 8
+    assert np.abs(path.turning[1:-1]) == pytest.approx(np.full(7, 0.5), abs=0.5 * size + 0.5 * count + 1e-6)
+    assert np.sign(path.turning[1:-1]).tolist() == [1, -1, 1, -1, 1, -1, 1]
+
+
+def test_extremes_are_not_pushed_outwards_by_noise() -> None:
+    size = 2e-4
+    errors = [np.mean(np.abs(path_of(noisy(seed, size, 1e-9)).turning[1:-1])) - 0.5 for seed in range(12)]
+    assert abs(float(np.mean(errors))) < 0.1 * size  # the largest reading itself lies three sizes too far out
+
+
+def test_a_noisy_ramp_has_no_reversal() -> None:
+    ramp = 0.05 * TIME + 1e-4 * np.random.default_rng(2).standard_normal(len(TIME))
+    assert path_of(ramp).strokes == 1
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-4, 1e-3])
+def test_nodes_never_step_back_nor_beyond_a_reversal(size: float) -> None:
+    path = path_of(noisy(3, size, 1e-4))
+    for stroke in range(path.strokes):
+        steps = np.diff(path.motor[path.stroke == stroke])
+        assert np.all(steps * np.sign(path.turning[stroke + 1] - path.turning[stroke]) >= 0.0)
+    assert path.motor.max() <= path.turning[1:-1].max() + 1e-12
+
+
+@given(st.integers(0, 10_000), st.integers(20, 4000))
+@settings(max_examples=20)
+def test_every_sample_is_counted_once(seed: int, nodes: int) -> None:
+    random = np.random.default_rng(seed)
+    motor = np.cumsum(random.standard_normal(2000)) * 1e-2
+    joint = random.standard_normal(2000)
+    path = build_path(TIME[:2000], motor, joint, motor_noise(motor), nodes)
+    assert path.weight.sum() == 2000
+    assert path.weight @ path.joint == pytest.approx(joint.sum())
+    assert path.weight @ path.time == pytest.approx(TIME[:2000].sum())
+
+
+def test_a_rest_is_one_node() -> None:
+    motor = np.where(TIME < 6.0, SINE, SINE[6000])
+    motor = motor + 1e-4 * np.random.default_rng(4).standard_normal(len(motor))
+    path = path_of(motor)
+    assert path.weight.max() > 2000
+    assert path.strokes == len(reversals(SINE[:6001], 1e-2)) + 1
+
+
+def test_thinning_keeps_the_loop() -> None:
+    joint = 0.9 * SINE + 0.05 * np.sign(np.cos(2.0 * np.pi * 0.3 * TIME + 0.3))
+    coarse, fine = path_of(SINE, joint, 200), path_of(SINE, joint, 5000)
+    assert len(coarse.motor) < 600 < len(fine.motor)
+    assert coarse.turning == pytest.approx(fine.turning)
+    for path in (coarse, fine):
+        middle = (np.abs(path.motor) < 0.1) & (path.weight > 0)
+        assert np.abs(path.joint - 0.9 * path.motor)[middle] == pytest.approx(0.05, abs=1e-3)

@@ -1,0 +1,108 @@
+"""True parameters lie within the stated uncertainty as often as it says, with encoder noise and counts."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bowden.core.kernel import compiled
+from bowden.core.units import RADIANS
+from bowden.identify.bouc_wen import BoucWenCable, fit_terms
+from bowden.identify.family import Estimate, Family
+from bowden.identify.line import Line
+from bowden.identify.path import Path, build_path, motor_noise
+from bowden.identify.play import PlayOperator
+from bowden.identify.uncertainty import standard_errors
+from bowden.models.bouc_wen import BoucWen, saturation
+from bowden.models.bouc_wen_sensitivity import hysteresis
+from bowden.models.encoder import Encoder, reading
+from bowden.models.prandtl_ishlinskii import plays
+
+Array = NDArray[np.float64]
+
+SEEDS = 40
+TIME = np.arange(12_000) / 1000.0
+DITHERED = Encoder(resolution=0.022 * RADIANS, noise=0.01 * RADIANS)
+COARSE_JOINT = Encoder(resolution=0.09 * RADIANS, noise=0.03 * RADIANS)
+NOISELESS = Encoder(resolution=0.022 * RADIANS)
+CABLE = BoucWen(offset=0.1)
+
+
+def motion(seed: int) -> Array:
+    """Strokes of changing amplitude, starting anywhere."""
+    t = TIME + 10.0 * np.random.default_rng(1000 + seed).random()
+    return np.asarray(RADIANS * (22.0 + 14.0 * np.sin(0.7 * t + 1.0)) * np.sin(2.2 * t))
+
+
+def read(angle: Array, encoder: Encoder, seed: int) -> Array:
+    normal = np.random.default_rng(seed).standard_normal(len(angle))
+    return np.array([reading(a, n, encoder) for a, n in zip(angle, normal, strict=True)])
+
+
+def path_of(motor: Array, joint: Array, seed: int, encoders: tuple[Encoder, Encoder]) -> Path:
+    seen = read(motor, encoders[0], 2 * seed)
+    return build_path(TIME, seen, read(joint, encoders[1], 2 * seed + 1), motor_noise(seen), 1500)
+
+
+def scores(estimate: Estimate, path: Path, family: Family, true: dict[str, float]) -> list[float]:
+    errors = standard_errors(path, estimate, family)
+    return [(estimate.parameters[name] - value) / errors[name] for name, value in true.items()]
+
+
+def assert_coverage(found: list[list[float]], least: float, most_mean: float = 1.0) -> None:
+    """Two standard deviations hold 95 %: no parameter much less often, and not because they are too wide."""
+    z = np.array(found)
+    assert np.all(np.mean(np.abs(z) < 2.0, axis=0) >= least)
+    assert np.all(np.abs(np.mean(z, axis=0)) < most_mean)
+    assert np.all(np.std(z, axis=0) > 0.4)
+
+
+@pytest.mark.parametrize("encoders", [(DITHERED, DITHERED), (DITHERED, COARSE_JOINT)], ids=["fine", "coarse joint"])
+def test_bouc_wen(encoders: tuple[Encoder, Encoder]) -> None:
+    true = CABLE._asdict() | {"initial_h": 0.05}
+    start = np.array([np.log(CABLE.rate / saturation(CABLE)), -np.log(2.0 * CABLE.shape - 1.0), 1.0, 0.1])
+    found, family = [], BoucWenCable(None, 0)  # type: ignore[arg-type]  # no global stage here, so no path for it
+    for seed in range(SEEDS):
+        motor = motion(seed)
+        h = compiled(hysteresis)(motor, 0.05, CABLE)
+        joint = CABLE.slope * motor + CABLE.hysteresis_gain * h + CABLE.offset
+        path = path_of(motor, joint, seed, encoders)
+        found.append(scores(fit_terms(path, start, 1, 0), path, family, true))
+    assert_coverage(found, least=0.85)
+
+
+@pytest.mark.parametrize("encoders", [(DITHERED, DITHERED), (NOISELESS, COARSE_JOINT)], ids=["noise", "counts alone"])
+def test_play(encoders: tuple[Encoder, Encoder]) -> None:
+    true = {"slope": -0.9, "half_width": 0.05, "offset": 0.2, "initial_lag": 0.02}
+    found, family = [], PlayOperator()
+    for seed in range(SEEDS):
+        motor = motion(seed)
+        z = compiled(plays)(np.concatenate([[motor[0] + 0.02], motor]), np.array([0.05]))[1:, 0]
+        path = path_of(motor, -0.9 * z + 0.2, seed, encoders)
+        found.append(scores(family.fit(path), path, family, true))
+    assert_coverage(found, least=0.8, most_mean=1.2)
+
+
+def test_line_with_a_residual_that_is_not_white() -> None:
+    found, blind = [], []
+    for seed in range(SEEDS):
+        random = np.random.default_rng(seed)
+        wander = np.convolve(random.standard_normal(len(TIME) + 400), np.ones(401) / 401, "valid")
+        motor = motion(seed)
+        path = build_path(TIME, motor, 0.9 * motor + 0.1 + 0.01 * wander, 0.0, 1500)
+        estimate = Line().fit(path)
+        found.append(scores(estimate, path, Line(), {"slope": 0.9, "offset": 0.1}))
+        residual = path.joint - estimate.fitted
+        white = np.sqrt(path.weight @ residual**2 / path.weight.sum() / path.weight.sum())
+        blind.append((estimate.parameters["offset"] - 0.1) / white)
+    assert_coverage(found, least=0.8)
+    assert np.mean(np.abs(blind) < 2.0) < 0.4  # what taking the samples for independent would promise
+
+
+def test_what_the_log_does_not_show_is_infinite_and_a_setting_is_nan() -> None:
+    ramp = 0.05 * TIME
+    path = build_path(TIME, ramp, 0.9 * ramp + 0.1, 1e-6, 500)
+    estimate = PlayOperator().fit(path)
+    errors = standard_errors(path, estimate, PlayOperator())
+    assert errors["half_width"] == np.inf
+    plain = Estimate({"slope": 0.9, "set": 1.0}, {"slope": path.motor}, 0.9 * path.motor, np.empty(0))
+    assert np.isnan(standard_errors(path, plain, Line())["set"])
