@@ -6,7 +6,7 @@ The truth is defined without the check, from runs that it does not see (other mo
   1°. The play may swing a joint that far; a loop that is unstable swings it further, or runs away.
 - *stable with margin*: stable, and without the play (αh = 0, so that its hunting is not taken for the loop's) still so
   with twice the cable's slope (6 dB), and with a further delay worth 45° (what tuned gains keep) at the frequency at
-  which the loop swings when a little more has made it unstable.
+  which the loop rings just before it is unstable.
 """
 
 from collections.abc import Iterator
@@ -126,7 +126,7 @@ def has_margin(bench: Bench, law: Law) -> bool:
         middle = (holding + failing) // 2
         fine = _at_rest(bench, _run(bench._replace(delay=bench.delay + middle), law))
         holding, failing = (middle, failing) if fine else (holding, middle)
-    period = _period(_run(bench._replace(delay=bench.delay + failing), law))
+    period = _period(_run(bench._replace(delay=bench.delay + holding), law))
     return bool(360.0 * holding * bench.sample_time / period >= _PHASE)
 
 
@@ -142,10 +142,8 @@ def _at_rest(bench: Bench, trace: Trace) -> bool:
 
 
 def _period(trace: Trace) -> float:
-    """Of the last swings of the joint about its reference [s]."""
-    error = trace.columns["joint"] - trace.columns["reference"]
-    error = error[np.isfinite(error)][-5000:]
-    ups = np.flatnonzero((error[:-1] < 0.0) & (error[1:] >= 0.0))[-10:]
-    return (
-        float(np.mean(np.diff(ups))) * (trace.columns["time"][1] - trace.columns["time"][0]) if len(ups) > 2 else np.inf
-    )
+    """Of the strongest line in what is left of the joint's motion at rest [s]."""
+    rest = trace.columns["joint"][trace.columns["time"] >= _JUDGED]
+    power = np.abs(np.fft.rfft((rest - np.mean(rest)) * np.hanning(len(rest))))
+    dt = float(trace.columns["time"][1] - trace.columns["time"][0])
+    return len(rest) * dt / float(max(1, int(np.argmax(power))))
