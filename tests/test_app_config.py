@@ -13,10 +13,11 @@ from bowden.app.config import read_rig
 from bowden.app.rig_page import json_schema, markdown, toml_text
 from bowden.app.rig_schema import BENDS, REFERENCES, Rig
 from bowden.control import LAWS
-from bowden.core.errors import ParameterError
+from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.bouc_wen import BoucWen
 from bowden.paper.bench import default_bench, minimum_jerk
+from bowden.paper.bench import observer as paper_observer
 from bowden.sim.closed_loop import simulate
 
 ROOT = Path(__file__).parents[1]
@@ -92,15 +93,32 @@ def test_the_examples_are_right(example: Path) -> None:
         ("[servo]\ndamping = true", "servo.damping is true; expected a number"),
         ("servo = 3", "servo is 3; expected a section"),
         ("[bench]\nsubsteps = 1.5", "bench.substeps is 1.5; expected a whole number"),
-        ("[cable]\nslope = 0.0", "[cable] slope is 0; expected a number above or below 0"),
+        ("[cable]\nslope = 0.0", "cable.slope is 0; expected a number above or below 0"),
         ("[cable]\nmodel = 'm.toml'\nslope = 1.0", "[cable] has a model and its own slope; expected one or the other"),
-        ("[cable]\nmodel = 'none.toml'", "none.toml cannot be read: No such file"),
+        ("[cable]\nmodel = 'none.toml'", "rig.toml: cable.model: "),
+        ("[cable]\nmodel = 'none.toml'", "none.toml cannot be read: No such file or directory; check the path"),
         ("[reference]\nlow_deg = 1", "reference.kind is missing; expected periodic_minimum_jerk, point_to_point"),
         ("[reference]\nkind = 'chrip'", "reference.kind is 'chrip'; expected chirp (did you mean this?)"),
         ("[reference]\nkind = 'chirp'\nend = 3", "unknown key 'end' in [reference]; expected end_hz (did you mean"),
         ("[reference]\nkind = 'recorded'", "reference.file is missing; add it"),
         ("[reference]\nkind = 'multisine'\nfrequencies_hz = []", "frequencies_hz is []; expected at least 1"),
-        ("[reference]\nkind = 'multisine'\nphases_deg = [1]", "multisine: lists of different lengths"),
+        (
+            "[reference]\nkind = 'multisine'\nphases_deg = [1]",
+            "phases_deg has 1 numbers; expected as many in each; give",
+        ),
+        (
+            "[reference]\nkind = 'point_to_point'\ntimes_s = [1.0]",
+            "reference.times_s is [1.0] and reference.positions_deg [0.0, 70.0, 70.0, 0.0]; expected two lists of one",
+        ),
+        (
+            "[scenario.bend]\nkind = 'scripted'\ntimes_s = [20.0, 10.0]",
+            "scenario.bend.times_s is [20.0, 10.0] and scenario.bend.bends_deg [180.0, 360.0]; expected two lists",
+        ),
+        ("[scenario.bend]\nkind = 'random'\nlow_deg = 400.0", "scenario.bend.low_deg is 400 and high_deg 360; expect"),
+        ("[reference]\nkind = 'recorded'\nfile = 'none.csv'", "reference: {folder}/none.csv does not exist; expected"),
+        ("[reference]\nkind = 'recorded'\nfile = 'rig.toml'", "reference: {folder}/rig.toml has no column 'time_s'"),
+        ("[cable]\nmodel = 'rig.toml'", "cable.model: {folder}/rig.toml has no models in it; expected what `bowden"),
+        ('[cable]\nmodel = "a\\u0000b"', "is no TOML file: embedded null byte; expected what `bowden identify` writes"),
         ("[scenario.bend]\nkind = 'scripted'\nbends_deg = [1, -2]", "scenario.bend.bends_deg.1 is -2; expected a numb"),
         ("[scenario]\nduration_s = 1e-9", "expected a duration that makes 2 to 10000000"),
         ("[scenario]\nseed = -1", "scenario.seed is -1; expected a number not below 0"),
@@ -108,11 +126,13 @@ def test_the_examples_are_right(example: Path) -> None:
     ],
 )
 def test_a_mistake_gets_one_line_that_helps(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(ParameterError) as caught:
+    with pytest.raises(BowdenError) as caught:
         compose.setup(rig(tmp_path, text))
-    assert said in str(caught.value)
-    assert any(what in str(caught.value) for what in ("rig.toml", "none.toml", "run of", "multisine"))
-    assert "\n" not in str(caught.value)
+    message = str(caught.value).replace("\\", "/")
+    assert said.replace("{folder}", tmp_path.as_posix()) in message
+    assert "duration" in text or f"{tmp_path.as_posix()}/rig.toml" in message
+    assert caught.value.do
+    assert "\n" not in message
 
 
 def test_a_file_that_is_no_text_or_no_file(tmp_path: Path) -> None:
@@ -139,7 +159,11 @@ def test_gains_come_from_the_rig_the_preset_and_the_cable_in_that_order(tmp_path
     ("law", "text", "said"),
     [
         ("adaptiv", "", "there is no law 'adaptiv'; expected adaptive (did you mean this?)"),
-        ("observer", "[control]\npreset = 'paper'\nlaw = 'observer'", "law 'observer' has no preset 'paper'"),
+        (
+            "observer",
+            "[control]\npreset = 'p'\nlaw = 'observer'",
+            "law 'observer' has no preset 'p'; expected one of paper",
+        ),
         ("adaptive", "[control.gains]\nerrorgain = 1.0", "no gain 'errorgain'"),
         ("adaptive", "[control.gains]\nerror_gain = -1.0", "gain error_gain of law 'adaptive' is -1"),
     ],
@@ -149,6 +173,14 @@ def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, tex
     with pytest.raises(ParameterError) as caught:
         compose.law_for(law, description, setup.bench, tmp_path)
     assert said in str(caught.value)
+    assert caught.value.do
+
+
+def test_the_observers_preset_is_table_1s(tmp_path: Path) -> None:
+    setup, description = compose.setup(rig(tmp_path, "[cable]\nslope = 0.8\n"))
+    law = compose.law_for("observer", description, setup.bench, tmp_path, "paper")
+    assert law.gains == paper_observer().gains
+    assert law.gains.hysteresis_gain == pytest.approx(-0.129 * 0.8841 * 0.566, rel=1e-3)
 
 
 MODEL = """
@@ -182,6 +214,21 @@ def test_an_identified_cable_is_the_benchs_and_the_observers(tmp_path: Path) -> 
     (tmp_path / "model.toml").write_text(MODEL.format(slope=0.0, best="line"))
     with pytest.raises(ParameterError, match="slope of bouc_wen is 0"):
         compose.setup(path)
+
+
+def test_the_uncompensated_law_knows_how_the_encoders_are_zeroed_and_nothing_else(tmp_path: Path) -> None:
+    path = rig(tmp_path, "[cable]\nmodel = 'model.toml'\n[scenario]\nduration_s = 10.0")
+    errors = []
+    for offset in ("0.0", "1.25"):
+        (tmp_path / "model.toml").write_text(MODEL.format(slope=-0.9, best="bouc_wen").replace("0.02", offset))
+        setup, description = compose.setup(path)
+        law = compose.law_for("uncompensated", description, setup.bench, tmp_path)
+        assert law.gains._asdict() == {"slope": 1.0, "motor_zero": pytest.approx(-float(offset) / 0.9)}
+        trace = simulate(setup.bench, law, setup.reference, duration=setup.duration, initial_motor=setup.initial_motor)
+        errors.append(trace.metrics().rmse_deg)
+    assert errors[0] is not None
+    assert 2.0 < errors[0] < 8.0  # the slope of 0.9 and the play
+    assert errors[1] == pytest.approx(errors[0], rel=1e-6)  # wherever the motor's encoder is zeroed
 
 
 def test_a_run_starts_where_the_reference_does(tmp_path: Path) -> None:

@@ -31,16 +31,16 @@ def test_python_on_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.M
 
 
 def run_python(page: Path) -> None:
-    """One page is one session in this folder; a block that begins with ``# name.py`` is that file's contents."""
+    """One page runs as one script in this folder; a block that begins with ``# name.py`` is that file's contents."""
     names: dict[str, object] = {}
     for i, block in enumerate(blocks(page, "python")):
         file = re.match(r"# (\w+\.py)\n", block)
         if file:
             Path(file[1]).write_text(block, encoding="utf-8")
         elif ">>>" in block:
-            session = doctest.DocTestParser().get_doctest(block, names, f"{page.name}[{i}]", str(page), 0)
-            assert doctest.DocTestRunner(verbose=False).run(session, clear_globs=False).failed == 0
-            names = session.globs
+            example = doctest.DocTestParser().get_doctest(block, names, f"{page.name}[{i}]", str(page), 0)
+            assert doctest.DocTestRunner(verbose=False).run(example, clear_globs=False).failed == 0
+            names = example.globs
         else:
             exec(compile(block, f"{page.name}[{i}]", "exec"), names)
 

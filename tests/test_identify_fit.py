@@ -13,6 +13,8 @@ from bowden.core.units import DEGREES
 from bowden.identify.bouc_wen import chebyshev
 from bowden.identify.fit import Fit, identify
 from bowden.identify.model import NAMES, CableModel
+from bowden.identify.path import build_path
+from bowden.identify.turns import find_turns
 from bowden.identify.validation import folds, simplest_of_the_best
 from bowden.models.bouc_wen import BoucWen, joint_angle
 from bowden.models.bouc_wen_sensitivity import hysteresis
@@ -226,6 +228,30 @@ def test_signals_that_cannot_be_fitted_are_refused() -> None:
         identify(TIME[:30], MOTOR[:30], MOTOR[:30])
 
 
+@pytest.mark.parametrize(
+    "motor",
+    [
+        np.where(TIME < 3.0, np.sin(TIME), np.sin(3.0)),
+        np.where(TIME < 8.0, 0.0, np.sin(TIME - 8.0)),
+        np.sign(np.sin(2.0 * TIME)) * np.minimum(1.0, TIME),
+        np.round(3.0 * np.sin(TIME)) / 3.0,
+        1e-5 * np.sin(3.0 * TIME),
+        9.0 * np.sin(3.0 * TIME) + 9.0,
+    ],
+    ids=["rests at the end", "rests at the start", "steps", "six counts", "tiny", "many turns"],
+)
+@pytest.mark.parametrize("size_deg", [0.0, 0.01])
+def test_odd_motions_end_in_figures_or_in_one_line(motor: Array, size_deg: float) -> None:
+    try:
+        fit = identify(TIME, motor + noise(1, size_deg), cable(motor) + noise(2, size_deg))
+    except LogError:
+        return
+    for fitted in fit.models.values():
+        assert math.isfinite(fitted.test_rms)
+        assert all(math.isfinite(value) for value in fitted.parameters.values())
+        assert not any(value < 0.0 for value in fitted.uncertainty.values())
+
+
 def test_a_model_says_what_it_lacks() -> None:
     with pytest.raises(ParameterError, match="no cable model 'spline'"):
         CableModel("spline", {}).joint_angle(MOTOR)
@@ -252,9 +278,7 @@ def test_the_richer_model_must_earn_its_place() -> None:
 
 
 def test_judged_blocks_do_not_overlap() -> None:
-    from bowden.identify.path import build_path
-
-    path = build_path(TIME, MOTOR, MOTOR, 0.0, 500)
+    path = build_path(TIME, MOTOR, MOTOR, find_turns(MOTOR, 0.0), 500)
     masks = np.array(folds(path))
     assert np.all(masks.sum(axis=0) <= 1)
     assert len(masks) == 5

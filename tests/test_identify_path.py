@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bowden.identify.path import Path, build_path, motor_noise, resolution, reversals
+from bowden.identify.path import Path, build_path
+from bowden.identify.turns import find_turns, motor_noise, resolution, reversals
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ def noisy(seed: int, size: float, count: float) -> Array:
 
 
 def path_of(motor: Array, joint: Array | None = None, nodes: int = 2500) -> Path:
-    return build_path(TIME, motor, motor if joint is None else joint, motor_noise(motor), nodes)
+    return build_path(TIME, motor, motor if joint is None else joint, find_turns(motor, motor_noise(motor)), nodes)
 
 
 def test_noise_and_resolution_are_read_off_the_signal() -> None:
@@ -69,7 +70,7 @@ def test_every_sample_is_counted_once(seed: int, nodes: int) -> None:
     random = np.random.default_rng(seed)
     motor = np.cumsum(random.standard_normal(2000)) * 1e-2
     joint = random.standard_normal(2000)
-    path = build_path(TIME[:2000], motor, joint, motor_noise(motor), nodes)
+    path = build_path(TIME[:2000], motor, joint, find_turns(motor, motor_noise(motor)), nodes)
     assert path.weight.sum() == 2000
     assert path.weight @ path.joint == pytest.approx(joint.sum())
     assert path.weight @ path.time == pytest.approx(TIME[:2000].sum())

@@ -9,8 +9,9 @@ from bowden.core.units import RADIANS
 from bowden.identify.bouc_wen import BoucWenCable, fit_terms
 from bowden.identify.family import Estimate, Family
 from bowden.identify.line import Line
-from bowden.identify.path import Path, build_path, motor_noise
+from bowden.identify.path import Path, build_path
 from bowden.identify.play import PlayOperator
+from bowden.identify.turns import find_turns, motor_noise
 from bowden.identify.uncertainty import standard_errors
 from bowden.models.bouc_wen import BoucWen, saturation
 from bowden.models.bouc_wen_sensitivity import hysteresis
@@ -40,7 +41,7 @@ def read(angle: Array, encoder: Encoder, seed: int) -> Array:
 
 def path_of(motor: Array, joint: Array, seed: int, encoders: tuple[Encoder, Encoder]) -> Path:
     seen = read(motor, encoders[0], 2 * seed)
-    return build_path(TIME, seen, read(joint, encoders[1], 2 * seed + 1), motor_noise(seen), 1500)
+    return build_path(TIME, seen, read(joint, encoders[1], 2 * seed + 1), find_turns(seen, motor_noise(seen)), 1500)
 
 
 def scores(estimate: Estimate, path: Path, family: Family, true: dict[str, float]) -> list[float]:
@@ -88,7 +89,7 @@ def test_line_with_a_residual_that_is_not_white() -> None:
         random = np.random.default_rng(seed)
         wander = np.convolve(random.standard_normal(len(TIME) + 400), np.ones(401) / 401, "valid")
         motor = motion(seed)
-        path = build_path(TIME, motor, 0.9 * motor + 0.1 + 0.01 * wander, 0.0, 1500)
+        path = build_path(TIME, motor, 0.9 * motor + 0.1 + 0.01 * wander, find_turns(motor, 0.0), 1500)
         estimate = Line().fit(path)
         found.append(scores(estimate, path, Line(), {"slope": 0.9, "offset": 0.1}))
         residual = path.joint - estimate.fitted
@@ -100,7 +101,7 @@ def test_line_with_a_residual_that_is_not_white() -> None:
 
 def test_what_the_log_does_not_show_is_infinite_and_a_setting_is_nan() -> None:
     ramp = 0.05 * TIME
-    path = build_path(TIME, ramp, 0.9 * ramp + 0.1, 1e-6, 500)
+    path = build_path(TIME, ramp, 0.9 * ramp + 0.1, find_turns(ramp, 1e-6), 500)
     estimate = PlayOperator().fit(path)
     errors = standard_errors(path, estimate, PlayOperator())
     assert errors["half_width"] == np.inf

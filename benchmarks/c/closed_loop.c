@@ -88,10 +88,10 @@ static double away_from_zero(double y, double z, double q, double n)
 
 static double advance(double h, double travel, const struct cable *c)
 {
-    if (fabs(copysign(c->bound, travel) - h) < 1e-13)
+    if (fabs(copysign(c->bound, travel) - h) < 1e-12 * c->bound)
         return h;
     double direction = copysign(1.0, travel), left = c->rate * fabs(travel), y = direction * h;
-    while (left > 0.0 && !(fabs(c->bound - y) < 1e-13)) {
+    while (left > 0.0 && !(fabs(c->bound - y) < 1e-12 * c->bound)) {
         double size = fabs(y), q = (y > 0.0 ? c->growth : -1.0) * pow(size, c->exponent), z;
         if (size < c->near_zero) {
             z = smaller(left, c->near_zero);

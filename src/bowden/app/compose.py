@@ -1,5 +1,7 @@
 """The only place where things are wired: from a rig.toml to a bench, a law, a reference and a sheath that moves."""
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,9 +9,11 @@ import numpy as np
 
 from bowden.app import rig_schema as schema
 from bowden.app.config import near, read_rig
-from bowden.control import LAWS, Law, user_law
+from bowden.app.laws import KNOWN
+from bowden.control import Law, user_law
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Trajectory
-from bowden.core.errors import ParameterError
+from bowden.control.uncompensated import UncompensatedGains
+from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.bouc_wen import BoucWen
 from bowden.models.encoder import Encoder
@@ -54,7 +58,7 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
     scenario = rig.scenario
     duration = scenario.duration_s if duration is None else duration
     seed = scenario.seed if seed is None else seed
-    cable, width, notes = _cable(rig.cable, path.parent)
+    cable, width, notes = _cable(rig.cable, path)
     turned = cable.slope < 0.0
     if turned:
         # joint = αφ·x + αh·h(x) is the same motion for −x, −αφ and −αh, since h(−x) = −h(x)
@@ -65,10 +69,12 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         raise ParameterError(
             f"a run of {duration:g} s has {max(duration, 0.0) / bench.sample_time:g} cycles",
             expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
+            do="change scenario.duration_s or --duration",
         )
-    if seed < 0:
-        raise ParameterError(f"the seed is {seed}", expected="a whole number not below 0")
-    reference = _reference(rig.reference, path.parent)
+    if not 0 <= seed < 2**63:
+        raise ParameterError(f"the seed is {seed}", expected="a whole number from 0 to 2⁶³ − 1", do="change --seed")
+    with _asked_for_by(f"{path}: reference"):
+        reference = _reference(rig.reference, path.parent)
     bend = _bend(scenario.bend, bench.sheath, duration, seed)
     initial = scenario.initial_motor_deg
     built = Setup(
@@ -88,11 +94,12 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
 def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str | None = None) -> Law:
     """A law with the gains that this rig gives it.
 
-    A law that carries a model of the cable (its gains have all the fields of `BoucWen`) is given the rig's. Then comes
+    A law that carries a model of the cable (its gains have all the fields of `BoucWen`) is given the rig's, and the
+    uncompensated one the motor angle at which the joint is at zero: encoders zeroed apart are no backlash. Then comes
     the preset, and the rig's own gains last, if it is the rig's law.
 
     Args:
-        name: a key of `LAWS`, or ``FILE.py:NAME`` of a user's own.
+        name: a key of `KNOWN`, or ``FILE.py:NAME`` of a user's own.
         rig: the file's contents.
         bench: with the cable as the laws know it.
         folder: where a relative FILE is found.
@@ -103,25 +110,31 @@ def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str 
     """
     if user_law.is_file(name):
         law = user_law.load(name, folder)
-    elif name in LAWS:
-        law = LAWS[name]
+    elif name in KNOWN:
+        law = KNOWN[name]
     else:
         raise ParameterError(
-            f"there is no law {name!r}", expected=near(name, LAWS), do="or name a file: my_law.py:NAME"
+            f"there is no law {name!r}", expected=near(name, KNOWN), do="or name a file: my_law.py:NAME"
         )
     if set(BoucWen._fields) <= set(law.gains._fields):
         law = law.with_gains(**bench.cable._asdict())
+    elif isinstance(law.gains, UncompensatedGains):
+        law = law.with_gains(motor_zero=0.0 - bench.cable.offset / bench.cable.slope)
     rigs_own = name == rig.control.law
     chosen = preset or (rig.control.preset if rigs_own else None)
     if chosen is not None:
         law = law.preset(chosen)
-    return law.with_gains(**rig.control.gains) if rigs_own else law
+    if not rigs_own:
+        return law
+    with _asked_for_by("the rig's control.gains"):
+        return law.with_gains(**rig.control.gains)
 
 
-def _cable(section: schema.CableSection, folder: Path) -> tuple[BoucWen, float, list[str]]:
+def _cable(section: schema.CableSection, rig: Path) -> tuple[BoucWen, float, list[str]]:
     """The cable, the factor on its play, and notes."""
     if section.model is not None:
-        return _identified(folder / section.model)
+        with _asked_for_by(f"{rig}: cable.model"):
+            return _identified(rig.parent / section.model)
     cable = BoucWen(
         slope=section.slope,
         hysteresis_gain=section.hysteresis_gain_rad,
@@ -131,6 +144,16 @@ def _cable(section: schema.CableSection, folder: Path) -> tuple[BoucWen, float, 
         offset=section.offset_deg * RADIANS,
     )
     return cable, section.width, []
+
+
+@contextlib.contextmanager
+def _asked_for_by(key: str) -> Iterator[None]:
+    """Say which key of which file led to a failure."""
+    try:
+        yield
+    except BowdenError as error:
+        do = error.do or "correct it there"
+        raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from error
 
 
 def _identified(path: Path) -> tuple[BoucWen, float, list[str]]:

@@ -1,6 +1,7 @@
 """Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
 
 import difflib
+import itertools
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from bowden.app import rig_schema as schema
 from bowden.app.rig_schema import BENDS, REFERENCES, Rig
 from bowden.core.errors import ParameterError
 
@@ -29,8 +31,45 @@ def read_rig(path: Path) -> Rig:
             f"{path}: [cable] has a model and its own {', '.join(given)}", expected="one or the other", do="delete one"
         )
     if rig.cable.slope == 0.0:
-        raise ParameterError(f"{path}: [cable] slope is 0", expected="a number above or below 0")
+        raise ParameterError(f"{path}: cable.slope is 0", expected="a number above or below 0", do=_CORRECT)
+    _check_points(rig, path)
     return rig
+
+
+def _check_points(rig: Rig, path: Path) -> None:
+    """Refuse lists, and ends of a range, that do not fit one another."""
+    reference, bend = rig.reference, rig.scenario.bend
+    if isinstance(reference, schema.PointToPointSection):
+        _check_course(path, "reference", "positions_deg", reference.times_s, reference.positions_deg)
+    if isinstance(bend, schema.ScriptedBendSection):
+        _check_course(path, "scenario.bend", "bends_deg", bend.times_s, bend.bends_deg)
+    if isinstance(reference, schema.MultisineSection):
+        names = ("frequencies_hz", "amplitudes_deg", "phases_deg")
+        lengths = [len(getattr(reference, name)) for name in names]
+        if len(set(lengths)) > 1:
+            given = ", ".join(f"{name} has {n}" for name, n in zip(names, lengths, strict=True))
+            raise ParameterError(
+                f"{path}: reference (multisine): {given} numbers",
+                expected="as many in each",
+                do="give all three in [reference]; one left out is as bowden init writes it",
+            )
+    if isinstance(bend, schema.RandomBendSection) and not bend.low_deg < bend.high_deg:
+        raise ParameterError(
+            f"{path}: scenario.bend.low_deg is {bend.low_deg:g} and high_deg {bend.high_deg:g}",
+            expected="low_deg below high_deg",
+            do=_CORRECT,
+        )
+
+
+def _check_course(path: Path, section: str, name: str, times: list[float], values: list[float]) -> None:
+    """Refuse way points without one value for each time, fewer than two, or times that do not increase."""
+    rising = all(a < b for a, b in itertools.pairwise(times))
+    if len(times) != len(values) or len(times) < 2 or not rising:
+        raise ParameterError(
+            f"{path}: {section}.times_s is {_as_written(times)} and {section}.{name} {_as_written(values)}",
+            expected="two lists of one length (two points or more), times_s increasing",
+            do=f"correct them in [{section}]",
+        )
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -45,8 +84,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         do = "write one with: bowden init" if isinstance(error, FileNotFoundError) else "give the path of a TOML file"
         raise ParameterError(f"cannot read {path}: {(error.strerror or str(error)).lower()}", do=do) from error
     except UnicodeDecodeError as error:
-        raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from error
+    except ValueError as error:  # also a null byte in the path
         raise ParameterError(f"{path} is not TOML: {error}", do="correct it there") from error
 
 
@@ -61,6 +100,8 @@ def near(name: str, known: Iterable[str]) -> str:
     ordered = [f"{alike[0]} (did you mean this?)", *(other for other in names if other != alike[0])] if alike else names
     return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"
 
+
+_CORRECT = "correct it there"
 
 _KINDS = {"reference": REFERENCES, "scenario.bend": BENDS}
 
@@ -89,16 +130,18 @@ def _explain(error: ErrorDetails, path: Path) -> ParameterError:
     name, last, kind, context = ".".join(keys), keys[-1], error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         where = f"key {last!r} in [{'.'.join(keys[:-1])}]" if keys[1:] else f"key or section {last!r}"
-        return ParameterError(f"{path}: unknown {where}", expected=near(last, section.model_fields))
+        return ParameterError(
+            f"{path}: unknown {where}", expected=near(last, section.model_fields), do="rename or delete it"
+        )
     if kind == "union_tag_invalid":
         tag = str(context["tag"])
-        return ParameterError(f"{path}: {name}.kind is {tag!r}", expected=near(tag, _KINDS[name]))
+        return ParameterError(f"{path}: {name}.kind is {tag!r}", expected=near(tag, _KINDS[name]), do=_CORRECT)
     if kind == "union_tag_not_found":
-        return ParameterError(f"{path}: {name}.kind is missing", expected=near("", _KINDS[name]))
+        return ParameterError(f"{path}: {name}.kind is missing", expected=near("", _KINDS[name]), do="add it")
     if kind == "missing":
         return ParameterError(f"{path}: {name} is missing", do="add it")
     wanted = _WANTED.get(kind, error["msg"]).format(**context)
-    return ParameterError(f"{path}: {name} is {_as_written(error['input'])}", expected=wanted)
+    return ParameterError(f"{path}: {name} is {_as_written(error['input'])}", expected=wanted, do=_CORRECT)
 
 
 def _place(location: tuple[int | str, ...]) -> tuple[list[str], type[BaseModel]]:

@@ -38,28 +38,43 @@ def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
         yield lambda what, share: bar.update(task, description=what, completed=share)
 
 
+class InterruptedPartway(Exception):
+    """The user interrupted a command that had results already, and they are written; says which and where."""
+
+
+def folder_argument(given: str | Path) -> Path:
+    """The value of ``--out`` as a path.
+
+    Raises:
+        OutputError: it is empty (which pathlib would take for the current folder), or no path at all.
+    """
+    if not str(given).strip() or "\0" in str(given):
+        raise OutputError(f"--out is {str(given)!r}", expected="the name of a folder", do="use --out . for this one")
+    return Path(given)
+
+
 def output_folder(path: Path) -> Path:
     """`path`, known to be a folder that can be made and written; nothing is made yet.
 
     Raises:
-        OutputError: something that is no folder stands in the way, or it may not be written.
+        OutputError: something that is no folder stands in the way, it may not be written, or its name is too long.
     """
-    nearest = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
-    if not nearest.is_dir():
-        raise OutputError(f"cannot write to {path}: {nearest} is not a folder", do="choose another one with --out")
-    if not os.access(nearest, os.W_OK):
-        raise OutputError(f"cannot write to {path}: {nearest} is read-only", do="choose another one with --out")
-    return path
-
-
-def make_folder(path: Path) -> Path:
-    """Make a folder with its parents.
-
-    Raises:
-        OutputError: it cannot be made.
-    """
+    do = "choose another one with --out"
     try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {path}: {error.strerror}", do="choose another one") from error
+        nearest = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
+        for part in path.parts:  # the system looks at a name's length only in a folder that is there
+            (nearest / part).exists()
+        is_folder, is_writable = nearest.is_dir(), os.access(nearest, os.W_OK)
+    except (OSError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise OutputError(f"cannot write to {shortened(str(path))}: {reason}", do=do) from error
+    if not is_folder:
+        raise OutputError(f"cannot write to {path}: {nearest} is not a folder", do=do)
+    if not is_writable:
+        raise OutputError(f"cannot write to {path}: {nearest} is read-only", do=do)
     return path
+
+
+def shortened(text: str, most: int = 80) -> str:
+    """A text for a message, cut where it is long."""
+    return text if len(text) <= most else text[: most - 1] + "…"

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
+from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
+from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
     from bowden.identify.fit import Fit
@@ -21,7 +22,9 @@ def identify(
     unit: Annotated[
         str | None, typer.Option(help="Unit of both angles, deg or rad; by default as the columns' names end.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for model.toml and identify.html.")] = Path("out/identify"),
+    out: Annotated[
+        Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for model.toml and identify.html.")
+    ] = Path("out/identify"),
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Fit cable models to a log's first half, judge them on the second, and say which one to use and why.
@@ -41,14 +44,14 @@ def identify(
         from bowden.report.identify_page import identify_page
 
         page = identify_page(checked, fit)
-        folder = make_folder(out)
-        page.write(folder / "identify.html")
-        write_model(folder / "model.toml", fit, checked.name)
+        with whole_files(out) as folder:
+            page.write(folder / "identify.html")
+            write_model(folder / "model.toml", fit, checked.name)
     if json:
         print_json(document(fit) | {"seconds": seconds()})
     else:
         _print_table(fit)
-        print(f"\nModel: {folder / 'model.toml'}\nPage: {folder / 'identify.html'}  ({seconds():.1f} s)")
+        print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
 
 
 def document(fit: "Fit") -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
+from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
     from bowden.identify.servo import Estimate, ServoFit
@@ -20,13 +20,15 @@ def identify_servo(
         str | None, typer.Option(help="deg or rad, of both angles; from the columns' names where it is not given.")
     ] = None,
     sample_time_ms: Annotated[float, typer.Option(help="Control cycle of the rig, for delay_cycles.")] = 1.0,
-    out: Annotated[Path, typer.Option(help="Folder for servo.toml.")] = Path("out/servo"),
+    out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for servo.toml.")] = Path(
+        "out/servo"
+    ),
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Identify a servo from a log of a step or a chirp, and write the keys of rig.toml for it."""
     from bowden.app.servo_log import read_servo_log
     from bowden.core.errors import ParameterError
-    from bowden.core.files import whole_file
+    from bowden.core.files import whole_files
     from bowden.identify.servo import identify_servo as fit
 
     if not 0.01 <= sample_time_ms <= 100.0:
@@ -37,15 +39,16 @@ def identify_servo(
         report("fitting the servo", 0.0)
         found = fit(*columns)
     document = _document(found, sample_time_ms)
-    file = make_folder(out) / "servo.toml"
     text = _toml(document, log.name)
-    with whole_file(file) as part:
-        part.write_text(text, encoding="utf-8")
+    with whole_files(out) as folder:
+        (folder / "servo.toml").write_text(text, encoding="utf-8")
     if json:
-        print_json(document | {"files": [str(file)], "seconds": seconds()})
+        print_json(document | {"files": [str(out / "servo.toml")], "seconds": seconds()})
     else:
         print(text)
-        print(f"Wrote {file}: put these keys into rig.toml, then: bowden check rig.toml  ({seconds():.1f} s)")
+        print(
+            f"Wrote {out / 'servo.toml'}: put these keys into rig.toml, then: bowden check rig.toml  ({seconds():.1f} s)"
+        )
 
 
 def _document(found: "ServoFit", sample_time_ms: float) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bowden.app.console import print_json, seconds
+from bowden.app.console import print_json, seconds, shortened
 from bowden.core.errors import OutputError
 
 
@@ -18,9 +18,13 @@ def init(
     from bowden.app.rig_page import toml_text
     from bowden.core.files import whole_file
 
-    if path.is_dir():
+    try:
+        is_there, is_folder = path.exists(), path.is_dir()
+    except OSError as error:
+        raise OutputError(f"cannot write {shortened(str(path))}: {error.strerror}", do="choose another name") from error
+    if is_folder:
         raise OutputError(f"{path} is a folder", do=f"name the file: {path / 'rig.toml'}")
-    if path.exists() and not force:
+    if is_there and not force:
         raise OutputError(f"{path} is there already", do="choose another name, or overwrite it with --force")
     with whole_file(path) as part:
         part.write_text(toml_text(path.name), encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
+from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
     from bowden.control.law import Law
@@ -27,7 +27,9 @@ def league(
     data: Annotated[
         Path, typer.Option(help="Folder with cable/*.csv.gz and elbow/*.csv.gz; without it there are fewer cells.")
     ] = Path("../shared/data"),
-    out: Annotated[Path, typer.Option(help="Folder for the page.")] = Path("out/league"),
+    out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the page.")] = Path(
+        "out/league"
+    ),
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Compare laws, each with one set of gains, on plants that nobody tuned them for.
@@ -36,6 +38,7 @@ def league(
     page of what has been played.
     """
     from bowden.control import user_law
+    from bowden.core.files import whole_files
     from bowden.design import league as design
     from bowden.report.league_page import league_page
 
@@ -56,15 +59,15 @@ def league(
         standings = design.standings([one.cell for one in played])
         progress("drawing the page", 1.0)
         page = league_page(played, standings, motions, interrupted=interrupted)
-        path = make_folder(out) / "league.html"
-        page.write(path)
+        with whole_files(out) as folder:
+            page.write(folder / "league.html")
     for note in (*notes, *more):
         print(f"bowden: note: {note}", file=sys.stderr)
     if json:
         print_json({"cells": [asdict(one.cell) for one in played], "seconds": seconds()})
     else:
         _print_table(standings)
-        print(f"\nPage: {path}  ({seconds():.1f} s)")
+        print(f"\nPage: {out / 'league.html'}  ({seconds():.1f} s)")
     if interrupted:
         raise typer.Exit(130)
 

@@ -12,6 +12,7 @@ import typer
 
 from bowden import __version__
 from bowden.app.check_command import check
+from bowden.app.console import InterruptedPartway
 from bowden.app.identify_command import identify
 from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
@@ -123,6 +124,11 @@ def run(arguments: list[str]) -> int:
         where = getattr(getattr(error, "ctx", None), "command_path", "bowden")
         message = getattr(error, "format_message", error.__str__)()
         return _fail(f"{message.rstrip('.')}; see {where} --help", 2)
+    except InterruptedPartway as error:
+        return _fail(f"interrupted; {error}", 130)
+    except OSError as error:  # what no command foresaw: a disk that goes away, a standard output that is full
+        where = f" ({error.filename})" if error.filename else ""
+        return _fail(f"{error.strerror or error}{where}; check the paths and the room on their disk", 2)
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     return _fail("interrupted", 130) if code == 130 else int(code or 0)

@@ -26,13 +26,19 @@ def read_motion(section: RecordedSection, folder: Path) -> Recorded:
         table = parquet.read_table(path) if path.suffix == ".parquet" else _read_text(path, wanted)
         for name in wanted:
             if name not in table.column_names:
-                raise LogError(f"{path} has no column {name!r}", expected=near(name, table.column_names))
+                raise LogError(
+                    f"{path} has no column {name!r}", expected=near(name, table.column_names), do="correct it there"
+                )
         time, position = (np.asarray(table[name].to_numpy(), dtype=np.float64) for name in wanted)
     except FileNotFoundError as error:
-        raise LogError(f"reference.file {path} does not exist", expected="a CSV, csv.gz or Parquet file") from error
+        raise LogError(
+            f"{path} does not exist", expected="a CSV, csv.gz or Parquet file", do="correct reference.file"
+        ) from error
     except (OSError, ValueError, pa.ArrowException) as error:
         said = " ".join(str(error).split())
-        raise LogError(f"cannot read {path}: {said}", expected="columns of numbers under their names") from error
+        raise LogError(
+            f"cannot read {path}: {said}", expected="columns of numbers under their names", do="correct the file"
+        ) from error
     angle = position * RADIANS if section.unit == "deg" else position
     if section.unit == "rad" and np.any(np.abs(angle) > CABLE_LOG_LIMIT):
         raise LogError(

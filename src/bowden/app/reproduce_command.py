@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
+from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
+from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
     from bowden.paper.reproduce import Reproduction
@@ -17,7 +18,9 @@ def reproduce(
         list[str] | None,
         typer.Option(help="Only this claim or figure: fig16, table1.adaptive, erratum.chirp, … May be repeated."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/reproduce"),
+    out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the report.")] = Path(
+        "out/reproduce"
+    ),
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Reproduce the paper's bench: published and computed figures, and a report with every figure."""
@@ -29,8 +32,9 @@ def reproduce(
     output_folder(out)
     with progress_bar(quiet=json) as progress:
         outcome = run(only or [], progress)
-    path = make_folder(out) / "reproduce.html"
-    write_report(outcome, path)
+    path = out / "reproduce.html"
+    with whole_files(out) as folder:
+        write_report(outcome, folder / path.name)
     if json:
         print_json(outcome.json() | {"report": str(path), "seconds": seconds()})
     else:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from bowden.app.laws import KNOWN
 from bowden.app.rig_schema import BENDS, REFERENCES, EncodersSection, Rig, Section
-from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core.files import whole_file
 
@@ -19,6 +19,18 @@ _HEAD = """\
 # paper leaves out as fitted in `bowden reproduce`. What you leave out is taken as it stands here.
 # In a comment: the unit, the meaning, and the paper's symbol. Lines that begin with # are other choices.
 """
+
+
+_GAINS = (
+    "What `[control.gains]` may hold, with the law's own values.",
+    "",
+    "- The rig's cable comes first, then the preset, then `[control.gains]`.",
+    "- Of the cable the observer is given every parameter, and the uncompensated law only the motor angle at which the",
+    "  joint is at zero: encoders that are not zeroed together are no backlash. Its slope stays 1, as in the paper;",
+    "  set it where the joint is geared.",
+    "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",
+    "- The observer's preset `paper` is that of Table 1: it knows the default bench's cable less well than it is.",
+)
 
 
 class Key(NamedTuple):
@@ -42,7 +54,7 @@ def toml_text(name: str = "rig.toml") -> str:
         parts.append(_table(title, chosen))
         parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
         if title == "control":
-            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[Rig().control.law])]
+            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(KNOWN[Rig().control.law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
     return "\n\n".join(part.rstrip() for part in parts) + "\n"
 
@@ -67,8 +79,8 @@ def markdown() -> str:
                 for key in _keys(section)
             ]
             lines.append("")
-    lines += ["## Gains of the laws", "", "What `[control.gains]` may hold, with the law's own values.", ""]
-    for law in LAWS.values():
+    lines += ["## Gains of the laws", "", *_GAINS, ""]
+    for law in KNOWN.values():
         lines += [f"### {law.name}", "", f"Presets: {', '.join(law.presets) or 'none'}. Source: {law.source}.", ""]
         lines += ["| gain | default | meaning |", "|---|---|---|"]
         lines += [f"| `{name}` | {value:g} | {meaning} |" for name, value, meaning in gains_of(law)]

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bowden.app.console import make_folder, output_folder, print_json, progress_bar, seconds
+from bowden.app.console import (
+    InterruptedPartway,
+    folder_argument,
+    output_folder,
+    print_json,
+    progress_bar,
+    seconds,
+)
+from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
     from bowden.app.compose import Setup
@@ -26,11 +34,16 @@ def simulate(
     preset: Annotated[str | None, typer.Option(help="A named set of gains, for every law of this run.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the run in seconds.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the encoders' noise and of a random bend.")] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the traces and the page.")] = Path("out/simulate"),
+    out: Annotated[
+        Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the traces and the page.")
+    ] = Path("out/simulate"),
     csv: Annotated[bool, typer.Option("--csv", help="Write the traces as CSV too.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
-    """Simulate laws on a rig: figures of merit, traces as Parquet, and a page with every plot."""
+    """Simulate laws on a rig: figures of merit, traces as Parquet, and a page with every plot.
+
+    Interrupted between two laws, the command writes the traces and the page of those that are done.
+    """
     from bowden.app import compose
 
     setup, description = compose.setup(rig, duration, seed)
@@ -39,9 +52,11 @@ def simulate(
         laws = [compose.law_for(description.control.law, description, setup.bench, rig.parent, preset)]
     output_folder(out)
     with progress_bar(quiet=json) as progress:
-        traces = _run(setup, laws, progress)
+        traces, interrupted = _run(setup, laws, progress)
         progress("writing traces, drawing the page", 0.8)
-        files = _write(traces, make_folder(out), f"Simulation of {rig.name}", csv=csv)
+        files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
+    if interrupted:
+        raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
     metrics = {name: trace.metrics() for name, trace in traces.items()}
     for note in setup.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
@@ -53,8 +68,11 @@ def simulate(
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
 
 
-def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], None]) -> dict[str, "Trace"]:
-    """A trace for each law; laws of one name are told apart by a number."""
+def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], None]) -> tuple[dict[str, "Trace"], bool]:
+    """A trace for each law, and whether an interruption ended them early; laws of one name are told apart by a number.
+
+    An interruption before the first is done passes through.
+    """
     from bowden.control import user_law
     from bowden.sim.closed_loop import simulate as run
 
@@ -64,33 +82,39 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
         while name in traces:
             name, again = f"{law.name}-{again}", again + 1
         progress(f"simulating {name} (compiled at first)", 0.1 + 0.7 * i / len(laws))
-        with user_law.explained(law):
-            traces[name] = run(
-                setup.bench,
-                law,
-                setup.reference,
-                duration=setup.duration,
-                bend=setup.bend,
-                seed=setup.seed,
-                initial_motor=setup.initial_motor,
-            )
-    return traces
+        try:
+            with user_law.explained(law):
+                traces[name] = run(
+                    setup.bench,
+                    law,
+                    setup.reference,
+                    duration=setup.duration,
+                    bend=setup.bend,
+                    seed=setup.seed,
+                    initial_motor=setup.initial_motor,
+                )
+        except KeyboardInterrupt:
+            if not traces:
+                raise
+            return traces, True
+    return traces, False
 
 
 def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -> list[Path]:
-    """Write every trace and, last, the page."""
+    """Write every trace and, last, the page: all or nothing."""
     from bowden.report.simulate_page import write_simulation
 
-    files = []
-    for name, trace in traces.items():
-        files.append(folder / f"{name}.parquet")
-        trace.to_parquet(files[-1])
-        if csv:
-            files.append(folder / f"{name}.csv")
-            trace.to_csv(files[-1])
-    files.append(folder / "simulate.html")
-    write_simulation(files[-1], traces, title)
-    return files
+    names = []
+    with whole_files(folder) as stage:
+        for name, trace in traces.items():
+            names.append(f"{name}.parquet")
+            trace.to_parquet(stage / names[-1])
+            if csv:
+                names.append(f"{name}.csv")
+                trace.to_csv(stage / names[-1])
+        names.append("simulate.html")
+        write_simulation(stage / names[-1], traces, title)
+    return [folder / name for name in names]
 
 
 def _print_table(metrics: dict[str, "Metrics"]) -> None:

@@ -72,12 +72,14 @@ class Law:
                 raise ParameterError(
                     f"law {self.name!r} has no gain {name!r}",
                     expected=f"one of {', '.join(self.gains._fields)}",
-                    do=f"did you mean {alike[0]}?" if alike else "",
+                    do=f"did you mean {alike[0]}?" if alike else "name one of them",
                 )
             low, high = self.limits.get(name, (-math.inf, math.inf))
             if not low <= value <= high:
                 raise ParameterError(
-                    f"gain {name} of law {self.name!r} is {value:g}", expected=f"a number from {low:g} to {high:g}"
+                    f"gain {name} of law {self.name!r} is {value:g}",
+                    expected=f"a number from {low:g} to {high:g}",
+                    do="correct it",
                 )
         return replace(self, gains=self.gains._replace(**changes))
 
@@ -91,5 +93,6 @@ class Law:
             raise ParameterError(
                 f"law {self.name!r} has no preset {name!r}",
                 expected=f"one of {', '.join(self.presets) or 'none'}",
+                do="name another, or leave the preset out",
             )
         return replace(self, gains=self.presets[name])

@@ -1,4 +1,10 @@
-"""No compensation: the motor is sent where the joint should be (Fig. 7B)."""
+"""No compensation: the motor is sent where the joint should be (Fig. 7B).
+
+    command = motor_zero + reference/slope
+
+The paper's law has slope 1, and a motor encoder zeroed where the joint is at zero. Where it is not, the angle between
+the two zeros is no backlash, and a law without it would have that angle as its error and little else.
+"""
 
 from typing import NamedTuple
 
@@ -8,10 +14,12 @@ from bowden.core.signals import Reference, Sample
 
 
 class UncompensatedGains(NamedTuple):
-    """The one gain of the law."""
+    """How a cable without backlash would run."""
 
     slope: float = 1.0
     """Assumed joint motion per motor motion; negative where the cable runs the other way [rad/rad]."""
+    motor_zero: float = 0.0
+    """Motor angle at which the joint is at zero [rad]."""
 
 
 class UncompensatedState(NamedTuple):
@@ -31,8 +39,8 @@ def start(gains: UncompensatedGains, sample: Sample) -> UncompensatedState:
 def step(
     gains: UncompensatedGains, state: UncompensatedState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[UncompensatedState, float]:
-    """command = reference / slope."""
-    command = reference.position / gains.slope
+    """command = motor_zero + reference/slope."""
+    command = gains.motor_zero + reference.position / gains.slope
     return UncompensatedState(command), command
 
 

@@ -22,6 +22,8 @@ from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.core.signals import Reference, Sample
 
+_CORRECT = "correct the law there"
+_RENAME = "give it another name"
 _TRIAL_CYCLES = 5
 _TRIAL_TIME = 1e-3
 
@@ -94,21 +96,25 @@ def _run(path: Path) -> ModuleType:
     """Execute the file as a module of its own, found again by its content when cached code is loaded."""
     try:
         source = path.read_bytes()
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise ParameterError(
-            f"cannot read the law {path}: {(error.strerror or str(error)).lower()}", expected="a Python file"
+            f"cannot read the law {path}: {reason.lower()}", expected="a Python file", do="check the path"
         ) from error
     module = ModuleType(f"bowden_user_law_{hashlib.sha256(source).hexdigest()[:16]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module
     try:
-        exec(compile(source, str(path), "exec", dont_inherit=True), module.__dict__)
+        code = compile(source, str(path), "exec", dont_inherit=True)
     except SyntaxError as error:
         line = f", line {error.lineno}" if error.lineno else ""
         raise ParameterError(f"{path}{line}: {error.msg}", do="correct it there") from error
     except ValueError as error:  # null bytes, before Python 3.12
-        raise ParameterError(f"{path} is not Python: {error}", expected="a Python file") from error
-    except Exception as error:
+        raise ParameterError(f"{path} is not Python: {error}", expected="a Python file", do="give another") from error
+    try:
+        with contextlib.redirect_stdout(sys.stderr):  # standard output may be a JSON document
+            exec(code, module.__dict__)
+    except (Exception, SystemExit) as error:
         raise _mistake(error, path) from error
     return module
 
@@ -118,16 +124,20 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
     own = [name for name, value in names.items() if isinstance(value, Law)]
     if attribute:
         if attribute not in names:
-            raise ParameterError(f"{path} has no {attribute!r}", expected=f"one of {', '.join(own) or 'its laws'}")
+            raise ParameterError(
+                f"{path} has no {attribute!r}", expected=f"one of {', '.join(own) or 'its laws'}", do="name one of them"
+            )
         if not isinstance(names[attribute], Law):
-            raise ParameterError(f"{attribute} in {path} is a {type(names[attribute]).__name__}", expected="a Law")
+            raise ParameterError(
+                f"{attribute} in {path} is a {type(names[attribute]).__name__}", expected="a Law", do="name one"
+            )
         return names[attribute]
     if len(own) == 1:
         return names[own[0]]
     missing = [part for part in ("Gains", "start", "step") if part not in names]
     if own or missing:
         what = f"the laws {', '.join(own)}" if own else f"no Law and no {', '.join(missing)}"
-        do = f"say which: {path.name}:NAME" if own else ""
+        do = f"say which: {path.name}:NAME" if own else "write them (docs/kernels.md)"
         raise ParameterError(f"{path} has {what}", expected="one Law, or Gains, start and step", do=do)
     try:
         gains = names["Gains"]()
@@ -139,7 +149,9 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
 def _check(law: Law, path: Path) -> None:
     """Try the law for a few cycles, as the loop will call it."""
     if not re.fullmatch(r"[A-Za-z0-9_.-]+", law.name):
-        raise ParameterError(f"{path}: the law's name is {law.name!r}", expected="letters, digits, '_', '-' and '.'")
+        raise ParameterError(
+            f"{path}: the law's name is {law.name!r}", expected="letters, digits, '_', '-' and '.'", do=_RENAME
+        )
     for part in (law.start_kernel, law.step_kernel):
         if not isinstance(part, FunctionType) or not hasattr(part, "__kernel__"):
             raise ParameterError(f"{_line(part, path)}: not a kernel", do="put @kernel of bowden.core.kernel before it")
@@ -152,10 +164,14 @@ def _check(law: Law, path: Path) -> None:
         for k in range(_TRIAL_CYCLES):
             answer = law.step(state, sample, Reference(0.1 + 1e-4 * k, 0.1, 0.0), _TRIAL_TIME)
             if not isinstance(answer, tuple) or len(answer) != 2:
-                raise ParameterError(f"{where}: step returns {answer!r}", expected="a pair, state and command")
+                raise ParameterError(
+                    f"{where}: step returns {answer!r}", expected="a pair, state and command", do=_CORRECT
+                )
             if type(answer[0]) is not type(state):
                 given, right = type(answer[0]).__name__, type(state).__name__
-                raise ParameterError(f"{where}: the state from step is a {given}", expected=f"a {right}, as from start")
+                raise ParameterError(
+                    f"{where}: the state from step is a {given}", expected=f"a {right}, as from start", do=_CORRECT
+                )
             state, command = answer
             _check_numbers(state, "the state from step", where)
             _check_number(command, "the command", where)
@@ -167,7 +183,9 @@ def _check(law: Law, path: Path) -> None:
 
 def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -> None:
     if not hasattr(values, "_asdict"):
-        raise ParameterError(f"{where}: {what} is a {type(values).__name__}", expected="a NamedTuple of floats")
+        raise ParameterError(
+            f"{where}: {what} is a {type(values).__name__}", expected="a NamedTuple of floats", do=_CORRECT
+        )
     for name, value in values._asdict().items():
         _check_number(value, f"{name} in {what}", where, whole=whole)
 
@@ -175,17 +193,19 @@ def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -
 def _check_number(value: Any, what: str, where: str, *, whole: bool = False) -> None:
     """A finite float, or an int where `whole` allows it: a state that begins as an int would not compile."""
     if not (isinstance(value, float) or (whole and type(value) is int)):
-        raise ParameterError(f"{where}: {what} is {value!r} ({type(value).__name__})", expected="a float, such as 0.0")
+        raise ParameterError(
+            f"{where}: {what} is {value!r} ({type(value).__name__})", expected="a float, such as 0.0", do=_CORRECT
+        )
     if not math.isfinite(value):
-        raise ParameterError(f"{where}: {what} is {value}", expected="a finite number")
+        raise ParameterError(f"{where}: {what} is {value}", expected="a finite number", do=_CORRECT)
 
 
-def _mistake(error: Exception, path: Path) -> ParameterError:
+def _mistake(error: BaseException, path: Path) -> ParameterError:
     """An exception from the user's code as one line, with the last line of the file that it passed through."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     where = f"{path}, line {lines[-1]}" if lines else str(path)
     said = " ".join(str(error).split())
-    return ParameterError(f"{where}: {type(error).__name__}: {said}", do="correct the law there")
+    return ParameterError(f"{where}: {type(error).__name__}: {said}", do=_CORRECT)
 
 
 def _line(function: Any, path: Path) -> str:

@@ -1,28 +1,103 @@
-"""Writing files whole or not at all."""
+"""Writing files whole or not at all, one or several that belong together."""
 
 import contextlib
+import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from bowden.core.errors import OutputError
 
+_DO = "choose another place or make room there"
+
+
+@contextlib.contextmanager
+def whole_files(folder: Path | str) -> Iterator[Path]:
+    """A folder to write to; what is in it takes its place in `folder`, all together, when all went well.
+
+    After an error or an interruption `folder` is as it was: files that were there are back, and the folders that had to
+    be made for it are gone.
+
+    Raises:
+        OutputError: `folder` cannot be made or written, the disk is full, or a folder stands where a file should go.
+    """
+    target = Path(folder)
+    with _folders(target), _staged(target, str(target)) as stage:
+        yield stage
+
 
 @contextlib.contextmanager
 def whole_file(path: Path | str) -> Iterator[Path]:
-    """A path beside `path` to write to; it takes the place of `path` only when all went well.
+    """A path to write to; the file takes the place of `path` only when all went well.
 
     Raises:
         OutputError: the folder does not exist, is not writable, or the disk is full.
     """
     target = Path(path)
-    part = target.with_name(target.name + ".part")
+    with _staged(target.parent, str(target)) as stage:
+        yield stage / target.name
+
+
+@contextlib.contextmanager
+def _folders(target: Path) -> Iterator[None]:
+    """`target` and its parents, made where they are missing and removed again when something goes wrong."""
+    made: list[Path] = []
     try:
-        yield part
-        part.replace(target)
+        try:
+            for folder in (*reversed(target.parents), target):
+                if not folder.is_dir():
+                    folder.mkdir(exist_ok=True)
+                    made.append(folder)
+        except (OSError, ValueError) as error:  # ValueError: a null byte in its name
+            raise OutputError(f"cannot make the folder {target}: {_reason(error)}", do="choose another one") from error
+        yield
+    except BaseException:
+        for folder in reversed(made):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+@contextlib.contextmanager
+def _staged(folder: Path, what: str) -> Iterator[Path]:
+    """A temporary folder inside `folder`, and so on the same disk, whose files are moved into it at the end."""
+    stage = None
+    try:
+        stage = Path(tempfile.mkdtemp(prefix=".bowden-", dir=folder))
+        yield stage
+        _move(stage, folder)
     except OSError as error:
-        raise OutputError(
-            f"cannot write {target}: {error.strerror or error}", do="choose another place or make room there"
-        ) from error
+        raise OutputError(f"cannot write {what}: {_reason(error)}", do=_DO) from error
+    except OutputError as error:  # of one file in the stage: say where it was to go
+        raise OutputError(error.what.replace(str(stage), str(folder)), expected=error.expected, do=error.do) from error
     finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        if stage is not None:
+            shutil.rmtree(stage, ignore_errors=True)
+
+
+def _move(stage: Path, folder: Path) -> None:
+    """Move every file from `stage` to `folder`, or none."""
+    names = sorted(path.name for path in stage.iterdir())
+    for name in names:
+        if (folder / name).is_dir():
+            raise OutputError(f"cannot write {folder / name}: it is a folder", do="remove it or choose another place")
+    replaced = stage / ".replaced"
+    replaced.mkdir()
+    try:
+        for name in names:
+            if os.path.lexists(folder / name):
+                (folder / name).replace(replaced / name)
+            (stage / name).replace(folder / name)
+    except BaseException:
+        for name in names:
+            if os.path.lexists(replaced / name):
+                (replaced / name).replace(folder / name)
+            elif not os.path.lexists(stage / name):
+                (folder / name).unlink(missing_ok=True)
+        raise
+
+
+def _reason(error: Exception) -> str:
+    """What the system says, without the path."""
+    return (isinstance(error, OSError) and error.strerror) or str(error)

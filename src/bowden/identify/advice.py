@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
 from bowden.identify.log import Log
-from bowden.identify.path import Path, motor_noise, resolution
+from bowden.identify.path import Path
+from bowden.identify.turns import motor_noise, resolution
 
 if TYPE_CHECKING:
     from bowden.identify.fit import ModelFit

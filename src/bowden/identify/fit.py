@@ -17,9 +17,10 @@ from bowden.identify.lag import time_lag
 from bowden.identify.line import Line
 from bowden.identify.log import Log, prepare
 from bowden.identify.model import CableModel
-from bowden.identify.path import Path, build_path, motor_noise
+from bowden.identify.path import Path, build_path
 from bowden.identify.play import PlayOperator
 from bowden.identify.stack import PrandtlIshlinskii
+from bowden.identify.turns import Turns, find_turns, motor_noise
 from bowden.identify.uncertainty import standard_errors
 from bowden.identify.validation import folds, held_out_errors, simplest_of_the_best, without_start
 
@@ -29,6 +30,9 @@ Progress = Callable[[str, float], None]
 
 _FINE, _JUDGED, _SEARCHED = 2500, 600, 150
 """Nodes of the path on which models are fitted, compared with one another, and searched for globally."""
+
+_SEARCHED_STROKES = 30
+"""The global search needs no more of a long log; the gradient stage sees all of it."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,10 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     tell = progress or (lambda what, share: None)
     split = int(np.searchsorted(log.time, 0.5 * (log.time[0] + log.time[-1])))
     noise = motor_noise(log.motor[:split])
-    paths = [_path(log, split, noise, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED)]
+    turns = _turns(log, split, noise)
+    half = log.time[:split], log.motor[:split], log.joint[:split], turns
+    paths = [build_path(*half, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED)]
+    paths[2] = paths[2].first(_SEARCHED_STROKES)
     tell("bouc_wen, searched globally", 0.1)
     plain = BoucWenCable(paths[2], seed).fit(paths[0])
     rich = richest(paths[0], plain)
@@ -153,7 +160,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
 
     tell("judging on the second half", 0.9)
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
-    whole = build_path(log.time, log.motor, log.joint, noise, len(log.time))
+    whole = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
     models: dict[str, ModelFit] = {}
     for family in families:
         estimate = estimates[family.name]
@@ -191,16 +198,17 @@ def follow(model: CableModel, path: Path, time: Array) -> Array:
     return np.interp(time, path.time[counted], model.joint_angle(path.motor)[counted])
 
 
-def _path(log: Log, split: int, noise: float, nodes: int) -> Path:
-    path = build_path(log.time[:split], log.motor[:split], log.joint[:split], noise, nodes)
-    if not path.span > max(8.0 * noise, 1e-9) or np.count_nonzero(path.weight) < 20:
+def _turns(log: Log, split: int, noise: float) -> Turns:
+    motor = log.motor[:split]
+    span = float(np.ptp(np.convolve(motor, np.full(9, 1.0 / 9.0), "valid")))  # nine outweigh the noise
+    if not span > max(8.0 * noise, 1e-9):
         raise LogError(
-            f"{log.name}: in the first half the motor moves {np.rad2deg(path.span):.3g}° with {np.rad2deg(noise):.2g}° "
-            "of noise",
+            f"{log.name}: in the first half the motor moves {np.rad2deg(span):.3g}° with {np.rad2deg(noise):.2g}° of "
+            "noise",
             expected="strokes well above the encoder's noise",
             do="check the motor's column, or record a larger motion from the start",
         )
-    return path
+    return find_turns(motor, noise)
 
 
 def _rms(error: Array) -> float:

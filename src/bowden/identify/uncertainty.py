@@ -37,7 +37,7 @@ def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str,
     )
     for name, value, hidden in zip(np.array(names)[seen], variance, blind, strict=True):
         if not hidden:
-            errors[str(name)] = float(np.sqrt(value + estimate.variance.get(str(name), 0.0)))
+            errors[str(name)] = float(np.sqrt(max(value, 0.0) + estimate.variance.get(str(name), 0.0)))
     return errors
 
 

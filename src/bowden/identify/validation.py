@@ -42,8 +42,8 @@ def folds(path: Path) -> list[NDArray[np.bool_]]:
     strokes = np.unique(path.stroke[judged])
     if len(strokes) >= 4:
         return [np.isin(path.stroke, group) & judged for group in np.array_split(strokes, min(_FOLDS, len(strokes)))]
-    share = np.cumsum(path.weight) / path.weight.sum()
-    return [(share > k / _FOLDS) & (share <= (k + 1) / _FOLDS) & judged for k in range(_FOLDS)]
+    nodes = np.arange(len(path.stroke))
+    return [np.isin(nodes, block) for block in np.array_split(np.flatnonzero(judged), _FOLDS)]
 
 
 def without_start(path: Path, strokes: int) -> Path:

@@ -118,7 +118,7 @@ def advance_prepared(h: float, travel: float, cable: PreparedCable) -> float:
     """
     direction, left = np.copysign(1.0, travel), cable.rate * np.abs(travel)
     y = direction * h
-    while left > 0.0 and not np.abs(cable.bound - y) < 1e-13:
+    while left > 0.0 and not np.abs(cable.bound - y) < 1e-12 * cable.bound:
         size = np.abs(y)
         q = (cable.growth if y > 0.0 else -1.0) * power(size, cable.exponent)
         if size < cable.near_zero:

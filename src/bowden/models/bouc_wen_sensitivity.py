@@ -134,6 +134,8 @@ def hysteresis(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) -> 
     found[0] = h
     prepared = prepare_cable(cable)
     for k in range(1, motor.size):
-        h = advance_prepared(h, motor[k] - motor[k - 1], prepared)
+        travel = motor[k] - motor[k - 1]
+        if np.abs(np.copysign(prepared.bound, travel) - h) > 1e-12 * prepared.bound:  # rounding may stop h short of it
+            h = advance_prepared(h, travel, prepared)
         found[k] = h
     return found

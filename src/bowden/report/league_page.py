@@ -82,11 +82,14 @@ def _ranked(one: Standing) -> list[str]:
 
 def _spread_figure(cells: Sequence[Cell], laws: Sequence[str]) -> "Figure":
     figure, (axes,) = style.new_figure(height=3.4)
+    used: set[str] = set()
     for law, colour in style.colours_for(laws).items():
+        line = "--" if colour in used else "-"  # more laws than colours
+        used.add(colour)
         errors = sorted(cell.rmse_deg for cell in cells if cell.law == law and cell.rmse_deg is not None)
         if errors:
             shares = 100.0 * (np.arange(len(errors)) + 0.5) / len(errors)
-            axes.semilogy(shares, errors, color=colour, label=law, marker=".", markersize=3.0)
+            axes.semilogy(shares, errors, line, color=colour, label=law, marker=".", markersize=3.0)
     axes.set(xlabel="share of the law's stable cells [%]", ylabel="RMSE from rest [°]")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.0)
     return figure
@@ -96,7 +99,10 @@ def _cells_table(played: Sequence[Played], laws: Sequence[str]) -> str:
     rows: dict[tuple[str, str], dict[str, Played]] = {}
     for one in played:
         rows.setdefault((one.cell.plant, one.cell.scenario), {})[one.cell.law] = one
-    head = Markup("").join(Markup('<th scope="col">{}</th>').format(name) for name in ("plant", "scenario", *laws))
+    head = Markup("").join(
+        Markup('<th scope="col">{}</th>').format(Markup("_<wbr>").join(name.split("_")))
+        for name in ("plant", "scenario", *laws)
+    )
     body = Markup("").join(
         Markup('<tr><td>{}</td><td style="white-space:nowrap">{}</td>{}</tr>').format(
             plant, scenario, Markup("").join(_cell(row.get(law), row) for law in laws)
