@@ -202,7 +202,7 @@ def test_an_interrupted_league_keeps_what_it_has(
     assert main.run([*SMALL, "--laws", "uncompensated", "--json"]) == 130
     output = capsys.readouterr()
     assert len(checked(output.out)["cells"]) == 1
-    assert "interrupted" in output.err
+    assert "interrupted; 1 cells played" in output.err
     assert "was interrupted" in Path("out/league/league.html").read_text(encoding="utf-8")
 
 

@@ -46,9 +46,8 @@ def identify_servo(
         print_json(document | {"files": [str(out / "servo.toml")], "seconds": seconds()})
     else:
         print(text)
-        print(
-            f"Wrote {out / 'servo.toml'}: put these keys into rig.toml, then: bowden check rig.toml  ({seconds():.1f} s)"
-        )
+        print(f"Wrote {out / 'servo.toml'}  ({seconds():.1f} s)")
+        print("Put these keys into rig.toml, then: bowden check rig.toml")
 
 
 def _document(found: "ServoFit", sample_time_ms: float) -> dict[str, Any]:

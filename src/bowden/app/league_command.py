@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
+from bowden.app.console import InterruptedPartway, folder_argument, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
     from bowden.control.law import Law
@@ -69,7 +69,7 @@ def league(
         _print_table(standings)
         print(f"\nPage: {out / 'league.html'}  ({seconds():.1f} s)")
     if interrupted:
-        raise typer.Exit(130)
+        raise InterruptedPartway(f"{len(played)} cells played and written to {out}")
 
 
 def _laws(wanted: _Names, own: list[str]) -> list["Law"]:
