@@ -2,6 +2,7 @@
 
 import gzip
 import math
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -73,13 +74,20 @@ UNDERSTOOD: dict[str, str | bytes] = {
     "quotes": text(header='"time_s","motor_rad","joint_rad"'),
     "other columns": text([f"{i},ok,{r}" for i, r in enumerate(LINES)], f"n,state,{HEADER}"),
     "other order": text(rows(JOINT, TIME, MOTOR), "distal_rad,timestamp,proximal_rad"),
+    "comments": "# above\n"
+    + text(["# below", *LINES[:9], "", "# inside", *LINES[9:30], LINES[30] + " # on it", *LINES[31:]]),
+    "a field left empty": text(put(LINES, 17, LINES[15] + ",")),
+    "fields left empty": text([line + "," for line in LINES]),
+    "a name left empty": text(header=HEADER + ","),
+    "UTF-16": text().encode("utf-16"),
     "blank lines": text([line + "\n" for line in LINES]),
 }
 
 
 @pytest.mark.parametrize("content", UNDERSTOOD.values(), ids=UNDERSTOOD)
 def test_logs_that_are_understood(content: str | bytes, write: Write) -> None:
-    log = read_log(write(content))
+    with warnings.catch_warnings(action="error"):  # NumPy's would be lines of Python on the user's screen
+        log = read_log(write(content))
     assert log.time == pytest.approx(TIME, abs=1e-5)
     assert log.motor == pytest.approx(MOTOR, abs=1e-6)
     assert log.joint == pytest.approx(JOINT, abs=1e-6)
@@ -172,7 +180,10 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "names only": (HEADER + "\n", "no row of numbers found"),
     "prose": ("This is no log.\nIt has lines.\n" * 40, "no row of numbers found"),
     "binary": (bytes(range(256)) * 20, "is binary"),
-    "UTF-16": (text().encode("utf-16"), "is binary"),
+    "a field too many": (text(put(LINES, 17, "0.15,0,3,0.2")), "line 17: 4 fields where there are 3 columns"),
+    "a quoted field too many": (text(put(LINES, 17, '0.15,"0,1",0.2,1')), "line 17: 4 fields where there are 3"),
+    "two empty fields too many": (text(put(LINES, 17, LINES[15] + ",,")), "line 17: 5 fields where there are 3"),
+    "decimal commas throughout": (text([line.replace(".", ",") for line in LINES]), "semicolons or tabs between"),
     "damaged gzip": (gzip.compress(text().encode())[:-400], "is damaged"),
     "gzip in name only": (b"\x1f\x8bnot a gzip file at all", "is damaged"),
     "MATLAB 7.3": (b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(200), "save it in MATLAB with save"),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from bowden.identify.path import Path, build_path
-from bowden.identify.turns import find_turns, motor_noise, resolution, reversals
+from bowden.identify.turns import find_turns, motor_noise, polynomial, resolution, reversals
 
 Array = NDArray[np.float64]
 
@@ -92,3 +92,20 @@ def test_thinning_keeps_the_loop() -> None:
     for path in (coarse, fine):
         middle = (np.abs(path.motor) < 0.1) & (path.weight > 0)
         assert np.abs(path.joint - 0.9 * path.motor)[middle] == pytest.approx(0.05, abs=1e-3)
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+def test_smoothing_is_the_least_squares_polynomial(degree: int) -> None:
+    values = 3.0 + np.random.default_rng(degree).standard_normal(57)
+    x = np.linspace(-1.0, 1.0, 57)
+    wanted = np.polyval(np.polyfit(x, values, degree), x)
+    assert polynomial(values, degree) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_a_long_log_needs_few_nodes_a_stroke() -> None:
+    time = np.arange(400_000) / 100.0
+    motor = np.sin(3.0 * time)
+    path = build_path(time, motor, motor, find_turns(motor, motor_noise(motor)), 2500)
+    assert path.strokes > 3000
+    assert len(path.motor) < 16 * path.strokes
+    assert path.weight.sum() == len(time)

@@ -147,7 +147,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         tell("bouc_wen, without the start", 0.3)
         plain = cable.fit(fine)
         rich = richest(fine, plain)
-    families: list[Family] = [Line(), PlayOperator(), cable, BoucWenStatic(rich), PrandtlIshlinskii()]
+    families: list[Family] = [Line(), PlayOperator(judged), cable, BoucWenStatic(rich), PrandtlIshlinskii()]
     estimates: dict[str, Estimate] = {}
     for family in families:
         tell(family.name, 0.4 + 0.07 * len(estimates))
@@ -158,14 +158,17 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     errors = {family.name: held_out_errors(family, judged, estimates[family.name], masks) for family in families}
     best: str = simplest_of_the_best(errors, {name: len(estimate.slopes) for name, estimate in estimates.items()})
 
-    tell("judging on the second half", 0.9)
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
     whole = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
     models: dict[str, ModelFit] = {}
-    for family in families:
+    predicted = np.empty(0)
+    for done, family in enumerate(families):
+        tell("judging on the second half", 0.9 + 0.02 * done)
         estimate = estimates[family.name]
         model = CableModel(family.name, estimate.parameters)
-        error = follow(model, whole, log.time) - log.joint
+        joint = follow(model, whole, log.time)
+        predicted = joint if family.name == best else predicted
+        error = joint - log.joint
         models[family.name] = ModelFit(
             model=model,
             uncertainty=standard_errors(fine, estimate, family),
@@ -173,7 +176,6 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
             test_rms=_rms(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
-    predicted = follow(models[best].model, whole, log.time)
     warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, estimates[best]))
     tell("done", 1.0)
     return Fit(

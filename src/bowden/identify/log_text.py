@@ -27,8 +27,10 @@ _HEAD = 1 << 18
 _TRACE = "# bowden trace: "
 
 _SPACES = r"[ \t]+"
+_RECORD_AGAIN = "record or export the log again"
 _DAMAGED = (EOFError, zlib.error, gzip.BadGzipFile)
 
+_QUOTED = re.compile(r'"[^"]*"')
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
 
 
@@ -91,7 +93,8 @@ def _layout(path: Path) -> _Layout:
             count = _row_of_numbers(line, separator)
             if count and _row_of_numbers(following, separator) in (count, 0):
                 comma = separator != "," and "," in line
-                names, units = _names(path, lines[:skip], count, separator, comma)
+                open_end = separator != _SPACES and line.rstrip().endswith(separator)
+                names, units = _names(path, lines[:skip], count, open_end, separator, comma)
                 return _Layout(names, units, skip, separator, comma, encoding)
     raise LogError(
         f"{path}: no row of numbers found",
@@ -108,27 +111,37 @@ def _row_of_numbers(line: str, separator: str) -> int:
 
 def _head(path: Path) -> tuple[str, str]:
     """The log's beginning as text, and its encoding."""
-    for encoding in ("utf-8-sig", "latin-1"):
+    for encoding in ("utf-8-sig", "utf-16", "latin-1"):  # UTF-16 asks for its byte order mark
         try:
             with _open(path, encoding, "strict") as file:
                 head = file.read(_HEAD)
-        except UnicodeDecodeError:
+        except UnicodeError:
             continue
         except _DAMAGED as error:
             raise _damaged(path, error) from error
         if not head.strip():
-            raise LogError(f"{path} is empty", expected="columns for time, motor and joint")
+            raise LogError(f"{path} is empty", expected="columns for time, motor and joint", do=_RECORD_AGAIN)
         if not _CONTROL.search(head):
             return head, encoding
-    raise LogError(f"{path} is binary", expected="a text log (CSV, also gzipped) or a MATLAB file up to version 7")
+    raise LogError(
+        f"{path} is binary",
+        expected="a text log (CSV, also gzipped) or a MATLAB file up to version 7",
+        do="export it as CSV",
+    )
 
 
-def _names(path: Path, above: list[str], count: int, separator: str, comma: bool) -> tuple[list[str], list[str | None]]:
+def _names(
+    path: Path, above: list[str], count: int, open_end: bool, separator: str, comma: bool
+) -> tuple[list[str], list[str | None]]:
     """Names and units of the columns: the names stand in the last line above the numbers that has as many fields."""
     declared = _declared_units(above[0]) if above else {}
     units: list[str | None] = [None] * count
     for number, line in reversed(list(enumerate(above, start=1))):
         cells = _fields(line.lstrip("# "), separator)
+        if open_end and len(cells) == count - 1:  # rows end in a separator, names do not
+            cells.append("")
+        elif len(cells) == count + 1 and not cells[-1]:
+            cells.pop()
         if len(cells) != count or not any(cells):
             continue
         if all(unit_of(cell) or cell in ("", "-", "1") for cell in cells):
@@ -143,7 +156,8 @@ def _names(path: Path, above: list[str], count: int, separator: str, comma: bool
             return cells, [declared.get(cell, unit) for cell, unit in zip(cells, units, strict=True)]
     raise LogError(
         f"{path}: no column names above the {count} columns of numbers",
-        do="put a line such as time_s,motor_deg,joint_deg above them",
+        do="put a line such as time_s,motor_deg,joint_deg above them (where numbers have decimal commas, columns need "
+        "semicolons or tabs between them)",
     )
 
 
@@ -171,18 +185,15 @@ def _number(text: str, comma: bool) -> bool:
 
 
 def _numbers(path: Path, layout: _Layout, indices: list[int]) -> Array:
-    with _open(path, layout.encoding) as file:
-        lines: Iterator[str] = file
-        if layout.decimal_comma:
-            lines = (line.replace(",", ".") for line in file)
-        table = np.loadtxt(
-            itertools.islice(lines, layout.skip + MOST_ROWS + 1),
-            delimiter=None if layout.separator == _SPACES else layout.separator,
-            skiprows=layout.skip,
-            usecols=indices,
-            quotechar='"',
-            ndmin=2,
-        )
+    rows = (text for _, text in itertools.islice(_data_lines(path, layout), MOST_ROWS + 1))
+    table = np.loadtxt(
+        (text.replace(",", ".") for text in rows) if layout.decimal_comma else rows,
+        delimiter=None if layout.separator == _SPACES else layout.separator,
+        usecols=indices,
+        quotechar='"',
+        comments=None,
+        ndmin=2,
+    )
     return np.asarray(table, dtype=np.float64)
 
 
@@ -222,8 +233,25 @@ def _line_of(path: Path, layout: _Layout, row: int) -> int:
 
 
 def _data_lines(path: Path, layout: _Layout) -> Iterator[tuple[int, str]]:
+    """Number and text of each line that holds a row: blank lines and what follows a ``#`` are left out.
+
+    Raises:
+        LogError: a row with more fields than there are columns; NumPy would take the first ones and say nothing.
+    """
+    most = len(layout.names)
     with _open(path, layout.encoding) as file:
         for number, line in enumerate(file, start=1):
-            text = line.split("#")[0]
-            if number > layout.skip and text.strip():
-                yield number, text
+            text = line.split("#")[0].rstrip("\r\n") if "#" in line else line.rstrip("\r\n")
+            if number <= layout.skip or not text.strip():
+                continue
+            if layout.separator == _SPACES:
+                count = len(text.split())
+            else:
+                count = (_QUOTED.sub("", text) if '"' in text else text).count(layout.separator) + 1
+            if count > most + (layout.separator != _SPACES and text.rstrip().endswith(layout.separator)):
+                raise LogError(
+                    f"{path}, line {number}: {count} fields where there are {most} columns",
+                    expected="rows of one length",
+                    do="remove or mend that row (decimal commas ask for semicolons between the columns)",
+                )
+            yield number, text

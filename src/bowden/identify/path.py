@@ -67,9 +67,11 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
         motor: (n,) [rad].
         joint: (n,) [rad].
         turns: of the motor.
-        nodes: about how many nodes are wanted; a log of many strokes gets more, so that each keeps its shape.
+        nodes: about how many nodes are wanted; a log of many strokes gets more, so that each keeps its shape. Ten
+            times as many are enough: a longer log repeats itself, and eight nodes a stroke then do.
     """
-    nodes = max(nodes, (len(turns.at) + 1) * max(8, nodes // 60))
+    strokes = len(turns.at) + 1
+    nodes = max(nodes, 8 * strokes, min(strokes * max(8, nodes // 60), 10 * nodes))
     travel = float(np.sum(np.abs(np.diff(turns.angle))))
     fast = float(np.quantile(np.abs(motor[9:] - motor[:-9]), 0.9)) / 9.0  # per sample; nine outweigh the noise
     together = max(1, int(travel / nodes / max(fast, 1e-12)), len(motor) // (4 * nodes))

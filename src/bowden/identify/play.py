@@ -39,15 +39,20 @@ class PlayOperator:
 
     name = "play"
 
+    def __init__(self, thin: Path | None = None) -> None:
+        """`thin` is the path, thinned, on which the range of half-widths is scanned; all of it where none is given."""
+        self._thin = thin
+
     def fit(self, path: Path) -> Estimate:
         """See `Family.fit`."""
+        thin = self._thin or path
         widths = 0.5 * path.span * np.geomspace(1e-3, 0.95, 40)
         starts = [np.array([width, side]) for width in widths for side in (-1.0, 0.0, 1.0)]
         costs = []
         for start in starts:
-            basis = self._basis(path, start)[0]
-            linear, _ = solve_linear(basis, path.joint, path.weight)
-            costs.append(float(path.weight @ (basis @ linear - path.joint) ** 2))
+            basis = self._basis(thin, start)[0]
+            linear, _ = solve_linear(basis, thin.joint, thin.weight)
+            costs.append(float(thin.weight @ (basis @ linear - thin.joint) ** 2))
         return self._search(path, starts[int(np.argmin(costs))])
 
     def refit(self, path: Path, near: Estimate) -> Estimate:

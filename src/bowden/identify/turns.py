@@ -38,7 +38,8 @@ def find_turns(motor: Array, noise: float) -> Turns:
     at = reversals(motor, max(8.0 * noise, 2e-3 * float(np.ptp(motor)), 1e-9))
     sums = np.concatenate([[0.0], np.cumsum(motor)])
     (start, start_error), (end, _) = _first_value(motor, noise), _first_value(motor[::-1], noise)
-    angle = np.array([start, *(_extreme(motor, sums, int(k), noise) for k in at), end])
+    tops = compiled(extremes)(motor, sums, at, noise)
+    angle = np.concatenate([[start], tops, [end]])
     return Turns(at, angle, start_error, _common_error(motor))
 
 
@@ -108,32 +109,30 @@ def zigzag(motor: Array, threshold: float) -> NDArray[np.int64]:
     return found[:count]
 
 
-def _extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
+@kernel
+def extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
     """The motor's true extreme near the sample `at` [rad]: the top of a quartic through the samples around it.
 
     The quartic spans the stretch within which the motor moves by a few times its noise, so that the noise is averaged
     as far as the motion allows. `sums` are the motor's running sums (n + 1,).
     """
-
-    def mean(first: int, end: int) -> float:
-        return float(sums[end] - sums[first]) / (end - first)
-
     half = 1
     while True:
         wider = max(half + 1, int(1.25 * half))
-        if at - wider < 0 or at + wider >= len(motor):
+        if at - wider < 0 or at + wider >= motor.size:
             break
         edge = max(1, wider // 4)
-        middle = mean(at - edge, at + edge + 1)
-        left, right = mean(at - wider, at - wider + edge), mean(at + wider - edge + 1, at + wider + 1)
+        middle = (sums[at + edge + 1] - sums[at - edge]) / (2 * edge + 1)
+        left = (sums[at - wider + edge] - sums[at - wider]) / edge
+        right = (sums[at + wider + 1] - sums[at + wider - edge + 1]) / edge
         if max(abs(middle - left), abs(middle - right)) > _SPAN * noise:
             break
         half = wider
     if half < 4:
         return float(motor[at])
     near = motor[at - half : at + half + 1]
-    smooth = _polynomial(near, 4)[half // 4 : -(half // 4)]
-    return float(np.max(smooth) if motor[at] > 0.5 * (near[0] + near[-1]) else np.min(smooth))
+    smooth = polynomial(near, 4)[half // 4 : near.size - half // 4]
+    return np.max(smooth) if motor[at] > 0.5 * (near[0] + near[-1]) else np.min(smooth)
 
 
 def _first_value(motor: Array, noise: float) -> tuple[float, float]:
@@ -145,9 +144,53 @@ def _first_value(motor: Array, noise: float) -> tuple[float, float]:
     near = motor[: far[0]] if len(far) else motor
     if len(near) < 12:
         return float(motor[0]), noise
-    return float(_polynomial(near, 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
+    return float(compiled(polynomial)(np.ascontiguousarray(near), 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
 
 
-def _polynomial(values: Array, degree: int) -> Array:
-    x = np.linspace(-1.0, 1.0, len(values))
-    return np.asarray(np.polynomial.chebyshev.chebval(x, np.polynomial.chebyshev.chebfit(x, values, degree)))
+@kernel
+def extremes(motor: Array, sums: Array, at: Index, noise: float) -> Array:
+    """`extreme` at each sample of `at` (strokes − 1,) [rad]."""
+    found = np.empty(at.size)
+    for k in range(at.size):
+        found[k] = extreme(motor, sums, at[k], noise)
+    return found
+
+
+@kernel
+def polynomial(values: Array, degree: int) -> Array:
+    """Evenly spaced values (n,) smoothed by the polynomial that fits them best.
+
+    Chebyshev polynomials up to degree 4 are near enough to orthogonal for the normal equations to lose no digits.
+    """
+    n, count = values.size, degree + 1
+    terms = np.ones((n, count))
+    for k in range(n):
+        x = 2.0 * k / (n - 1) - 1.0
+        terms[k, 1] = x
+        for d in range(2, count):
+            terms[k, d] = 2.0 * x * terms[k, d - 1] - terms[k, d - 2]
+    gram, moments = np.zeros((count, count)), np.zeros(count)
+    middle = np.mean(values)
+    for k in range(n):
+        for a in range(count):
+            moments[a] += terms[k, a] * (values[k] - middle)
+            for b in range(count):
+                gram[a, b] += terms[k, a] * terms[k, b]
+    for a in range(count):  # elimination; NumPy's solver would take seconds to compile
+        for b in range(a + 1, count):
+            share = gram[b, a] / gram[a, a]
+            moments[b] -= share * moments[a]
+            for c in range(a, count):
+                gram[b, c] -= share * gram[a, c]
+    factors = np.zeros(count)
+    for a in range(count - 1, -1, -1):
+        factors[a] = moments[a]
+        for b in range(a + 1, count):
+            factors[a] -= gram[a, b] * factors[b]
+        factors[a] /= gram[a, a]
+    smooth = np.empty(n)
+    for k in range(n):
+        smooth[k] = middle
+        for a in range(count):
+            smooth[k] += factors[a] * terms[k, a]
+    return smooth
