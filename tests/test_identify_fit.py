@@ -202,7 +202,7 @@ def test_no_reversal_means_no_loop_parameters() -> None:
 
 
 def test_a_joint_that_does_not_follow_is_said() -> None:
-    fit = identify(TIME, MOTOR, np.random.default_rng(0).standard_normal(len(TIME)))
+    fit = identify(TIME, MOTOR, 0.3 * np.sin(7.3 * TIME + 1.0))
     assert fit.best == "line"
     assert any("does not follow the motor" in warning for warning in fit.warnings)
 
@@ -250,6 +250,25 @@ def test_odd_motions_end_in_figures_or_in_one_line(motor: Array, size_deg: float
         assert math.isfinite(fitted.test_rms)
         assert all(math.isfinite(value) for value in fitted.parameters.values())
         assert not any(value < 0.0 for value in fitted.uncertainty.values())
+
+
+def test_a_joint_that_only_flickers_is_refused() -> None:
+    with pytest.raises(LogError, match=r"the joint moves .* of noise; expected .*; check its column"):
+        identify(TIME, MOTOR, 0.1 + noise(3, 0.01))
+
+
+def test_angles_in_degrees_are_refused_in_degrees() -> None:
+    with pytest.raises(LogError, match="motor is 2000°; expected an angle within ±1146°"):
+        identify(TIME, np.where(TIME < 1.0, 2000.0, np.degrees(MOTOR)), np.degrees(MOTOR), unit="deg")
+
+
+@pytest.mark.parametrize("samples", [60, 4000])
+def test_without_a_reversal_only_the_line_is_recommended(samples: int) -> None:
+    motor = np.linspace(0.0, 1.0, samples)
+    joint = np.where(motor < 0.1, 0.0, motor - 0.1) + 0.01 * np.sin(20.0 * motor)
+    fit = identify(0.01 * np.arange(samples), motor + np.resize(noise(1, 0.005), samples), joint)
+    assert fit.best == "line"
+    assert any("does not reverse" in warning for warning in fit.warnings)
 
 
 def test_a_model_says_what_it_lacks() -> None:

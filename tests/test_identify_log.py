@@ -121,6 +121,7 @@ def test_columns_and_units_can_be_given(write: Write) -> None:
     assert log.joint == pytest.approx(JOINT, abs=1e-6)
     with pytest.raises(ParameterError, match="expected deg or rad"):
         read_log(path, unit="grad")
+    assert np.array_equal(read_log(path, time="a", motor="b", joint="c", unit="DEG").joint, log.joint)
     with pytest.raises(LogError, match="no column 'd' for the joint among 'a', 'b', 'c'"):
         read_log(path, time="a", motor="b", joint="d")
     with pytest.raises(LogError, match="one column is taken twice"):
@@ -149,6 +150,16 @@ def test_jitter_is_resampled_with_a_warning(write: Write) -> None:
     assert "resampled" in log.warnings[0]
 
 
+def test_one_late_sample_is_no_gap(write: Write) -> None:
+    late = TIME.copy()
+    late[200:] += 0.004
+    (warning,) = read_log(write(text(rows(late, MOTOR, JOINT)))).warnings
+    assert "2 % RMS, 40 % at worst" in warning
+    late[200:] += 0.002
+    with pytest.raises(LogError, match=r"time has a gap .*1\.5 times"):
+        read_log(write(text(rows(late, MOTOR, JOINT))))
+
+
 def test_milliseconds_declared_as_seconds_are_noticed(write: Write) -> None:
     slow = rows(*(np.repeat(column, 2) for column in (TIME, MOTOR, JOINT)))
     lines = [f"{i}.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
@@ -169,8 +180,17 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "unsorted": (text([*LINES[:5], LINES[6], LINES[5], *LINES[7:]]), "line 8: time goes back"),
     "repeated": (text([*LINES[:5], LINES[4], *LINES[5:]]), "line 7: time repeats"),
     "a gap": (text(LINES[:200] + LINES[230:]), "line 202: time has a gap"),
-    "uneven": (jittered(0.3), "time has steps that scatter by 2"),
+    "uneven": (jittered(0.3), "the time steps scatter by 2"),
+    "uneven, far": (jittered(0.45), "the time steps scatter by 40 % RMS"),
     "a still motor": (text(rows(TIME, 0.0 * MOTOR + 0.3, JOINT)), "motor_rad is 0.3 rad in every sample"),
+    "a still motor in degrees": (
+        text(rows(TIME, 0.0 * MOTOR + 30.0, JOINT), "time_s,motor_deg,joint_deg"),
+        "motor_deg is 30 deg in every sample",
+    ),
+    "beyond any cable": (
+        text(put(rows(*DEGREES), 17, "0.15,4000.0,0.2"), "time_s,motor_deg,joint_deg"),
+        "line 17: motor_deg is 4000°; expected an angle within ±1146°; check the column",
+    ),
     "a still joint": (text(rows(TIME, MOTOR, 0.0 * JOINT)), "joint_rad is 0 rad in every sample"),
     "too short": (text(LINES[:30]), "30 samples are too short"),
     "degrees as radians": (text(rows(*DEGREES)), "declared as radians; angles beyond ±20 rad look like degrees"),

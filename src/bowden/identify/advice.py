@@ -62,8 +62,8 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
     found = []
     if path.strokes < 2:
         found.append(
-            "the motor does not reverse in the first half, so no hysteresis shows: move faster or record longer, six "
-            "cycles or more"
+            "the motor does not reverse in the first half, so no hysteresis shows and the line is all that can be "
+            "recommended: move faster or record longer, six cycles or more"
         )
     elif path.strokes < 6:
         found.append(

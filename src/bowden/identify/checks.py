@@ -14,7 +14,11 @@ FEWEST_SAMPLES = 50
 """Below this a loop cannot be told from noise."""
 
 _JITTER = 0.1
-"""Largest scatter of the time steps (standard deviation over median) that is mended by resampling."""
+"""Largest scatter of the time steps (root mean square of their departure from the median, over it) that is mended by
+resampling. One step may be further off, as a scheduler's hiccup is, if it is no gap."""
+
+_GAP = 1.5
+"""A step longer than this many medians is a gap, where the others do not scatter as much: a sample may be missing."""
 
 
 def check_finite(name: str, values: Array, where: Callable[[int], str]) -> None:
@@ -33,29 +37,37 @@ def check_finite(name: str, values: Array, where: Callable[[int], str]) -> None:
         )
 
 
-def check_angles(name: str, values: Array, unit_known: bool, where: Callable[[int], str]) -> None:
-    """Refuse angles that can only be degrees, and a signal that does not move.
+def check_angles(name: str, values: Array, unit: str, unit_known: bool, where: Callable[[int], str]) -> None:
+    """Refuse angles that no cable's log holds, and a signal that does not move.
 
     Args:
         name: of the signal.
-        values: (n,) taken as radians.
-        unit_known: whether the log or the user said that they are radians.
+        values: (n,) as the log has them.
+        unit: ``deg`` or ``rad``, in which they are taken.
+        unit_known: whether the log or the user named that unit.
         where: sample → place, for messages.
 
     Raises:
         LogError: an angle beyond ±20 rad, or no motion.
     """
     worst = int(np.argmax(np.abs(values)))
-    if abs(values[worst]) > CABLE_LOG_LIMIT:
+    limit = CABLE_LOG_LIMIT * (DEGREES if unit == "deg" else 1.0)
+    if abs(values[worst]) > limit and unit == "deg":
+        raise LogError(
+            f"{where(worst)}: {name} is {values[worst]:.6g}°",
+            expected=f"an angle within ±{limit:.0f}°",
+            do="check the column and its unit, or remove the outlier",
+        )
+    if abs(values[worst]) > limit:
         said = "declared as radians" if unit_known else "without a unit in its name"
         raise LogError(
             f"{where(worst)}: {name} is {values[worst]:.6g}, {said}; angles beyond ±{CABLE_LOG_LIMIT:g} rad "
             "look like degrees",
             do="pass --unit deg, or end the column's name in _deg",
         )
-    if not np.ptp(values) > 1e-9:
+    if not np.ptp(values) > 1e-9 * (DEGREES if unit == "deg" else 1.0):
         raise LogError(
-            f"{where(0)}: {name} is {values[0]:.6g} rad in every sample",
+            f"{where(0)}: {name} is {values[0]:.6g} {unit} in every sample",
             expected="a motor that moves back and forth, and a joint that follows",
             do="check the columns and the cable",
         )
@@ -71,6 +83,7 @@ def check_length(samples: int, where: str) -> None:
         raise LogError(
             f"{where}: {samples} samples are too short a log",
             expected=f"at least {FEWEST_SAMPLES}, over several cycles",
+            do="record at least six cycles",
         )
 
 
@@ -101,18 +114,25 @@ def even_time(time: Array, where: Callable[[int], str]) -> tuple[Array, list[str
     away = np.abs(steps / middle - 1.0)
     scatter = float(np.sqrt(np.mean(away**2)))
     worst = int(np.argmax(away))
-    if steps[worst] > 1.5 * middle or scatter > _JITTER:
-        what = "a gap" if steps[worst] > 1.5 * middle else f"steps that scatter by {100 * scatter:.0f} %"
+    seen = f"a step of {steps[worst]:.4g} s where {middle:.4g} s is usual"
+    if 1.4826 * float(np.median(away)) > _JITTER or (scatter > _JITTER and steps[worst] <= _GAP * middle):
         raise LogError(
-            f"{where(worst + 1)}: time has {what} (a step of {steps[worst]:.4g} s where {middle:.4g} s is usual)",
-            expected=f"even time stamps, within {100 * _JITTER:.0f} %",
-            do="resample the log on an even clock, or cut it at the gap",
+            f"{where(worst + 1)}: the time steps scatter by {100 * scatter:.0f} % RMS ({seen})",
+            expected=f"even time stamps, within {100 * _JITTER:.0f} % RMS",
+            do="resample the log on an even clock",
+        )
+    if steps[worst] > _GAP * middle:
+        raise LogError(
+            f"{where(worst + 1)}: time has a gap ({seen})",
+            expected=f"no step longer than {_GAP:g} times the usual one",
+            do="cut the log at the gap, or fill it by interpolation",
         )
     if float(np.max(away)) < 1e-3:
         return time, []
     even = np.linspace(time[0], time[-1], len(time))
     return even, [
-        f"the time stamps scatter by {100 * scatter:.2g} % of their step; the log was resampled on an even clock"
+        f"the time steps scatter by {100 * scatter:.2g} % RMS, {100 * away[worst]:.2g} % at worst; the log was "
+        f"resampled on an even clock (accepted up to {100 * _JITTER:.0f} % RMS and {_GAP:g} times the usual step)"
     ]
 
 

@@ -20,7 +20,7 @@ from bowden.identify.model import CableModel
 from bowden.identify.path import Path, build_path
 from bowden.identify.play import PlayOperator
 from bowden.identify.stack import PrandtlIshlinskii
-from bowden.identify.turns import Turns, find_turns, motor_noise
+from bowden.identify.turns import find_turns, motor_noise
 from bowden.identify.uncertainty import standard_errors
 from bowden.identify.validation import folds, held_out_errors, simplest_of_the_best, without_start
 
@@ -118,22 +118,22 @@ def identify(
         raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
     if unit not in ("rad", "deg"):
         raise ParameterError(f"identify: unit is {unit!r}", expected="rad or deg")
-    if unit == "deg":
-        x, y = np.deg2rad(x), np.deg2rad(y)
-    return identify_log(prepare(t, x, y, name, lambda sample: f"{name}, sample {sample + 1}"), seed, progress)
+    return identify_log(prepare(t, x, y, name, lambda sample: f"{name}, sample {sample + 1}", unit), seed, progress)
 
 
 def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> Fit:
     """`identify` for a log that was read and checked.
 
     Raises:
-        LogError: the motor's motion cannot be told from its noise.
+        LogError: the motor's or the joint's motion cannot be told from its noise.
     """
     begin = clock.perf_counter()
     tell = progress or (lambda what, share: None)
     split = int(np.searchsorted(log.time, 0.5 * (log.time[0] + log.time[-1])))
     noise = motor_noise(log.motor[:split])
-    turns = _turns(log, split, noise)
+    _check_motion(log, "motor", log.motor[:split], "check its column, or record a larger motion from the start")
+    _check_motion(log, "joint", log.joint[:split], "check its column, its encoder and the cable")
+    turns = find_turns(log.motor[:split], noise)
     half = log.time[:split], log.motor[:split], log.joint[:split], turns
     paths = [build_path(*half, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED)]
     paths[2] = paths[2].first(_SEARCHED_STROKES)
@@ -156,7 +156,8 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     tell("comparing on left-out strokes", 0.8)
     masks = folds(judged)
     errors = {family.name: held_out_errors(family, judged, estimates[family.name], masks) for family in families}
-    best: str = simplest_of_the_best(errors, {name: len(estimate.slopes) for name, estimate in estimates.items()})
+    offered = errors if fine.strokes > 1 else {"line": errors["line"]}  # without a reversal no hysteresis was seen
+    best: str = simplest_of_the_best(offered, {name: len(estimates[name].slopes) for name in offered})
 
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
     whole = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
@@ -200,17 +201,16 @@ def follow(model: CableModel, path: Path, time: Array) -> Array:
     return np.interp(time, path.time[counted], model.joint_angle(path.motor)[counted])
 
 
-def _turns(log: Log, split: int, noise: float) -> Turns:
-    motor = log.motor[:split]
-    span = float(np.ptp(np.convolve(motor, np.full(9, 1.0 / 9.0), "valid")))  # nine outweigh the noise
+def _check_motion(log: Log, what: str, values: Array, do: str) -> None:
+    noise = motor_noise(values)
+    span = float(np.ptp(np.convolve(values, np.full(9, 1.0 / 9.0), "valid")))  # nine outweigh the noise
     if not span > max(8.0 * noise, 1e-9):
         raise LogError(
-            f"{log.name}: in the first half the motor moves {np.rad2deg(span):.3g}° with {np.rad2deg(noise):.2g}° of "
+            f"{log.name}: in the first half the {what} moves {np.rad2deg(span):.3g}° with {np.rad2deg(noise):.2g}° of "
             "noise",
             expected="strokes well above the encoder's noise",
-            do="check the motor's column, or record a larger motion from the start",
+            do=do,
         )
-    return find_turns(motor, noise)
 
 
 def _rms(error: Array) -> float:

@@ -65,6 +65,7 @@ def read_log(
         LogError: the file cannot be read, or the log cannot be used; one line that says why and where.
         ParameterError: an unknown unit.
     """
+    unit = unit.lower() if unit else unit
     if unit not in (None, "deg", "rad"):
         raise ParameterError(f"--unit is {unit!r}", expected="deg or rad")
     file = Path(path)
@@ -77,12 +78,16 @@ def read_log(
         with file.open("rb") as opened:
             head = opened.read(512)
         if not head:
-            raise LogError(f"{file} is empty", expected="columns for time, motor and joint")
+            raise LogError(
+                f"{file} is empty", expected="columns for time, motor and joint", do="record or export the log again"
+            )
         columns, values, place = (read_matlab if is_matlab(file, head) else read_text)(file, given)
     except FileNotFoundError as error:
         raise LogError(f"{file} does not exist", do="check the path") from error
     except OSError as error:
-        raise LogError(f"{file} cannot be read: {error.strerror or error}") from error
+        raise LogError(
+            f"{file} cannot be read: {error.strerror or error}", do="check the file and its rights"
+        ) from error
     return _in_radians(RawLog(columns, values, place), unit, file.name)
 
 
@@ -100,15 +105,16 @@ def _in_radians(raw: RawLog, unit: str | None, name: str) -> Log:
             warnings.append(f"column {column.name!r} names {own[role]}, but {unit} was given and is taken")
         if unit is None and own[role] is None:
             warnings.append(f"column {column.name!r} names no unit and was taken as {chosen} (--unit says otherwise)")
+        said = unit is not None or named is not None
+        checks.check_angles(column.name, raw.values[role], chosen, said, raw.place)
         angles[role] = np.ascontiguousarray(raw.values[role] * FACTORS[chosen])
-        checks.check_angles(column.name, angles[role], unit is not None or named is not None, raw.place)
     seconds = raw.values["time"] * FACTORS.get(raw.columns["time"].unit or "s", 1.0)
     checked = prepare(seconds, angles["motor"], angles["joint"], name, raw.place)
     return Log(checked.time, checked.motor, checked.joint, name, (*warnings, *checked.warnings))
 
 
-def prepare(time: Array, motor: Array, joint: Array, name: str, place: Callable[[int], str]) -> Log:
-    """Check three signals in seconds and radians, and put them on an even clock.
+def prepare(time: Array, motor: Array, joint: Array, name: str, place: Callable[[int], str], unit: str = "rad") -> Log:
+    """Check three signals, in seconds and in `unit`, and put them on an even clock, in radians.
 
     Raises:
         LogError: too short, not finite, not moving, beyond ±20 rad, or on an uneven clock.
@@ -117,7 +123,8 @@ def prepare(time: Array, motor: Array, joint: Array, name: str, place: Callable[
     for what, values in (("time", time), ("motor", motor), ("joint", joint)):
         checks.check_finite(what, values, place)
     for what, values in (("motor", motor), ("joint", joint)):
-        checks.check_angles(what, values, True, place)
+        checks.check_angles(what, values, unit, True, place)
+    motor, joint = motor * FACTORS[unit], joint * FACTORS[unit]
     even, warnings = checks.even_time(time, place)
     if even is not time:
         motor, joint = np.interp(even, time, motor), np.interp(even, time, joint)
