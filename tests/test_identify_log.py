@@ -115,6 +115,16 @@ def test_matlab(tmp_path: Path) -> None:
         read_log(path)
 
 
+def test_matlab_that_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.mat"
+    savemat(path, {"t": TIME, "phi_in": MOTOR + 1e-3j, "phi_out": JOINT})
+    with pytest.raises(LogError, match="'phi_in' is complex; expected real numbers; save its real part"):
+        read_log(path)
+    savemat(path, {"data": np.stack([TIME, MOTOR, JOINT], axis=1)})
+    with pytest.raises(LogError, match=r"'data' is a matrix of 400 × 3; .*; save its columns under names"):
+        read_log(path)
+
+
 def test_columns_and_units_can_be_given(write: Write) -> None:
     path = write(text(rows(*DEGREES), "a,b,c"))
     log = read_log(path, time="a", motor="b", joint="C", unit="deg")

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
 from bowden.identify.bouc_wen import BoucWenCable, fit_terms
+from bowden.identify.bouc_wen_search import bounds
 from bowden.identify.family import Estimate, Family
 from bowden.identify.line import Line
 from bowden.identify.path import Path, build_path
@@ -81,6 +82,20 @@ def test_play(encoders: tuple[Encoder, Encoder]) -> None:
         path = path_of(motor, -0.9 * z + 0.2, seed, encoders)
         found.append(scores(family.fit(path), path, family, true))
     assert_coverage(found, least=0.8, most_mean=1.2)
+
+
+def test_at_the_bound_of_its_search_a_parameter_has_no_uncertainty() -> None:
+    motor = motion(0)
+    z = compiled(plays)(motor, np.array([0.05]))[:, 0]  # the sharpest corner there is
+    path = path_of(motor, -0.9 * z, 0, (DITHERED, DITHERED))
+    start = np.array([3.0, 0.0, np.log(29.0), 0.0])
+    estimate = fit_terms(path, start, 1, 0)
+    low, high = bounds(path.span)
+    edge = np.isclose(estimate.theta, low, atol=5e-3) | np.isclose(estimate.theta, high, atol=5e-3)
+    errors = standard_errors(path, estimate, BoucWenCable(path, 0))
+    assert edge[:3].any()
+    for name, close in zip(("rate", "shape", "exponent"), edge[:3], strict=True):
+        assert np.isinf(errors[name]) == close
 
 
 def test_line_with_a_residual_that_is_not_white() -> None:

@@ -123,7 +123,11 @@ def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
         return []
     told = ", ".join(
         f"{key} = {fitted.parameters[key]:.3g}"
-        + (f" ± {fitted.uncertainty[key]:.2g}" if math.isfinite(fitted.uncertainty[key]) else " (unbounded)")
+        + (
+            f" ± {fitted.uncertainty[key]:.2g}"
+            if math.isfinite(fitted.uncertainty[key])
+            else " (at the bound of its search, or not shown)"
+        )
         for key in vague
     )
     return [

@@ -81,6 +81,14 @@ def chebyshev(u: Array, degree: int) -> Array:
     return np.asarray(np.cos(degree * np.arccos(inside)) + tangent * (u - inside))
 
 
+def at_bound(path: Path, theta: Array) -> list[str]:
+    """Which of ρ, σ and n the search left at the edge of its range: there the data ask for more than it offers, and
+    the curvature of the error says nothing about how far."""
+    low, high = bounds(path.span)
+    near = np.minimum(theta - low, high - theta) < 1e-3 * (high - low)
+    return [name for name, close in zip(SEARCHED[:3], near[:3], strict=True) if close]
+
+
 def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: bool = False) -> Estimate:
     """The gradient stage from θ = `start`, with static terms to degree `static` and a loop height to `heights`."""
     fitted = path.motor[path.weight > 0]
@@ -120,5 +128,6 @@ def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: boo
         slopes=slopes,
         fitted=np.einsum("np,p->n", columns, found.linear),
         theta=found.theta,
-        variance={"initial_h": (steepness * path.start_error) ** 2},
+        variance={"initial_h": (steepness * path.start_error) ** 2}
+        | dict.fromkeys(at_bound(path, found.theta), np.inf),
     )

@@ -28,7 +28,11 @@ NAMES = tuple(_PREDICT)
 """Every family's name, from the simplest on."""
 
 _MEANINGS = (
-    (r"slope", "rad/rad", "αφ: joint motion per motor motion outside the play"),
+    (
+        r"slope",
+        "rad/rad",
+        "αφ: joint motion per motor motion outside the play; of a stack, plus the sum of its weights",
+    ),
     (r"offset", "rad", "joint angle at motor angle 0 without hysteresis"),
     (r"half_width(_\d+)?", "rad", "half the motor's travel lost at a reversal"),
     (r"weight_\d+", "rad/rad", "share of the play of that half-width"),
