@@ -221,7 +221,7 @@ def _explained(path: Path, layout: _Layout, columns: Mapping[str, Column], error
                     expected="a number",
                     do="remove or mend that row",
                 )
-    return LogError(f"{path} cannot be read: {error}")
+    return LogError(f"{path} cannot be read: {error}", do="export it as CSV, a number in every field")
 
 
 def _line_of(path: Path, layout: _Layout, row: int) -> int:
