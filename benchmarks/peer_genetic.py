@@ -17,7 +17,8 @@ from bowden.core.units import DEGREES
 from bowden.identify.bouc_wen import BoucWenCable, simulate
 from bowden.identify.fit import identify
 from bowden.identify.log import read_log
-from bowden.identify.path import Path, build_path, motor_noise
+from bowden.identify.path import Path, build_path
+from bowden.identify.turns import find_turns, motor_noise
 from bowden.models.bouc_wen import BoucWen, saturation, travel_step
 from bowden.models.bouc_wen_sensitivity import hysteresis
 from bowden.paper import bench as paper
@@ -52,7 +53,8 @@ class HalfLog:
     def path(self, nodes: int, *, whole: bool = False) -> Path:
         """The first half, or the whole, thinned and freed of the motor's noise."""
         part = slice(0, len(self.time) if whole else self.split)
-        return build_path(self.time[part], self.motor[part], self.joint[part], motor_noise(self.motor[part]), nodes)
+        turns = find_turns(self.motor[part], motor_noise(self.motor[part]))
+        return build_path(self.time[part], self.motor[part], self.joint[part], turns, nodes)
 
     def test_rms(self, parameters: dict[str, float]) -> float:
         """Error on the second half, simulated from the log's start [rad]."""
