@@ -12,7 +12,7 @@ from bowden.design.random_plants import run_random_plant
 from bowden.models.backlash import Play
 from bowden.paper import bench as paper
 from bowden.sim.cable_plant import CablePlant
-from bowden.sim.cables import play
+from bowden.sim.cables import bouc_wen, play
 from bowden.sim.closed_loop import simulate
 
 
@@ -36,12 +36,24 @@ def test_it_beats_the_papers_adaptive_law_where_that_was_tuned(moved: Trace) -> 
 
 
 def test_estimates_end_at_the_cables_parameters(moved: Trace) -> None:
-    cable, height = paper.bench().cable, paper.true_bound()
-    constant = paper.run(LAWS["bowden"])
-    assert constant["law.slope"][-1] == pytest.approx(cable.slope, rel=0.01)
-    assert constant["law.height"][-1] == pytest.approx(height, rel=0.1)
-    assert moved["law.slope"][-1] == pytest.approx(moved["slope"][-1], rel=0.02)
-    assert moved["law.height"][-1] == pytest.approx(2.0 * height, rel=0.1)
+    cable, constant = paper.bench().cable, paper.run(LAWS["bowden"])
+    for trace in (constant, moved):
+        for name in ("law.slope_up", "law.slope_down"):
+            assert trace[name][-1] == pytest.approx(trace["slope"][-1], rel=0.02)
+        crossing = crossing_width(trace["width"][-1], trace["slope"][-1] / cable.slope)
+        assert trace["law.width"][-1] == pytest.approx(crossing, rel=0.1)
+
+
+def crossing_width(width: float, factor: float) -> float:
+    """Motor travel after a turn until the bench's joint is back where it was [rad]."""
+    cable = bouc_wen(paper.bench().cable)
+    memory = cable.start(cable.prepared, 0.0, width, factor)
+    memory = cable.advance(cable.prepared, memory, 0.0, 1.0, width, factor, 1.0)
+    turn, motor, step = cable.look(cable.prepared, memory, 1.0, width, factor).joint, 1.0, 2e-4
+    while motor > 0.98 or cable.look(cable.prepared, memory, motor, width, factor).joint > turn:
+        memory = cable.advance(cable.prepared, memory, motor, motor - step, width, factor, 1.0)
+        motor -= step
+    return 1.0 - motor
 
 
 def test_a_cable_that_runs_the_other_way_is_the_same_cable() -> None:
@@ -55,7 +67,7 @@ def test_a_cable_that_runs_the_other_way_is_the_same_cable() -> None:
 
 def test_a_model_spares_the_learning() -> None:
     plant = CablePlant(cable=play(Play(0.7, 0.06)), servo=paper.bench().servo)
-    knowing = LAWS["bowden"].with_gains(slope=0.7, height=0.042, doubt=0.1)
+    knowing = LAWS["bowden"].with_gains(slope=0.7, width=0.12, doubt=0.1)
     first = [rmse(simulate(plant, law, paper.minimum_jerk(), duration=10.0).error) for law in (LAWS["bowden"], knowing)]
     assert first[1] < 0.5 * first[0]
 
@@ -66,9 +78,11 @@ def test_estimates_stay_inside_their_bounds_whatever_is_measured() -> None:
     for _ in range(3000):
         sample = Sample(*(10.0 ** random.uniform(-3, 3, 2) * random.choice([-1.0, 1.0], 2)))
         state, command = law.step(state, sample, Reference(*random.normal(size=3)), 1e-3)
-        assert 0.4 <= state.slope <= 2.0
-        assert 0.0 <= state.height <= 0.2
-        assert 0.2 * 0.4 <= state.steepness <= 2.0 * 2.0
+        assert 0.55 <= state.slope_up <= 1.3
+        assert 0.55 <= state.slope_down <= 1.3
+        assert -0.5 <= state.width <= 0.5
+        assert -0.3 <= state.wedge <= 0.3
+        assert -0.02 <= state.lag <= 0.1
         assert np.isfinite(command)
 
 

@@ -1,27 +1,29 @@
-"""Our law: an inverse of the cable that is learned while it runs, with the servo's lag and the delay fed forward.
+"""Our law: it learns while it runs how the cable loses motion, and makes up for it ahead of time.
 
-The cable is seen as a slot between two lines, which covers play, Bouc–Wen and soft friction loops alike:
+What is learned is what a controller needs of a cable, and nothing else: the slope in each direction, how wide the dead
+zone is where the motor turns, and how far the joint lags.
 
-    joint = a·motor + b·η + o,    dη/d(motor) = −k/b inside the slot, |η| ≤ 1
+**Plan** (`slot_plan`). The motor follows the reference through 1/slope. Where the reference turns it jumps most of the
+dead zone, by minimum jerk, from a little before the turn; the rest is left to the feedback, since a jump too far cannot
+be taken back through the dead zone. The plan, whose derivatives are exact, goes through the inverse of the servo, a
+delay and a lag ahead.
+**Feedback** (`held_feedback`). PI with lead on e = joint − reference, as wide as servo, delay and lag allow. It does
+not turn the motor back on a cable with a dead zone, and does not hear the encoder's noise.
+**Learning** (`crossing_estimate`, `slope_estimate`). Two Kalman filters of three unknowns each.
 
-a is the slope, b half the loop's height, k how fast the hysteresis takes up its height (k = a is pure play, k > a a
-cable that first moves the wrong way, k < a a soft one), o the offset.
-
-**Inverse.** The motor should be at (reference − o + b·q)/a; `slot_plan` says where q should be. A cable with k ≥ 0.8·a
-is *jumped* when the reference turns; a softer one is *followed*.
-**Servo and delay.** The plan, whose derivatives are exact, goes through the inverse of the servo, a delay ahead.
-**Feedback.** PI with lead on e = joint − reference. Inside the slot of a jumped cable the joint moves the wrong way:
-there the feedback may slow the motor down but never turn it back.
-**Learning.** `cable_estimate`, while it runs. Derivation, stability and limits: ``docs/our_law.md``.
+Derivation, stability and limits: ``docs/our_law.md``.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from bowden.control.cable_estimate import CableEstimate, first_guess, learn
+from bowden.control.crossing_estimate import CrossingEstimate, crossing_here, first_crossing, watch
+from bowden.control.held_feedback import SLIP, Feedback, Setting, listen, no_feedback, steer
 from bowden.control.law import Law
-from bowden.control.slot_plan import SlotPlan, followed, jumped, wanted_side
+from bowden.control.parts import bounded
+from bowden.control.slope_estimate import SlopeEstimate, first_slope, learn_slope
+from bowden.control.slot_plan import SlotPlan, advance_plan, planned_motion, rest_plan, wanted_side
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -36,232 +38,176 @@ class BowdenGains(NamedTuple):
     delay: float = 0.0015
     """From a sample to the middle of the time for which its command is held [s]."""
     slope: float = 1.0
-    """First guess of a, to about ± 40 %; negative where the cable runs the other way [rad/rad]."""
-    height: float = 0.0
-    """First guess of b [rad]."""
-    steepness: float = 1.0
-    """First guess of k/a [–]."""
+    """First guess of the slope, to about ± 40 %; negative where the cable runs the other way [rad/rad]."""
+    width: float = 0.0
+    """First guess of the dead zone in motor angle; 0 where nothing is known [rad]."""
     doubt: float = 1.0
-    """Doubt about the first guess: 1 where nothing is known, 0.1 where it comes from an identified model [–]."""
-    feedback: float = 0.19
-    """Integral gain on a jumped cable over ω, but no more than 10/s [–]."""
-    soft_feedback: float = 0.37
-    """The same on a followed cable, but no more than 20/s [–]."""
-    lead: float = 0.8
-    """Time of the lead and of the error's filter, times ω [–]."""
-    crossing: float = 3.0
-    """Time for jumping the slot, times ω [–]."""
-    early: float = 0.5
+    """Doubt about the first guesses: 1 where nothing is known, 0.1 where they come from an identified model [–]."""
+    feedback: float = 1.1
+    """Largest gain of the feedback over ω [–]."""
+    most: float = 60.0
+    """Largest gain of the feedback [1/s]."""
+    budget: float = 0.6
+    """Largest gain of the feedback times filter, delay and learned lag [–]."""
+    lead: float = 1.0
+    """Time of the feedback's lead, times ω [–]."""
+    smoothing: float = 0.45
+    """Time constant of the error's filter, times ω [–]."""
+    quiet: float = 2.2
+    """Changes of the feedback that are left alone, in standard deviations of the measured noise [–]."""
+    crossing: float = 1.9
+    """Time of a jump through the dead zone, times ω [–]."""
+    early: float = 0.4
     """Share of that time by which a jump begins before the reference turns [–]."""
-    least_speed: float = 0.01
-    """Slower references do not decide on a side [rad/s]."""
+    reach: float = 0.95
+    """Share of the dead zone that is jumped [–]."""
+    worth: float = 0.0008
+    """Motion of the reference that is worth a reversal [rad]."""
     tolerance: float = 0.007
-    """Error that is worth crossing the slot for, if it does not pass by itself [rad]."""
+    """Error that is worth crossing the dead zone for, if it does not pass by itself [rad]."""
     patience: float = 0.5
     """Time given to an error to pass by itself [s]."""
-    wander: float = 0.05
-    """Standard deviation by which a and b may change in one radian of motor travel [1 and rad per √rad]."""
-    noise: float = 0.002
-    """Standard deviation of what the model does not explain [rad]."""
 
 
 class BowdenState(NamedTuple):
-    """What the law remembers."""
+    """What the law remembers: its plan, its feedback and its two estimates, one after the other."""
 
-    integral: float
-    """Integral part of the feedback, in joint angle [rad]."""
-    feedback: float
-    """Feedback in motor angle [rad]."""
-    error: float
-    """Filtered error [rad]."""
-    slow_error: float
-    """Error behind a filter of 50 ms [rad]."""
-    trust: float
-    """0 during a jump, rising to 1 after it; the feedback acts as far as it is trusted [–]."""
     side: float
-    """Side of the slot that is wanted: +1 while the joint rises, −1 while it falls [–]."""
     slot: float
-    """q, the planned place in the slot [–]."""
-    slot_from: float
-    """q where the present jump began [–]."""
+    since: float
     phase: float
-    """Share of the present jump that is done [–]."""
-    slope: float
-    """a [rad/rad]."""
-    height: float
-    """b [rad]."""
-    offset: float
-    """o [rad]."""
-    steepness: float
-    """k [rad/rad]."""
-    p11: float
-    p12: float
-    p13: float
-    p22: float
-    p23: float
-    p33: float
-    hysteresis: float
-    """η as the measured motor's travel makes it [–]."""
-    motor: float
-    """Motor angle at the last step of travel [rad]."""
+    jump: float
+    plan: float
+    owed: float
+    reference: float
+    begun: float
+    integral: float
+    feedback: float
+    error_before: float
+    error: float
+    slow_error: float
+    trust: float
     joint: float
-    """Joint angle there [rad]."""
+    joint_before: float
+    variance: float
+    width: float
+    wedge: float
+    shortfall: float
+    w11: float
+    w12: float
+    w13: float
+    w22: float
+    w23: float
+    w33: float
+    touches: float
     heading: float
-    """Direction of the last step of travel [–]."""
-    travel: float
-    """Travel since the motor turned [rad]."""
+    far_motor: float
+    far_joint: float
     turn_motor: float
-    """Motor angle where it turned [rad]."""
     turn_joint: float
-    """Joint angle there [rad]."""
     turn_open: float
-    """1 while that reversal can still tell k [–]."""
+    free: float
+    share: float
+    slope_up: float
+    slope_down: float
+    lag: float
+    s11: float
+    s12: float
+    s13: float
+    s22: float
+    s23: float
+    s33: float
+    filtered_motor: float
+    filtered_joint: float
+    from_motor: float
+    from_joint: float
+    from_rate: float
+    elapsed: float
 
 
-@kernel
-def believed(state: BowdenState) -> CableEstimate:
-    """The cable's part of the state."""
-    return CableEstimate(
-        slope=state.slope,
-        height=state.height,
-        offset=state.offset,
-        steepness=state.steepness,
-        p11=state.p11,
-        p12=state.p12,
-        p13=state.p13,
-        p22=state.p22,
-        p23=state.p23,
-        p33=state.p33,
-        hysteresis=state.hysteresis,
-        motor=state.motor,
-        joint=state.joint,
-        heading=state.heading,
-        travel=state.travel,
-        turn_motor=state.turn_motor,
-        turn_joint=state.turn_joint,
-        turn_open=state.turn_open,
-    )
+NARROWEST = 0.012
+"""A dead zone below this is followed, not jumped [rad]."""
 
+RECOVERY = 0.006
+"""Time in which the feedback comes back after a jump [s]."""
 
-@kernel
-def remembered(
-    integral: float,
-    feedback: float,
-    error: float,
-    slow_error: float,
-    trust: float,
-    side: float,
-    slot: float,
-    slot_from: float,
-    phase: float,
-    cable: CableEstimate,
-) -> BowdenState:
-    """The state, flat, from its own part and the cable's."""
-    return BowdenState(
-        integral=integral,
-        feedback=feedback,
-        error=error,
-        slow_error=slow_error,
-        trust=trust,
-        side=side,
-        slot=slot,
-        slot_from=slot_from,
-        phase=phase,
-        slope=cable.slope,
-        height=cable.height,
-        offset=cable.offset,
-        steepness=cable.steepness,
-        p11=cable.p11,
-        p12=cable.p12,
-        p13=cable.p13,
-        p22=cable.p22,
-        p23=cable.p23,
-        p33=cable.p33,
-        hysteresis=cable.hysteresis,
-        motor=cable.motor,
-        joint=cable.joint,
-        heading=cable.heading,
-        travel=cable.travel,
-        turn_motor=cable.turn_motor,
-        turn_joint=cable.turn_joint,
-        turn_open=cable.turn_open,
-    )
+SETTLED = 2.0
+"""Durations of a jump after its beginning until what is seen of it counts [–]."""
 
 
 @kernel
 def start(gains: BowdenGains, sample: Sample) -> BowdenState:
-    """Begin at rest where the sample is, with the first guess of the cable."""
+    """Begin at rest where the sample is, with the first guesses."""
     sign = np.sign(gains.slope)
-    cable = first_guess(
-        np.abs(gains.slope), gains.height, gains.steepness, gains.doubt, sample.joint, sign * sample.motor
-    )
-    return remembered(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, cable)
+    motor = sign * sample.motor
+    plan = rest_plan(motor)
+    feedback = no_feedback(sample.joint, 4e-8)
+    crossing = first_crossing(gains.width, gains.doubt, motor, sample.joint)
+    slope = first_slope(np.abs(gains.slope), gains.doubt, motor, sample.joint)
+    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slope[:]))
 
 
 @kernel
 def step(
     gains: BowdenGains, state: BowdenState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BowdenState, float]:
-    """One cycle: plan the slot, feed back, invert cable, servo and delay, learn."""
-    sign = np.sign(gains.slope)
-    motor = sign * sample.motor
-    a, b, k = state.slope, state.height, state.steepness
-    height = np.fmax(b, 0.002)
-    soft = (k < 0.8 * a) * (b > 0.004)
-    omega = gains.servo_frequency
-    crossing_time = gains.crossing / omega
+    """One cycle: plan, feed back, invert servo, delay and lag, learn."""
+    plan, before = SlotPlan(*state[0:9]), Feedback(*state[9:18])
+    crossing, slopes = CrossingEstimate(*state[18:36]), SlopeEstimate(*state[36:51])
+    sign, omega = np.sign(gains.slope), gains.servo_frequency
+    joint = bounded(sample.joint, -1e3, 1e3, before.joint)
+    motor = bounded(sign * sample.motor, -1e3, 1e3, slopes.filtered_motor)
+    lag = np.fmax(0.0, slopes.lag)
+    duration = gains.crossing / omega
 
-    error = sample.joint - reference.position
-    follow = dt / (gains.lead / omega + dt)
-    filtered = state.error + (error - state.error) * follow
-    error_rate = (error - state.error) * follow / dt
-    slow_error = state.slow_error + (error - state.slow_error) * dt / 0.05
-
-    settled = (state.trust >= 1.0) * (soft < 0.5)
+    # plan
+    width = crossing_here(crossing, motor)
+    wide = sel(width > NARROWEST, 1.0, 0.0)
+    error = joint - reference.position
+    heard = listen(before, joint, error, 0.5 * gains.smoothing / omega, dt)
     side = wanted_side(
-        state.side,
-        slow_error,
+        plan,
         reference,
-        gains.early * crossing_time,
-        gains.least_speed,
+        wide * 2.0 * gains.early * duration,
+        gains.worth,
+        heard.slow_error,
         gains.tolerance,
         gains.patience,
-        settled,
+        wide,
     )
-    before = SlotPlan(state.side, state.slot, state.slot_from, state.phase, 0.0, 0.0)
-    jump = jumped(before, side, crossing_time, dt)
-    follow_on = followed(before, side, k / (height * np.fmax(a - k, 0.1 * a)), reference, dt)
-    slot = sel(soft, follow_on.slot, jump.slot)
-    slot_from = sel(soft, follow_on.slot_from, jump.slot_from)
-    phase = sel(soft, follow_on.phase, jump.phase)
-    slot_rate = sel(soft, follow_on.rate, jump.rate)
-    slot_growth = sel(soft, follow_on.growth, jump.growth)
+    slope = sel(side < 0.0, slopes.down, slopes.up)
+    plan = advance_plan(plan, reference, side, slope, wide * gains.reach * width, duration, dt)
+    asked = planned_motion(plan, reference, slope, duration, gains.delay, lag)
+    inverse = asked.position + (2.0 * gains.servo_damping * asked.velocity + asked.acceleration / omega) / omega
 
-    # feedback, which may not turn the motor back inside a slot that is jumped
-    trust = sel(phase < 1.0, 0.0, np.fmin(1.0, state.trust + dt / 0.05))
-    kappa = sel(soft, np.fmin(gains.soft_feedback * omega, 20.0), np.fmin(gains.feedback * omega, 10.0))
-    integral = state.integral + sel(trust >= 1.0, kappa * error * dt, 0.0)
-    lead = gains.lead / omega
-    wish = -(integral + kappa * trust * (2.0 * lead * filtered + lead * lead * error_rate)) / a
-    allowed = np.abs(reference.velocity + b * slot_rate) / a * dt
-    change = wish - state.feedback
-    held = state.feedback + sel(side > 0.0, np.fmax(change, -allowed), np.fmin(change, allowed))
-    feedback = sel((np.abs(side) > 0.5) * (soft < 0.5), held, wish)
-    integral = sel(feedback == wish, integral, state.integral)
+    # feedback
+    jumping = plan.phase < 1.0
+    latency = gains.smoothing / omega + gains.delay + lag
+    setting = Setting(
+        gain=np.fmin(np.fmin(gains.feedback * omega, gains.most), gains.budget / latency),
+        lead=gains.lead / omega,
+        smoothing=0.5 * gains.smoothing / omega + dt,
+        quiet=gains.quiet,
+        recovery=RECOVERY,
+    )
+    ahead = sel(jumping, 0.0, side * (inverse + before.feedback - motor) - SLIP)
+    free = np.fmax(np.abs(asked.steady) * dt, ahead)
+    held = (wide > 0.5) + (crossing.touches < 1.5) > 0.0  # until it is known, a dead zone is taken for granted
+    feedback = steer(heard, setting, error, slope, side, jumping, held, free, dt)
+    command = sign * (inverse + feedback.feedback)
 
-    # inverse of the cable, the servo and the delay
-    ahead_of = gains.delay
-    plan = reference.position + ahead_of * reference.velocity + b * (slot + ahead_of * slot_rate) - state.offset
-    plan_rate = reference.velocity + ahead_of * reference.acceleration + b * slot_rate
-    plan_growth = reference.acceleration + b * slot_growth
-    servo = plan + 2.0 * gains.servo_damping / omega * plan_rate + plan_growth / (omega * omega)
-    command = sign * (servo / a + feedback)
+    # learning
+    settled = (plan.since > SETTLED * duration) + (plan.jump == 0.0) > 0.0
+    crossing, seen = watch(crossing, motor, joint, slope, np.sqrt(heard.variance), settled)
+    slopes = learn_slope(slopes, crossing, seen, motor, joint, np.abs(gains.slope), dt)
+    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slopes[:])), command
 
-    calm = sel(phase >= 1.0, 1.0, 0.0)
-    cable = learn(believed(state), motor, sample.joint, gains.wander, gains.noise, np.abs(gains.slope), calm)
-    after = remembered(integral, feedback, filtered, slow_error, trust, side, slot, slot_from, phase, cable)
-    return after, command
 
+_ANGLES = (
+    *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
+    *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
+    *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
+)
 
 BOWDEN = Law(
     name="bowden",
@@ -273,26 +219,26 @@ BOWDEN = Law(
         "servo_frequency": (1.0, 1e4),
         "servo_damping": (0.1, 10.0),
         "delay": (0.0, 0.1),
-        "height": (0.0, 0.2),
-        "steepness": (0.2, 2.0),
+        "width": (0.0, 0.5),
         "doubt": (0.0, 10.0),
-        "feedback": (0.0, 1.0),
-        "soft_feedback": (0.0, 1.0),
+        "feedback": (0.0, 5.0),
+        "most": (0.0, 1e3),
+        "budget": (0.0, 5.0),
         "lead": (0.0, 10.0),
+        "smoothing": (0.01, 10.0),
+        "quiet": (0.0, 100.0),
         "crossing": (0.5, 100.0),
         "early": (0.0, 1.0),
-        "least_speed": (0.0, 10.0),
+        "reach": (0.0, 1.0),
+        "worth": (0.0, 1.0),
         "tolerance": (1e-6, 1.0),
         "patience": (0.01, 100.0),
-        "wander": (0.0, 10.0),
-        "noise": (1e-6, 1.0),
     },
     state_units={
-        "integral": "rad",
-        "feedback": "rad",
-        "error": "rad",
-        "slow_error": "rad",
-        **dict.fromkeys(("height", "offset", "motor", "joint", "travel", "turn_motor", "turn_joint"), "rad"),
-        **dict.fromkeys(("slope", "steepness"), "rad/rad"),
+        **dict.fromkeys(_ANGLES, "rad"),
+        **dict.fromkeys(("since", "lag", "elapsed"), "s"),
+        **dict.fromkeys(("wedge", "slope_up", "slope_down"), "rad/rad"),
+        "from_rate": "rad/s",
+        "variance": "rad²",
     },
 )

@@ -1,7 +1,8 @@
-"""Where in the slot of its hysteresis a cable should be, ahead of each reversal (see `bowden.control.bowden`).
+"""Where the motor should be: the reference through the cable's slope, a jump through the dead zone at each reversal.
 
-q ∈ [−1, 1] is the planned place: +1 while the joint rises, −1 while it falls, and between them while the motor crosses
-the dead zone. The motor is then sent to (reference − o + b·q)/a. Portable subset.
+The plan is kept in increments, so that nothing jumps when an estimate changes: the motor moves by dφ/a with the
+reference, and by `width`·(1 − side·slot)/2 where the side changes. `slot` ∈ [−1, 1] is the place in the dead zone
+(+1 while the joint rises, −1 while it falls). A jump takes its own time by minimum jerk. Portable subset.
 """
 
 from typing import NamedTuple
@@ -11,74 +12,151 @@ import numpy as np
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference
 
-UNHURRIED = 0.03
-"""A reference slower than this [rad/s] may be waited for by a joint that is behind it."""
-
 
 class SlotPlan(NamedTuple):
-    """The plan with its derivatives."""
+    """The plan at one moment."""
 
     side: float
-    """Side of the slot that is wanted: +1 while the joint rises, −1 while it falls [–]."""
+    """Side of the dead zone that is wanted: +1 while the joint rises, −1 while it falls, 0 before the start [–]."""
     slot: float
-    """q [–]."""
-    slot_from: float
-    """q where the present jump began [–]."""
+    """Place in the dead zone where the last jump ends [–]."""
+    since: float
+    """Time since the side changed [s]."""
     phase: float
-    """Share of the present jump that is done; 1 where there is none [–]."""
-    rate: float
-    """dq/dt [1/s]."""
-    growth: float
-    """d²q/dt² [1/s²]."""
+    """Share of the last jump that is done; 1 where there is none [–]."""
+    jump: float
+    """Motor travel of the last jump, signed; 0 before the first [rad]."""
+    motor: float
+    """Where the motor should be once the jump is done [rad]."""
+    owed: float
+    """Motion of the reference that is not planned yet, since it goes against the side [rad]."""
+    reference: float
+    """Reference of the last cycle [rad]."""
+    begun: float
+    """0 before the first cycle, then 1."""
+
+
+class MotorMotion(NamedTuple):
+    """What the plan asks of the motor, with its exact derivatives."""
+
+    position: float
+    """[rad]"""
+    velocity: float
+    """[rad/s]"""
+    acceleration: float
+    """[rad/s²]"""
+    steady: float
+    """Velocity without the jump's [rad/s]."""
 
 
 @kernel
-def wanted_side(
-    side: float,
-    slow_error: float,
-    reference: Reference,
-    early: float,
-    least_speed: float,
-    tolerance: float,
-    patience: float,
-    settled: float,
-) -> float:
-    """The side that the reference wants `early` ahead, unless a lasting error wants the other.
-
-    A joint that is further than the reference, by more than `tolerance`, and that the reference will not catch up with
-    within `patience`, is brought back through the slot, if the last crossing has `settled`. One that is still behind a
-    slow reference that is about to turn is left where it is.
-    """
-    ahead = reference.velocity + reference.acceleration * early
-    wanted = sel(np.abs(ahead) > least_speed, np.sign(ahead), side)
-    beyond = slow_error * side  # positive: the joint is further than the reference, in the direction of motion
-    need = (reference.velocity - slow_error / patience) * side
-    waits = (wanted != side) * (beyond < -tolerance) * (np.abs(ahead) < UNHURRIED)
-    back = (need < -tolerance / patience) * (beyond > tolerance) * (settled > 0.5)
-    return sel(back, -side, sel(waits, side, wanted))
-
-
-@kernel
-def jumped(plan: SlotPlan, side: float, duration: float, dt: float) -> SlotPlan:
-    """Cross the slot by minimum jerk in `duration` [s], whatever the reference does."""
-    flip = side != plan.side
-    slot_from = sel(flip, plan.slot, plan.slot_from)
-    x = sel(flip, 0.0, np.fmin(1.0, plan.phase + dt / duration))
-    span = side - slot_from
+def rest_plan(motor: float) -> SlotPlan:
+    """At rest in the middle of the dead zone, with the motor where it is."""
     return SlotPlan(
-        side=side,
-        slot=slot_from + span * x * x * x * (10.0 + x * (6.0 * x - 15.0)),
-        slot_from=slot_from,
-        phase=x,
-        rate=span * 30.0 * x * x * (1.0 + x * (x - 2.0)) / duration,
-        growth=span * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)) / (duration * duration),
+        side=0.0, slot=0.0, since=10.0, phase=1.0, jump=0.0, motor=motor, owed=0.0, reference=0.0, begun=0.0
     )
 
 
 @kernel
-def followed(plan: SlotPlan, side: float, per_angle: float, reference: Reference, dt: float) -> SlotPlan:
-    """Move through the slot with the reference, dq = `per_angle`·dφ, as a soft cable does by itself."""
-    moved = plan.slot + dt * per_angle * reference.velocity
-    inside = sel(np.abs(moved) < 1.0, per_angle, 0.0)
-    slot = np.fmax(-1.0, np.fmin(1.0, moved))
-    return SlotPlan(side, slot, slot, 1.0, inside * reference.velocity, inside * reference.acceleration)
+def minimum_jerk_share(phase: float) -> float:
+    """10x³ − 15x⁴ + 6x⁵.
+
+    >>> minimum_jerk_share(0.5)
+    0.5
+    """
+    return phase * phase * phase * (10.0 + phase * (6.0 * phase - 15.0))
+
+
+@kernel
+def owed_now(plan: SlotPlan, reference: Reference) -> float:
+    """Motion of the reference that is still to be planned [rad]."""
+    return plan.owed + sel(plan.begun > 0.5, reference.position - plan.reference, 0.0)
+
+
+@kernel
+def wanted_side(
+    plan: SlotPlan,
+    reference: Reference,
+    ahead: float,
+    worth: float,
+    slow_error: float,
+    tolerance: float,
+    patience: float,
+    crossable: float,
+) -> float:
+    """The side that the reference wants, unless a lasting error wants the other.
+
+    Args:
+        plan: so far.
+        reference: now.
+        ahead: how far to look ahead, twice the time by which a jump should begin before the reference turns [s].
+        worth: motion of the reference against the side that is worth a reversal [rad].
+        slow_error: joint − reference behind a filter [rad].
+        tolerance: error that is worth crossing the dead zone for, if it does not pass by itself within `patience`.
+        patience: [s].
+        crossable: 1 where crossing on purpose is of use, on a cable with a dead zone, else 0.
+    """
+    velocity = reference.velocity + reference.acceleration * ahead
+    motion = owed_now(plan, reference) + ahead * (reference.velocity + 0.5 * ahead * reference.acceleration)
+    turns = (velocity * plan.side < 0.0) * (motion * plan.side < -worth)
+    starts = (plan.side == 0.0) * (np.abs(velocity) > 1e-4)
+    wanted = sel(turns + starts > 0.0, np.sign(velocity), plan.side)
+    beyond = slow_error * plan.side  # positive: the joint is further than the reference, in the direction of motion
+    passes = (reference.velocity - slow_error / patience) * plan.side * patience
+    back = (passes < -tolerance) * (beyond > tolerance) * (plan.since > patience) * crossable
+    waits = (wanted != plan.side) * (beyond < -tolerance) * (np.abs(velocity) < 0.03)
+    return sel(back, 0.0 - plan.side, sel(waits, plan.side, wanted))
+
+
+@kernel
+def advance_plan(
+    plan: SlotPlan, reference: Reference, side: float, slope: float, width: float, duration: float, dt: float
+) -> SlotPlan:
+    """The plan one cycle on.
+
+    Args:
+        plan: so far.
+        reference: now.
+        side: wanted.
+        slope: joint motion per motor motion on that side [rad/rad].
+        width: motor travel through the dead zone that is to be jumped from the other side; 0 for no jump [rad].
+        duration: of a jump [s].
+        dt: the cycle [s].
+    """
+    owed = owed_now(plan, reference)
+    due = np.fmax(side * owed, 0.0)
+    flip = side != plan.side
+    travel = side * 0.5 * width * np.fmax(1.0 - side * plan.slot, 0.0)
+    jumps = flip * (width > 0.0)
+    left = plan.jump * (1.0 - minimum_jerk_share(plan.phase))
+    return SlotPlan(
+        side=side,
+        slot=sel(flip, side, plan.slot),
+        since=sel(flip, 0.0, np.fmin(10.0, plan.since + dt)),
+        phase=sel(jumps, 0.0, np.fmin(1.0, plan.phase + dt / duration)),
+        jump=sel(jumps, left + travel, plan.jump),
+        motor=plan.motor + side * due / slope + sel(jumps, travel, 0.0),
+        owed=sel(side * owed > 0.0, 0.0, owed),
+        reference=reference.position,
+        begun=1.0,
+    )
+
+
+@kernel
+def planned_motion(
+    plan: SlotPlan, reference: Reference, slope: float, duration: float, delay: float, lag: float
+) -> MotorMotion:
+    """What the motor should do now: the reference `delay` + `lag` ahead, the jump `delay` ahead."""
+    x = plan.phase
+    rate = plan.jump * 30.0 * x * x * (1.0 + x * (x - 2.0)) / duration
+    growth = plan.jump * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)) / (duration * duration)
+    goes = sel(plan.side * reference.velocity > 0.0, 1.0 / slope, 0.0)
+    steady, pick_up = goes * reference.velocity, goes * reference.acceleration
+    ahead = delay + lag
+    behind = plan.jump * (1.0 - minimum_jerk_share(x))
+    return MotorMotion(
+        position=plan.motor - behind + ahead * steady + delay * rate,
+        velocity=steady + rate + ahead * pick_up,
+        acceleration=pick_up + growth,
+        steady=steady + rate,
+    )

@@ -1,0 +1,190 @@
+"""Learning the dead zone of a cable while it runs: how far the motor goes after it turned until the joint moves on.
+
+At each reversal of the measured motor, the joint is watched until it is on the new side of where it was:
+
+    found = motor travel since the turn − joint motion since the turn / slope
+
+This is the width of the dead zone, whatever happens in it: rest (pure play), a motion the wrong way (the paper's
+Bouc–Wen cable) or a slow start (a rounded loop). A Kalman filter takes
+
+    width(motor, share) = w + wedge·motor − shortfall·(1 − share)
+
+where the wedge is friction that grows with tension (a capstan), and `share` says how far the joint had gone before the
+turn, in a full stroke (share 1) or in a small one. Portable subset.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel, sel
+
+WIDEST = 0.5
+"""Largest dead zone that is believed, in motor angle [rad]."""
+
+STEEPEST = 0.3
+"""Largest wedge that is believed [rad/rad]."""
+
+TOUCH = 0.003
+"""Joint motion that ends a crossing [rad]; more where the noise asks for it."""
+
+EDGE = 0.004
+"""Motor motion that is a turn [rad]; more where the noise asks for it."""
+
+SURE = 6.0
+"""Standard deviations of the noise that are no motion [–]."""
+
+STROKE = 0.3
+"""Motor travel beyond the dead zone after which a stroke counts as full [rad]."""
+
+_SPREAD = 2e-5
+"""Variance of one measurement [rad²]."""
+
+_WANDER = (3e-5, 1e-4, 1e-4)
+"""By how much the variances of w, wedge and shortfall grow at each reversal, since a sheath is moved."""
+
+
+class CrossingEstimate(NamedTuple):
+    """What is believed of the dead zone, and what is needed to learn more."""
+
+    width: float
+    """w [rad]."""
+    wedge: float
+    """[rad/rad]"""
+    shortfall: float
+    """[rad]"""
+    w11: float
+    """Covariance of (w, wedge, shortfall), upper triangle."""
+    w12: float
+    w13: float
+    w22: float
+    w23: float
+    w33: float
+    touches: float
+    """Full crossings that were seen, up to 9 [–]."""
+    heading: float
+    """Direction of the motor; 0 before it has moved [–]."""
+    far_motor: float
+    """Furthest motor angle in that direction [rad]."""
+    far_joint: float
+    """Joint angle there [rad]."""
+    turn_motor: float
+    """Motor angle at the last turn [rad]."""
+    turn_joint: float
+    """Joint angle there [rad]."""
+    turn_open: float
+    """1 until the joint moves on after a turn, ½ if the last crossing had not ended before it, else 0."""
+    free: float
+    """Motor travel since the joint moves on [rad]."""
+    share: float
+    """Share of a full stroke before the last turn [–]."""
+
+
+class Seen(NamedTuple):
+    """What happened in this cycle."""
+
+    turned: float
+    """1 where the motor turned."""
+    touched: float
+    """1 where the joint moved on."""
+
+
+@kernel
+def first_crossing(width: float, doubt: float, motor: float, joint: float) -> CrossingEstimate:
+    """What is believed at the start; a width above 0 comes from a model, and the first touch is like any other then."""
+    doubt2 = doubt * doubt
+    return CrossingEstimate(
+        width=width,
+        wedge=0.0,
+        shortfall=0.0,
+        w11=0.02 * doubt2,
+        w12=0.0,
+        w13=0.0,
+        w22=0.0015 * doubt2,
+        w23=0.0,
+        w33=0.0004 * doubt2,
+        touches=sel(width > 0.0, 2.0, 0.0),
+        heading=0.0,
+        far_motor=motor,
+        far_joint=joint,
+        turn_motor=motor,
+        turn_joint=joint,
+        turn_open=sel(width > 0.0, 0.5, 1.0),
+        free=0.0,
+        share=1.0,
+    )
+
+
+@kernel
+def crossing_here(crossing: CrossingEstimate, motor: float) -> float:
+    """The dead zone, if the motor turned here and now [rad]."""
+    lacking = 1.0 - np.fmin(1.0, crossing.free / STROKE)
+    width = crossing.width + crossing.wedge * motor - crossing.shortfall * lacking
+    return np.fmax(0.0, np.fmin(WIDEST, width))
+
+
+@kernel
+def watch(
+    crossing: CrossingEstimate, motor: float, joint: float, slope: float, noise: float, settled: float
+) -> tuple[CrossingEstimate, Seen]:
+    """What is believed after one more sample.
+
+    Args:
+        crossing: what was believed.
+        motor: measured motor angle, counted so that the slope is positive [rad].
+        joint: measured joint angle [rad].
+        slope: joint motion per motor motion [rad/rad].
+        noise: standard deviation of the encoders' noise [rad].
+        settled: 0 during a jump and shortly after it, when the joint may still lag, else 1.
+    """
+    edge, touch = np.fmax(EDGE, SURE * noise), np.fmax(TOUCH, SURE * noise)
+    away = motor - crossing.far_motor
+    still = crossing.heading == 0.0
+    onward = away * crossing.heading
+    turned = (onward < -edge) + still * (np.abs(away) > edge) > 0.0
+    heading = sel(turned, np.sign(away), crossing.heading)
+    turn_motor = sel(turned, crossing.far_motor, crossing.turn_motor)
+    turn_joint = sel(turned, crossing.far_joint, crossing.turn_joint)
+    whole = sel((crossing.turn_open < 0.25) + still > 0.0, 1.0, 0.5)
+    turn_open = sel(turned, sel(still, crossing.turn_open, whole), crossing.turn_open)
+    share = sel(turned * (1.0 - still), np.fmin(1.0, crossing.free / STROKE), crossing.share)
+    further = turned + (onward > 0.0) > 0.0
+
+    gone, moved = (motor - turn_motor) * heading, (joint - turn_joint) * heading
+    touched = (turn_open > 0.0) * (moved > touch) * (gone > EDGE) * settled > 0.0
+    found = np.fmax(0.0, np.fmin(WIDEST, gone - moved / slope))
+    first = crossing.touches < 0.5  # where in the dead zone the cable was at the start is not known
+    lacking = (1.0 - share) * (1.0 - first)
+    miss = found - (crossing.width + crossing.wedge * turn_motor - crossing.shortfall * lacking)
+    full = turn_open > 0.75
+    use = sel(touched * (full + (miss > 0.01) > 0.0), 1.0, 0.0)
+
+    w11, w22 = crossing.w11 + use * _WANDER[0], crossing.w22 + use * _WANDER[1]
+    w33 = crossing.w33 + use * _WANDER[2]
+    h1 = w11 + crossing.w12 * turn_motor - crossing.w13 * lacking
+    h2 = crossing.w12 + w22 * turn_motor - crossing.w23 * lacking
+    h3 = crossing.w13 + crossing.w23 * turn_motor - w33 * lacking
+    spread = h1 + h2 * turn_motor - h3 * lacking + _SPREAD + sel(first, found * found, 0.0)
+    pull = use / spread
+    wedge = crossing.wedge + pull * h2 * miss
+    after = CrossingEstimate(
+        width=np.fmax(-WIDEST, np.fmin(WIDEST, crossing.width + pull * h1 * miss)),
+        wedge=np.fmax(-STEEPEST, np.fmin(STEEPEST, wedge)),
+        shortfall=np.fmax(0.0, np.fmin(WIDEST, crossing.shortfall + pull * h3 * miss)),
+        w11=w11 - pull * h1 * h1,
+        w12=crossing.w12 - pull * h1 * h2,
+        w13=crossing.w13 - pull * h1 * h3,
+        w22=w22 - pull * h2 * h2,
+        w23=crossing.w23 - pull * h2 * h3,
+        w33=w33 - pull * h3 * h3,
+        touches=np.fmin(9.0, crossing.touches + sel(touched * full, 1.0, 0.0)),
+        heading=heading,
+        far_motor=sel(further, motor, crossing.far_motor),
+        far_joint=sel(further, joint, crossing.far_joint),
+        turn_motor=turn_motor,
+        turn_joint=turn_joint,
+        turn_open=sel(touched, 0.0, turn_open),
+        free=sel((turned + touched > 0.0) + (turn_open > 0.0) > 0.0, 0.0, crossing.free + np.fmax(onward, 0.0)),
+        share=share,
+    )
+    return after, Seen(sel(turned, 1.0, 0.0), sel(touched, 1.0, 0.0))

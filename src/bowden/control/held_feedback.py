@@ -1,0 +1,137 @@
+"""Feedback that may push the motor on but not back through the dead zone, and that does not hear the encoder's noise.
+
+PI with lead on e = joint − reference, in motor angle:
+
+    wish = −∫κ·e/a dt − κ·(2T·e + T²·de/dt)/a
+
+With T = 1/ω it turns the servo's two lags into a plain integrator. Inside the dead zone the joint does not follow the
+motor, or runs the wrong way: there the feedback may slow the motor down, to a stand where it is, but not turn it back.
+Changes smaller than a few standard deviations of the noise, which is measured, are left alone. Portable subset.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel, sel
+
+SLIP = 0.002
+"""How far the command may stay ahead of the motor when it is taken back [rad]."""
+
+_SLOW = 0.05
+"""Time constant of the error that decides on crossing the dead zone on purpose [s]."""
+
+_HEARING = 0.3
+"""Time constant of the measured noise [s]."""
+
+
+class Feedback(NamedTuple):
+    """What the feedback remembers."""
+
+    integral: float
+    """∫κ·e/a dt [rad]."""
+    feedback: float
+    """What is added to the plan [rad]."""
+    error_before: float
+    """Error behind the first of two filters [rad]."""
+    error: float
+    """Error behind both [rad]."""
+    slow_error: float
+    """Error behind a filter of 50 ms [rad]."""
+    trust: float
+    """0 during a jump, rising to 1 after it; the feedback acts as far as it is trusted [–]."""
+    joint: float
+    """Joint one cycle ago [rad]."""
+    joint_before: float
+    """Joint two cycles ago [rad]."""
+    variance: float
+    """Variance of the joint encoder's noise [rad²]."""
+
+
+class Setting(NamedTuple):
+    """How the feedback is set in this cycle."""
+
+    gain: float
+    """κ [1/s]."""
+    lead: float
+    """T [s]."""
+    smoothing: float
+    """Time constant of each of the two filters [s]."""
+    quiet: float
+    """Changes that are left alone, in standard deviations of the noise [–]."""
+    recovery: float
+    """Time in which trust comes back after a jump [s]."""
+
+
+@kernel
+def no_feedback(joint: float, variance: float) -> Feedback:
+    """At the start."""
+    return Feedback(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, joint, joint, variance)
+
+
+@kernel
+def listen(before: Feedback, joint: float, error: float, smoothing: float, dt: float) -> Feedback:
+    """Filter the error, and measure the noise by the joint's second difference, whose variance is six times its."""
+    follow = dt / (smoothing + dt)
+    first = before.error_before + (error - before.error_before) * follow
+    second = joint - 2.0 * before.joint + before.joint_before
+    heard = np.fmin(second * second / 6.0, 16.0 * before.variance + 1e-9)
+    return Feedback(
+        integral=before.integral,
+        feedback=before.feedback,
+        error_before=first,
+        error=before.error + (first - before.error) * follow,
+        slow_error=before.slow_error + (error - before.slow_error) * dt / (_SLOW + dt),
+        trust=before.trust,
+        joint=joint,
+        joint_before=before.joint,
+        variance=before.variance + (heard - before.variance) * dt / (_HEARING + dt),
+    )
+
+
+@kernel
+def steer(
+    before: Feedback,
+    setting: Setting,
+    error: float,
+    slope: float,
+    side: float,
+    jumping: float,
+    held: float,
+    free: float,
+    dt: float,
+) -> Feedback:
+    """The feedback of this cycle, for an error that `listen` has heard.
+
+    Args:
+        before: with the filtered error.
+        setting: gains.
+        error: joint − reference [rad].
+        slope: joint motion per motor motion [rad/rad].
+        side: of the dead zone [–].
+        jumping: 1 during a jump, in which nothing is fed back.
+        held: 1 where the feedback may not turn the motor back.
+        free: how far it may be taken back all the same [rad].
+        dt: the cycle [s].
+    """
+    trust = sel(jumping, 0.0, np.fmin(1.0, before.trust + dt / setting.recovery))
+    rate = (before.error_before - before.error) / setting.smoothing
+    integral = before.integral + sel(trust >= 1.0, setting.gain * error * dt / slope, 0.0)
+    lead = setting.lead
+    wish = 0.0 - integral - setting.gain * trust * lead * (2.0 * before.error + lead * rate) / slope
+    change = wish - before.feedback
+    noise = setting.quiet * np.sqrt(before.variance)
+    change = sel(change > noise, change - noise, sel(change < -noise, change + noise, 0.0))
+    onward = sel(side > 0.0, np.fmax(change, -free), np.fmin(change, free))
+    kept = sel(held * (np.abs(side) > 0.5), onward, change)
+    return Feedback(
+        integral=sel(kept == change, integral, before.integral),
+        feedback=before.feedback + kept,
+        error_before=before.error_before,
+        error=before.error,
+        slow_error=before.slow_error,
+        trust=trust,
+        joint=before.joint,
+        joint_before=before.joint_before,
+        variance=before.variance,
+    )
