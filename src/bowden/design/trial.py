@@ -19,6 +19,8 @@ _HALF = 2.0
 """Time of one motion, up or down [s]."""
 MOVING = 40.0
 """How long it moves [s]; a whole number of motions."""
+SETTLED = 400.0
+"""Motion of a trial of a law with estimates [s]: four times 1/(δ·σ), with which the paper's leakage settles them."""
 _SETTLING, _JUDGED = 10.0, 10.0
 """Of the rest that follows: what is left to the loop, and what is judged [s]."""
 _SNAPSHOTS = 8
