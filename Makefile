@@ -13,7 +13,7 @@ help:
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
 	@echo "make docs    write docs/rig.md and docs/json/rig.schema.json from the schema"
-	@echo "make bench   speed against C, python-control and a genetic algorithm"
+	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
 	@echo "make clean   remove what make and the tools have made"
 
 # The environment, made anew when pyproject.toml changes. The demo needs the package alone.

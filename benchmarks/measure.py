@@ -58,6 +58,15 @@ class Row:
     target: str
 
 
+@dataclass(frozen=True)
+class Figure:
+    """One figure that has no peer."""
+
+    what: str
+    found: str
+    target: str
+
+
 def by_turns(rounds: int, **tasks: Callable[[], object]) -> dict[str, Timing]:
     """Time every task once in each round, A B C A B C …, so that a slow spell of the machine meets all of them.
 
@@ -92,10 +101,22 @@ def machine() -> list[str]:
     ]
 
 
-def table(rows: list[Row]) -> str:
+def table(rows: list[Row] | list[Figure]) -> str:
     """The rows as a Markdown table."""
+    if isinstance(rows[0], Figure):
+        lines = [f"| {f.what} | {f.found} | {f.target} |" for f in rows if isinstance(f, Figure)]
+        return "\n".join(["| what | found | target |", "|---|---|---|", *lines])
     head = ["| what | bowden | peer | ratio | target |", "|---|---|---|---|---|"]
-    return "\n".join([*head, *(f"| {r.what} | {r.ours} | {r.peer} | {r.ratio} {r.unit} | {r.target} |" for r in rows)])
+    return "\n".join(
+        [
+            *head,
+            *(
+                f"| {r.what} | {r.ours} | {r.peer} | {r.ratio} {r.unit} | {r.target} |"
+                for r in rows
+                if isinstance(r, Row)
+            ),
+        ]
+    )
 
 
 def _number(value: float) -> str:

@@ -1,7 +1,9 @@
 """All benchmarks in one run: ``make bench``.
 
-Prints a table of ratios and writes it to ``benchmarks/RESULTS.md``. Ratios are what to read: the times are this
-machine's. With the names of parts (``c control genetic start``) only these are run, and nothing is written.
+Prints tables and writes each to its section of ``benchmarks/RESULTS.md``. Of speed it is the ratios that count: the
+times are this machine's. With the names of parts (``c control genetic start study plants``) only these are run, and
+only sections that were run whole are written anew. The last two take minutes and keep what is done in ``out/bench``, so
+that they can be interrupted; with ``--count`` they run on fewer rigs (of another seed) or plants, and write nothing.
 """
 
 import argparse
@@ -10,64 +12,105 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bowden.core.files import whole_file
-from measure import Row, machine, table
+from measure import Figure, Row, machine, table
 
-Part = Callable[[], tuple[list[Row], list[str]]]
+Found = tuple[list[Row], list[str]] | tuple[list[Figure], list[str]]
+RESULTS = Path(__file__).parent / "RESULTS.md"
+HOW = (
+    "Times are seconds on the processor, medians (smallest … largest) of rounds in which the tasks take turns; a ratio "
+    "is the median of the rounds' own ratios (middle half)."
+)
 
 
-def c() -> tuple[list[Row], list[str]]:
+def c(count: int | None) -> Found:
     """The closed loop against C."""
     import hand_c
 
     return hand_c.rows()
 
 
-def control() -> tuple[list[Row], list[str]]:
+def control(count: int | None) -> Found:
     """The closed loop against python-control."""
     import peer_control
 
     return peer_control.rows()
 
 
-def genetic() -> tuple[list[Row], list[str]]:
+def genetic(count: int | None) -> Found:
     """Identification against a genetic algorithm."""
     import peer_genetic
 
     return peer_genetic.rows()
 
 
-def start() -> tuple[list[Row], list[str]]:
+def start(count: int | None) -> Found:
     """The first run of a fresh process."""
     import fresh_process
 
     return fresh_process.rows(), []
 
 
-PARTS: dict[str, Part] = {part.__name__: part for part in (c, control, genetic, start)}
+def study(count: int | None) -> Found:
+    """The verdicts of `bowden check` against long simulations."""
+    import check_study
+
+    return check_study.figures() if count is None else check_study.figures(count, check_study.SEED_OF_TRIES)
+
+
+def plants(count: int | None) -> Found:
+    """Our law on random plants."""
+    import random_plants
+
+    return random_plants.figures(count or random_plants.COUNT)
+
+
+SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
+    "Speed": (c, control, genetic, start),
+    "How far `bowden check` can be trusted": (study,),
+    "Our law on random plants": (plants,),
+}
 
 
 def main() -> None:
+    parts = [part.__name__ for section in SECTIONS.values() for part in section]
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("parts", nargs="*", choices=[[], *PARTS], help="run only these parts")
-    chosen = parser.parse_args().parts or list(PARTS)
-    begin, rows, notes = time.perf_counter(), [], []
-    for name in chosen:
-        print(f"{name} …", flush=True)
-        found, said = PARTS[name]()
-        rows += found
+    parser.add_argument("parts", nargs="*", choices=[[], *parts], help="run only these parts")
+    parser.add_argument("--count", type=int, help="of the rigs of `study` and the plants of `plants`, for a try")
+    arguments = parser.parse_args()
+    begin = time.perf_counter()
+    for title, section in SECTIONS.items():
+        chosen = [part for part in section if not arguments.parts or part.__name__ in arguments.parts]
+        if chosen:
+            text = _section(title, chosen, arguments.count)
+            print(f"\n{text}\n{time.perf_counter() - begin:.0f} s in all", flush=True)
+            if len(chosen) == len(section) and arguments.count is None:
+                _write(title, text)
+
+
+def _section(title: str, parts: list[Callable[[int | None], Found]], count: int | None) -> str:
+    rows: list[Row] = []
+    figures: list[Figure] = []
+    notes = []
+    for part in parts:
+        print(f"{part.__name__} …", flush=True)
+        found, said = part(count)
+        rows += [row for row in found if isinstance(row, Row)]
+        figures += [row for row in found if isinstance(row, Figure)]
         notes += said
-    about = "\n".join(f"- {line}" for line in machine())
+    if rows:
+        notes = [*machine(), HOW, *notes]
     explained = "\n".join(f"- {note}" for note in notes)
-    how = (
-        "Times are seconds on the processor, medians (smallest … largest) of rounds in which the tasks take turns; a "
-        "ratio is the median of the rounds' own ratios (middle half)."
-    )
-    report = f"{about}\n\n{table(rows)}\n\n{how}\n\n{explained}\n"
-    print(f"\n{report}\n{time.perf_counter() - begin:.0f} s in all")
-    if chosen == list(PARTS):
-        text = f"# Benchmarks\n\nWritten by `make bench`; the numbers are one run's.\n\n{report}"
-        with whole_file(Path(__file__).parent / "RESULTS.md") as part:
-            part.write_text(text, encoding="utf-8")
+    return f"## {title}\n\n{table(rows or figures)}\n\n{explained}\n"
+
+
+def _write(title: str, text: str) -> None:
+    """Put a section in its place among the others."""
+    there = RESULTS.read_text(encoding="utf-8") if RESULTS.is_file() else ""
+    known = {part.partition("\n")[0]: f"## {part.rstrip()}\n" for part in there.split("\n## ")[1:]}
+    known[title] = text
+    head = "# Benchmarks\n\nWritten by `make bench`, section by section; the numbers are one run's.\n"
+    with whole_file(RESULTS) as part:
+        part.write_text("\n".join([head, *(known[name] for name in SECTIONS if name in known)]), encoding="utf-8")
 
 
 if __name__ == "__main__":

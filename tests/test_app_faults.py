@@ -19,6 +19,7 @@ from bowden.app.main import run
 from bowden.core.errors import OutputError
 from bowden.core.files import whole_file, whole_files
 from bowden.core.trace import Trace
+from bowden.design import trial  # noqa: F401  # takes the loop by name, before a test puts another in its place
 from bowden.sim import closed_loop
 
 SHORT = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 4.0\n[scenario]\nduration_s = 1.0\n"
@@ -282,7 +283,9 @@ def test_an_own_law_that_is_wrong_is_one_line(
 
 def test_an_own_law_that_runs_away_later_is_an_unstable_run(capsys: pytest.CaptureFixture[str]) -> None:
     Path("law.py").write_text(LAW.replace(RETURN, "return State(integral + 2.0), command + 1e-2 * integral * integral"))
-    assert run(["simulate", "rig.toml", "--law", "law.py", "--json"]) == 0
+    assert run(["simulate", "rig.toml", "--law", "law.py"]) == 2
+    assert "law does not hold on rig.toml: the linear loop is stable, but the trial runs away" in one_line(capsys)
+    assert run(["simulate", "rig.toml", "--law", "law.py", "--force", "--json"]) == 0
     (figures,) = json.loads(capsys.readouterr().out)["runs"]
     assert figures["stable"] is False
     assert figures["rmse_deg"] is None

@@ -39,6 +39,7 @@ def test_simulate_prints_one_document_and_writes_what_it_names(capsys: pytest.Ca
     assert main.run(["simulate", "rig.toml", *laws, "--csv", "--json", "--out", "deep/er"]) == 0
     document = check(capsys.readouterr().out, "simulate")
     assert [run["law"] for run in document["runs"]] == list(names)
+    assert [run["check"] for run in document["runs"]] == ["holds", "little_margin", "holds"]
     assert document["runs"][0]["rmse_deg"] > 3.0 * document["runs"][2]["rmse_deg"]
     assert document["runs"][0]["rmse_after_10s_deg"] is None
     written = sorted(str(path) for path in Path("deep/er").iterdir())
@@ -50,12 +51,70 @@ def test_simulate_prints_one_document_and_writes_what_it_names(capsys: pytest.Ca
     assert "adaptive" in Path("deep/er/simulate.html").read_text()
 
 
-def test_an_unstable_run_is_a_result_with_nulls(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["simulate", "rig.toml", "--preset", "paper", "--json"]) == 0
-    (run,) = check(capsys.readouterr().out, "simulate")["runs"]
+def test_an_unstable_run_that_is_forced_is_a_result_with_nulls(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["simulate", "rig.toml", "--preset", "paper", "--force", "--json"]) == 0
+    printed = capsys.readouterr()
+    (run,) = check(printed.out, "simulate")["runs"]
     assert run.pop("law") == "adaptive"
+    assert run.pop("check") == "does_not_hold"
     assert run.pop("stable") is False
     assert set(run.values()) == {None}
+    assert printed.err.startswith("bowden: note: adaptive does not hold on rig.toml, and runs because of --force: ")
+
+
+def test_gains_that_do_not_hold_are_refused_before_anything_runs(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "slow.toml").write_text(SHORT + "[servo]\nnatural_frequency_hz = 1.0\n")
+    assert main.run(["simulate", "slow.toml", "--law", "uncompensated", "--law", "cascaded_pid", "--json"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("bowden: cascaded_pid does not hold on slow.toml: the sampled loop is unstable at a ")
+    assert "; set " in printed.err
+    assert printed.err.endswith(", or run it anyway with --force (of 2 laws, none was run)\n")
+    assert printed.err.count("\n") == 1
+    assert sorted(path.name for path in folder.iterdir()) == ["rig.toml", "slow.toml"]
+
+
+def test_the_bends_of_the_scenario_count(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gains = "[control]\nlaw = 'adaptive'\n[control.gains]\nerror_gain = 0.15\nfeedback_gain = 10.0\n"
+    moved = "[scenario.bend]\nkind = 'scripted'\ntimes_s = [1.0, 2.0]\nbends_deg = [180.0, 3600.0]\n"
+    (folder / "still.toml").write_text(SHORT + gains)
+    (folder / "moved.toml").write_text(SHORT + moved + gains)
+    reasons = []
+    for rig in ("still.toml", "moved.toml"):
+        main.run(["check", rig, "--json"])
+        verdict = json.loads(capsys.readouterr().out)
+        assert main.run(["simulate", rig, "--force", "--json"]) == 0
+        printed = capsys.readouterr()
+        assert json.loads(printed.out)["runs"][0]["check"] == verdict["verdict"]
+        assert (verdict["reason"] in printed.err) is (verdict["verdict"] != "holds")
+        reasons.append(verdict["reason"])
+    assert reasons[0] != reasons[1]
+
+
+def test_little_margin_runs_with_a_note(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["simulate", "rig.toml", "--law", "observer", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert check(printed.out, "simulate")["runs"][0]["check"] == "little_margin"
+    assert printed.err.startswith("bowden: note: observer has little margin on rig.toml: ")
+
+
+def test_a_law_that_cannot_be_checked_is_not_locked_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = (ROOT / "examples" / "my_law.py").read_text().replace("import kernel", "import kernel, sel")
+    still = "return State(integral), command + sel(reference.velocity == 0.0, 0.0, 1e-9 / reference.velocity)"
+    (folder / "law.py").write_text(source.replace("return State(integral), command", still))
+    assert main.run(["simulate", "rig.toml", "--law", "law.py", "--json"]) == 0
+    printed = capsys.readouterr()
+    (figures,) = check(printed.out, "simulate")["runs"]
+    assert figures["check"] is None
+    assert figures["stable"] is True
+    assert (
+        printed.err == "bowden: note: law cannot be checked (ZeroDivisionError: float division by zero); it runs "
+        "unchecked\n"
+    )
+    assert main.run(["check", "rig.toml", "--law", "law.py"]) == 2
+    assert "line 50: ZeroDivisionError: float division by zero; correct the law" in capsys.readouterr().err
 
 
 def test_simulate_prints_a_table_and_tells_laws_of_one_name_apart(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 import importlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,3 +26,33 @@ def test_our_side_of_the_genetic_comparison() -> None:
     parameters = peer.ours(log)
     assert parameters["slope"] == pytest.approx(0.938, abs=0.005)
     assert log.test_rms(parameters) < 0.001
+
+
+def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path) -> None:
+    kept = importlib.import_module("kept").Kept("squares", tmp_path)
+
+    def squares(first: int) -> Iterator[list[int]]:
+        for k in range(first, 9):
+            if k == 5 and not first:
+                raise KeyboardInterrupt
+            yield [k, k * k]
+
+    with pytest.raises(SystemExit, match="5 of 9"):
+        kept.filled(squares(0), 9)
+    (file,) = tmp_path.iterdir()
+    file.write_text(file.read_text() + "[5, 2")  # cut off
+    there = kept.rows()
+    assert there == [[k, k * k] for k in range(5)]
+    assert kept.filled(squares(len(there)), 9) == kept.rows() == [[k, k * k] for k in range(9)]
+
+
+def test_figures_of_a_part_stand_in_their_section(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    run, measure = importlib.import_module("run"), importlib.import_module("measure")
+    monkeypatch.setattr(run, "RESULTS", tmp_path / "RESULTS.md")
+    for found in ("1", "2"):
+        for title in reversed(run.SECTIONS):
+            run._write(title, f"## {title}\n\n{measure.table([measure.Figure('what', found, '3')])}\n")
+    text = run.RESULTS.read_text()
+    assert [text.count(f"## {title}\n") for title in run.SECTIONS] == [1, 1, 1]
+    assert text.count("| what | 2 | 3 |") == 3
+    assert "| 1 |" not in text

@@ -1,5 +1,6 @@
 """The check before anything moves: its verdicts, the limit cycle, chatter, advice."""
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,10 @@ from bowden.control.law import Law
 from bowden.control.stability import adaptive_model, margins, servo_model, ultimate_bounds
 from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
-from bowden.design.check import check
+from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import describing_function, hysteresis_response
-from bowden.design.trial import dead_zone, slope_at
+from bowden.design.study import random_rigs
+from bowden.design.trial import dead_zone, run_trial, slope_at
 from bowden.models.bouc_wen import prepare_cable
 from bowden.paper.bench import default_bench
 from bowden.sim.plant import Bench
@@ -103,6 +105,26 @@ def test_chatter_of_a_steep_tanh_is_seen_and_bounded() -> None:
     assert found.chatters
     assert found.verdict == "little_margin"
     assert not check(monotone(), ADAPTIVE).chatters
+
+
+def test_estimates_that_drift_away_in_minutes_are_seen() -> None:
+    """At rest after 40 s and still so after 60 s, this loop throws the joint off after two minutes."""
+    servo = BENCH.servo._replace(natural_frequency=2.0 * np.pi * 5.8, damping=0.86)
+    rig = BENCH._replace(servo=servo, delay=2, cable=BENCH.cable._replace(slope=0.66))
+    law = ADAPTIVE.with_gains(error_gain=0.163, feedback_gain=5.0)
+    assert run_trial(rig, law, np.pi, STROKE, moving=40.0).bounded
+    assert check(rig, law).verdict == "does_not_hold"
+
+
+def test_what_holds_must_stand_a_part_of_its_margin_with_the_play() -> None:
+    """Linear loops with 7 dB and 33°, whose estimates the play drives off after seven minutes."""
+    rig, law = next(itertools.islice(random_rigs(BENCH, 400, seed=4), 381, None))
+    found = check(rig, law)
+    assert all(point.margins.stable for point in found.points)
+    assert found.reserve is False
+    assert found.verdict == "little_margin"
+    assert check(BENCH, ADAPTIVE).reserve is True
+    assert check(BENCH, LAWS["uncompensated"]).reserve is None
 
 
 def test_the_papers_bounds_stand_beside_the_simulation() -> None:

@@ -50,7 +50,7 @@ _COMMANDS = [
             "bowden simulate rig.toml",
             "bowden simulate rig.toml --law uncompensated --law observer --law adaptive",
             "bowden simulate rig.toml --law my_law.py --duration 30 --csv",
-            "bowden simulate rig.toml --law adaptive --preset paper --json",
+            "bowden simulate rig.toml --law adaptive --preset paper --force --json",
         ],
     ),
     _Entry(

@@ -38,13 +38,16 @@ def simulate(
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the traces and the page.")
     ] = Path("out/simulate"),
     csv: Annotated[bool, typer.Option("--csv", help="Write the traces as CSV too.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Run laws that do not hold on the rig, too.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Simulate laws on a rig: figures of merit, traces as Parquet, and a page with every plot.
 
-    Interrupted between two laws, the command writes the traces and the page of those that are done.
+    Before anything runs, every law is checked as bowden check does it; one that does not hold is refused. Interrupted
+    between two laws, the command writes the traces and the page of those that are done.
     """
     from bowden.app import compose
+    from bowden.app.verdict import verdicts
 
     setup, description = compose.setup(rig, duration, seed)
     laws = [compose.law_for(name, description, setup.bench, Path(), preset) for name in law or ()]
@@ -52,16 +55,21 @@ def simulate(
         laws = [compose.law_for(description.control.law, description, setup.bench, rig.parent, preset)]
     output_folder(out)
     with progress_bar(quiet=json) as progress:
+        progress(f"checking {', '.join(law.name for law in laws)}", 0.0)
+        checked = verdicts(setup, laws, rig.name, force=force)
         traces, interrupted = _run(setup, laws, progress)
         progress("writing traces, drawing the page", 0.8)
         files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
     metrics = {name: trace.metrics() for name, trace in traces.items()}
-    for note in setup.notes:
+    for note in (*setup.notes, *(verdict.note for verdict in checked if verdict.note)):
         print(f"bowden: note: {note}", file=sys.stderr)
     if json:
-        runs = [{"law": name, "stable": traces[name].stable} | asdict(found) for name, found in metrics.items()]
+        runs = [
+            {"law": name, "check": verdict.name, "stable": traces[name].stable} | asdict(found)
+            for (name, found), verdict in zip(metrics.items(), checked, strict=True)
+        ]
         print_json({"runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
     else:
         _print_table(metrics)

@@ -52,17 +52,22 @@ def load(name: str, folder: Path | None = None) -> Law:
 
 @contextlib.contextmanager
 def explained(law: Law) -> Iterator[None]:
-    """Turn what the compiler says about a law's kernels into one line, with the line of the file if it names one.
+    """Turn what goes wrong in a law's kernels into one line, with the line of the file where that is known.
 
     Raises:
-        ParameterError: the law cannot be compiled.
+        ParameterError: the law cannot be compiled, or a user's own fails while it runs interpreted.
     """
+    path = Path(law.step_kernel.__code__.co_filename)
     try:
         yield
+    except ParameterError:
+        raise
     except Exception as error:
         if not type(error).__module__.startswith("numba."):
-            raise
-        path = Path(law.step_kernel.__code__.co_filename)
+            last = traceback.extract_tb(error.__traceback__)[-1].filename
+            if Path(last) != path or path.is_relative_to(Path(__file__).parents[1]):
+                raise  # a mistake of ours
+            raise _mistake(error, path) from error
         text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
         numbers = re.findall(rf'File "(?:[^"]*[/\\])?{re.escape(path.name)}", line (\d+)', text)
         lines = [line.strip() for line in text.splitlines() if line.strip()]

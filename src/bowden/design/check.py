@@ -16,7 +16,7 @@ from bowden.core.signals import Sample
 from bowden.core.units import RADIANS
 from bowden.design.limit_cycle import Cycle, describing_function, predict
 from bowden.design.linearise import find_estimates, linearise
-from bowden.design.trial import Trial, dead_zone, run_trial, slope_at
+from bowden.design.trial import MOVING, SETTLED, Trial, dead_zone, run_trial, slope_at
 from bowden.models.bouc_wen import saturation
 from bowden.models.servo import Servo
 from bowden.models.sheath import slope_factor, width
@@ -26,8 +26,12 @@ ENOUGH_DB, ENOUGH_DEG = 6.0, 30.0
 """Margins below which a loop has little of them."""
 STROKE = (0.0, 70.0 * RADIANS)
 """Of the trial, where none is given [rad]."""
+RESERVE = 0.25
+"""Of `ENOUGH_DEG`: what a loop with all its margins must stand in simulation too, play and estimates included."""
 _IDEAL = 1e-6
 """Width of the differences where the encoder is ideal [rad]."""
+_ROUNDING = 1e-9
+"""By which a pole that is one may seem larger."""
 
 VerdictName = Literal["holds", "little_margin", "does_not_hold"]
 Estimates = dict[str, float]
@@ -61,6 +65,8 @@ class Check:
     """The limit cycle that the describing function predicts, at the worse end of the bends."""
     trials: tuple[Trial, ...]
     """At the smallest and, if it is another, at the largest bend."""
+    reserve: bool | None
+    """Whether a trial with a delay of `RESERVE` is bounded too; None where no such trial was made."""
     chatters: bool
     """Unstable for one count of the encoder, stable for the whole stroke: a steep curve such as tanh(s/ε) chatters."""
     command_per_count: float
@@ -82,7 +88,7 @@ class Check:
 
     @property
     def delay_margin_s(self) -> float | None:
-        """The smallest over all points; None where a loop is unstable or none has a limit."""
+        """The smallest over all points; None as above."""
         return self._least(point.margins.delay_margin_s for point in self.points)
 
     @property
@@ -113,9 +119,10 @@ def check(
     """Judge a law on a bench: `holds`, `little_margin` (below 6 dB or 30°) or `does_not_hold`.
 
     The law is linearised at rest, one encoder count wide, with its estimates frozen at their start and at what they
-    visit in two trials (the ends of the bends), and its margins are taken for every slope that the cable has there. A
-    cable that is steeper after a reversal counts with that slope; one that is flatter is left to the describing
-    function and to the trials, since no linear loop with an integral survives a slope of zero.
+    visit in two trials (the ends of the bends, long enough for them to settle), and its margins are taken for every
+    slope that the cable has there. A cable that is steeper after a reversal counts with that slope; one that is flatter
+    is left to the describing function and to the trials: no linear loop with an integral survives a slope of zero. What
+    would hold must stand a part of its margin in a further trial.
 
     Args:
         bench: with the cable.
@@ -128,20 +135,18 @@ def check(
         ParameterError: gains that are not finite, bends or a stroke that cannot be.
     """
     ends = _checked(bench, law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
-    trials = tuple(run_trial(bench, law, bend, stroke, seed) for bend in dict.fromkeys(ends))
-    estimates = visited_estimates(law, trials, bench.sample_time)
-    points = linear_points(bench, law, ends, estimates, bench.joint_encoder.resolution or _IDEAL)
+    trials, estimates = _tried(bench, law, tuple(dict.fromkeys(ends)), stroke, seed)
+    count = bench.joint_encoder.resolution or _IDEAL
+    points = linear_points(bench, law, ends, estimates, count)
     worst = min(points, key=_severity)
     bounded = all(trial.bounded for trial in trials)
-    wide = (
-        []
-        if worst.margins.stable
-        else linear_points(bench, law, ends, estimates, 0.5 * abs(stroke[1] - stroke[0]), reversals=False)
-    )
-    chatters = bool(wide) and all(point.margins.stable for point in wide)
-    verdict, reason = _judge(worst, bounded, chatters)
-    model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or _IDEAL, estimates=estimates[-1])
-    bound = None
+    half = 0.5 * abs(stroke[1] - stroke[0])
+    wide = [] if worst.margins.stable else linear_points(bench, law, ends, estimates, half, reversals=False)
+    # a memory of the path, such as a model's ĥ, keeps its value: its pole is one but for rounding, and no loop's
+    chatters = bool(wide) and all(point.margins.largest_pole < 1.0 + _ROUNDING for point in wide)
+    reserve = _reserve(bench, law, points, worst.bend, stroke, seed) if bounded and _severity(worst) >= 1.0 else None
+    verdict, reason = _judge(worst, bounded, chatters, reserve)
+    bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
     if isinstance(law.gains, AdaptiveGains) and _has_bounds(law.gains):
         bound = ultimate_bounds(law.gains, slope_at(bench, ends[1]), 0.5 * dead_zone(bench, ends[1]))
     return Check(
@@ -151,11 +156,37 @@ def check(
         worst=worst,
         cycle=_predicted_cycle(bench, law, ends, estimates),
         trials=trials,
+        reserve=reserve,
         chatters=chatters,
         command_per_count=abs(float(model.d[0])) * bench.joint_encoder.resolution,
         ultimate_s=bound.filtered_error if bound else None,
         ultimate_error=bound.error if bound else None,
     )
+
+
+def _tried(
+    bench: Bench, law: Law, bends: tuple[float, ...], stroke: tuple[float, float], seed: int
+) -> tuple[tuple[Trial, ...], list[Estimates]]:
+    """The trials and the estimates that they visit; where there are any, and short trials stay bounded, long ones."""
+    for moving in (MOVING, SETTLED):
+        trials = tuple(run_trial(bench, law, bend, stroke, seed, moving) for bend in bends)
+        estimates = visited_estimates(law, trials, bench.sample_time)
+        if not estimates[-1] or not all(trial.bounded for trial in trials):
+            break
+    return trials, estimates
+
+
+def _reserve(
+    bench: Bench, law: Law, points: list[Point], bend: float, stroke: tuple[float, float], seed: int
+) -> bool | None:
+    """Whether the trial stands a part of the phase margin as delay, at the fastest crossover and in whole cycles."""
+    found = [(point.margins.delay_margin_s, point.margins.phase_margin_deg) for point in points]
+    shares = [delay / (phase % 360.0) for delay, phase in found if delay and phase]  # [s/deg]
+    if not shares:
+        return None
+    further = int(np.ceil(RESERVE * ENOUGH_DEG * min(shares) / bench.sample_time))
+    trials, _ = _tried(bench._replace(delay=bench.delay + further), law, (bend,), stroke, seed)
+    return trials[0].bounded
 
 
 def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Estimates]:
@@ -220,9 +251,8 @@ def _predicted_cycle(bench: Bench, law: Law, bends: tuple[float, float], estimat
 
 def _has_bounds(gains: AdaptiveGains) -> bool:
     """Whether the paper's proof says anything: it divides by these."""
-    return min(gains.error_gain, gains.feedback_gain, gains.slope_leakage, gains.bound_leakage) > 0.0 and (
-        min(gains.slope_adaptation, gains.bound_adaptation) > 0.0
-    )
+    named = (gains.error_gain, gains.feedback_gain, gains.slope_leakage, gains.bound_leakage)
+    return min(*named, gains.slope_adaptation, gains.bound_adaptation) > 0.0
 
 
 def _severity(point: Point) -> float:
@@ -237,7 +267,7 @@ def _severity(point: Point) -> float:
     return min(shares)
 
 
-def _judge(worst: Point, bounded: bool, chatters: bool) -> tuple[VerdictName, str]:
+def _judge(worst: Point, bounded: bool, chatters: bool, reserve: bool | None) -> tuple[VerdictName, str]:
     where = f"at a bend of {worst.bend / RADIANS:.0f}° (slope {worst.slope:.3g}"
     where += "".join(f", {name} {value:.3g}" for name, value in worst.estimates.items()) + ")"
     if not worst.margins.stable:
@@ -252,6 +282,9 @@ def _judge(worst: Point, bounded: bool, chatters: bool) -> tuple[VerdictName, st
         shown = [f"{found.gain_margin_db:.1f} dB" if found.gain_margin_db is not None else ""]
         shown.append(f"{found.phase_margin_deg:.0f}°" if found.phase_margin_deg is not None else "")
         return "little_margin", f"only {' and '.join(part for part in shown if part)} are left {where}"
+    if reserve is False:
+        lacking = f"with the play, the trial does not stand a further delay of {RESERVE * ENOUGH_DEG:.2g}°"
+        return "little_margin", f"every linear loop has its margins, but {lacking}"
     return "holds", "every linear loop has its margins, and the trials come to rest"
 
 

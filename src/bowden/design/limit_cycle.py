@@ -9,8 +9,8 @@ and lasts where the loop is stable at a larger amplitude and unstable at a small
 which the left side winds around the root). Sources: Gelb and Vander Velde, *Multiple-Input Describing Functions*, 1968.
 """
 
-import itertools
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +70,14 @@ def describing_function(bench: Bench, width: float, slope_factor: float, amplitu
         slope_factor: factor on the slope.
         amplitudes: of the motor (k,) [rad].
     """
-    of_h = compiled(hysteresis_response)(amplitudes / width, prepare_cable(bench.cable), _POINTS, _CYCLES)
+    of_h = _response_of_h(prepare_cable(bench.cable), tuple((amplitudes / width).tolist()))
     return np.asarray(slope_factor * bench.cable.slope + bench.cable.hysteresis_gain * of_h)
+
+
+@lru_cache(16)
+def _response_of_h(cable: PreparedCable, amplitudes: tuple[float, ...]) -> Complex:
+    """Kept, since many laws are tried on one cable."""
+    return np.asarray(compiled(hysteresis_response)(np.array(amplitudes), cable, _POINTS, _CYCLES))
 
 
 def predict(
@@ -90,11 +96,17 @@ def predict(
     moved = response(plant, omega, dt)
     direct, through = (1.0 + moved * response(law.by_motor, omega, dt)), moved * response(law.by_joint, omega, dt)
     left = direct[None, :] + gains[:, None] * through[None, :]  # (amplitude, frequency)
-    ahead = [left[:-1, :-1], left[1:, :-1], left[1:, 1:], left[:-1, 1:], left[:-1, :-1]]
-    turns = sum(np.angle(b / a) for a, b in itertools.pairwise(ahead)) / (2.0 * np.pi)
-    lasting = np.argwhere(turns > 0.5)
+    angle = np.angle(left)
+    along, across = _turned(np.diff(angle, axis=0)), _turned(np.diff(angle, axis=1))
+    turns = along[:, :-1] + across[1:] - along[:, 1:] - across[:-1]  # once round each cell of the grid
+    lasting = np.argwhere(turns > np.pi)
     if not len(lasting):
         return None
     i, j = lasting[-1]
     amplitude = np.sqrt(amplitudes[i] * amplitudes[i + 1]) * abs(gains[i] + gains[i + 1]) / 2.0
     return Cycle(float(amplitude), float(2.0 * np.pi / np.sqrt(omega[j] * omega[j + 1])))
+
+
+def _turned(difference: Array) -> Array:
+    """A difference of two angles, brought to within half a turn."""
+    return np.asarray(difference - 2.0 * np.pi * np.rint(difference / (2.0 * np.pi)))

@@ -17,8 +17,12 @@ Array = NDArray[np.float64]
 
 _HALF = 2.0
 """Time of one motion, up or down [s]."""
-_REST, _JUDGED, _END = 40.0, 50.0, 60.0
-"""When the motions end, from when the rest is judged, and the end of the trial [s]."""
+MOVING = 40.0
+"""How long it moves [s]; a whole number of motions."""
+SETTLED = 400.0
+"""Motion of a trial of a law with estimates [s]: four times 1/(δ·σ), with which the paper's leakage settles them."""
+_SETTLING, _JUDGED = 10.0, 10.0
+"""Of the rest that follows: what is left to the loop, and what is judged [s]."""
 _SNAPSHOTS = 8
 
 
@@ -26,6 +30,8 @@ _SNAPSHOTS = 8
 class Trial:
     """What a run showed."""
 
+    moving: float
+    """How long it moved [s]."""
     bounded: bool
     """Whether it came to rest: it did not run away, and its joint ends up within twice the dead zone and 1°."""
     swing: float | None
@@ -50,17 +56,20 @@ def slope_at(bench: Bench, bend: float) -> float:
     return bench.cable.slope * float(slope_factor(bend, bench.sheath))
 
 
-def run_trial(bench: Bench, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1) -> Trial:
-    """Move between the ends of a `stroke` [rad] at a constant `bend` [rad], then rest in its middle."""
+def run_trial(
+    bench: Bench, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1, moving: float = MOVING
+) -> Trial:
+    """Move between the ends of a `stroke` [rad] at a constant `bend` [rad] for so long, then rest in its middle."""
     low, high = stroke
-    times = np.arange(0.0, _REST + 0.5 * _HALF, _HALF)
+    times = np.arange(0.0, moving + 0.5 * _HALF, _HALF)
+    judged, end = moving + _SETTLING, moving + _SETTLING + _JUDGED
     positions = np.where(np.arange(len(times)) % 2, high, low)
     positions[-1] = 0.5 * (low + high)
     trace = simulate(
         bench,
         law,
-        PointToPoint((*times.tolist(), _END), (*positions.tolist(), float(positions[-1]))),
-        duration=_END,
+        PointToPoint((*times.tolist(), end), (*positions.tolist(), float(positions[-1]))),
+        duration=end,
         bend=constant_bend(bend),
         seed=seed,
         initial_motor=(low - bench.cable.offset) / slope_at(bench, bend),
@@ -72,12 +81,13 @@ def run_trial(bench: Bench, law: Law, bend: float, stroke: tuple[float, float], 
     picked = np.unique(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
     visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
     if not trace.stable:
-        return Trial(False, None, None, None, None, visited)
-    rest = error[trace.columns["time"] >= _JUDGED]
+        return Trial(moving, False, None, None, None, None, visited)
+    rest = error[trace.columns["time"] >= judged]
     span = float(np.ptp(rest))
     commands = trace.columns["command"][-len(rest) :]
     return Trial(
-        bounded=lasted == len(error) and span <= 2.0 * dead_zone(bench, bend) + np.radians(1.0),
+        moving=moving,
+        bounded=lasted == len(error) and span <= 2.0 * dead_zone(bench, bend) + float(np.radians(1.0)),
         swing=0.5 * span,
         period=_period(rest, bench.sample_time),
         peak=float(np.max(np.abs(error[trace.columns["time"] >= 2.0 * _HALF]))),
