@@ -65,7 +65,7 @@ def test_interpreted_and_compiled_law_agree_bit_for_bit(law: Law) -> None:
             finite = bool(np.isfinite([*after, command]).all())
             survived += finite
             state = type(state)(*map(float, after)) if finite else law.start(Sample(0.0, 0.0))
-    assert 3500 < survived < 4000
+    assert survived > 3500  # all of them where a law refuses what is not finite
 
 
 @pytest.mark.parametrize("law", a_law_with_its_gains())

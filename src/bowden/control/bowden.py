@@ -157,6 +157,11 @@ def step(
     sign, omega = np.sign(gains.slope), gains.servo_frequency
     joint = bounded(sample.joint, -1e3, 1e3, before.joint)
     motor = bounded(sign * sample.motor, -1e3, 1e3, slopes.filtered_motor)
+    reference = Reference(
+        bounded(reference.position, -1e3, 1e3, plan.reference),
+        bounded(reference.velocity, -1e4, 1e4, 0.0),
+        bounded(reference.acceleration, -1e6, 1e6, 0.0),
+    )
     lag = np.fmax(0.0, slopes.lag)
     duration = gains.crossing / omega
 

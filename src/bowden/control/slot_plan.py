@@ -150,8 +150,8 @@ def planned_motion(
     x = plan.phase
     rate = plan.jump * 30.0 * x * x * (1.0 + x * (x - 2.0)) / duration
     growth = plan.jump * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)) / (duration * duration)
-    goes = sel(plan.side * reference.velocity > 0.0, 1.0 / slope, 0.0)
-    steady, pick_up = goes * reference.velocity, goes * reference.acceleration
+    goes = plan.side * reference.velocity > 0.0
+    steady, pick_up = sel(goes, reference.velocity / slope, 0.0), sel(goes, reference.acceleration / slope, 0.0)
     ahead = delay + lag
     behind = plan.jump * (1.0 - minimum_jerk_share(x))
     return MotorMotion(
