@@ -17,6 +17,7 @@ def tune(
 ) -> None:
     """Find gains of the rig's law that keep 6 dB and 45° and follow best in the worst case, and write them back."""
     from bowden.app import compose, gains_text, ranges
+    from bowden.app.workers import two_workers
     from bowden.control import user_law
     from bowden.core.files import whole_file
     from bowden.core.units import DEGREES
@@ -26,8 +27,14 @@ def tune(
     law = compose.law_for(description.control.law, description, setup.bench, rig.parent)
     low, high = ranges.bends(setup)
     bends = (low, high) if high > low else (low, 2.0 * low)  # a sheath that nobody moves in the file is moved in use
-    with progress_bar() as report, user_law.explained(law):
-        found = search(setup.bench, law, bends=bends, stroke=ranges.stroke(setup), seed=seed, report=report)
+    with (
+        progress_bar(quiet=json) as report,
+        user_law.explained(law),
+        two_workers(description.control.law, rig.parent) as workers,
+    ):
+        found = search(
+            setup.bench, law, bends=bends, stroke=ranges.stroke(setup), seed=seed, workers=workers, report=report
+        )
     for note in setup.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     document = {
@@ -35,6 +42,7 @@ def tune(
         "gains": dict(found.changed),
         "before": {name: getattr(law.gains, name) for name in found.changed},
         "verdict": found.found.verdict,
+        "verdict_before": found.before.verdict,
         "gain_margin_db": found.found.gain_margin_db,
         "phase_margin_deg": found.found.phase_margin_deg,
         "delay_margin_s": found.found.delay_margin_s,
@@ -42,6 +50,7 @@ def tune(
         "worst_rmse_before_deg": None if found.worst_before is None else found.worst_before * DEGREES,
     }
     before = "unstable" if found.worst_before is None else f"{found.worst_before * DEGREES:.3g}°"
+    before += f", {found.before.verdict}"
     margins = [
         f"{value:.1f} {unit}"
         for value, unit in ((found.found.gain_margin_db, "dB"), (found.found.phase_margin_deg, "°"))

@@ -1,36 +1,49 @@
 """Gains of a law that keep their margins over a rig's sheath, and follow best in the worst case.
 
-1. The gains that the linear loop knows are drawn at random, even on a logarithmic scale around where they stand. A
-   draw whose linear loops lack 6 dB or 45° is dropped before anything is simulated.
-2. What is left is simulated over a set of sheath paths and references, and judged by its largest RMSE; then the best is
-   varied in ever smaller steps.
-3. The best is checked as `bowden check` does it. Where it fails at estimates that its own trials visit, these count for
-   all from then on, and the search is repeated with what is left.
+1. Every gain that the loop or the errors feel is varied, on a logarithmic scale around where it stands; what the rig
+   says of itself (the servo's frequency and damping, its lag and the delay) is where a gain of that name begins.
+2. The search is an evolution (`evolution`): gains that lack 6 dB or 45° are ranked by what they lack, without a
+   simulation; the others by their largest RMSE over a set of sheath paths and references.
+3. Whatever is to be the best so far is checked as `bowden check` does it. Where it fails at estimates that its own
+   trials visit, these count for all from then on.
+4. A gain that can go back to where it stood at no cost does.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from bowden.control.law import Gains, Law
-from bowden.control.reference import Multisine, PeriodicMinimumJerk, Trajectory
+from bowden.control.law import Law
 from bowden.core.errors import ParameterError
 from bowden.design.advice import gains_that_matter
-from bowden.design.check import STROKE, Check, Estimates, check, linear_points, visited_estimates
-from bowden.sim.closed_loop import simulate
+from bowden.design.check import STROKE, Check, Estimates, check, visited_estimates
+from bowden.design.evolution import Array, Population, Score
+from bowden.design.tune_judge import Judged, Rig, Task, checked, errors, judge, keeps, lack, standing_still
+from bowden.models.bouc_wen import BoucWen
 from bowden.sim.plant import Bench
-from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 
-WANTED_DB, WANTED_DEG = 6.0, 45.0
-"""Margins that tuned gains keep."""
-_RUN = 20.0
-"""Length of one simulation [s]."""
-_DRAWS, _VARIED, _ROUNDS = 300, 40, 6
-_DECADES = 1.5
-"""How far the draws reach below and above where the gains stand, in powers of ten."""
+GENERATIONS = 32
+"""Of the search, where no other number is given and the clock is 1 kHz."""
+_FEWEST = 6
+_DRAWS, _SIMULATED, _MEMBERS = 400, 80, 24
+_FULL = 8
+"""Generations from which on the first draws are as many as that; for fewer, they are fewer too."""
+_REACH = (-8.0, 8.0)
+"""How far a gain may go, as the logarithm of its share of where it began."""
+_SPREADS = (0.5, 1.5, 3.0, 6.0)
+"""Of the first draws, likewise."""
+_MOST_ESTIMATES = 5
+_CHECKED_EVERY = 8
+"""Generations."""
+_SAME = 1.002
+"""Share of the best error that is no change."""
+_TRIED_FACTORS = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0)
 
 Report = Callable[[str, float], None]
+Workers = Callable[[Callable[[Task], Any], Iterable[Task]], Iterable[Any]]
+"""Like `map`: the one of a process pool spreads the work."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +56,8 @@ class Tuning:
     """Name → value of those that differ."""
     found: Check
     """Of the new gains."""
+    before: Check
+    """Of the gains from which the search started."""
     worst_rmse: float
     """Largest RMSE over all runs, from rest [rad]."""
     worst_before: float | None
@@ -56,6 +71,8 @@ def tune(
     bends: tuple[float, float] | None = None,
     stroke: tuple[float, float] = STROKE,
     seed: int = 0,
+    generations: int | None = None,
+    workers: Workers = map,
     report: Report = lambda what, share: None,
 ) -> Tuning:
     """Find gains.
@@ -67,138 +84,210 @@ def tune(
             where they are not given.
         stroke: ends of the motions [rad].
         seed: of the search.
+        generations: of the search, the time it takes grows with them; fewer than 32 for a clock faster
+            than 1 kHz where it is not given.
+        workers: how a function is mapped over many gains; the result does not depend on it.
         report: called with what is done and the share done.
 
     Raises:
-        ParameterError: the law has no gains that the loop knows, or none keep the margins; the message has the reason
-            and the nearest rig for which there are some.
+        ParameterError: the law has no gains that the loop knows, or none keep the margins and follow; the message has
+            the reason and the nearest rig for which there are some.
     """
-    ends = bends or (bench.sheath.bend, 2.0 * bench.sheath.bend)
-    before = check(bench, law, bends=ends, stroke=stroke)
-    usual = all(trial.bounded for trial in before.trials)
-    estimates = visited_estimates(law, before.trials if usual else (), bench.sample_time)
-    estimates = [estimates[0], estimates[-1]] if len(estimates) > 1 else estimates
-    names = gains_that_matter(law, bench.sample_time, estimates[-1])
-    if not names:
-        raise ParameterError(f"law {law.name!r} has no gains that its loop feels", do="there is nothing to tune")
-    random = np.random.default_rng(seed)
-    draws = [law, *_draws(law, names, random, _DRAWS)]
-    runs = list(scenarios(ends, stroke))
-    fine, fresh = draws, estimates
-    judged: dict[Gains, float | None] = {}
-    for turn in range(_ROUNDS):
-        kept = []
-        for i, drawn in enumerate(fine):
-            report("margins of random gains", (turn + 0.3 * i / len(fine)) / _ROUNDS)
-            if _has_margins(bench, drawn, ends, fresh):
-                kept.append(drawn)
-        fine = kept
-        if not fine:
-            break
-        for i, drawn in enumerate(fine[:_VARIED]):
-            report("simulating gains", (turn + 0.3 + 0.3 * i / _VARIED) / _ROUNDS)
-            _judge(judged, bench, drawn, runs)
-        for i in range(_VARIED):
-            report("refining gains", (turn + 0.6 + 0.4 * i / _VARIED) / _ROUNDS)
-            (near,) = _draws(_best(judged, fine), names, random, 1, 0.3 * 0.1 ** (i / _VARIED))
-            if _has_margins(bench, near, ends, estimates):
-                fine.append(near)
-                _judge(judged, bench, near, runs)
-        best = _best(judged, fine)
-        found, worst = check(bench, best, bends=ends, stroke=stroke), judged.get(best.gains)
-        if worst is not None and found.verdict == "holds" and _wide(found.gain_margin_db, found.phase_margin_deg):
-            changed = {n: getattr(best.gains, n) for n in names if getattr(best.gains, n) != getattr(law.gains, n)}
-            return Tuning(best, changed, found, worst, worst_rmse(bench, law, runs))
-        fine = [drawn for drawn in fine if drawn is not best]
-        fresh = [found.worst.estimates]  # what these gains make of the estimates counts from now on
-        estimates = [*estimates, *fresh]
-    raise _none(bench, law, draws, ends, estimates)
+    if generations is None:
+        generations = max(_FEWEST, round(GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
+    rig = Rig(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
+    search = _Search(rig, law, np.random.default_rng(seed), workers)
+    report("margins of random gains", 0.05)
+    search.begin(min(1.0, generations / _FULL))
+    for generation in range(generations):
+        report("simulating gains", 0.1 + 0.8 * generation / generations)
+        search.step()
+    report("checking the best", 0.9)
+    return search.finish()
 
 
-def scenarios(bends: tuple[float, float], stroke: tuple[float, float]) -> Iterator[tuple[Trajectory, BendPath]]:
-    """The runs by which gains are judged: minimum jerk of 4 and 10 s, a multisine; sheath straight, bent, moved."""
-    low, high = stroke
-    span, middle = high - low, 0.5 * (low + high)
-    paths = [constant_bend(bend) for bend in dict.fromkeys(bends)]
-    if bends[0] < bends[1]:
-        paths.append(scripted_bend((5.0, 10.0, 15.0), (bends[0], bends[1], bends[0])))
-    for path in paths:
-        yield PeriodicMinimumJerk(low, high, 4.0), path
-        yield PeriodicMinimumJerk(low, high, 10.0), path
-        yield Multisine((0.07, 0.19, 0.43), (0.3 * span, 0.12 * span, 0.06 * span), (0.0, 1.5, 3.0), middle), path
+class _Search:
+    """One search: what is varied, the population, and the best that the full check confirmed."""
+
+    def __init__(self, rig: Rig, law: Law, random: np.random.Generator, workers: Workers) -> None:
+        self.rig, self.law, self.random, self.workers = rig, law, random, workers
+        self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
+        usual = all(trial.bounded for trial in self.before.trials)
+        estimates = visited_estimates(law, self.before.trials if usual else (), rig.bench.sample_time)
+        self.estimates: tuple[Estimates, ...] = (estimates[0], estimates[-1]) if estimates[1:] else (estimates[0],)
+        self.order: tuple[int, ...] = ()
+        self.errors_before = errors(self._task(law))
+        self.base = _told(law, rig.bench)
+        self.names = self._names()
+        self.best: tuple[Law, Check, float] | None = None
+
+    def begin(self, share: float) -> None:
+        """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
+        count = len(self.names)
+        stands = np.log([getattr(self.law.gains, name) / getattr(self.base.gains, name) for name in self.names])
+        points = [np.clip(stands, *_REACH), np.zeros(count)]
+        for _ in range(round(share * _DRAWS)):
+            points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
+        lacking = list(self.workers(lack, [self._task(self._law(point)) for point in points]))
+        first = [points[i] for i in sorted(range(len(points)), key=lambda i: (lacking[i], i))]
+        first = first[: max(_MEMBERS, round(share * _SIMULATED))]
+        scores = self._judge(first, [(0.0, 2.0 * max(self.errors_before))] * len(first))
+        best = sorted(range(len(first)), key=lambda i: (scores[i], i))[:_MEMBERS]
+        self.population = Population([first[i] for i in best], [scores[i] for i in best], self.random)
+        self._steps = 0
+        self._confirm()
+
+    def step(self) -> None:
+        """One generation; every fifth is followed by a check of what leads then."""
+        self.population.step(self._judge, _REACH)
+        self._steps += 1
+        if self._steps % _CHECKED_EVERY == 0:
+            self._confirm()
+
+    def finish(self) -> Tuning:
+        """The best of all, with the gains that need not differ put back."""
+        self._confirm(rounds=10)
+        if self.best is None or self.best[2] >= self._still():
+            raise self._none()
+        law, found, worst = self._put_back(*self.best)
+        stood = self.law.gains._asdict()
+        changed = {name: value for name, value in law.gains._asdict().items() if value != stood[name]}
+        before = max(self.errors_before)
+        return Tuning(law, changed, found, self.before, worst, before if np.isfinite(before) else None)
+
+    def _names(self) -> list[str]:
+        """Gains that change the linear loop or the errors; parameters of a cable's model and switches are no choice."""
+        felt = gains_that_matter(self.law, self.rig.bench.sample_time, self.estimates[-1])
+        if not felt:
+            raise ParameterError(
+                f"law {self.law.name!r} has no gains that its loop feels", do="there is nothing to tune"
+            )
+        model = set(BoucWen._fields) if set(BoucWen._fields) <= set(self.law.gains._fields) else set()
+        open_ones = [
+            name
+            for name, value in self.law.gains._asdict().items()
+            if name not in model and value != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
+        ]
+        varied = [self._with(self.base, name, 1.3 * getattr(self.base.gains, name)) for name in open_ones]
+        usual, *found = self.workers(errors, [self._task(law) for law in (self.base, *varied)])
+        unknown = not np.isfinite(max(usual))
+        return [n for n, e in zip(open_ones, found, strict=True) if n in felt or unknown or e != usual]
+
+    def _law(self, point: Array, base: Law | None = None) -> Law:
+        """The law at a point of the search: every gain as a share of where it began."""
+        law = base or self.base
+        begun = law.gains
+        for name, power in zip(self.names, point, strict=True):
+            law = self._with(law, name, getattr(begun, name) * float(np.exp(power)))
+        return law
+
+    def _with(self, law: Law, name: str, value: float) -> Law:
+        """The law with one gain rounded to three digits and kept inside its limits."""
+        low, high = law.limits.get(name, (-np.inf, np.inf))
+        stands = getattr(self.law.gains, name)
+        rounded = stands if np.isclose(value, stands, rtol=1e-9, atol=0.0) else float(f"{value:.3g}")
+        return law.with_gains(**{name: float(np.clip(rounded, low, high))})
+
+    def _task(self, law: Law, limit: float = np.inf) -> Task:
+        return Task(self.rig, law, self.estimates, self.order, limit)
+
+    def _judge(self, points: Iterable[Array], wanted: Iterable[Score]) -> list[Score]:
+        tasks = [
+            self._task(self._law(point), value if lacking == 0.0 else np.inf)
+            for point, (lacking, value) in zip(points, wanted, strict=True)
+        ]
+        found: Iterable[Judged] = self.workers(judge, tasks)
+        return [(judged.lack, judged.worst) for judged in found]
+
+    def _confirm(self, rounds: int = 1) -> None:
+        """Check members that are better than the best, the best of them first, two at a time."""
+        population = self.population
+        for _ in range(rounds):
+            limit = self.best[2] if self.best else np.inf
+            leading = [i for i in population.ranked()[:2] if population.scores[i] < (0.0, limit)]
+            laws = [self._law(population.points[i]) for i in leading]
+            found: list[Check] = list(self.workers(checked, [self._task(law) for law in laws]))
+            for i, law, one in zip(leading, laws, found, strict=True):
+                if keeps(one):
+                    self.best = law, one, population.scores[i][1]
+                    run = errors(self._task(law))
+                    self.order = tuple(sorted(range(len(run)), key=lambda k: -run[k]))
+                    return
+                population.scores[i] = (1.0, np.inf)
+                if one.worst.estimates not in self.estimates and len(self.estimates) < _MOST_ESTIMATES:
+                    self.estimates = (*self.estimates, one.worst.estimates)
+            if not leading:
+                return
+
+    def _put_back(self, law: Law, found: Check, worst: float) -> tuple[Law, Check, float]:
+        """The same with every gain where it stood before that does not matter there."""
+        plain = law
+        for name, value in self.law.gains._asdict().items():
+            tried = plain.with_gains(**{name: value})
+            if tried.gains != plain.gains:
+                judged = judge(self._task(tried, worst * _SAME))
+                plain = tried if judged.lack == 0.0 and judged.worst <= worst * _SAME else plain
+        again = checked(self._task(plain))
+        return (plain, again, max(errors(self._task(plain)))) if keeps(again) else (law, found, worst)
+
+    def _still(self) -> float:
+        """What gains must stay below, to be of any use [rad]: the error of a joint that stands still."""
+        return float(np.min(standing_still(self.rig.bends, self.rig.stroke)))
+
+    def _none(self) -> ParameterError:
+        """Why there are no gains, and the nearest rig that has some."""
+        bench = self.rig.bench
+        what = f"no gains of law {self.law.name!r} keep 6 dB and 45° and follow better than a joint that stands still"
+        reason = (
+            f"a servo of {bench.servo.natural_frequency / (2.0 * np.pi):.3g} Hz and damping {bench.servo.damping:.2g} "
+            f"behind {1e3 * bench.delay * bench.sample_time:.3g} ms of delay leaves them too little phase or gain"
+        )
+        near = self._nearest()
+        do = f"the nearest rig that has some: {near}" if near else "start from other gains, or choose another law"
+        return ParameterError(f"{what}: {reason}", do=do)
+
+    def _nearest(self) -> str:
+        """The smallest change of delay, damping or frequency for which some of the gains at hand would do."""
+        bench, limit = self.rig.bench, self._still()
+        points = [self.population.points[i] for i in self.population.ranked()[: _MEMBERS // 2]]
+        for factor in _TRIED_FACTORS:
+            for said, changed in _easier(bench, factor):
+                rig, base = self.rig._replace(bench=changed), _told(self.law, changed)
+                tasks = [self._task(self._law(point, base), limit)._replace(rig=rig) for point in points]
+                if any(judged.lack == 0.0 and judged.worst < limit for judged in self.workers(judge, tasks)):
+                    return said
+        return ""
 
 
-def worst_rmse(bench: Bench, law: Law, runs: list[tuple[Trajectory, BendPath]], limit: float = np.inf) -> float | None:
-    """Largest RMSE over the runs [rad]; None where one is unstable or, to save time, where one exceeds the limit."""
-    worst = 0.0
-    for reference, path in runs:
-        start = float(reference.sample(np.zeros(1))[0, 0] - bench.cable.offset) / bench.cable.slope
-        trace = simulate(bench, law, reference, duration=_RUN, bend=path, seed=3, initial_motor=start)
-        if not trace.stable:
-            return None
-        error = trace.columns["joint"] - trace.columns["reference"]
-        worst = max(worst, float(np.sqrt(np.mean(error**2))))
-        if worst > limit:
-            return None
-    return worst
+def _easier(bench: Bench, factor: float) -> Iterable[tuple[str, Bench]]:
+    """The bench with a shorter delay, with more damping, and with a faster servo, each as its key of rig.toml."""
+    omega, damping = bench.servo.natural_frequency, bench.servo.damping
+    if bench.delay:
+        delay = int(bench.delay / factor)
+        yield f"delay_cycles = {delay}", bench._replace(delay=delay)
+    if damping < 1.0:
+        more = min(factor * damping, 1.0)
+        yield f"damping = {more:.3g}", bench._replace(servo=bench.servo._replace(damping=more))
+    hertz = factor * omega / (2.0 * np.pi)
+    faster = bench._replace(servo=bench.servo._replace(natural_frequency=factor * omega))
+    yield f"natural_frequency_hz = {hertz:.3g}", faster
 
 
-def _judge(judged: dict[Gains, float | None], bench: Bench, law: Law, runs: list[tuple[Trajectory, BendPath]]) -> None:
-    """Note a law's worst RMSE; None where it is unstable or far above the best."""
-    if law.gains not in judged:
-        known = [worst for worst in judged.values() if worst is not None]
-        judged[law.gains] = worst_rmse(bench, law, runs, 1.5 * min(known, default=np.inf))
-
-
-def _best(judged: Mapping[Gains, float | None], laws: list[Law]) -> Law:
-    def worst(law: Law) -> float:
-        value = judged.get(law.gains)
-        return float(np.inf) if value is None else value
-
-    return min(laws, key=worst)
-
-
-def _draws(law: Law, names: list[str], random: np.random.Generator, count: int, sigma: float = 0.0) -> list[Law]:
-    """Laws with random gains, rounded to three digits and kept inside their limits."""
-    drawn = []
-    for _ in range(count):
-        gains = {}
-        for name in names:
-            power = random.normal(0.0, sigma) if sigma else random.uniform(-_DECADES, _DECADES)
-            low, high = law.limits.get(name, (-np.inf, np.inf))
-            gains[name] = float(np.clip(float(f"{getattr(law.gains, name) * 10.0**power:.3g}"), low, high))
-        drawn.append(law.with_gains(**gains))
-    return drawn
-
-
-def _wide(gain_margin_db: float | None, phase_margin_deg: float | None) -> bool:
-    enough = gain_margin_db is None or gain_margin_db >= WANTED_DB
-    return enough and (phase_margin_deg is None or phase_margin_deg >= WANTED_DEG)
-
-
-def _has_margins(bench: Bench, law: Law, bends: tuple[float, float], estimates: list[Estimates]) -> bool:
-    for values in estimates:
-        points = linear_points(bench, law, bends, [values], bench.joint_encoder.resolution or 1e-6)
-        if not all(p.margins.stable and _wide(p.margins.gain_margin_db, p.margins.phase_margin_deg) for p in points):
-            return False
-    return True
-
-
-def _none(
-    bench: Bench, law: Law, draws: list[Law], bends: tuple[float, float], estimates: list[Estimates]
-) -> ParameterError:
-    """Why there are no gains, and the nearest rig that has some: with a shorter delay, or a stiffer damping."""
-    what = (
-        f"no gains of law {law.name!r} within a factor of {10**_DECADES:.0f} keep {WANTED_DB:g} dB and {WANTED_DEG:g}°"
-    )
-    reason = f"a servo of {bench.servo.natural_frequency / (2.0 * np.pi):.3g} Hz and damping {bench.servo.damping:.2g}"
-    reason += f" behind {1e3 * bench.delay * bench.sample_time:.3g} ms of delay leaves them too little phase or gain"
-    delay = bench.delay
-    while delay:
-        delay //= 2
-        if any(_has_margins(bench._replace(delay=delay), drawn, bends, estimates) for drawn in draws[:60]):
-            return ParameterError(f"{what}: {reason}", do=f"the nearest rig that has some: delay_cycles = {delay}")
-    damped = bench._replace(servo=bench.servo._replace(damping=1.0))
-    if bench.servo.damping < 1.0 and any(_has_margins(damped, drawn, bends, estimates) for drawn in draws[:60]):
-        return ParameterError(f"{what}: {reason}", do="the nearest rig that has some: servo damping = 1")
-    return ParameterError(f"{what}: {reason}", do="start from other gains, or choose another law")
+def _told(law: Law, bench: Bench) -> Law:
+    """The law with what the rig says of itself in the gains that are named so; one that is zero was switched off."""
+    omega, damping = bench.servo.natural_frequency, bench.servo.damping
+    dead = (bench.delay + 0.5) * bench.sample_time
+    known = {
+        ("lead", "lead_square"): (
+            2.0 * damping / omega + dead,
+            omega**-2 + 2.0 * damping / omega * dead + 0.5 * dead**2,
+        ),
+        ("natural_frequency", "damping"): (omega, damping),
+        ("servo_frequency", "servo_damping", "delay"): (omega, damping, dead),
+    }
+    told: dict[str, float] = {}
+    for names, values in known.items():
+        if set(names) <= set(law.gains._fields):
+            told |= {n: v for n, v in zip(names, values, strict=True) if getattr(law.gains, n) != 0.0}
+    inside = {n: float(np.clip(float(f"{v:.3g}"), *law.limits.get(n, (-np.inf, np.inf)))) for n, v in told.items()}
+    return law.with_gains(**inside)

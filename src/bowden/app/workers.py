@@ -1,0 +1,60 @@
+"""Two processes that share a search's work, where the computer has two cores."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+Mapper = Callable[[Callable[..., Any], Iterable[Any]], Iterable[Any]]
+
+
+@contextlib.contextmanager
+def two_workers(law: str, folder: Path) -> Iterator[Mapper]:
+    """A `map` over two processes, or the plain one where there is a single core, or no processes can be had.
+
+    Args:
+        law: a law's name, or ``FILE.py:NAME`` of the user's own, which the processes must know by its file.
+        folder: where a relative FILE is found.
+    """
+    if (os.cpu_count() or 1) < 2:
+        yield map
+        return
+    try:
+        context = multiprocessing.get_context("spawn")  # a fork would copy the compiler's threads and locks half-way
+        pool = ProcessPoolExecutor(2, context, initializer=_prepare, initargs=(law, folder.absolute()))
+        with _another_main():
+            for _ in range(2):
+                pool.submit(os.getpid)  # starts a process
+    except (OSError, ImportError, NotImplementedError):  # no semaphores or no pipes here
+        yield map
+        return
+    try:
+        yield pool.map
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def _another_main() -> Iterator[None]:
+    """An empty main module meanwhile: a new process runs its parent's again, and that script may not be guarded."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _prepare(law: str, folder: Path) -> None:
+    """In a new process: leave an interruption to the parent, and load a user's law so that it can be handed over."""
+    from bowden.control import user_law
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if user_law.is_file(law):
+        user_law.load(law, folder)
