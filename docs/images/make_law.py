@@ -13,7 +13,11 @@ from bowden.core.units import DEGREES
 from bowden.paper import bench
 from bowden.report import style
 
-_SHOWN = {"adaptive": "adaptive, the paper's", "active_disturbance_rejection": "disturbance rejection", "bowden": "ours"}
+_SHOWN = {
+    "adaptive": "adaptive, the paper's",
+    "active_disturbance_rejection": "disturbance rejection",
+    "bowden": "ours",
+}
 _FROM, _TO = 35.02, 35.42
 """One reversal, seen closely [s]."""
 
