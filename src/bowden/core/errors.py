@@ -23,3 +23,11 @@ class ParameterError(BowdenError):
 
 class OutputError(BowdenError):
     """A result that cannot be written where it was asked for."""
+
+
+class DriveError(BowdenError):
+    """A bus or a drive that cannot be used, or does not do what is asked of it."""
+
+
+class SafetyError(BowdenError):
+    """A run that must not begin: a preflight that failed, or limits that contradict one another."""

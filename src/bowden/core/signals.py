@@ -1,4 +1,4 @@
-"""The three signals that pass between a law and its surroundings, all in radians and seconds."""
+"""The signals that pass between a law, a drive and their surroundings, in radians, seconds and SI units."""
 
 from typing import NamedTuple
 
@@ -21,6 +21,33 @@ class Reference(NamedTuple):
     """dφ_d/dt [rad/s]."""
     acceleration: float
     """d²φ_d/dt² [rad/s²]."""
+
+
+class DriveReading(NamedTuple):
+    """What the drive said last, at one cycle of the live loop; NaN for what it does not measure."""
+
+    motor: float
+    """Motor angle at the spool [rad]."""
+    joint: float
+    """Joint angle [rad]."""
+    current: float
+    """Motor current [A]."""
+    tension: float
+    """Tension of the cable [N]."""
+    temperature: float
+    """Of the drive's power stage [°C]."""
+    motor_age: float
+    """Cycles since the motor angle came; 0 in the cycle of its arrival [–]."""
+    joint_age: float
+    """Cycles since the joint angle came [–]."""
+    heartbeat_age: float
+    """Time since the drive's last heartbeat [s]."""
+    drive_state: float
+    """Number of the CiA 402 state, a `hardware.cia402.State` [–]."""
+    emergency: float
+    """Error code of an emergency frame that came in this cycle; 0 for none [–]."""
+    bus_errors: float
+    """Frames that could not be sent, or bus-off, since the start [–]."""
 
 
 Command = float

@@ -1,0 +1,1 @@
+"""The live loop: clock, cycle, ring buffer, recorder."""
