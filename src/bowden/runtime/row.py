@@ -44,9 +44,9 @@ CYCLE: Mapping[str, str] = {
 }
 """Column → unit of what every run has; the law's state follows, and the supervisor's.
 
-``joint`` and ``motor`` are as measured, at the same instant as the reference; ``joint_seen`` and ``motor_seen`` are behind
-the filters. ``wish`` is from before the supervisor and ``command`` from after it; ``overruns`` are the deadlines that were
-skipped before this cycle.
+``joint`` and ``motor`` are as measured, at the same instant as the reference; ``joint_seen`` and ``motor_seen`` are
+behind the filters. ``wish`` is from before the supervisor and ``command`` from after it; ``overruns`` are the deadlines
+that were skipped before this cycle.
 """
 
 AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}
