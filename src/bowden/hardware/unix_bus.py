@@ -32,6 +32,8 @@ EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 LONGEST_PATH = 107
 """Of a Unix socket's name [bytes]."""
 
+_RIGHTS = socket.CMSG_SPACE(struct.calcsize("i"))
+
 
 def bus_folder(channel: str) -> Path:
     """The folder of a bus: the channel itself if it has a slash, otherwise one of that name in a place of this user."""
@@ -101,13 +103,14 @@ class UnixBus(can.BusABC):
         self._links.append(link)
         self._poll.register(link, select.POLLIN)
 
-    def _open_door(self) -> None:
-        """Take in everyone who has joined since."""
+    def _open_door(self) -> bool:
+        """Take in everyone who has joined since; whether anyone has."""
+        before = len(self._links)
         while True:
             try:
-                _, rights, _, _ = self._door.recvmsg(16, socket.CMSG_SPACE(struct.calcsize("i")))
+                _, rights, _, _ = self._door.recvmsg(16, _RIGHTS)
             except OSError:
-                return
+                return len(self._links) > before
             for _, _, descriptor in rights:
                 link = socket.socket(fileno=struct.unpack("i", descriptor[:4])[0])
                 link.setblocking(False)
@@ -127,8 +130,7 @@ class UnixBus(can.BusABC):
         """
         flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame | ERROR * msg.is_error_frame
         frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
-        if not self._links:
-            self._open_door()
+        self._open_door()
         for link in tuple(self._links):
             try:
                 link.send(frame)
@@ -172,8 +174,7 @@ class UnixBus(can.BusABC):
                 continue
             if len(frame) == FRAME.size:
                 return frame
-        self._open_door()
-        return None
+        return self._next() if self._open_door() else None
 
     def _drop(self, link: socket.socket) -> None:
         for links in (self._links, self._mute):
