@@ -1,10 +1,11 @@
 """A CAN bus between processes of one machine, for the twin and the tests: where the kernel has no CAN.
 
-A bus is a folder. Each node keeps a socket in it, at which others introduce themselves: a node that joins makes a pair
-of connected datagram sockets for every node that is there, and hands one end over. From then on frames go through the
-pairs alone: what one node sends reaches every other, sending never waits, and a node that has died or does not read is
-counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send, since nobody acknowledges.
-(Frames to an unconnected socket would queue up to `net.unix.max_dgram_qlen`, ten of them, and no more.)
+A bus is a folder. Each node keeps a datagram socket in it, at which others introduce themselves: a node that joins
+makes a pair of connected sockets for every node that is there, and hands one end over. From then on frames go through
+the pairs alone, a frame a packet: what one node sends reaches every other, sending never waits, and a node that has
+died or does not read is counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send,
+since nobody acknowledges. (Sent to the datagram sockets themselves, frames would queue up to
+`net.unix.max_dgram_qlen`, ten of them; and what a node has said before it leaves would be lost.)
 
 Registered with python-can as interface ``bowden_unix``; can be made directly as well.
 """
@@ -86,7 +87,7 @@ class UnixBus(can.BusABC):
         others = sorted(folder.glob("*.node"))
         self._door.bind(str(self._path))
         for other in others:
-            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
             with theirs:
                 try:
                     rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [theirs.fileno()]))]
@@ -174,6 +175,8 @@ class UnixBus(can.BusABC):
                 continue
             if len(frame) == FRAME.size:
                 return frame
+            if not frame:  # its end
+                self._drop(link)
         return self._next() if self._open_door() else None
 
     def _drop(self, link: socket.socket) -> None:
