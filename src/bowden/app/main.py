@@ -20,6 +20,7 @@ from bowden.app.league_command import league
 from bowden.app.reproduce_command import reproduce
 from bowden.app.simulate_command import simulate
 from bowden.app.tune_command import tune
+from bowden.app.twin_command import twin
 from bowden.core.errors import BowdenError
 
 
@@ -80,6 +81,15 @@ _COMMANDS = [
         tune,
         "Find gains for a rig, with margins, and write them into it.",
         ["bowden tune rig.toml", "bowden tune rig.toml --dry-run --json"],
+    ),
+    _Entry(
+        twin,
+        "Run a digital twin of a rig's drive, and give it faults.",
+        [
+            "bowden twin rig.toml",
+            "bowden twin rig.toml --status",
+            "bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5",
+        ],
     ),
     _Entry(
         reproduce,
