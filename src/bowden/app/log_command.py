@@ -59,7 +59,9 @@ def recover(
     if saved.damage.chunks or saved.damage.skipped:
         print(f"left out: {saved.damage.chunks} damaged chunks, {saved.damage.skipped} bytes that are no record")
     if saved.tail_seconds:
-        print(f"{file} has no proper end: after its last cycle up to {saved.tail_seconds:g} s of the run may be missing")
+        print(
+            f"{file} has no proper end: after its last cycle up to {saved.tail_seconds:g} s of the run may be missing"
+        )
     elif not (saved.missing or saved.damage.chunks or saved.damage.skipped):
         print("nothing was missing")
 
@@ -121,25 +123,30 @@ def replay(
     json: JsonOption = False,
 ) -> None:
     """Feed a recorded run through a law and the supervisor, and compare with what was commanded then."""
-    from bowden.app.log_replay import law_of, limits_of
+    from bowden.app.log_replay import law_of
+    from bowden.control import user_law
     from bowden.runtime.mcap_read import read
     from bowden.runtime.replay import replay as run
+    from bowden.runtime.run_settings import filters_of, limits_of
 
     found = read(file)
     chosen, same = law_of(found, law)
-    result = run(found, chosen, limits_of(found), same=same)
+    limits, filters = limits_of(found.settings), filters_of(found.settings)
+    with user_law.explained(chosen):
+        result = run(found, chosen, limits, filters, float(found.settings["sample_time"]), same=same)
     if json:
-        print_json({"file": str(file), "law": chosen.name, **result._asdict(), "seconds": seconds()})
+        document = {"file": str(file), "law": chosen.name, "same_law": same, **result._asdict()}
+        print_json({**document, "seconds": seconds()})
         return
-    print(f"{chosen.name} on {result.cycles} cycles of {file}, {result.restarts} restarts")
-    if result.wish_largest is None:
-        print("wish: the law moved nothing in this run")
-    else:
+    whose = "with the record's gains" if same else "with its default gains, in place of the record's law"
+    print(f"{chosen.name}, {whose}: {result.cycles} cycles, the law had the motor in {result.law_cycles}")
+    if result.wish_largest is not None:
         print(f"wish: differs by {result.wish_largest:.3g} rad at most, {result.wish_rms:.3g} rad RMS")
-    if result.verdicts:
-        print(f"verdict: {result.differing} of {result.verdicts} cycles differ, target by {result.target_largest:.3g} rad")
-    else:
-        print("verdict: the log has no supervisor's state or no limits to judge by")
+    print(
+        f"verdict: differs in {result.verdicts_differing} cycles"
+        + ("" if result.first_other_verdict is None else f", first at {result.first_other_verdict:.3f} s")
+        + f"; target by {result.command_largest:.3g} rad at most"
+    )
     _warn(found, file)
 
 

@@ -36,7 +36,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
         "columns": dict(zip(found.columns, found.units, strict=True)),
-        "settings": settings,
+        "settings": _finite(settings),
     }
 
 
@@ -55,10 +55,19 @@ def _percentiles(found: Recording, column: str) -> dict[str, float] | None:
 
 
 def _overruns(found: Recording) -> int | None:
-    """Deadlines that were skipped; the column counts them since the begin."""
+    """Deadlines that were skipped; the column tells how many before each cycle."""
     if "overruns" not in found.columns or not np.isfinite(found["overruns"]).any():
         return None
-    return int(np.nanmax(found["overruns"]))
+    return int(np.nansum(found["overruns"]))
+
+
+def _finite(value: Any) -> Any:
+    """Settings with None in place of a number that JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _number(value: float) -> float | None:
