@@ -1,0 +1,105 @@
+"""What a run does, cycle by cycle: hold, preflight, approach, and then the law on its reference or a planned motion."""
+
+import math
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.reference import minimum_jerk
+from bowden.core.signals import DriveReading, Reference
+from bowden.runtime.cycle import HOLD, LAW, LAW_BEGINS, MOTION, NOWHERE, Plan
+from bowden.safety.supervisor import Mode
+
+_PREFLIGHT, _RUNNING, _BRIDGING = float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING)
+
+
+class Preflight(Protocol):
+    """The checks between arming and running."""
+
+    def begin(self, target: float) -> None:
+        """Armed; the motor stands at `target` [rad]."""
+        ...
+
+    def step(self, reading: DriveReading, enabled: bool, dt: float) -> tuple[float, float]:
+        """The motor's target [rad] in this cycle, and the outcome: 0 not done, 1 passed, −1 failed."""
+        ...
+
+    @property
+    def reason(self) -> str:
+        """Why it failed; empty where it has not."""
+        ...
+
+
+class Script:
+    """The plan of a run.
+
+    Args:
+        table: what follows the approach: (n, 3) references of the joint for the law [rad, rad/s, rad/s²], or (n, 1)
+            targets of the motor [rad].
+        start: motor angle to go to first [rad].
+        speed: of that approach, at its quickest [rad/s].
+        preflight: between arming and running.
+        period: of a cycle [s].
+    """
+
+    def __init__(
+        self, table: NDArray[np.float64], start: float, speed: float, preflight: Preflight, period: float
+    ) -> None:
+        self._rows: list[tuple[float, ...]] = list(map(tuple, table.tolist()))  # no array is indexed in the loop
+        self._led = table.shape[1] == 3
+        self._start, self._speed, self._preflight, self._period = start, speed, preflight, period
+        self._mode = float(Mode.STOPPED)
+        self._from, self._approach, self._cycles, self._begun = 0.0, 0.0, 0, False
+        self.outcome = 0.0
+        """Of the preflight."""
+        self.done = False
+        """Whether the table has come to its end since the run began."""
+
+    def plan(self, mode: float, target: float, reading: DriveReading, enabled: bool, cycles: int) -> Plan:
+        """What to do in this cycle.
+
+        Args:
+            mode: number of the supervisor's `Mode` after the last cycle.
+            target: what the drive was told then [rad].
+            reading: what the drive says.
+            enabled: whether it follows its target.
+            cycles: periods since the last cycle, more than 1 after an overrun.
+        """
+        if mode != self._mode:
+            self._enter(mode, target, cycles)
+        if mode == _PREFLIGHT:
+            wish, self.outcome = self._preflight.step(reading, enabled, cycles * self._period)
+            return Plan(MOTION, wish, NOWHERE)
+        if mode not in (_RUNNING, _BRIDGING):
+            return Plan(HOLD, target, NOWHERE)
+        self._cycles += cycles
+        at = self._cycles * self._period
+        if at < self._approach:
+            return Plan(MOTION, float(minimum_jerk(self._from, self._start, self._approach, at).position), NOWHERE)
+        row = round((at - self._approach) / self._period)
+        self.done = row >= len(self._rows) - 1
+        values = self._rows[min(row, len(self._rows) - 1)]
+        if not self._led:
+            return Plan(MOTION, values[0], NOWHERE)
+        source, self._begun = (LAW if self._begun else LAW_BEGINS), True
+        return Plan(source, target, Reference(*values))
+
+    def _enter(self, mode: float, target: float, cycles: int) -> None:
+        if mode == _PREFLIGHT:
+            self.outcome = 0.0
+            self._preflight.begin(target)
+        if mode == _RUNNING and self._mode != _BRIDGING:
+            distance = abs(self._start - target)
+            self._from, self._cycles, self._begun, self.done = target, -cycles, False, False
+            self._approach = math.ceil(_PEAK * distance / self._speed / self._period) * self._period
+        self._mode = mode
+
+    @property
+    def reason(self) -> str:
+        """Why the preflight failed; empty where it has not."""
+        return self._preflight.reason
+
+
+_PEAK = 1.875
+"""Largest speed of a minimum-jerk motion over its mean one."""
