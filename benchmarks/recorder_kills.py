@@ -2,8 +2,8 @@
 
     python benchmarks/recorder_kills.py [--kills 500] [--every 1]
 
-The kills are of real processes at 1 kHz in real time; interrupted, it goes on where it was left. Exit code 1 where more than 0.2 s is lost, or a
-recovered file is not read whole by mcap's own reader.
+The kills are of real processes at 1 kHz in real time; interrupted, it goes on where it was left. Exit code 1 where more
+than 0.2 s is lost, or a recovered file is not read whole by mcap's own reader.
 """
 
 import argparse

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden.runtime.mcap_layout import Event
 from bowden.runtime.ring import Description
 
-WATCHED = ("mode", "reaction", "power")
+WATCHED = ("mode", "reaction", "power", "source")
 """Columns that hold the number of a state."""
 FAULTS = "faults"
 """Column that holds a set of faults, fault i as the bit 2^i."""
