@@ -33,6 +33,8 @@ class Asked:
     preset: str | None = None
     duration: float | None = None
     """[s]"""
+    channel: str | None = None
+    """Of the bus, in place of the rig's."""
     measure: bool = False
     """Move the motor through the excitation, in place of a law."""
 
@@ -88,6 +90,7 @@ def compose_live(asked: Asked) -> Live:
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
     drive = rig_drive.drive_parameters(rig, setup.bench)
+    drive = drive if asked.channel is None else drive._replace(channel=asked.channel)
     limits = rig_drive.limits(rig, setup.bench)
     if asked.measure:
         law, table = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time).motor[:, None]

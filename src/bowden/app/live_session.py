@@ -1,4 +1,4 @@
-"""A live run from the operator's side: starts the recorder and the loop, sends a sign of life, asks, and sees them end."""
+"""A live run from the operator's side: recorder and loop started, signs of life, requests, and an orderly end."""
 
 import contextlib
 import json
@@ -6,6 +6,7 @@ import os
 import queue
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -74,7 +75,13 @@ class Session:
         self._recorder = self._start(recorder)
         asked = asdict(self._asked) | {"rig": str(self._asked.rig)}
         thermal = thermal_file.read(live.drive, live.limits.thermal)
-        given = {"asked": asked, "thermal": thermal, "ring": str(self._ring), "block": str(self._block), "start_ns": now}
+        given = {
+            "asked": asked,
+            "thermal": thermal,
+            "ring": str(self._ring),
+            "block": str(self._block),
+            "start_ns": now,
+        }
         self._loop = self._start(["bowden.app.loop_process", json.dumps(given)])
         threading.Thread(target=self._listen, daemon=True).start()
         self.ready = self._await_ready()
@@ -107,7 +114,9 @@ class Session:
         try:
             said = self._said.get(timeout=_START)
         except queue.Empty:
-            raise DriveError(f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor") from None
+            raise DriveError(
+                f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor"
+            ) from None
         if said and "ready" in said:
             self._check_recorder()
             return dict(said["ready"])
@@ -198,3 +207,14 @@ def _left_behind() -> Iterator[Path]:
         number = path.name.split("-")[1]
         if path.suffix in (".ring", ".block") and number.isdigit() and not Path(f"/proc/{number}").exists():
             yield path
+
+
+@contextlib.contextmanager
+def own_twin(rig: Path, duration: float | None) -> Iterator[str]:
+    """A twin of the rig on a bus that nobody else knows; the bus' channel."""
+    from bowden.app.twin_process import running_twin
+
+    with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
+        options = [] if duration is None else ["--duration", str(duration)]
+        with running_twin(rig, Path(folder), options) as twin:
+            yield twin.channel

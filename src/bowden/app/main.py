@@ -19,6 +19,7 @@ from bowden.app.init_command import init
 from bowden.app.league_command import league
 from bowden.app.log_command import export, info, plot, recover, replay
 from bowden.app.reproduce_command import reproduce
+from bowden.app.run_command import run as run_live
 from bowden.app.simulate_command import simulate
 from bowden.app.tune_command import tune
 from bowden.app.twin_command import twin
@@ -59,6 +60,11 @@ _COMMANDS = [
         identify_servo,
         "Identify a servo from a log of a step or a chirp.",
         ["bowden identify-servo step.csv", "bowden identify-servo chirp.csv --command target --unit deg --json"],
+    ),
+    _Entry(
+        run_live,
+        "Run a law live on a rig's drive, under the supervisor.",
+        ["bowden run rig.toml", "bowden run rig.toml --twin --auto --duration 20", "bowden run rig.toml --law bowden"],
     ),
     _Entry(
         check,

@@ -36,8 +36,8 @@ def twin(
     from bowden.app import compose
     from bowden.app.rig_drive import drive_parameters
 
-    setup, _ = compose.setup(rig, duration)
-    drive = drive_parameters(setup.bench)
+    setup, description = compose.setup(rig, duration)
+    drive = drive_parameters(description, setup.bench)
     drive = drive if channel is None else drive._replace(channel=channel)
     if inject or clear or status:
         _talk(drive, inject, after, lasting, clear, json)
