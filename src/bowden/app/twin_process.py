@@ -41,7 +41,8 @@ def running_twin(rig: Path, channel: Path, options: Sequence[str] = ()) -> Itera
         text=True,
     )
     try:
-        assert process.stdout is not None and process.stderr is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
         lines = []
         for line in process.stdout:
             lines.append(line)
