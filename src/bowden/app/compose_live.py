@@ -15,13 +15,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.hardware.drive_parameters import DriveParameters
 from bowden.runtime.cycle import Cycle
+from bowden.runtime.preflight import Preflight
 from bowden.runtime.realtime import Settings
-from bowden.runtime.script import Preflight, Script
-from bowden.runtime.small_motion import SmallMotion
+from bowden.runtime.script import Script
 from bowden.safety.limits import Limits
-
-PREFLIGHT_DISTANCE = 3.0 * RADIANS
-"""Of the preflight's motion, at the spool [rad]."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +58,8 @@ class Live:
     def script(self) -> Script:
         """The run's plan."""
         speed = self.description.live.approach_deg_per_s * RADIANS
-        return Script(self.table, self.start, speed, self._preflight(), self.drive.sample_time)
-
-    def _preflight(self) -> Preflight:
-        middle = 0.5 * (self.limits.motor_low + self.limits.motor_high)
-        return SmallMotion(float(np.copysign(PREFLIGHT_DISTANCE, middle - self.start)))
+        checks = Preflight(pull_sign=-self.limits.slack_sign)
+        return Script(self.table, self.start, speed, checks, self.drive.sample_time)
 
     def told(self) -> Mapping[str, Any]:
         """What the log keeps of the rig, beside the law and the limits."""
