@@ -1,6 +1,7 @@
 """The twin's process: a bus, the node, the control socket, and the clock that drives them. Waits, never spins."""
 
 import contextlib
+import gc
 import math
 import os
 import resource
@@ -190,7 +191,10 @@ class Twin:
 
 
 def raise_priority() -> bool:
-    """Run under SCHED_FIFO where that is allowed; whether it is."""
+    """Run under SCHED_FIFO where that is allowed; whether it is. Garbage is collected now, and never again."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except (AttributeError, OSError):
