@@ -27,6 +27,8 @@ HOTTEST = 110.0
 """Temperature at which the power stage protects itself [°C]."""
 REBOOT_TIME = 0.3
 """[s]"""
+STEP = 0.9e-3
+"""The bench is moved on at every SYNC, and without one after this [s]."""
 STANDSTILL = 1e-6
 """Speed at which a quick stop is over [rad/s]."""
 
@@ -60,6 +62,7 @@ class TwinNode:
         self.host_heard = -math.inf
         """When the host's heartbeat came last [s]."""
         self._scenario_began = False
+        self._moved = -math.inf
         self._power_up(-math.inf)
 
     def _power_up(self, ready: float) -> None:
@@ -134,7 +137,8 @@ class TwinNode:
             else:
                 self._fail(int(injection.amount) & 0xFFFF, now)
         self._watch(now)
-        self._move(now)
+        if now - self._moved >= STEP:
+            self._move(now)
         if self._booted and self.objects[0x1017, 0] and now >= self._next_heartbeat:
             self._next_heartbeat = max(self._next_heartbeat + 1e-3 * self.objects[0x1017, 0], now)
             self._emit(frames.HEARTBEAT + self._drive.node_id, bytes((self.nmt,)), now)
@@ -225,7 +229,7 @@ class TwinNode:
 
     def _move(self, now: float) -> None:
         """Move the bench on, with torque where the state has it, and see to the drive's own limits."""
-        bench = self.bench
+        bench, self._moved = self.bench, now
         bench.torn = bool(self.faults.active("broken_cable", now))
         slack = self.faults.active("slack_cable", now)
         bench.slack = math.radians(slack.amount) if slack else 0.0
