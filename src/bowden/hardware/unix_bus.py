@@ -151,7 +151,7 @@ class UnixBus(can.BusABC):
             raise can.CanOperationError("no other node on the bus acknowledges")
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame, or None after `timeout` [s]; python-can's own, without detours where nothing is waited for."""
+        """The next frame, or None after `timeout` [s]; python-can's own, without detours where there is no wait."""
         if timeout == 0.0 and self._filters is None:
             return self._recv_internal(0.0)[0]
         return super().recv(timeout)
