@@ -102,7 +102,7 @@ class TwinNode:
             (0x6077, 0): lambda: self._sampler.true()[0].torque,
             (0x60E4, 2): lambda: self._sampler.true()[1].joint,
             (0x3160, 1): lambda: self._sampler.true()[1].analog,
-            (0x3201, 1): lambda: self._sampler.true()[1].temperature,
+            (0x3201, 1): lambda: self._sampler.true()[1].temperature or 0,
         }
 
     def receive(self, cob_id: int, data: bytes, now: float) -> None:
@@ -166,8 +166,12 @@ class TwinNode:
             self._watching = False
         if self._watching and now - self.host_heard >= limit:
             self._watching = False
-            if self.objects[0x6007, 0]:
+            option = self.objects[0x6007, 0]
+            if option == 1:
                 self._fail(HEARTBEAT_LOST, now)
+            elif option:  # 2, disable voltage; 3, quick stop
+                self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(HEARTBEAT_LOST, 0x11), now)
+                self._enter(step(self.state, 0x00 if option == 2 else 0x02, edge=False), now)
 
     def _synchronise(self, now: float) -> None:
         """At a SYNC: the target that came before it takes effect, and everything is sampled and sent."""
@@ -182,6 +186,8 @@ class TwinNode:
         self._history.append(self._sampler.sample(now))
         back = self.faults.active("delayed_readings", now)
         motion, sensors = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+        if self.objects[0x1A01, 0] < len(frames.TPDO2_MAPPING):
+            sensors = sensors._replace(temperature=None)
         node = self._drive.node_id
         if self.objects[0x1800, 1] >> 31 == 0:
             self._emit_pdo(frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now)
