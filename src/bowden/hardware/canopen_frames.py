@@ -95,7 +95,10 @@ def unpack_tpdo2(data: bytes | bytearray) -> Sensors | None:
     """TPDO 2; None of anything but 8 bytes, or 6 where the temperature is not mapped."""
     if len(data) == _TPDO2.size:
         return Sensors(*_TPDO2.unpack(data))
-    return Sensors(*_TPDO2_SHORT.unpack(data), None) if len(data) == _TPDO2_SHORT.size else None
+    if len(data) != _TPDO2_SHORT.size:
+        return None
+    joint, analog = _TPDO2_SHORT.unpack(data)
+    return Sensors(joint, analog, None)
 
 
 def pack_emergency(code: int, register: int) -> bytes:
