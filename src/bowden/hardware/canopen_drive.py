@@ -106,7 +106,7 @@ class CanopenDrive:
                 current = motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
             elif cob_id == frames.TPDO2 + node and (sensors := frames.unpack_tpdo2(data)) is not None:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
-                temperature = 0.1 * sensors.temperature
+                temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
                 if drive.tension_scale != 0.0:
                     tension = drive.tension_scale * (sensors.analog - drive.tension_zero)
             elif cob_id == frames.HEARTBEAT + node and (told := frames.unpack_heartbeat(data)) is not None:
