@@ -130,11 +130,9 @@ def main() -> int:
     given = parser.parse_args()
     end = size_of_log()
     wanted = list(range(end - CUTS, end, given.every))
-    kept = Kept("recorder_cuts")
+    chosen, kept = set(wanted), Kept("recorder_cuts")
     there = {row[0] for row in kept.rows()}
-    cut = [
-        row for row in kept.filled(cuts([k for k in wanted if k not in there]), len(wanted)) if row[0] in set(wanted)
-    ]
+    cut = [row for row in kept.filled(cuts([k for k in wanted if k not in there]), len(wanted)) if row[0] in chosen]
     kept = Kept("recorder_kills")
     there = {row[0] for row in kept.rows()}
     killed = kept.filled(kills([k for k in range(given.kills) if k not in there]), given.kills)[: given.kills]
