@@ -19,8 +19,10 @@ from bowden.app.init_command import init
 from bowden.app.league_command import league
 from bowden.app.log_command import export, info, plot, recover, replay
 from bowden.app.reproduce_command import reproduce
+from bowden.app.run_command import run as run_live
 from bowden.app.simulate_command import simulate
 from bowden.app.tune_command import tune
+from bowden.app.twin_command import twin
 from bowden.core.errors import BowdenError
 
 
@@ -60,6 +62,11 @@ _COMMANDS = [
         ["bowden identify-servo step.csv", "bowden identify-servo chirp.csv --command target --unit deg --json"],
     ),
     _Entry(
+        run_live,
+        "Run a law live on a rig's drive, under the supervisor.",
+        ["bowden run rig.toml", "bowden run rig.toml --twin --auto --duration 20", "bowden run rig.toml --law bowden"],
+    ),
+    _Entry(
         check,
         "Say whether a rig's gains hold, before anything moves.",
         [
@@ -81,6 +88,15 @@ _COMMANDS = [
         tune,
         "Find gains for a rig, with margins, and write them into it.",
         ["bowden tune rig.toml", "bowden tune rig.toml --dry-run --json"],
+    ),
+    _Entry(
+        twin,
+        "Run a digital twin of a rig's drive, and give it faults.",
+        [
+            "bowden twin rig.toml",
+            "bowden twin rig.toml --status",
+            "bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5",
+        ],
     ),
     _Entry(
         reproduce,

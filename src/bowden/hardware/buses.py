@@ -51,6 +51,14 @@ def claim(interface: str, channel: str, part: str) -> Claim:
     return Claim(holder)
 
 
+def quieten() -> None:
+    """Let the CAN libraries print nothing: what they log is raised as well, and said in our own words."""
+    for name in ("can", "canopen"):
+        logger = logging.getLogger(name)
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
+
+
 def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -> can.BusABC:
     """The bus, ready to send and receive.
 
@@ -63,10 +71,7 @@ def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -
     Raises:
         DriveError: an unknown interface, or a bus that is not there or cannot be opened.
     """
-    for name in ("can", "canopen"):  # what they log is raised here as well, and nothing else may be printed
-        logger = logging.getLogger(name)
-        if not logger.handlers:
-            logger.addHandler(logging.NullHandler())
+    quieten()
     try:
         if interface == UNIX:
             return UnixBus(channel, create=create)

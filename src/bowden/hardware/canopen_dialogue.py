@@ -27,7 +27,7 @@ class Dialogue:
 
     def __init__(self, network: canopen.Network, node_id: int, timeout: float) -> None:
         self._network = network
-        self._node = network.add_node(canopen.RemoteNode(node_id, canopen.ObjectDictionary()))
+        self._node = network.add_node(canopen.RemoteNode(node_id, _no_dictionary()))
         self._node.sdo.RESPONSE_TIMEOUT = timeout
         self._timeout = timeout
         self._id = node_id
@@ -133,3 +133,8 @@ def dialogue(bus: can.BusABC, node_id: int, timeout: float) -> Iterator[Dialogue
     finally:
         if network.notifier is not None:
             network.notifier.stop(5.0)
+
+
+def _no_dictionary() -> canopen.ObjectDictionary:
+    """The library wants an object dictionary; everything here is read and written by number."""
+    return canopen.ObjectDictionary()  # type: ignore[no-untyped-call]  # the library has no types for it

@@ -12,7 +12,7 @@ import can
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveReading
 from bowden.hardware import canopen_frames as frames
-from bowden.hardware.buses import Claim, claim, open_bus
+from bowden.hardware.buses import Claim, claim, open_bus, quieten
 from bowden.hardware.canopen_setup import Found, set_up
 from bowden.hardware.cia402 import WITH_TORQUE, Control, State, controlword, decode, fell
 from bowden.hardware.drive_parameters import DriveParameters, check_parameters
@@ -35,14 +35,15 @@ class CanopenDrive:
 
     Args:
         parameters: of the drive, its encoders and its bus.
+        bus: an open one in place of the parameters'; it stays open.
 
     Raises:
         ParameterError: parameters that make no sense.
     """
 
-    def __init__(self, parameters: DriveParameters) -> None:
+    def __init__(self, parameters: DriveParameters, bus: can.BusABC | None = None) -> None:
         check_parameters(parameters)
-        self._drive = parameters
+        self._drive, self._given = parameters, bus
         self._bus: can.BusABC | None = None
         self._claim: Claim | None = None
         self._found: Found | None = None
@@ -56,8 +57,10 @@ class CanopenDrive:
     def bring_up(self) -> str:
         """See `runtime.ports.Drive.bring_up`; may be called again after a failure or a reboot of the drive."""
         drive = self._drive
-        if self._claim is None:
+        if self._claim is None and self._given is None:
             self._claim = claim(drive.interface, drive.channel, "host")
+        self._bus = self._bus or self._given
+        quieten()
         try:
             if self._bus is None:
                 self._bus = open_bus(drive.interface, drive.channel, drive.bitrate)
@@ -198,7 +201,7 @@ class CanopenDrive:
                 return
 
     def _leave(self) -> None:
-        if self._bus is not None:
+        if self._bus is not None and self._bus is not self._given:
             self._bus.shutdown()
         if self._claim is not None:
             self._claim.release()

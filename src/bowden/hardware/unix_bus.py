@@ -1,10 +1,11 @@
 """A CAN bus between processes of one machine, for the twin and the tests: where the kernel has no CAN.
 
-A bus is a folder. Each node keeps a socket in it, at which others introduce themselves: a node that joins makes a pair
-of connected datagram sockets for every node that is there, and hands one end over. From then on frames go through the
-pairs alone: what one node sends reaches every other, sending never waits, and a node that has died or does not read is
-counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send, since nobody acknowledges.
-(Frames to an unconnected socket would queue up to `net.unix.max_dgram_qlen`, ten of them, and no more.)
+A bus is a folder. Each node keeps a datagram socket in it, at which others introduce themselves: a node that joins
+makes a pair of connected sockets for every node that is there, and hands one end over. From then on frames go through
+the pairs alone, a frame a packet: what one node sends reaches every other, sending never waits, and a node that has
+died or does not read is counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send,
+since nobody acknowledges. (Sent to the datagram sockets themselves, frames would queue up to
+`net.unix.max_dgram_qlen`, ten of them; and what a node has said before it leaves would be lost.)
 
 Registered with python-can as interface ``bowden_unix``; can be made directly as well.
 """
@@ -31,6 +32,8 @@ EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 
 LONGEST_PATH = 107
 """Of a Unix socket's name [bytes]."""
+
+_RIGHTS = socket.CMSG_SPACE(struct.calcsize("i"))
 
 
 def bus_folder(channel: str) -> Path:
@@ -84,7 +87,7 @@ class UnixBus(can.BusABC):
         others = sorted(folder.glob("*.node"))
         self._door.bind(str(self._path))
         for other in others:
-            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
             with theirs:
                 try:
                     rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [theirs.fileno()]))]
@@ -101,13 +104,14 @@ class UnixBus(can.BusABC):
         self._links.append(link)
         self._poll.register(link, select.POLLIN)
 
-    def _open_door(self) -> None:
-        """Take in everyone who has joined since."""
+    def _open_door(self) -> bool:
+        """Take in everyone who has joined since; whether anyone has."""
+        before = len(self._links)
         while True:
             try:
-                _, rights, _, _ = self._door.recvmsg(16, socket.CMSG_SPACE(struct.calcsize("i")))
+                _, rights, _, _ = self._door.recvmsg(16, _RIGHTS)
             except OSError:
-                return
+                return len(self._links) > before
             for _, _, descriptor in rights:
                 link = socket.socket(fileno=struct.unpack("i", descriptor[:4])[0])
                 link.setblocking(False)
@@ -127,8 +131,7 @@ class UnixBus(can.BusABC):
         """
         flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame | ERROR * msg.is_error_frame
         frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
-        if not self._links:
-            self._open_door()
+        self._open_door()
         for link in tuple(self._links):
             try:
                 link.send(frame)
@@ -172,8 +175,9 @@ class UnixBus(can.BusABC):
                 continue
             if len(frame) == FRAME.size:
                 return frame
-        self._open_door()
-        return None
+            if not frame:  # its end
+                self._drop(link)
+        return self._next() if self._open_door() else None
 
     def _drop(self, link: socket.socket) -> None:
         for links in (self._links, self._mute):

@@ -18,9 +18,8 @@ class Fault(IntEnum):
 
     def __new__(cls, at_once: int, then: int, within: float, meaning: str, detector: str, remedy: str) -> "Fault":
         """Number the rows in their order."""
-        number = len(cls.__members__)
-        fault = int.__new__(cls, number)
-        fault._value_ = number
+        fault = int.__new__(cls, len(cls.__members__))
+        fault._value_ = len(cls.__members__)
         fault.at_once, fault.then, fault.within = at_once, then, within
         fault.meaning, fault.detector, fault.remedy = meaning, detector, remedy
         return fault
@@ -32,9 +31,9 @@ class Fault(IntEnum):
 
     JOINT_LOST = (1, 2, 0.008, "joint angle missing or impossible", "|joint| ≤ sensor_span does not hold",
                   "look at the joint encoder's plug, supply and zero")
-    JOINT_JUMP = (1, 2, 0.008, "joint angle jumps", "|change| > jump + joint_speed × time",
+    JOINT_JUMP = (1, 2, 0.020, "joint angle jumps", "|change| > jump + joint_speed × time",
                   "look for a loose plug, interference, a slipping encoder or a wrong direction of the joint encoder")
-    JOINT_STALE = (1, 2, 0.010, "joint angle is late", "joint_age > reading_age",
+    JOINT_STALE = (1, 2, 0.020, "joint angle is late", "joint_age > reading_age",
                    "look at the bus load and at the drive's PDO settings")
     JOINT_FROZEN = (2, 2, 0.008, "joint angle stands still", "not a count's change over frozen_travel of the motor",
                     "look at the joint encoder, its coupling and the cable")
@@ -46,9 +45,9 @@ class Fault(IntEnum):
                         "look for a torn cable; slow the reference down")
     MOTOR_LOST = (1, 3, 0.008, "motor angle missing or impossible", "|motor| ≤ sensor_span does not hold",
                   "look at the motor encoder's plug and supply; home again")
-    MOTOR_JUMP = (1, 3, 0.008, "motor angle jumps", "|change| > jump + motor_speed × time",
+    MOTOR_JUMP = (1, 3, 0.020, "motor angle jumps", "|change| > jump + motor_speed × time",
                   "look for a loose plug, interference or a wrong direction of the motor encoder")
-    MOTOR_STALE = (1, 3, 0.010, "motor angle is late", "motor_age > reading_age",
+    MOTOR_STALE = (1, 3, 0.020, "motor angle is late", "motor_age > reading_age",
                    "look at the bus, its load and the drive's supply")
     NOT_FOLLOWING = (3, 3, 0.020, "motor does not do what its servo would", "|motor − model| > tracking for 5 ms",
                      "look for a jam, a frozen motor encoder, a wrong servo model (`bowden identify-servo`)")

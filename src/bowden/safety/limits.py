@@ -6,15 +6,12 @@ from bowden.models.thermal import Thermal
 
 
 class Limits(NamedTuple):
-    """Limits in SI units and radians; the reasons for the defaults are in docs/safety.md.
+    """Limits; each comment is a meaning with its unit, and docs/safety.md is made of them."""
 
-    The comments are each field's meaning and unit; the page is made from them.
-    """
-
-    motor_low: float = -0.5  # smallest target of the motor [rad]
+    motor_low: float = -0.3  # smallest target of the motor [rad]
     motor_high: float = 2.0  # largest target of the motor [rad]
     motor_margin: float = 0.05  # how far the motor may be beyond its targets' range [rad]
-    joint_low: float = -0.25  # smallest angle of the joint [rad]
+    joint_low: float = -0.5  # smallest angle of the joint [rad]
     joint_high: float = 1.5  # largest angle of the joint [rad]
     sensor_span: float = 6.5  # largest size of an angle that an encoder can show [rad]
     jump: float = 0.02  # change of a reading in one cycle, beyond what the speed limit allows [rad]
@@ -60,7 +57,7 @@ class Limits(NamedTuple):
     bridge_time: float = 0.005  # R1 at most, R2 or R3 afterwards [s]
     bridge_leak: float = 0.02  # share of good time by which bridged time is forgotten: worse readings stop [–]
     release_time: float = 0.2  # R2 at most, power off afterwards [s]
-    pay_out: float = 10.0  # speed at which R2 lets the cable out [rad/s]
+    pay_out: float = 7.0  # speed at which R2 lets the cable out [rad/s]
     slack_sign: float = -1.0  # direction of the motor that lets the cable out: −1 or 1
     released_current: float = 0.3  # current [A] below which the cable carries nothing, if it lasts for `released_time`
     released_time: float = 0.02  # [s]

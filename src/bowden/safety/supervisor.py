@@ -1,7 +1,7 @@
 """The supervisor: it stands last before the wire, knows nothing of laws, and may only refuse or stop.
 
-Each cycle it looks (estimates and detectors), takes the worst reaction, and gives the drive a target and a power state.
-The law's wish is passed on unchanged or not at all; a reading is used as it is or not at all.
+It looks (estimates and detectors), takes the worst reaction, and gives the drive a target and a power state. The law's
+wish is passed on unchanged or not at all; a reading is used as it is or not at all.
 """
 
 from enum import IntEnum
@@ -29,14 +29,7 @@ class Mode(IntEnum):
     LATCHED = 5  # power off until an operator acknowledges
 
 
-class Request(IntEnum):
-    """What the operator asks for in this cycle."""
-
-    NONE = 0
-    ARM = 1
-    RUN = 2
-    STOP = 3
-    ACKNOWLEDGE = 4
+Request = IntEnum("Request", ["NONE", "ARM", "RUN", "STOP", "ACKNOWLEDGE"], start=0)  # what the operator asks for
 
 
 class Observed(NamedTuple):
@@ -88,17 +81,13 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
     motor = follow(Followed(0.0, 0.0, 0.0), reading.motor, 1.0, limits.sensor_span, BIG, 0.0, 1.0)[0].value
     joint = follow(Followed(0.0, 0.0, 0.0), reading.joint, 1.0, limits.sensor_span, BIG, 0.0, 1.0)[0].value
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))
-    decided, seen = (STOPPED, 0.0, target, target, 0.0, 0.0, 0.0, 0.0), (motor, 0.0, 0.0, joint, 0.0, 0.0, motor, joint)
-    free, heat, nothing = (
-        (0.0, motor, 0.0, 0.0),
-        (thermal.winding, thermal.housing, thermal.i2t),
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    )
-    return SupervisorState(*(decided + free + seen + nothing + heat))
+    decided = (STOPPED, 0.0, target, target, 0.0, 0.0, 0.0, 0.0)
+    seen = (0.0, motor, 0.0, 0.0, motor, 0.0, 0.0, joint, 0.0, 0.0, motor, joint)
+    return SupervisorState(*(decided + seen + (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) + thermal[:]))
 
 
 @kernel
-def reach_in(limits: Limits, time: float, dt: float) -> float:
+def most_step(limits: Limits, time: float, dt: float) -> float:
     """What the target may change by since the last cycle [rad]; a late loop is given five cycles at most."""
     return limits.target_speed * np.fmax(dt, np.fmin(time, 5.0 * dt))
 
@@ -137,7 +126,7 @@ def look(
     current = sel(known > 0.5, np.abs(reading.current), no_current * powered * peak)
     overload = lasting(outside(current, 0.0, peak), state.overload, time)
     saturated = lasting(outside(current, 0.0, limits.saturation * peak), state.saturated, time)
-    heat = warm(limits.thermal, ThermalState(state.winding, state.housing, state.i2t), current, np.fmin(time, 0.1))
+    heat = warm(limits.thermal, ThermalState(*state[27:30]), current, np.fmin(time, 0.1))
     i2t = (peak * peak - limits.thermal.continuous_current * limits.thermal.continuous_current) * limits.i2t_time
     hot = np.fmax(outside(heat.winding, -BIG, limits.winding_limit), outside(heat.housing, -BIG, limits.housing_limit))
     no_tension = limits.measures_tension * outside(reading.tension, -BIG, BIG)
@@ -176,7 +165,7 @@ def look(
         (1.0 - enabled) * outside(armed, 0.0, limits.enable_time), left * (1.0 - fault), fault,
         outside(reading.emergency, 0.0, 0.0), np.fmax(unknown, outside(failures, 0.0, limits.bus_errors)),
         (1.0 - clock) * outside(np.fmax(observed.lateness, late), -dt, limits.lateness), clock,
-        no_wish, outside(np.abs(asked - state.target), 0.0, reach_in(limits, time, dt)),
+        no_wish, outside(np.abs(asked - state.target), 0.0, most_step(limits, time, dt)),
         led * outside(np.abs(asked - motor.value), 0.0, limits.target_reach),
         led * outside(np.abs(hard), 0.0, limits.acceleration),
         outside(observed.operator_age, -1.0, limits.operator_age), powered * (1.0 - state.passed) * failed,
@@ -194,10 +183,10 @@ def supervise(
 ) -> tuple[SupervisorState, Verdict]:
     """One cycle of `dt` [s]: the law's `wish` [rad], if nothing speaks against it, and power, if nothing forbids it."""
     seen, found, time = look(limits, state, observed, wish, dt)
-    once, eventually, faults = 0.0, 0.0, 0.0
+    once, eventually, faults, latched, active = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(COUNT):
         once, eventually = np.fmax(once, found[i] * AT_ONCE[i]), np.fmax(eventually, found[i] * THEN[i])
-        faults += found[i] * BIT[i]
+        faults += found[i]
     powered, releasing = 1.0 - outside(state.mode, PREFLIGHT, RELEASING), state.mode == RELEASING
     bridged = powered * sel(once > 0.5, state.bridged + time, np.fmax(0.0, state.bridged - limits.bridge_leak * time))
     ended = (bridged > limits.bridge_time + 0.5 * dt) + (once > 1.5) + releasing > 0.0
@@ -212,13 +201,12 @@ def supervise(
     light = limits.measures_current * (1.0 - outside(np.abs(observed.reading.current), 0.0, limits.released_current))
     eased = lasting(light * sel(releasing, 1.0, 0.0), state.eased, time)
     empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (seen.enabled < 0.5) > 0.0
-    latching, latched, active = powered * sel(reaction > 1.5, 1.0, 0.0), 0.0, 0.0
     for i in range(COUNT):
         kept = np.floor(state.latched / BIT[i]) - 2.0 * np.floor(state.latched / (2.0 * BIT[i]))
-        kept = np.fmax(kept, latching * found[i] * sel(THEN[i] > 0.5, 1.0, 0.0))
+        kept = np.fmax(kept, sel((reaction > 1.5) * (THEN[i] > 0.5), found[i], 0.0))
         latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
-    off = sel(latched > 0.5, LATCHED, STOPPED)
-    going = sel(reaction > 2.5, LATCHED, sel(releasing * empty, off, going))
+    going = sel(releasing * empty, sel(latched > 0.5, LATCHED, STOPPED), going)
+    going = sel(reaction > 2.5, LATCHED, going)
     arms = (observed.request == ARM) * (state.mode == STOPPED) * (faults == 0.0)
     rests = sel(arms, PREFLIGHT, sel((state.mode == LATCHED) * (observed.request != ACKNOWLEDGE), LATCHED, STOPPED))
     mode = sel(powered > 0.5, going, rests)
@@ -228,12 +216,10 @@ def supervise(
     paid = out * (np.fmax(out * state.target, out * seen.motor) + limits.pay_out * np.fmin(time, 5.0 * dt))
     led = seen.enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
     aim = sel(led > 0.5, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, seen.motor)))
-    reach = reach_in(limits, time, dt)
-    aim = np.fmax(state.target - reach, np.fmin(state.target + reach, aim))
+    step = most_step(limits, time, dt)
+    aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
-    lets = (mode == RELEASING) * (seen.enabled < 0.5)
-    power = sel((outside(mode, PREFLIGHT, RELEASING) > 0.5) + lets > 0.0, POWER_OFF, POWER_ON)
-    held = sel(mode == STOPPED, 0.0, latched)
+    idle = (outside(mode, PREFLIGHT, RELEASING) > 0.5) + (mode == RELEASING) * (seen.enabled < 0.5) > 0.0
     told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, np.fmax(2.0, reaction), reaction))
-    decided = (mode, passed, target, state.target, bridged, released, eased, held)
-    return SupervisorState(*(decided + seen[8:])), Verdict(target, power, mode, told, active)
+    decided = (mode, passed, target, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
+    return SupervisorState(*(decided + seen[8:])), Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, told, active)
