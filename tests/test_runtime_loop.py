@@ -222,3 +222,18 @@ def test_quitting_in_mid_run_releases_first(tmp_path: Path) -> None:
     assert Mode(int(rows["mode"][4001])) == Mode.RELEASING
     assert Mode(ended.mode) == Mode.STOPPED
     assert ended.faults == 0
+
+
+def test_what_is_bridged_goes_on_where_it_was() -> None:
+    table = REFERENCE.sample(np.arange(1000) * 1e-3)
+    script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+    still = NOTHING_READ._replace(motor=0.0, joint=0.0, drive_state=4.0)
+    for mode in (Mode.PREFLIGHT, Mode.BRIDGING, Mode.PREFLIGHT):
+        assert script.plan(float(mode), 0.0, still, 1).source == Source.MOTION
+    sources, places = [], []
+    for mode in (Mode.RUNNING, Mode.RUNNING, Mode.BRIDGING, Mode.RUNNING):
+        plan = script.plan(float(mode), 0.0, still, 1)
+        sources.append(plan.source)
+        places.append(plan.reference.position)
+    assert sources == [Source.LAW_BEGINS, Source.LAW, Source.LAW, Source.LAW]
+    assert places == [row[0] for row in table[:4]]

@@ -21,6 +21,11 @@ from bowden.runtime.script import Script
 from bowden.safety.limits import Limits
 
 
+WRONG_WAY = 1.5 * RADIANS
+"""Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
+more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
+
+
 @dataclass(frozen=True)
 class Asked:
     """What the command line asks for."""
@@ -60,7 +65,7 @@ class Live:
     def script(self) -> Script:
         """The run's plan."""
         speed = self.description.live.approach_deg_per_s * RADIANS
-        checks = Preflight(pull_sign=-self.limits.slack_sign)
+        checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
         return Script(self.table, self.start, speed, checks, self.drive.sample_time)
 
     def told(self) -> Mapping[str, Any]:
