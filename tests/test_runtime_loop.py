@@ -134,7 +134,7 @@ def by_itself(rig: Rig, k: int) -> int:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Rig, Ended, dict[str, np.ndarray]]]:
     rig = Rig(tmp_path_factory.mktemp("run"), by_itself)
     ended, rows = rig.run()
-    yield rig, ended, rows
+    return rig, ended, rows
 
 
 def test_a_run_is_as_good_as_its_simulation(whole: tuple[Rig, Ended, dict[str, np.ndarray]]) -> None:

@@ -20,7 +20,6 @@ from bowden.runtime.realtime import Settings
 from bowden.runtime.script import Script
 from bowden.safety.limits import Limits
 
-
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
 more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
