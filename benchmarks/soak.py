@@ -1,9 +1,9 @@
 """The live loop against the twin, in processes of their own, for as long as asked: figures beside the bare loop's.
 
-``make soak MINUTES=10`` or ``python benchmarks/soak.py --minutes 10 [--out FOLDER]``. Laws adaptive and bowden, one after
-the other, in runs of a minute; before and after each run a loop that only sleeps is measured with the same settings,
-and cyclictest where it is installed. Every finished run is a JSON file in the folder: an interrupted soak goes on where
-it was. At the end the table of benchmarks/RESULTS.md is written.
+``make soak MINUTES=10`` or ``python benchmarks/soak.py --minutes 10 [--out FOLDER]``. Laws adaptive and bowden, one
+after the other, in runs of a minute; before and after each run a loop that only sleeps is measured with the same
+settings, and cyclictest where it is installed. Every finished run is a JSON file in the folder: an interrupted soak goes
+on where it was. At the end the table of benchmarks/RESULTS.md is written.
 """
 
 import argparse
