@@ -2,8 +2,8 @@
 
 ``make soak MINUTES=10`` or ``python benchmarks/soak.py --minutes 10 [--out FOLDER]``. Laws adaptive and bowden, one
 after the other, in runs of a minute; before and after each run a loop that only sleeps is measured with the same
-settings, and cyclictest where it is installed. Every finished run is a JSON file in the folder: an interrupted soak goes
-on where it was. At the end the table of benchmarks/RESULTS.md is written.
+settings, and cyclictest where it is installed. Every finished run is a JSON file in the folder: an interrupted soak
+goes on where it was. At the end the table of benchmarks/RESULTS.md is written.
 """
 
 import argparse

@@ -67,27 +67,28 @@ def _write(session: "Session", folder: Path) -> list[Path]:
     """The cable's and the servo's part of the excitation as CSV."""
     import numpy as np
 
-    from bowden.core.trace import Trace
     from bowden.runtime.cycle import Source
     from bowden.runtime.mcap_read import read
     from bowden.safety.supervisor import Mode
 
     log = read(session.log)
     moving = np.flatnonzero((log["source"] == Source.MOTION) & (log["mode"] == Mode.RUNNING))
-    excited = moving[-len(session.live.table) :]  # before it is the approach
-    if len(moving) < len(session.live.table):
+    last, wanted = len(session.live.table) - 1, len(session.live.table)
+    passed = np.cumsum(1.0 + log["overruns"][moving])  # periods, skipped ones too
+    place = last - (passed[-1] - passed) if len(moving) else passed  # in the table; before it is the approach
+    if not len(moving) or place[0] > 0.0:
         raise SafetyError(
-            f"the motion was stopped after {len(moving)} of {len(session.live.table)} cycles",
+            f"the motion was stopped after {int(passed[-1]) if len(moving) else 0} of {wanted} cycles",
             do="let it run to its end; the log so far is kept",
         )
-    parts = {"cable.csv": excited[: session.live.servo_from], "servo.csv": excited[session.live.servo_from :]}
+    servo = session.live.servo_from
+    parts = {"cable.csv": moving[(place >= 0.0) & (place < servo)], "servo.csv": moving[place >= servo]}
     with whole_files(folder) as stage:
         for name, rows in parts.items():
-            # the drive answers at the SYNC that follows a target, and its answer is read a cycle later
-            columns = {key: np.ascontiguousarray(log[key][rows]) for key in ("time", "command", "motor", "joint")}
-            units = {"time": "s", "command": "rad", "motor": "rad", "joint": "rad"}
-            Trace(
-                {f"{key}_{units[key]}": values for key, values in columns.items()},
-                {f"{key}_{unit}": unit for key, unit in units.items()},
-            ).to_csv(stage / name)
+            # even in time: a cycle that was skipped on this computer is drawn in between its neighbours
+            time = log["time"][rows]
+            even = np.arange(time[0], time[-1], session.live.drive.sample_time)
+            columns = [np.interp(even, time, log[key][rows]) for key in ("command", "motor", "joint")]
+            table = np.column_stack([even - even[0], *columns])
+            np.savetxt(stage / name, table, "%.9g", ",", header="time_s,command_rad,motor_rad,joint_rad", comments="")
     return [folder / name for name in parts]
