@@ -45,9 +45,9 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def twin(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningTwin]:
-    with running_twin(rig, tmp_path_factory.mktemp("bus") / "b") as running:
+@pytest.fixture
+def twin(rig: Path, tmp_path: Path) -> Iterator[RunningTwin]:
+    with running_twin(rig, tmp_path / "b") as running:
         yield running
 
 
@@ -76,8 +76,8 @@ def in_the_law(rig: Path, twin: RunningTwin, out: Path) -> "subprocess.Popen[str
             if status["torque"] and status["motor"] > 0.3:
                 return process
             time.sleep(0.02)
-        process.communicate()
-    pytest.fail("no run reached the law")
+        said = process.communicate()
+    pytest.fail(f"no run reached the law: {said}")
 
 
 def loop_of(process: "subprocess.Popen[str]") -> int:
