@@ -41,6 +41,8 @@ class Setup:
     """[rad]"""
     notes: tuple[str, ...]
     """What the user should know about how the file was understood."""
+    turned: bool
+    """Whether motor angles are counted the other way round, because the cable's slope is negative."""
 
 
 def setup(path: Path, duration: float | None = None, seed: int | None = None) -> tuple[Setup, schema.Rig]:
@@ -87,6 +89,7 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         if initial is None
         else (-1 if turned else 1) * initial * RADIANS,
         notes=tuple(notes),
+        turned=turned,
     )
     return built, rig
 

@@ -17,9 +17,12 @@ from bowden.app.identify_command import identify
 from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
 from bowden.app.league_command import league
+from bowden.app.log_command import export, info, plot, recover, replay
 from bowden.app.reproduce_command import reproduce
+from bowden.app.run_command import run as run_live
 from bowden.app.simulate_command import simulate
 from bowden.app.tune_command import tune
+from bowden.app.twin_command import twin
 from bowden.core.errors import BowdenError
 
 
@@ -59,6 +62,11 @@ _COMMANDS = [
         ["bowden identify-servo step.csv", "bowden identify-servo chirp.csv --command target --unit deg --json"],
     ),
     _Entry(
+        run_live,
+        "Run a law live on a rig's drive, under the supervisor.",
+        ["bowden run rig.toml", "bowden run rig.toml --twin --auto --duration 20", "bowden run rig.toml --law bowden"],
+    ),
+    _Entry(
         check,
         "Say whether a rig's gains hold, before anything moves.",
         [
@@ -82,9 +90,38 @@ _COMMANDS = [
         ["bowden tune rig.toml", "bowden tune rig.toml --dry-run --json"],
     ),
     _Entry(
+        twin,
+        "Run a digital twin of a rig's drive, and give it faults.",
+        [
+            "bowden twin rig.toml",
+            "bowden twin rig.toml --status",
+            "bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5",
+        ],
+    ),
+    _Entry(
         reproduce,
         "Reproduce the paper's bench, claim by claim.",
         ["bowden reproduce", "bowden reproduce --only table1 --only fig16", "bowden reproduce --json"],
+    ),
+]
+
+_LOG_COMMANDS = [
+    _Entry(info, "Say what a log holds.", ["bowden log info run.mcap", "bowden log info run.mcap --json"]),
+    _Entry(
+        recover,
+        "Save what a kill or a full disk left of a log.",
+        ["bowden log recover run.mcap", "bowden log recover run.mcap --out saved.mcap"],
+    ),
+    _Entry(
+        export,
+        "Write a log as Parquet or CSV.",
+        ["bowden log export run.mcap", "bowden log export run.mcap --to csv --out run.csv"],
+    ),
+    _Entry(plot, "Draw a log as a page.", ["bowden log plot run.mcap", "bowden log plot run.mcap --out page.html"]),
+    _Entry(
+        replay,
+        "Feed a run through a law and the supervisor again.",
+        ["bowden log replay run.mcap", "bowden log replay run.mcap --law my_law.py:MINE --json"],
     ),
 ]
 
@@ -109,9 +146,18 @@ def _bowden(
     """From a cable's log to a compensated cable: models, identification, control laws, simulation."""
 
 
-for _entry in _COMMANDS:
-    _examples = "\n".join(f"  {example}" for example in _entry.examples)
-    app.command(short_help=_entry.summary, epilog=f"\b\nExamples:\n{_examples}")(_entry.function)
+_log = typer.Typer(add_completion=False, rich_markup_mode=None)
+
+
+def _register(group: typer.Typer, entries: list[_Entry]) -> None:
+    for entry in entries:
+        examples = "\n".join(f"  {example}" for example in entry.examples)
+        group.command(short_help=entry.summary, epilog=f"\b\nExamples:\n{examples}")(entry.function)
+
+
+_register(app, _COMMANDS)
+_register(_log, _LOG_COMMANDS)
+app.add_typer(_log, name="log", help="What is in the log of a run, and what can be made of it.")
 
 
 def run(arguments: list[str]) -> int:

@@ -7,8 +7,11 @@ from these classes. The defaults are those of the paper's bench as ``bowden repr
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from bowden.app.live_schema import DriveSection, LimitsSection, LiveSection
+from bowden.app.rig_section import Section
+from bowden.app.rig_section import key as _key
 from bowden.core.units import RADIANS
 from bowden.paper.bench import chirp, default_bench, document, minimum_jerk
 
@@ -32,10 +35,6 @@ def in_unit(value: float, unit: float) -> float:
 _ANGLE: dict[str, Any] = {"ge": -720.0, "le": 720.0}
 
 
-def _key(default: Any, meaning: str, unit: str = "–", symbol: str = "", **rules: Any) -> Any:
-    return Field(default, description=meaning, json_schema_extra={"unit": unit, "symbol": symbol}, **rules)
-
-
 def _degrees(default: float, meaning: str, symbol: str = "") -> Any:
     """An angle of either sign, at most two turns; the default is in radians."""
     return _key(in_unit(default, RADIANS), meaning, "°", symbol, **_ANGLE)
@@ -53,12 +52,6 @@ _Number = Annotated[float, Field(ge=-720.0, le=720.0)]
 _Positive = Annotated[float, Field(gt=0.0, le=3600.0)]
 _Gain = Annotated[float, Field(ge=-1e6, le=1e6)]
 _BENCH, _CHOSEN, _PERIODIC, _CHIRP = default_bench(), document()["chosen"], minimum_jerk(), chirp()
-
-
-class Section(BaseModel):
-    """A table of rig.toml: unknown keys, numbers in quotation marks, NaN and infinity are refused."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True, frozen=True)
 
 
 class BenchSection(Section):
@@ -263,7 +256,7 @@ class ScenarioSection(Section):
 
 
 class Rig(Section):
-    """A rig.toml: a bench, its law, the joint's reference and the scenario."""
+    """A rig.toml: a bench, its law, the joint's reference, the scenario, and what the live loop needs."""
 
     bench: BenchSection = BenchSection()
     servo: ServoSection = ServoSection()
@@ -274,3 +267,6 @@ class Rig(Section):
     control: ControlSection = ControlSection()
     reference: ReferenceSection = PeriodicMinimumJerkSection()
     scenario: ScenarioSection = ScenarioSection()
+    drive: DriveSection = DriveSection()
+    limits: LimitsSection = LimitsSection()  # type: ignore[valid-type]  # made from the supervisor's own
+    live: LiveSection = LiveSection()

@@ -98,3 +98,16 @@ def servo_step(state: ServoState, command: float, servo: ServoStep) -> ServoStat
     """The motor one sub-step later, for a command [rad] that is constant over it."""
     offset, velocity = servo_approach(state.position - command, state.velocity, servo)
     return ServoState(offset + command, velocity, (velocity - state.velocity) / servo.dt)
+
+
+@kernel
+def servo_predict(
+    position: float, velocity: float, command: float, omega: float, zeta: float, time: float
+) -> tuple[float, float]:
+    """Position [rad] and velocity [rad/s] of the unlimited servo after any `time` [s], for a live watch on a drive.
+
+    One step of the implicit Euler method, which is stable for every time; in 1 ms it is as exact as a servo is known.
+    """
+    velocity = velocity + time * omega * omega * (command - position)
+    velocity = velocity / (1.0 + omega * time * (2.0 * zeta + omega * time))
+    return position + time * velocity, velocity

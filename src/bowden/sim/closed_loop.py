@@ -132,7 +132,9 @@ def run_loop(
     return cycles
 
 
-class _Inputs(NamedTuple):
+class Inputs(NamedTuple):
+    """All that is known of a run before it begins."""
+
     time: NDArray[np.float64]  # (n,)
     references: NDArray[np.float64]  # (3, n)
     widths: NDArray[np.float64]  # (n + 1,)
@@ -174,7 +176,7 @@ def simulate(
         return simulate_cable(
             plant, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial_motor
         )
-    inputs = _inputs(plant, reference, duration, bend, seed)
+    inputs = inputs_of(plant, reference, duration, bend, seed)
     fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
     # one block: a system hands out a large piece of memory far faster than many small ones
     block = np.empty((len(_RECORDED) + len(fields), len(inputs.time)))
@@ -215,7 +217,8 @@ def compiled_loop(law: Law) -> Callable[..., int]:
     return specialise(run_loop, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
 
 
-def _inputs(plant: Bench, reference: Trajectory, duration: float, bend: BendPath, seed: int) -> _Inputs:
+def inputs_of(plant: Bench, reference: Trajectory, duration: float, bend: BendPath, seed: int) -> Inputs:
+    """The reference, the sheath and the noise of a run; the arguments are those of `simulate`."""
     dt = plant.sample_time
     for name, value, fine in (
         ("sample_time", dt, dt > 0.0),
@@ -229,7 +232,7 @@ def _inputs(plant: Bench, reference: Trajectory, duration: float, bend: BendPath
     edges = np.arange(cycles + 1, dtype=np.float64) * dt
     angles = bend(edges)
     noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0
-    return _Inputs(
+    return Inputs(
         time=edges[:-1],
         references=np.ascontiguousarray(reference.sample(edges[:-1]).T),
         widths=_spread(width_at, angles, plant.sheath),

@@ -1,0 +1,97 @@
+"""From a rig.toml to a live run: the second of the two places where things are wired."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.app import compose, excitation, rig_drive
+from bowden.app import rig_schema as schema
+from bowden.control import LAWS, Law
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.runtime.cycle import Cycle
+from bowden.runtime.preflight import Preflight
+from bowden.runtime.realtime import Settings
+from bowden.runtime.script import Script
+from bowden.safety.limits import Limits
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the command line asks for."""
+
+    rig: Path
+    law: str | None = None
+    preset: str | None = None
+    duration: float | None = None
+    """[s]"""
+    channel: str | None = None
+    """Of the bus, in place of the rig's."""
+    measure: bool = False
+    """Move the motor through the excitation, in place of a law."""
+
+
+@dataclass(frozen=True)
+class Live:
+    """A run, all but its drive."""
+
+    setup: compose.Setup
+    description: schema.Rig
+    law: Law
+    drive: DriveParameters
+    limits: Limits
+    settings: Settings
+    table: NDArray[np.float64]
+    """See `runtime.script.Script`."""
+    start: float
+    """Motor angle at which the run begins [rad]."""
+
+    def cycle(self) -> Cycle:
+        """Law under supervisor."""
+        return Cycle(self.law, self.limits, rig_drive.filters(self.description), self.drive.sample_time)
+
+    def script(self) -> Script:
+        """The run's plan."""
+        speed = self.description.live.approach_deg_per_s * RADIANS
+        checks = Preflight(pull_sign=-self.limits.slack_sign)
+        return Script(self.table, self.start, speed, checks, self.drive.sample_time)
+
+    def told(self) -> Mapping[str, Any]:
+        """What the log keeps of the rig, beside the law and the limits."""
+        return {
+            "reference": self.setup.reference.describe(),
+            "seed": self.setup.seed,
+            "rig": self.description.model_dump(mode="json"),
+        }
+
+
+def compose_live(asked: Asked) -> Live:
+    """Read the rig and put a run together.
+
+    Raises:
+        ParameterError: a file, key or value that cannot be used, or a rig that cannot run live.
+    """
+    setup, rig = compose.setup(asked.rig, asked.duration)
+    if setup.turned:
+        raise ParameterError(
+            f"{asked.rig}: the cable's slope is negative",
+            expected="a joint angle that grows with the motor's",
+            do="turn motor_direction or joint_direction of [drive] round, and measure anew",
+        )
+    drive = rig_drive.drive_parameters(rig, setup.bench)
+    drive = drive if asked.channel is None else drive._replace(channel=asked.channel)
+    limits = rig_drive.limits(rig, setup.bench)
+    if asked.measure:
+        law, table = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time).motor[:, None]
+        start = float(table[0, 0])
+    else:
+        folder = Path() if asked.law else asked.rig.parent
+        law = compose.law_for(asked.law or rig.control.law, rig, setup.bench, folder, asked.preset)
+        time = np.arange(round(setup.duration / drive.sample_time)) * drive.sample_time
+        table, start = setup.reference.sample(time), setup.initial_motor
+    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, start)

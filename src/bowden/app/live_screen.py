@@ -1,0 +1,51 @@
+"""What `bowden run` shows: state, angles, error, estimates, lateness, faults and what to do."""
+
+import math
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from bowden.core.units import RADIANS
+from bowden.runtime.ring_status import RecorderState
+from bowden.safety import faults
+from bowden.safety.supervisor import Mode
+
+if TYPE_CHECKING:
+    from bowden.app.live_session import Session
+
+_MOST_ESTIMATES = 6
+_KEYS = "a arm · r run · s or space stop · k acknowledge · q quit"
+_NEXT = {
+    Mode.STOPPED: "a to arm: the motor gets power and makes a small motion",
+    Mode.PREFLIGHT: "wait for the preflight, then r to run",
+    Mode.RUNNING: "s or space to stop",
+    Mode.LATCHED: "mend the cause, then k to acknowledge",
+}
+
+
+def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
+    """One picture of a run from its newest row."""
+    mode = Mode(int(row["mode"]))
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    if mode == Mode.PREFLIGHT and row["preflight"]:
+        said = "passed; r to run" if row["preflight"] > 0.0 else "failed"
+        table.add_row("state", f"[bold]preflight[/bold]  {said}")
+    else:
+        table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {'' if auto else _NEXT.get(mode, '')}")
+    table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
+    table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
+    table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.winding']:.0f} °C")
+    laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
+    table.add_row("estimates", ", ".join(f"{name} {value:.3g}" for name, value in laws[:_MOST_ESTIMATES]))
+    table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
+    table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {session.log}")
+    for fault in faults.of(row["faults"]):
+        table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
+    table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
+    return table
+
+
+def _deg(angle: float) -> str:
+    return "–" if math.isnan(angle) else f"{angle / RADIANS:.2f}°"

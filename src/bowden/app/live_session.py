@@ -1,0 +1,220 @@
+"""A live run from the operator's side: recorder and loop started, signs of life, requests, and an orderly end."""
+
+import contextlib
+import json
+import os
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from bowden.app import thermal_file
+from bowden.app.compose_live import Asked, Live
+from bowden.core.errors import DriveError, OutputError
+from bowden.runtime import control_block
+from bowden.runtime.clock import SECOND, MonotonicClock, unix_seconds
+from bowden.runtime.control_block import ControlBlock
+from bowden.runtime.ring import FOLDER, RingReader, create
+from bowden.runtime.ring_status import RecorderState
+from bowden.runtime.row import description
+from bowden.runtime.run_settings import run_settings
+from bowden.safety.supervisor import Request
+
+_START = 60.0
+"""A loop that has not said anything after this has failed; it compiles at first [s]."""
+_END = 10.0
+"""From the wish to end to the process' end [s]."""
+_BEAT = 0.1
+"""Between two signs of life [s]."""
+
+
+class Session:
+    """A run that goes on; `begin` makes it.
+
+    Use as a context: leaving it ends the run in a controlled release, whatever happened.
+    """
+
+    def __init__(self, asked: Asked, live: Live, log: Path) -> None:
+        self.live, self.log = live, log
+        self.clock = MonotonicClock()
+        self.ended: dict[str, Any] | None = None
+        """What the loop said at its end."""
+        self.error = ""
+        """What the loop said when it failed."""
+        self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
+        self._stop = threading.Event()
+        self._processes: list[subprocess.Popen[str]] = []
+        name = f"{os.getpid()}-{os.urandom(3).hex()}"
+        self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
+        self._asked = asked
+
+    def __enter__(self) -> "Session":
+        try:
+            self._begin()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def _begin(self) -> None:
+        live, now = self.live, self.clock.now()
+        _sweep()
+        settings = run_settings(live.law, live.limits, live.cycle().filters, live.drive.sample_time)
+        told = description(live.law, {**settings, **live.told()}, round(unix_seconds() * SECOND), now)
+        create(self._ring, told)
+        control_block.create(self._block)
+        self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
+        self.block.beat(now)
+        threading.Thread(target=self._beat, daemon=True).start()
+        recorder = ["bowden.runtime.recorder", str(self._ring), str(self.log), "--rig", str(self._asked.rig.parent)]
+        self._recorder = self._start(recorder)
+        asked = asdict(self._asked) | {"rig": str(self._asked.rig)}
+        thermal = thermal_file.read(live.drive, live.limits.thermal)
+        given = {
+            "asked": asked,
+            "thermal": thermal,
+            "ring": str(self._ring),
+            "block": str(self._block),
+            "start_ns": now,
+        }
+        self._loop = self._start(["bowden.app.loop_process", json.dumps(given)])
+        threading.Thread(target=self._listen, daemon=True).start()
+        self.ready = self._await_ready()
+
+    def _start(self, words: list[str]) -> "subprocess.Popen[str]":
+        """A process apart from this terminal's signals: what ends it is our word, or our death."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        self._processes.append(process)
+        return process
+
+    def _beat(self) -> None:
+        while not self._stop.wait(_BEAT):
+            self.block.beat(self.clock.now())
+
+    def _listen(self) -> None:
+        assert self._loop.stdout is not None
+        for line in self._loop.stdout:
+            with contextlib.suppress(ValueError):
+                self._said.put(json.loads(line))
+        self._said.put(None)
+
+    def _await_ready(self) -> dict[str, Any]:
+        try:
+            said = self._said.get(timeout=_START)
+        except queue.Empty:
+            raise DriveError(
+                f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor"
+            ) from None
+        if said and "ready" in said:
+            self._check_recorder()
+            return dict(said["ready"])
+        if said and "error" in said:
+            raise DriveError(said["error"])
+        assert self._loop.stderr is not None
+        raise DriveError(f"the loop's process ended: {self._loop.stderr.read().strip()[-300:]}")
+
+    def _check_recorder(self) -> None:
+        deadline = self.clock.now() + 10 * SECOND
+        while self.recorder == RecorderState.ABSENT and self._recorder.poll() is None:
+            self.clock.sleep_until(self.clock.now() + SECOND // 50)
+            if self.clock.now() > deadline:
+                break
+        if self._recorder.poll() is not None:
+            assert self._recorder.stderr is not None
+            raise OutputError(self._recorder.stderr.read().strip().removeprefix("bowden: "))
+
+    @property
+    def recorder(self) -> int:
+        """A `RecorderState`."""
+        return self.rows.recorder.state(self.clock.now())
+
+    @property
+    def running(self) -> bool:
+        """Whether the loop cycles; afterwards `ended` or `error` has what it said."""
+        while True:
+            try:
+                said = self._said.get_nowait()
+            except queue.Empty:
+                return self._loop.poll() is None
+            if said is not None:
+                self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
+
+    def last(self) -> dict[str, float] | None:
+        """The newest row by its columns; None before the first."""
+        row = self.rows.last()
+        return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+
+    def ask(self, request: Request) -> None:
+        """Ask the supervisor for something."""
+        self.block.ask(int(request))
+
+    def remember(self) -> None:
+        """Keep how warm the motor is, for the next run."""
+        row = self.last()
+        if row is not None:
+            thermal_file.write(self.live.drive, row)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass [s]."""
+        self._stop.wait(seconds)
+
+    def __exit__(self, *_: object) -> None:
+        """End the run: release, power off, log closed, memory given back."""
+        if hasattr(self, "block"):
+            self.block.quit()
+        if hasattr(self, "_loop"):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._loop.wait(_END)
+            self.remember()
+            _ = self.running
+        if hasattr(self, "_recorder"):
+            self.rows.recorder.stop()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._recorder.wait(_END)
+        for process in self._processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            for pipe in (process.stdout, process.stderr):
+                if pipe is not None:
+                    pipe.close()
+        self._stop.set()
+        self._ring.unlink(missing_ok=True)
+        self._block.unlink(missing_ok=True)
+
+
+def _sweep() -> None:
+    """Remove what runs left whose operator is gone; a loop or recorder that still has it open keeps it."""
+    for path in _left_behind():
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+def _left_behind() -> Iterator[Path]:
+    for path in FOLDER.glob("bowden-*-*.*"):
+        number = path.name.split("-")[1]
+        if path.suffix in (".ring", ".block") and number.isdigit() and not Path(f"/proc/{number}").exists():
+            yield path
+
+
+@contextlib.contextmanager
+def own_twin(rig: Path, duration: float | None) -> Iterator[str]:
+    """A twin of the rig on a bus that nobody else knows; the bus' channel."""
+    from bowden.app.twin_process import running_twin
+
+    with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
+        options = [] if duration is None else ["--duration", str(duration)]
+        with running_twin(rig, Path(folder), options) as twin:
+            yield twin.channel

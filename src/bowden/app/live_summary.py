@@ -1,0 +1,69 @@
+"""What a run came to, from its log."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.units import RADIANS
+from bowden.runtime.cycle import Source
+from bowden.runtime.lateness import figures
+from bowden.runtime.mcap_read import read
+from bowden.safety import faults
+from bowden.safety.supervisor import Mode
+
+if TYPE_CHECKING:
+    from bowden.app.live_session import Session
+
+
+def document(session: "Session") -> dict[str, Any]:
+    """The figures of a run that has ended, as JSON values."""
+    log = read(session.log)
+    led = log["source"] >= Source.LAW_BEGINS
+    error = (log["joint"] - log["reference"])[led]
+    error = error[np.isfinite(error)]
+    ended = session.ended or {}
+    mode = Mode(ended["mode"]).name.lower() if ended else None
+    return {
+        "law": session.live.law.name,
+        "drive": session.ready["drive"],
+        "ended_well": mode == "stopped",
+        "mode": mode,
+        "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
+        "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
+        "preflight": ended.get("reason") or None,
+        "cycles": ended.get("cycles"),
+        "cycles_logged": len(log.rows),
+        "seconds_led": round(len(error) * session.live.drive.sample_time, 6),
+        "rmse_deg": float(np.sqrt(np.mean(error**2)) / RADIANS) if len(error) else None,
+        "peak_deg": float(np.abs(error).max() / RADIANS) if len(error) else None,
+        "lateness": asdict(figures(log["lateness"])) if len(log.rows) else None,
+        "run_time_median_us": _median_us(log["run_time"]),
+        "overruns": ended.get("overruns"),
+        "grants": session.ready["grants"],
+        "log": str(session.log),
+    }
+
+
+def _median_us(values: NDArray[np.float64]) -> float | None:
+    return float(np.median(values) * 1e6) if len(values) else None
+
+
+def print_summary(found: dict[str, Any]) -> None:
+    """The same for a person."""
+    if found["rmse_deg"] is not None:
+        print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
+        print(f" over {found['seconds_led']:g} s")
+    late = found["lateness"]
+    if late:
+        print(
+            f"lateness {late['p50_us']:.0f} µs median, {late['p99_us']:.0f} p99, {late['p999_us']:.0f} p99.9, "
+            f"{late['max_us']:.0f} max; the cycle takes {found['run_time_median_us']:.0f} µs; "
+            f"{found['overruns']} overruns in {found['cycles']} cycles"
+        )
+    for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
+        print(f"ended by a fault: {meaning}; {remedy}")
+    if found["preflight"]:
+        print(f"preflight: {found['preflight']}")
+    print(f"Log: {found['log']}  (bowden log info {found['log']})")

@@ -1,0 +1,167 @@
+"""``bowden log``: what is in the log of a run, and what can be made of it."""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bowden.app.console import print_json, seconds
+from bowden.core.errors import OutputError
+
+if TYPE_CHECKING:
+    from bowden.runtime.mcap_read import Recording
+
+FileArgument = Annotated[Path, typer.Argument(help="A log, as bowden run writes it: NAME.mcap.", metavar="FILE")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+
+
+class Kind(StrEnum):
+    """What a log can be exported to."""
+
+    PARQUET = "parquet"
+    CSV = "csv"
+
+
+def info(file: FileArgument, json: JsonOption = False) -> None:
+    """Say what a log holds: duration, cycles, what is missing, lateness, events, settings."""
+    from bowden.app.log_facts import facts
+    from bowden.runtime.mcap_read import read
+
+    found = read(file)
+    document = facts(found)
+    if json:
+        print_json({"file": str(file), **document, "seconds": seconds()})
+        return
+    _print_facts(file, document)
+    _warn(found, file)
+
+
+def recover(
+    file: FileArgument,
+    out: Annotated[Path | None, typer.Option(help="The new file; NAME.recovered.mcap by default.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Write a whole log from what a kill or a full disk left of one; FILE itself stays as it is."""
+    from bowden.runtime.mcap_recover import recover as save
+
+    target = out or file.with_name(f"{file.stem}.recovered.mcap")
+    saved = save(file, target)
+    if json:
+        document = saved._replace(damage=None)._asdict()  # type: ignore[arg-type]
+        document |= {"missing_seconds": round(saved.missing_seconds, 6), "damage": saved.damage._asdict()}
+        print_json({"files": [str(target)], **document, "seconds": seconds()})
+        return
+    print(f"{target}: {saved.rows} cycles")
+    if saved.missing:
+        print(f"missing before the last of them: {saved.missing} cycles, {saved.missing_seconds:.3f} s")
+    if saved.damage.chunks or saved.damage.skipped:
+        print(f"left out: {saved.damage.chunks} damaged chunks, {saved.damage.skipped} bytes that are no record")
+    if saved.tail_seconds:
+        print(
+            f"{file} has no proper end: after its last cycle up to {saved.tail_seconds:g} s of the run may be missing"
+        )
+    elif not (saved.missing or saved.damage.chunks or saved.damage.skipped):
+        print("nothing was missing")
+
+
+def export(
+    file: FileArgument,
+    to: Annotated[Kind, typer.Option(help="Kind of file.")] = Kind.PARQUET,
+    out: Annotated[Path | None, typer.Option(help="The new file; NAME.parquet or NAME.csv by default.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Write a log as a trace, with units and settings: bowden identify takes it, and so does pandas."""
+    from bowden.runtime.mcap_read import read
+
+    target = out or file.with_suffix(f".{to}")
+    if target.absolute() == file.absolute():
+        raise OutputError(f"{target} is the log itself", do="choose another name with --out")
+    found = read(file)
+    trace = found.trace()
+    if to is Kind.PARQUET:
+        trace.to_parquet(target)
+    else:
+        trace.to_csv(target)
+    if json:
+        files = [str(target)]
+        print_json({"files": files, "cycles": len(trace), "columns": list(trace.columns), "seconds": seconds()})
+        return
+    print(f"{target}: {len(trace)} cycles of {len(trace.columns)} columns")
+    _warn(found, file)
+
+
+def plot(
+    file: FileArgument,
+    out: Annotated[Path | None, typer.Option(help="The page; NAME.html by default.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Draw a log as a page: motion, error, command, modes and faults, lateness, settings."""
+    from bowden.app.log_facts import facts
+    from bowden.report.log_page import write_log
+    from bowden.runtime.mcap_read import read
+
+    target = out or file.with_suffix(".html")
+    if target.absolute() == file.absolute():
+        raise OutputError(f"{target} is the log itself", do="choose another name with --out")
+    found = read(file)
+    events = [(event.time, event.text) for event in found.events]
+    write_log(target, found.trace(), events, facts(found), f"Run {file.name}")
+    if json:
+        print_json({"files": [str(target)], "seconds": seconds()})
+        return
+    print(f"Page: {target}  ({seconds():.1f} s)")
+    _warn(found, file)
+
+
+def replay(
+    file: FileArgument,
+    law: Annotated[
+        str | None, typer.Option(help="A law's name, or FILE.py:NAME of your own; by default the one that ran.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Feed a recorded run through a law and the supervisor, and compare with what was commanded then."""
+    from bowden.app.log_replay import law_of
+    from bowden.control import user_law
+    from bowden.runtime.mcap_read import read
+    from bowden.runtime.replay import replay as run
+    from bowden.runtime.run_settings import filters_of, limits_of
+
+    found = read(file)
+    chosen, same = law_of(found, law)
+    limits, filters = limits_of(found.settings), filters_of(found.settings)
+    with user_law.explained(chosen):
+        result = run(found, chosen, limits, filters, float(found.settings["sample_time"]), same=same)
+    if json:
+        document = {"file": str(file), "law": chosen.name, "same_law": same, **result._asdict()}
+        print_json({**document, "seconds": seconds()})
+        return
+    whose = "with the record's gains" if same else "with its default gains, in place of the record's law"
+    print(f"{chosen.name}, {whose}: {result.cycles} cycles, the law had the motor in {result.law_cycles}")
+    if result.wish_largest is not None:
+        print(f"wish: differs by {result.wish_largest:.3g} rad at most, {result.wish_rms:.3g} rad RMS")
+    print(
+        f"verdict: differs in {result.verdicts_differing} cycles"
+        + ("" if result.first_other_verdict is None else f", first at {result.first_other_verdict:.3f} s")
+        + f"; target by {result.command_largest:.3g} rad at most"
+    )
+    _warn(found, file)
+
+
+def _warn(found: "Recording", file: Path) -> None:
+    """Say on standard error where a log is not what a run that ended well leaves."""
+    if not found.whole:
+        how = "was not closed properly" if found.closing is None else "is damaged"
+        print(f"bowden: note: {file} {how}; see: bowden log recover {file}", file=sys.stderr)
+    if found.missing:
+        print(f"bowden: note: {found.missing} cycles of this run are not in {file}", file=sys.stderr)
+
+
+def _print_facts(file: Path, document: dict[str, Any]) -> None:
+    from bowden.app.log_facts import lines
+
+    print(f"{file}")
+    for name, value in lines(document):
+        print(f"  {name:<16} {value}")

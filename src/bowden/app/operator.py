@@ -1,0 +1,150 @@
+"""The operator at the terminal: keys in, the run on the screen, and an orderly end whatever ends it."""
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import termios
+import tty
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from bowden.core.errors import DriveError, ParameterError, SafetyError
+from bowden.safety import faults
+from bowden.safety.supervisor import Mode, Request
+
+if TYPE_CHECKING:
+    from bowden.app.live_session import Session
+
+_LOOK = 0.1
+"""Between two looks at the run and at the keys [s]."""
+_REMEMBER = 50
+"""Looks between two times that the motor's warmth is kept."""
+_KEYS = {"a": Request.ARM, "r": Request.RUN, "s": Request.STOP, " ": Request.STOP, "k": Request.ACKNOWLEDGE}
+
+
+def refuse_without_keys(auto: bool, json: bool) -> None:
+    """Refuse a run that nobody could arm.
+
+    Raises:
+        ParameterError: no terminal, or --json, without --auto.
+    """
+    if not auto and (json or not sys.stdin.isatty()):
+        why = "--json leaves no room for a screen" if json else "there is no terminal to take keys from"
+        raise ParameterError(why, do="add --auto, which arms and runs by itself")
+
+
+def operate(session: "Session", *, auto: bool, quiet: bool) -> None:
+    """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
+
+    Raises:
+        DriveError: the loop's process failed.
+        SafetyError: with `auto`, the supervisor or the preflight did not let it run.
+    """
+    _tell_grants(session)
+    with _signals() as ending, _keys() as key, _screen(session, auto, quiet) as show:
+        steps = _automatic(session) if auto else None
+        looks = 0
+        while session.running and not ending:
+            row = session.last()
+            if row is not None:
+                show(row)
+                if steps is not None and next(steps, None) is None:
+                    return
+            pressed = key()
+            if pressed == "q":
+                return
+            if pressed in _KEYS:
+                session.ask(_KEYS[pressed])
+            looks += 1
+            if looks % _REMEMBER == 0:
+                session.remember()
+            session.wait(0.5 * _LOOK if auto else 0.0)
+    if session.error:
+        raise DriveError(session.error)
+
+
+def _automatic(session: "Session") -> Iterator[bool]:
+    """Arm, run and wait for the end, one look at a time; ends when the run has ended."""
+    for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
+        while True:
+            row = session.last()
+            assert row is not None
+            if request == Request.RUN and row["mode"] == Mode.PREFLIGHT and row["preflight"] == 0.0:
+                yield True
+                continue
+            if row["mode"] == wanted:
+                break
+            if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
+                return
+            if row["faults"] and row["mode"] == Mode.STOPPED and row["time"] > _PATIENCE:
+                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
+                raise SafetyError(f"the supervisor does not arm: {listed}")
+            session.ask(request)
+            yield True
+    while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
+        yield True
+
+
+_PATIENCE = 3.0
+"""Time that readings are given to come in before arming is given up [s]."""
+
+
+def _tell_grants(session: "Session") -> None:
+    for grant in session.ready["grants"]:
+        if not grant["granted"]:
+            print(f"bowden: note: {grant['name']} {grant['said']}; {grant['remedy']}", file=sys.stderr)
+
+
+@contextlib.contextmanager
+def _signals() -> Iterator[list[int]]:
+    """A list that holds the signals which asked for the end."""
+    came: list[int] = []
+
+    def note(number: int, _: FrameType | None) -> None:
+        came.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _keys() -> Iterator[Callable[..., Any]]:
+    """A function that waits a little for a key and gives it; the empty text for none."""
+    if not sys.stdin.isatty():
+        yield lambda: ""
+        return
+    handle = sys.stdin.fileno()
+    before = termios.tcgetattr(handle)
+
+    def key() -> str:
+        ready, _, _ = select.select([handle], [], [], _LOOK)
+        pressed = os.read(handle, 1).decode(errors="replace") if ready else ""
+        return "q" if ready and not pressed else pressed  # nothing to read: the terminal is gone
+
+    try:
+        tty.setcbreak(handle)
+        yield key
+    finally:
+        with contextlib.suppress(termios.error):
+            termios.tcsetattr(handle, termios.TCSADRAIN, before)
+
+
+@contextlib.contextmanager
+def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..., Any]]:
+    """A function that shows a row; on a terminal only."""
+    if quiet or not sys.stdout.isatty():
+        yield lambda row: None
+        return
+    from rich.live import Live
+
+    from bowden.app.live_screen import picture
+
+    with Live(auto_refresh=False, transient=True) as live:
+        yield lambda row: live.update(picture(session, row, auto), refresh=True)

@@ -1,0 +1,85 @@
+"""The drive, the supervisor's limits and the loop's settings as a rig has them."""
+
+from bowden.app import rig_schema as schema
+from bowden.app.live_schema import limits_of
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.hardware.drive_parameters import DriveParameters, check_parameters
+from bowden.runtime.cycle import Filters
+from bowden.runtime.realtime import Settings
+from bowden.safety.limits import Limits
+from bowden.sim.plant import Bench
+
+
+def limits(rig: schema.Rig, bench: Bench) -> Limits:
+    """[limits], with the servo's model, the motor's currents and what is measured from the other sections."""
+    given = limits_of(rig.limits)
+    return given._replace(
+        servo_frequency=bench.servo.natural_frequency,
+        servo_damping=bench.servo.damping,
+        current_peak=bench.motor.current_limit,
+        thermal=given.thermal._replace(resistance=bench.motor.resistance),
+        measures_current=1.0,
+        measures_tension=float(rig.drive.tension_n_per_mv != 0.0),
+    )
+
+
+def drive_parameters(rig: schema.Rig, bench: Bench) -> DriveParameters:
+    """[drive], with gear, torque constant and cycle from the bench, and what the rig asks for from [limits].
+
+    Raises:
+        ParameterError: values that make no sense together.
+    """
+    given, allowed = rig.drive, limits(rig, bench)
+    parameters = DriveParameters(
+        interface=given.interface,
+        channel=given.channel,
+        bitrate=given.bitrate,
+        node_id=given.node_id,
+        host_id=given.host_id,
+        motor_counts_per_turn=given.motor_counts_per_turn,
+        gear=bench.motor.gear,
+        motor_direction=given.motor_direction,
+        joint_counts_per_turn=given.joint_counts_per_turn,
+        joint_direction=given.joint_direction,
+        motor_home=given.motor_home_deg * RADIANS,
+        joint_home=given.joint_home_deg * RADIANS,
+        home_here=given.home == "here",
+        torque_constant=bench.motor.torque_constant,
+        tension_scale=given.tension_n_per_mv,
+        tension_zero=given.tension_zero_mv,
+        sample_time=bench.sample_time,
+        heartbeat_time=given.heartbeat_ms * schema.MILLISECONDS,
+        heartbeat_timeout=given.heartbeat_timeout_ms * schema.MILLISECONDS,
+        drive_heartbeat_time=given.drive_heartbeat_ms * schema.MILLISECONDS,
+        lowest_motor=allowed.motor_low,
+        highest_motor=allowed.motor_high,
+        speed_limit=allowed.motor_speed,
+        following_error=allowed.target_reach,
+        current_limit=allowed.current_peak,
+        answer_timeout=given.answer_timeout_ms * schema.MILLISECONDS,
+    )
+    check_parameters(parameters)
+    return parameters
+
+
+def settings(rig: schema.Rig) -> Settings:
+    """What [live] asks of the system."""
+    return Settings(rig.live.priority, rig.live.cpu, rig.live.lock_memory)
+
+
+def filters(rig: schema.Rig) -> Filters:
+    """The filters of [live].
+
+    Raises:
+        ParameterError: a cut-off that the cycle is too slow for.
+    """
+    highest = 0.5e3 / rig.bench.sample_time_ms
+    for name in ("joint_cutoff_hz", "motor_cutoff_hz"):
+        if getattr(rig.live, name) > highest:
+            raise ParameterError(
+                f"live.{name} is {getattr(rig.live, name):g}",
+                expected=f"at most {highest:g}, half the loop's rate",
+                do="correct it, or leave it out",
+            )
+    return Filters(rig.live.joint_cutoff_hz * schema.HERTZ, rig.live.motor_cutoff_hz * schema.HERTZ)

@@ -1,0 +1,107 @@
+"""``bowden twin``: a digital twin of a rig's drive in a process of its own, and faults injected into a running one."""
+
+import signal
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bowden.app.console import print_json, seconds
+from bowden.core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from bowden.app.compose import Setup
+    from bowden.hardware.drive_parameters import DriveParameters
+
+
+def twin(
+    rig: Annotated[Path, typer.Argument(help="The rig; bowden init writes one.")],
+    inject: Annotated[
+        str | None, typer.Option(help="A fault for the twin that runs, e.g. 'encoder_frozen joint'; 'list' shows all.")
+    ] = None,
+    after: Annotated[float, typer.Option(help="Inject after so many seconds.")] = 0.0,
+    lasting: Annotated[float | None, typer.Option("--for", help="End the fault after so many seconds.")] = None,
+    clear: Annotated[bool, typer.Option("--clear", help="End all faults of the twin that runs.")] = False,
+    status: Annotated[bool, typer.Option("--status", help="Show where the twin that runs is.")] = False,
+    channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of the scenario's sheath motion in seconds.")] = None,
+    object_: Annotated[
+        list[str] | None,
+        typer.Option("--object", help="An object that is otherwise: 6502:0=0x25, or 6502:0=none. May be repeated."),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+) -> None:
+    """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
+    from bowden.app import compose
+    from bowden.app.rig_drive import drive_parameters
+
+    setup, description = compose.setup(rig, duration)
+    drive = drive_parameters(description, setup.bench)
+    drive = drive if channel is None else drive._replace(channel=channel)
+    if inject or clear or status:
+        _talk(drive, inject, after, lasting, clear, json)
+    else:
+        _run(setup, drive, object_ or [], json)
+
+
+def _talk(
+    drive: "DriveParameters", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool
+) -> None:
+    from bowden.hardware.injection import KINDS
+    from bowden.hardware.twin_control import TwinControl, control_path
+
+    if inject == "list":
+        for name, kind in KINDS.items():
+            side = " joint|motor" if kind.side else ""
+            amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
+            print(f"{name + side + amount:36} {kind.meaning}")
+        return
+    with TwinControl(control_path(drive.interface, drive.channel, drive.node_id)) as running:
+        if clear:
+            running.clear()
+        if inject:
+            running.inject(inject, after, lasting)
+        found = running.status()
+    if json:
+        print_json({"twin": found, "seconds": seconds()})
+    else:
+        faults = ", ".join(found["faults"]) or "none"
+        print(f"twin: {found['state'].lower().replace('_', ' ')}, motor {found['motor']:.4f} rad; faults: {faults}")
+
+
+def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool) -> None:
+    from bowden.hardware.twin import Twin, raise_priority
+    from bowden.hardware.twin_bench import TwinBench
+    from bowden.runtime.clock import SECOND, MonotonicClock
+
+    monotonic = MonotonicClock()
+
+    def clock() -> float:
+        return monotonic.now() / SECOND
+
+    overrides = dict(_override(text) for text in objects)
+    bench = TwinBench(setup.bench, setup.bend, setup.duration, setup.seed, setup.initial_motor, clock())
+    running = Twin(drive, bench, clock, overrides)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: running.stop())
+    realtime = raise_priority()
+    where = {"interface": drive.interface, "channel": drive.channel, "node": drive.node_id, "control": running.path}
+    if json:
+        print_json({key: str(value) for key, value in where.items()} | {"realtime": realtime, "seconds": seconds()})
+    else:
+        print(f"twin: node {drive.node_id} on {drive.channel} ({drive.interface}), control {running.path}")
+        if not realtime:
+            print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
+    sys.stdout.flush()
+    running.run()
+
+
+def _override(text: str) -> tuple[tuple[int, int], int | None]:
+    """``INDEX:SUB=VALUE`` with a hexadecimal index."""
+    try:
+        key, value = text.split("=")
+        index, sub = key.split(":")
+        return (int(index, 16), int(sub)), None if value == "none" else int(value, 0)
+    except ValueError as error:
+        raise ParameterError(f"--object is {text!r}", expected="like 6502:0=0x25, or 6502:0=none") from error

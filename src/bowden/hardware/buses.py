@@ -1,0 +1,86 @@
+"""Opening a CAN bus by name, and seeing to it that it has one master."""
+
+import hashlib
+import logging
+import os
+import socket
+from typing import NamedTuple
+
+import can
+
+from bowden.core.errors import DriveError
+from bowden.hardware.unix_bus import UnixBus, bus_folder
+
+UNIX = "bowden_unix"
+"""Interface of the bus between processes."""
+
+
+class Claim(NamedTuple):
+    """A part on a bus that one process alone may play; let go of with `release`, or when the process ends."""
+
+    holder: socket.socket
+
+    def release(self) -> None:
+        """Let another process have it."""
+        self.holder.close()
+
+
+def claim(interface: str, channel: str, part: str) -> Claim:
+    """Claim a part on a bus, by an abstract Unix socket: the system forgets it with its process, however that ends.
+
+    Args:
+        interface: the bus' interface.
+        channel: its channel.
+        part: ``host``, or a node.
+
+    Raises:
+        DriveError: another process plays it already.
+    """
+    where = str(bus_folder(channel).resolve()) if interface == UNIX else channel
+    holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        name = hashlib.sha256(f"{interface}:{where}:{part}".encode()).hexdigest()
+        holder.bind(f"\0bowden-{name}")
+    except OSError as error:
+        holder.close()
+        raise DriveError(
+            f"the bus {channel} ({interface}) has a {part} already",
+            expected=f"one {part} on it",
+            do="end the other run first, or name another channel in [drive]",
+        ) from error
+    return Claim(holder)
+
+
+def quieten() -> None:
+    """Let the CAN libraries print nothing: what they log is raised as well, and said in our own words."""
+    for name in ("can", "canopen"):
+        logger = logging.getLogger(name)
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
+
+
+def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -> can.BusABC:
+    """The bus, ready to send and receive.
+
+    Args:
+        interface: python-can's name of it.
+        channel: which of its kind.
+        bitrate: [bit/s], where the interface can set it.
+        create: whether a `bowden_unix` bus is made where there is none.
+
+    Raises:
+        DriveError: an unknown interface, or a bus that is not there or cannot be opened.
+    """
+    quieten()
+    try:
+        if interface == UNIX:
+            return UnixBus(channel, create=create)
+        return can.Bus(channel, interface=interface, bitrate=bitrate)
+    except NotImplementedError as error:
+        raise DriveError(
+            f"there is no CAN interface {interface!r}", expected="socketcan or bowden_unix", do="correct [drive]"
+        ) from error
+    except (can.CanError, OSError, ValueError, ImportError) as error:
+        do = "start bowden twin, or correct [drive]" if interface == UNIX else f"try: ip link set {channel} up"
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise DriveError(f"cannot open the bus {channel} ({interface}): {reason}", do=do) from error

@@ -1,0 +1,120 @@
+"""CANopen frames by hand: identifiers, the drive's PDOs, heartbeat and emergency, as bytes. Pure.
+
+    RPDO 1  200h + node   6040h controlword u16, 607Ah target position i32
+    TPDO 1  180h + node   6041h statusword u16, 6064h position i32, 6077h torque i16 [‰ of the rated torque]
+    TPDO 2  280h + node   60E4h:2 position of the second sensor i32, 3160h:1 analog input i16 [mV],
+                          3201h:1 temperature of the power stage i16 [0.1 °C]
+
+Source: CiA 301, "predefined connection set", "emergency write", "heartbeat"; the two 3xxxh objects are maxon's (EPOS4
+Firmware Specification).
+"""
+
+import struct
+from typing import NamedTuple
+
+NMT = 0x000
+SYNC = 0x080
+EMERGENCY = 0x080
+TPDO1 = 0x180
+RPDO1 = 0x200
+TPDO2 = 0x280
+SDO_ANSWER = 0x580
+SDO_REQUEST = 0x600
+HEARTBEAT = 0x700
+"""COB-IDs; the node's number is added to all but NMT and SYNC."""
+
+NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL, NMT_RESET_NODE, NMT_RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
+"""Commands of NMT node control."""
+
+BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
+"""NMT states as a heartbeat tells them."""
+
+INT32 = 2**31
+
+RPDO1_MAPPING = (0x6040_0010, 0x607A_0020)
+TPDO1_MAPPING = (0x6041_0010, 0x6064_0020, 0x6077_0010)
+TPDO2_MAPPING = (0x60E4_0220, 0x3160_0110, 0x3201_0110)
+"""Index, sub-index and length in bits of what is mapped, as 1600h, 1A00h and 1A01h want it."""
+
+_RPDO1, _TPDO1, _TPDO2, _EMERGENCY = (
+    struct.Struct("<Hi"),
+    struct.Struct("<Hih"),
+    struct.Struct("<ihh"),
+    struct.Struct("<HB"),
+)
+
+
+class Motion(NamedTuple):
+    """What TPDO 1 carries."""
+
+    statusword: int
+    position: int
+    """[counts]"""
+    torque: int
+    """[‰ of the rated torque]"""
+
+
+class Sensors(NamedTuple):
+    """What TPDO 2 carries."""
+
+    joint: int
+    """[counts]"""
+    analog: int
+    """[mV]"""
+    temperature: int
+    """[0.1 °C]"""
+
+
+def pack_rpdo1(control: int, target: int) -> bytes:
+    """Controlword and target position [counts] as bytes."""
+    return _RPDO1.pack(control, target)
+
+
+def unpack_rpdo1(data: bytes | bytearray) -> tuple[int, int] | None:
+    """Controlword and target position [counts]; None of anything but 6 bytes."""
+    if len(data) != _RPDO1.size:
+        return None
+    control, target = _RPDO1.unpack(data)
+    return control, target
+
+
+def pack_tpdo1(motion: Motion) -> bytes:
+    """TPDO 1 as bytes."""
+    return _TPDO1.pack(*motion)
+
+
+def unpack_tpdo1(data: bytes | bytearray) -> Motion | None:
+    """TPDO 1; None of anything but 8 bytes."""
+    return Motion(*_TPDO1.unpack(data)) if len(data) == _TPDO1.size else None
+
+
+def pack_tpdo2(sensors: Sensors) -> bytes:
+    """TPDO 2 as bytes."""
+    return _TPDO2.pack(*sensors)
+
+
+def unpack_tpdo2(data: bytes | bytearray) -> Sensors | None:
+    """TPDO 2; None of anything but 8 bytes."""
+    return Sensors(*_TPDO2.unpack(data)) if len(data) == _TPDO2.size else None
+
+
+def pack_emergency(code: int, register: int) -> bytes:
+    """An emergency frame: error code, error register 1001h, five bytes of the maker's, here zero."""
+    return _EMERGENCY.pack(code, register).ljust(8, b"\0")
+
+
+def unpack_emergency(data: bytes | bytearray) -> int | None:
+    """The error code of an emergency frame; None of a frame too short to have one."""
+    if len(data) < 2:
+        return None
+    return data[0] | data[1] << 8
+
+
+def unpack_heartbeat(data: bytes | bytearray) -> int | None:
+    """The NMT state in a heartbeat; None of anything but one byte. Bit 7 is reserved and left out."""
+    return data[0] & 0x7F if len(data) == 1 else None
+
+
+def pack_sdo_write(index: int, sub: int, value: int, size: int) -> bytes:
+    """An expedited SDO download of `size` bytes, 1 to 4 (CiA 301, "SDO download")."""
+    return struct.pack("<BHB4s", 0x23 | (4 - size) << 2, index, sub, (value & 0xFFFF_FFFF).to_bytes(4, "little"))

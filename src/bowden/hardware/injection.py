@@ -1,0 +1,94 @@
+"""Faults that the twin can be told to have, and when each is there. Pure."""
+
+import math
+from typing import NamedTuple
+
+from bowden.core.errors import ParameterError
+
+
+class Kind(NamedTuple):
+    """One kind of fault."""
+
+    meaning: str
+    side: bool = False
+    """Whether it is of one encoder, ``joint`` or ``motor``."""
+    amount: float | None = None
+    """How much when nothing is said; None where there is nothing to say."""
+    unit: str = ""
+    moment: bool = False
+    """Whether it happens once, rather than lasting."""
+
+
+KINDS: dict[str, Kind] = {
+    "silence": Kind("the drive sends nothing"),
+    "deaf": Kind("the drive hears nothing"),
+    "late_pdos": Kind("the drive's PDOs arrive late", amount=5.0, unit="ms"),
+    "dropped_pdos": Kind("a share of the drive's PDOs is lost", amount=0.3, unit="1"),
+    "bus_off": Kind("the drive's controller has left the bus"),
+    "delayed_readings": Kind("the drive's PDOs carry what was measured before", amount=10.0, unit="cycles"),
+    "drive_fault": Kind("the drive goes into fault with this error code", amount=0x2310, unit="code", moment=True),
+    "reboot": Kind("the drive loses its supply for a moment", moment=True),
+    "encoder_frozen": Kind("an encoder stays where it is", side=True),
+    "encoder_spike": Kind("an encoder jumps for one cycle in ten", side=True, amount=10.0, unit="deg"),
+    "encoder_offset": Kind("an encoder is off by an angle", side=True, amount=400.0, unit="deg"),
+    "encoder_flipped": Kind("an encoder counts the wrong way from here on", side=True),
+    "encoder_nan": Kind("an encoder gives the number that stands for none, −2³¹", side=True),
+    "broken_cable": Kind("the cable is torn: the joint goes where its spring pulls it"),
+    "slack_cable": Kind("the cable has slack, at the spool", amount=20.0, unit="deg"),
+    "over_temperature": Kind("the power stage is this hot", amount=95.0, unit="°C"),
+    "over_current": Kind("the motor draws this current", amount=30.0, unit="A"),
+}
+
+SIDES = ("joint", "motor")
+
+
+class Injection(NamedTuple):
+    """A fault with its parameters, and the time from which to which it is there."""
+
+    name: str
+    side: str
+    """``joint``, ``motor`` or nothing."""
+    amount: float
+    """In the kind's unit; NaN for none."""
+    start: float = -math.inf
+    """[s]"""
+    end: float = math.inf
+    """[s]"""
+
+    def active(self, now: float) -> bool:
+        """Whether it is there at that time [s]."""
+        return self.start <= now < self.end
+
+
+def parse(text: str) -> Injection:
+    """A fault as it is written: its name, the encoder where it is of one, and an amount where it has one.
+
+    >>> parse("encoder_frozen joint")
+    Injection(name='encoder_frozen', side='joint', amount=nan, start=-inf, end=inf)
+    >>> parse("drive_fault 0x4210").amount == 0x4210
+    True
+
+    Raises:
+        ParameterError: an unknown fault, a word too many or too few, or an amount that is no number.
+    """
+    name, *words = text.split() or [""]
+    kind = KINDS.get(name)
+    if kind is None:
+        raise ParameterError(f"there is no fault {name!r}", expected=", ".join(KINDS))
+    side = ""
+    if kind.side:
+        if not words or words[0] not in SIDES:
+            raise ParameterError(f"{name} is of an encoder", expected=f"{name} joint, or {name} motor")
+        side = words.pop(0)
+    amount = math.nan if kind.amount is None else kind.amount
+    if words and kind.amount is not None:
+        word = words.pop(0)
+        try:
+            amount = float(int(word, 16)) if word.lower().startswith("0x") else float(word)
+        except ValueError:
+            amount = math.nan
+        if not math.isfinite(amount):
+            raise ParameterError(f"{name}: {word!r} is no amount", expected=f"a number ({kind.unit})")
+    if words:
+        raise ParameterError(f"{name}: {' '.join(words)!r} is too much", expected=f"like {name} {side}".rstrip())
+    return Injection(name, side, amount)

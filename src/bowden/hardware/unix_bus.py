@@ -1,0 +1,212 @@
+"""A CAN bus between processes of one machine, for the twin and the tests: where the kernel has no CAN.
+
+A bus is a folder. Each node keeps a datagram socket in it, at which others introduce themselves: a node that joins
+makes a pair of connected sockets for every node that is there, and hands one end over. From then on frames go through
+the pairs alone, a frame a packet: what one node sends reaches every other, sending never waits, and a node that has
+died or does not read is counted and otherwise without effect, as on a real bus. A node alone on its bus cannot send,
+since nobody acknowledges. (Sent to the datagram sockets themselves, frames would queue up to
+`net.unix.max_dgram_qlen`, ten of them; and what a node has said before it leaves would be lost.)
+
+Registered with python-can as interface ``bowden_unix``; can be made directly as well.
+"""
+
+import array
+import contextlib
+import fcntl
+import os
+import select
+import socket
+import struct
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+
+FRAME = struct.Struct("<IB3x8s")
+"""Identifier with its flags, length, data: the layout of Linux' can_frame."""
+
+EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+"""Flags in the identifier."""
+
+LONGEST_PATH = 107
+"""Of a Unix socket's name [bytes]."""
+
+_RIGHTS = socket.CMSG_SPACE(struct.calcsize("i"))
+
+
+def bus_folder(channel: str) -> Path:
+    """The folder of a bus: the channel itself if it has a slash, otherwise one of that name in a place of this user."""
+    if "/" in channel:
+        return Path(channel)
+    return Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()) / f"bowden-{os.getuid()}" / channel
+
+
+class UnixBus(can.BusABC):
+    """One node's end of the bus.
+
+    Args:
+        channel: folder of the bus, or a bare name.
+        create: whether to make the folder where there is none.
+        can_filters: as python-can has them.
+
+    Raises:
+        can.CanInitializationError: there is no such bus, its folder cannot be used, or its name is too long.
+    """
+
+    def __init__(
+        self, channel: Any, can_filters: can.typechecking.CanFilters | None = None, create: bool = True, **_: object
+    ) -> None:
+        folder = bus_folder(str(channel))
+        self.channel_info = f"bowden_unix bus {folder}"
+        self.undelivered = 0
+        """Frames that a node which does not read, or has died, did not get."""
+        self._links: list[socket.socket] = []
+        self._mute: list[socket.socket] = []
+        """Links whose other end has gone, kept until what it said last is read."""
+        self._path = folder / f"{os.getpid()}-{os.urandom(4).hex()}.node"
+        if len(os.fsencode(self._path)) > LONGEST_PATH:
+            raise can.CanInitializationError(f"the name of the bus {folder} is too long for a socket")
+        self._door = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        self._poll = select.poll()
+        try:
+            if create:
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with _alone(folder):
+                self._join(folder)
+        except OSError as error:
+            self._door.close()
+            reason = "there is no such bus" if isinstance(error, FileNotFoundError) else error.strerror
+            raise can.CanInitializationError(f"{folder}: {reason}") from error
+        self._poll.register(self._door, select.POLLIN)
+        super().__init__(channel=channel, can_filters=can_filters)
+
+    def _join(self, folder: Path) -> None:
+        """Take a place on the bus and meet all who are there; who has died without leaving is cleared away."""
+        others = sorted(folder.glob("*.node"))
+        self._door.bind(str(self._path))
+        for other in others:
+            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+            with theirs:
+                try:
+                    rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [theirs.fileno()]))]
+                    self._door.sendmsg([b"join"], rights, 0, str(other))
+                except ConnectionRefusedError:
+                    ours.close()
+                    other.unlink(missing_ok=True)
+                except OSError:  # gone meanwhile, or one that has not answered the door for a long time
+                    ours.close()
+                else:
+                    self._add(ours)
+
+    def _add(self, link: socket.socket) -> None:
+        self._links.append(link)
+        self._poll.register(link, select.POLLIN)
+
+    def _open_door(self) -> bool:
+        """Take in everyone who has joined since; whether anyone has."""
+        before = len(self._links)
+        while True:
+            try:
+                _, rights, _, _ = self._door.recvmsg(16, _RIGHTS)
+            except OSError:
+                return len(self._links) > before
+            for _, _, descriptor in rights:
+                link = socket.socket(fileno=struct.unpack("i", descriptor[:4])[0])
+                link.setblocking(False)
+                self._add(link)
+
+    @property
+    def others(self) -> int:
+        """How many other nodes are on the bus, as far as is known here."""
+        self._open_door()
+        return len(self._links)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame to all other nodes; never waits.
+
+        Raises:
+            can.CanOperationError: no other node is on the bus.
+        """
+        flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame | ERROR * msg.is_error_frame
+        frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
+        self._open_door()
+        for link in tuple(self._links):
+            try:
+                link.send(frame)
+            except BlockingIOError:
+                self.undelivered += 1
+            except OSError:
+                self.undelivered += 1
+                self._links.remove(link)
+                self._mute.append(link)
+        if not self._links:
+            raise can.CanOperationError("no other node on the bus acknowledges")
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        frame = self._next()
+        if frame is None and timeout != 0.0:
+            self._poll.poll(None if timeout is None else max(0.0, 1e3 * timeout))
+            frame = self._next()
+        if frame is None:
+            return None, False
+        identifier, length, data = FRAME.unpack(frame)
+        return can.Message(
+            arbitration_id=identifier & 0x1FFF_FFFF,
+            is_extended_id=bool(identifier & EXTENDED),
+            is_remote_frame=bool(identifier & REMOTE),
+            is_error_frame=bool(identifier & ERROR),
+            dlc=min(length, 8),
+            data=None if identifier & REMOTE else data[: min(length, 8)],
+        ), False
+
+    def _next(self) -> bytes | None:
+        """The next frame of any link; None when there is none now."""
+        for link in (*self._links, *self._mute):
+            try:
+                frame = link.recv(FRAME.size)
+            except BlockingIOError:
+                if link in self._mute:
+                    self._drop(link)
+                continue
+            except OSError:
+                self._drop(link)
+                continue
+            if len(frame) == FRAME.size:
+                return frame
+            if not frame:  # its end
+                self._drop(link)
+        return self._next() if self._open_door() else None
+
+    def _drop(self, link: socket.socket) -> None:
+        for links in (self._links, self._mute):
+            if link in links:
+                links.remove(link)
+        with contextlib.suppress(KeyError, ValueError):
+            self._poll.unregister(link)
+        link.close()
+
+    def poll(self, timeout: float) -> None:
+        """Wait for something to read, at most `timeout` [s]."""
+        self._poll.poll(1e3 * timeout)
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        super().shutdown()
+        self._path.unlink(missing_ok=True)
+        self._door.close()
+        for link in (*self._links, *self._mute):
+            link.close()
+        self._links, self._mute = [], []
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """No two nodes join at once: each would introduce itself to the other, and their frames arrive twice."""
+    descriptor = os.open(folder / "door.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,154 @@
+"""The figures of `log_page`."""
+
+import itertools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.trace import Trace
+from bowden.core.units import DEGREES
+from bowden.report.simulate_figures import law_states as _law_states
+from bowden.report.style import COLOURS, CYCLE, legend, new_figure, thin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_STATES = ("mode", "reaction", "power", "source")
+_LOADS = ("current", "tension", "temperature", "supervisor.winding")
+
+
+def motion(trace: Trace) -> "Figure":
+    """Reference, joint and error over time."""
+    figure, (above, below) = new_figure(2, 1, height=4.0, share_x=True)
+    _line(above, trace, trace["joint"] * DEGREES, "joint", COLOURS["joint"])
+    _line(above, trace, trace["reference"] * DEGREES, "reference", COLOURS["reference"], 1.0, "--")
+    _line(below, trace, trace.error * DEGREES, "error", COLOURS["error"])
+    above.set_ylabel("angle [°]")
+    below.set(ylabel="error [°]", xlabel="time [s]")
+    _same_time(trace, above, below)
+    legend(above)
+    return figure
+
+
+def commands(trace: Trace) -> "Figure":
+    """Wish, command and motor over time, and what the drive had still to do."""
+    figure, (above, below) = new_figure(2, 1, height=4.0, share_x=True)
+    motor = trace["motor"] * DEGREES
+    colours = {"wish": COLOURS["limit"], "command": COLOURS["command"]}
+    for name, width in (("wish", 2.6), ("command", 1.2)):
+        if name in trace.columns:
+            asked = trace[name] * DEGREES
+            _line(above, trace, asked, name, colours[name], width)
+            _line(below, trace, asked - motor, f"{name} − motor", colours[name], width)
+    _line(above, trace, motor, "motor", COLOURS["motor"], 1.0)
+    above.set_ylabel("angle [°]")
+    below.set(ylabel="difference [°]", xlabel="time [s]")
+    _same_time(trace, above, below)
+    legend(above)
+    return figure
+
+
+def states(trace: Trace) -> "Figure | None":
+    """A band for each state column, and a bar for each fault that was ever there; None without any."""
+    columns = [name for name in _STATES if name in trace.columns]
+    faults = _faults(trace)
+    if not columns and not faults:
+        return None
+    count = len(columns) + len(faults)
+    figure, (axes,) = new_figure(height=0.9 + 0.32 * count)
+    names = trace.settings.get("names", {})
+    for row, column in enumerate(columns):
+        for first, last, value in _stretches(trace[column]):
+            begin, end = trace.time[first], trace.time[last]
+            axes.barh(row, end - begin, left=begin, height=0.72, color=_tint(value), linewidth=0)
+            if end - begin > 0.06 * float(trace.time[-1] - trace.time[0]):
+                text = _named(value, names.get(column, ()))
+                axes.text((begin + end) / 2, row, text, ha="center", va="center", fontsize=8.0, clip_on=True)
+    for row, (_, there) in enumerate(faults, len(columns)):
+        for first, last, value in _stretches(there):
+            if value:
+                width = max(trace.time[last] - trace.time[first], 2e-3 * float(trace.time[-1] - trace.time[0]))
+                axes.barh(row, width, left=trace.time[first], height=0.72, color=COLOURS["error"], linewidth=0)
+    axes.set_yticks(range(count), [*columns, *(name.replace("_", " ") for name, _ in faults)])
+    axes.set(ylim=(count - 0.5, -0.5), xlabel="time [s]", xlim=(trace.time[0], trace.time[-1]))
+    axes.grid(visible=False, axis="y")
+    return figure
+
+
+def loads(trace: Trace) -> "Figure | None":
+    """Current, tension and temperatures over time, those that were measured; None without any."""
+    columns = [name for name in _LOADS if name in trace.columns and np.isfinite(trace[name]).any()]
+    if not columns:
+        return None
+    figure, rows = new_figure(len(columns), 1, height=0.6 + 1.3 * len(columns), share_x=True)
+    for axes, name, colour in zip(rows, columns, CYCLE, strict=False):
+        _line(axes, trace, trace[name], name, colour)
+        axes.set_ylabel(f"{name.removeprefix('supervisor.')}\n[{trace.units[name]}]")
+    rows[-1].set_xlabel("time [s]")
+    _same_time(trace, *rows)
+    return figure
+
+
+def lateness(trace: Trace) -> "Figure | None":
+    """Histograms of lateness and run time; None without either."""
+    columns = [name for name in ("lateness", "run_time") if name in trace.columns and np.isfinite(trace[name]).any()]
+    if not columns:
+        return None
+    figure, panels = new_figure(1, len(columns), height=2.6)
+    for axes, name in zip(panels, columns, strict=True):
+        values = 1e6 * trace[name][np.isfinite(trace[name])]
+        axes.hist(values, bins=80, color=COLOURS["joint"], log=True)
+        axes.set(xlabel=f"{name.replace('_', ' ')} [µs]", ylabel="cycles")
+    return figure
+
+
+def law_states(trace: Trace, colour: str) -> "Figure | None":
+    """The law's state over time; None without one."""
+    return _law_states(trace, colour)
+
+
+def _line(
+    axes: "Axes", trace: Trace, values: Array, label: str, colour: str, width: float = 1.3, style: str = "-"
+) -> None:
+    axes.plot(*thin(trace.time, values), color=colour, lw=width, ls=style, label=label)
+
+
+def _same_time(trace: Trace, *rows: "Axes") -> None:
+    for axes in rows:
+        axes.set_xlim(trace.time[0], trace.time[-1])
+
+
+def _faults(trace: Trace) -> list[tuple[str, Array]]:
+    """Name of each fault that was ever there, and whether it was there in each cycle."""
+    if "faults" not in trace.columns:
+        return []
+    column = trace["faults"]
+    sets = np.where((column >= 0.0) & (column < 2.0**53), column, 0.0).astype(np.int64)
+    ever = int(np.bitwise_or.reduce(sets))
+    names = trace.settings.get("names", {}).get("faults", ())
+    bits = [bit for bit in range(ever.bit_length()) if ever >> bit & 1]
+    return [(_named(bit, names), (sets >> bit & 1).astype(float)) for bit in bits]
+
+
+def _stretches(values: Array) -> list[tuple[int, int, float]]:
+    """First index, index after the last (or the last there is) and value of each run of equal values."""
+    changes = np.flatnonzero(values[1:] != values[:-1]) + 1
+    edges = [0, *changes.tolist(), len(values) - 1]
+    return [(first, last, float(values[first])) for first, last in itertools.pairwise(edges)]
+
+
+def _named(value: float, names: Sequence[str]) -> str:
+    known = float(value).is_integer() and 0 <= value < len(names)
+    return names[int(value)].replace("_", " ") if known else f"{value:g}"
+
+
+_TINTS = ("#e8e8e8", "#cfe3f1", "#a9d8c6", "#f6dfa8", "#f3c39f", "#efb0a8")
+
+
+def _tint(value: float) -> str:
+    return _TINTS[int(value) % len(_TINTS)] if np.isfinite(value) and value >= 0 else "#ffffff"

@@ -1,0 +1,278 @@
+"""Before a run: are the limits sensible, are the sensors alive, does a small motion of the motor move the joint?"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.errors import SafetyError
+from bowden.core.signals import DriveReading
+from bowden.core.units import DEGREES, RADIANS
+from bowden.safety.limits import Limits
+
+
+class Preflight(NamedTuple):
+    """The settings of a preflight."""
+
+    listen: float = 0.5
+    """How long the sensors are listened to before anything moves [s]."""
+    first: float = 2.0 * RADIANS
+    """First motion of the motor [rad]."""
+    largest: float = 30.0 * RADIANS
+    """Largest motion; the cable's whole play must lie within it [rad]."""
+    speed: float = 20.0 * RADIANS
+    """Mean speed of a motion [rad/s]."""
+    moved: float = 0.5 * RADIANS
+    """Motion of the joint that counts [rad]."""
+    noise: float = 0.3 * RADIANS
+    """Largest span of an angle at rest [rad]."""
+    settle: float = 0.1
+    """Wait after each motion [s]."""
+    follows: float = 0.7
+    """Share of its motion that the motor must have made [–]."""
+    slope_sign: float = 1.0
+    """Direction of the joint for a positive motion of the motor."""
+    pull_sign: float = 1.0
+    """Direction of the motor that pulls the cable: the motion goes there and comes back."""
+    enable: float = 5.0
+    """How long the drive may take to enable [s]."""
+
+
+class Step(IntEnum):
+    """Where a preflight is."""
+
+    ENABLE = 0
+    LISTEN = 1
+    OUT = 2
+    BACK = 3
+    DONE = 4
+
+
+class Reason(IntEnum):
+    """What a preflight found."""
+
+    NONE = 0
+    NOT_ENABLED = 1
+    SENSORS = 2
+    RESTLESS = 3
+    MOTOR_STILL = 4
+    MOTOR_WRONG_WAY = 5
+    JOINT_STILL = 6
+    JOINT_WRONG_WAY = 7
+
+
+REASONS = {
+    Reason.NONE: "",
+    Reason.NOT_ENABLED: "the drive does not enable; look at its supply, enable input and STO",
+    Reason.SENSORS: "an angle is missing; look at the encoders' plugs and the drive's PDOs",
+    Reason.RESTLESS: "an angle moves while the motor holds; keep the limb still, look for interference",
+    Reason.MOTOR_STILL: "the motor does not do a small motion; look for a jam and at the motor encoder",
+    Reason.MOTOR_WRONG_WAY: "the motor's angle goes the wrong way; turn its direction round in rig.toml",
+    Reason.JOINT_STILL: "the joint does not follow the motor; look for a slack or broken cable, pretension it",
+    Reason.JOINT_WRONG_WAY: "the joint goes the wrong way; turn its encoder's direction round in rig.toml",
+}
+"""What each reason means and what to do."""
+
+
+class PreflightState(NamedTuple):
+    """Where it is, and what it has seen."""
+
+    step: float
+    since: float
+    """Since the step began [s]."""
+    motor: float
+    """Where the motor began [rad]."""
+    joint: float
+    """Where the joint began [rad]."""
+    low: float
+    """Smallest angle of the joint while it was listened to [rad]."""
+    high: float
+    """Largest [rad]."""
+    motor_low: float
+    """The same of the motor [rad]."""
+    motor_high: float
+    """[rad]"""
+    amplitude: float
+    """Of this motion [rad]."""
+    far_motor: float
+    """Where the motor was at the far end [rad]."""
+    far_joint: float
+    """Where the joint was [rad]."""
+    reason: float
+    """Number of a `Reason`."""
+
+
+class Outcome(NamedTuple):
+    """What a preflight says in a cycle."""
+
+    result: float
+    """0 not done, 1 passed, −1 failed: as `safety.supervisor.Observed` wants it."""
+    reason: float
+    """Number of a `Reason`."""
+
+
+def begin(settings: Preflight, reading: DriveReading) -> PreflightState:
+    """Before the first cycle."""
+    return _at(Step.ENABLE, settings.first, reading)
+
+
+def step(
+    settings: Preflight, state: PreflightState, reading: DriveReading, dt: float
+) -> tuple[PreflightState, float, Outcome]:
+    """One cycle: wait for the drive, listen, then move out and back, minimum jerk, further until the joint follows.
+
+    Args:
+        settings: the preflight's.
+        state: from the cycle before.
+        reading: of the drive.
+        dt: cycle time [s].
+
+    Returns:
+        The state, the motor's wish [rad], what came of it.
+    """
+    since = state.since + dt
+    seen = np.isfinite(reading.motor) and np.isfinite(reading.joint)
+    if state.step == Step.DONE:
+        return _answer(state, state.motor)
+    state = state._replace(since=since)
+    if not seen and state.step <= Step.LISTEN:  # in motion, a gap is the supervisor's to bridge
+        return _fail(state, Reason.SENSORS) if since > settings.listen else _answer(state, state.motor)
+    if state.step == Step.ENABLE:
+        if reading.drive_state == 4.0:
+            state = _at(Step.LISTEN, state.amplitude, reading)
+        elif since > settings.enable:
+            return _fail(state, Reason.NOT_ENABLED)
+        return _answer(state, reading.motor)
+    if state.step == Step.LISTEN:
+        state = state._replace(
+            low=min(state.low, reading.joint),
+            high=max(state.high, reading.joint),
+            motor_low=min(state.motor_low, reading.motor),
+            motor_high=max(state.motor_high, reading.motor),
+        )
+        if since < settings.listen:
+            return _answer(state, state.motor)
+        if state.high - state.low > settings.noise or state.motor_high - state.motor_low > settings.noise:
+            return _fail(state, Reason.RESTLESS)
+        return _answer(state._replace(step=float(Step.OUT), since=0.0), state.motor)
+
+    duration = state.amplitude / settings.speed
+    share = min(since / duration, 1.0)
+    way = share**3 * (10.0 - 15.0 * share + 6.0 * share * share)
+    out = settings.pull_sign * state.amplitude
+    wish = state.motor + out * (way if state.step == Step.OUT else 1.0 - way)
+    if since < duration + settings.settle or not seen:
+        return _answer(state, wish)
+    if state.step == Step.OUT:
+        went = (reading.motor - state.motor) * settings.pull_sign
+        if went < -0.3 * state.amplitude:
+            return _fail(state, Reason.MOTOR_WRONG_WAY)
+        if went < settings.follows * state.amplitude:
+            return _fail(state, Reason.MOTOR_STILL)
+        state = state._replace(far_motor=reading.motor, far_joint=reading.joint)
+        return _answer(state._replace(step=float(Step.BACK), since=0.0), wish)
+    moved = (state.far_joint - state.joint) * settings.pull_sign * settings.slope_sign
+    if moved >= settings.moved:
+        return _answer(state._replace(step=float(Step.DONE)), state.motor)
+    if moved <= -settings.moved:
+        return _fail(state, Reason.JOINT_WRONG_WAY)
+    larger = 2.0 * state.amplitude
+    if larger > settings.largest:
+        return _fail(state, Reason.JOINT_STILL)
+    return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger), state.motor)
+
+
+def contradictions(limits: Limits, dt: float) -> list[str]:
+    """What in a rig's limits cannot go together, in sentences; empty if all can.
+
+    Args:
+        limits: the supervisor's.
+        dt: cycle time [s].
+    """
+    reaction = limits.bridge_time + 2.0 * dt
+    brake = limits.motor_speed * reaction
+    found = [
+        (f"{name} is {value!r}, and must be a number above 0")
+        for name, value in limits._asdict().items()
+        if name in _POSITIVE and not 0.0 < value < np.inf
+    ]
+    if not limits.motor_low < limits.motor_high:
+        found.append("motor_low is not below motor_high")
+    if not limits.joint_low < limits.joint_high:
+        found.append("joint_low is not below joint_high")
+    if not limits.slope_low <= limits.slope_high:
+        found.append("slope_low is above slope_high")
+    if found:
+        return found
+    ends = (limits.motor_low, limits.motor_high)
+    reach = [slope * motor for slope in (limits.slope_low, limits.slope_high) for motor in ends]
+    if max(map(abs, (*ends, limits.joint_low, limits.joint_high))) + brake > limits.sensor_span:
+        found.append(
+            f"an angle at its limit, and {brake * DEGREES:.0f}° in {reaction * 1e3:.0f} ms, is beyond sensor_span"
+        )
+    if limits.joint_high > max(reach) + limits.play or limits.joint_low < min(reach) - limits.play:
+        found.append("the joint's range is wider than the motor's can be through slopes and play: it would never act")
+    if (
+        limits.pay_out >= limits.motor_speed
+        or limits.pay_out * max(abs(limits.slope_low), abs(limits.slope_high)) >= limits.joint_speed
+    ):
+        found.append("pay_out is faster than motor_speed or joint_speed allow: a release would end in R3")
+    if limits.tracking_lag * limits.motor_speed + limits.tracking >= limits.target_reach:
+        found.append("tracking is wider than target_reach: a motor that does not follow would be seen too late")
+    if limits.target_speed * dt >= limits.target_reach:
+        found.append("target_speed allows more than target_reach in one cycle")
+    if limits.heartbeat_age < 2.0 * dt or limits.reading_age * dt > 0.01:
+        found.append("heartbeat_age is below two cycles, or reading_age above 10 ms")
+    if limits.bridge_time > 0.005:
+        found.append("bridge_time is above 5 ms")
+    if limits.release_time > 0.2:
+        found.append("release_time is above 200 ms")
+    if limits.lateness + limits.bridge_time > limits.heartbeat_age:
+        found.append("lateness is longer than the drive's own watch over the loop (heartbeat_age) lets a cycle be")
+    if limits.thermal.continuous_current >= limits.current_peak:
+        found.append("continuous_current is not below current_peak")
+    if not limits.thermal.ambient < limits.housing_limit < limits.winding_limit:
+        found.append("housing_limit is not between ambient and winding_limit")
+    if limits.slack_sign not in (-1.0, 1.0):
+        found.append("slack_sign is neither −1 nor 1")
+    return found
+
+
+def require(limits: Limits, dt: float, verdict: str) -> None:
+    """Refuse a run whose limits contradict one another, or whose gains do not hold.
+
+    Args:
+        limits: the supervisor's.
+        dt: cycle time [s].
+        verdict: of `bowden check` on these gains (`design.check.VerdictName`).
+
+    Raises:
+        SafetyError: with every contradiction, or the verdict.
+    """
+    found = contradictions(limits, dt)
+    if found:
+        raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct them in rig.toml")
+    if verdict not in ("holds", "little_margin"):
+        raise SafetyError(f"`bowden check` says {verdict!r}", expected="gains that hold", do="run `bowden tune`")
+
+
+_POSITIVE = (
+    *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),
+    *("acceleration", "servo_frequency", "servo_damping", "tracking", "play", "frozen_travel", "current_peak"),
+    *("saturation", "i2t_time", "heartbeat_age", "enable_time", "lateness", "clock_gap", "operator_age"),
+    *("preflight_time", "bridge_time", "release_time", "pay_out", "released_current", "released_time"),
+)
+
+
+def _at(where: Step, amplitude: float, reading: DriveReading) -> PreflightState:
+    motor, joint = reading.motor, reading.joint
+    return PreflightState(float(where), 0.0, motor, joint, joint, joint, motor, motor, amplitude, motor, joint, 0.0)
+
+
+def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, Outcome]:
+    result = 0.0 if state.step != Step.DONE else 1.0 if state.reason == Reason.NONE else -1.0
+    return state, wish, Outcome(result, state.reason)
+
+
+def _fail(state: PreflightState, reason: Reason) -> tuple[PreflightState, float, Outcome]:
+    return _answer(state._replace(step=float(Step.DONE), reason=float(reason)), state.motor)

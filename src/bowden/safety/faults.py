@@ -1,0 +1,111 @@
+"""Every fault that the supervisor knows: what shows it, what is done, how soon, and what the operator does then."""
+
+from enum import IntEnum
+
+
+# fmt: off
+class Fault(IntEnum):
+    """A fault; its number is its bit. Reaction at once, and once R1 has lasted too long (0: a warning, which keeps from
+    arming); time limit from its showing to R2 or R3 [s]; meaning; detector; remedy.
+    """
+
+    at_once: int
+    then: int
+    within: float
+    meaning: str
+    detector: str
+    remedy: str
+
+    def __new__(cls, at_once: int, then: int, within: float, meaning: str, detector: str, remedy: str) -> "Fault":
+        """Number the rows in their order."""
+        fault = int.__new__(cls, len(cls.__members__))
+        fault._value_ = len(cls.__members__)
+        fault.at_once, fault.then, fault.within = at_once, then, within
+        fault.meaning, fault.detector, fault.remedy = meaning, detector, remedy
+        return fault
+
+    @property
+    def latched(self) -> bool:
+        """Whether it holds the power off until an operator acknowledges: all but warnings, once R1 has ended."""
+        return self.then > 0
+
+    JOINT_LOST = (1, 2, 0.008, "joint angle missing or impossible", "|joint| ≤ sensor_span does not hold",
+                  "look at the joint encoder's plug, supply and zero")
+    JOINT_JUMP = (1, 2, 0.020, "joint angle jumps", "|change| > jump + joint_speed × time",
+                  "look for a loose plug, interference, a slipping encoder or a wrong direction of the joint encoder")
+    JOINT_STALE = (1, 2, 0.020, "joint angle is late", "joint_age > reading_age",
+                   "look at the bus load and at the drive's PDO settings")
+    JOINT_FROZEN = (2, 2, 0.008, "joint angle stands still", "not a count's change over frozen_travel of the motor",
+                    "look at the joint encoder, its coupling and the cable")
+    JOINT_ASTRAY = (2, 2, 0.008, "joint and motor disagree", "joint outside slope_low…slope_high × motor ± play",
+                    "look for a broken or slack cable and for wrong zeros or directions of the encoders")
+    JOINT_OVER_TRAVEL = (3, 3, 0.010, "joint beyond its range", "joint outside joint_low…joint_high",
+                         "bring the limb back by hand; look at the reference and the joint's zero")
+    JOINT_OVER_SPEED = (3, 3, 0.020, "joint too fast", "filtered speed > joint_speed",
+                        "look for a torn cable; slow the reference down")
+    MOTOR_LOST = (1, 3, 0.008, "motor angle missing or impossible", "|motor| ≤ sensor_span does not hold",
+                  "look at the motor encoder's plug and supply; home again")
+    MOTOR_JUMP = (1, 3, 0.020, "motor angle jumps", "|change| > jump + motor_speed × time",
+                  "look for a loose plug, interference or a wrong direction of the motor encoder")
+    MOTOR_STALE = (1, 3, 0.020, "motor angle is late", "motor_age > reading_age",
+                   "look at the bus, its load and the drive's supply")
+    NOT_FOLLOWING = (3, 3, 0.020, "motor does not do what its servo would", "|motor − model| > tracking for 5 ms",
+                     "look for a jam, a frozen motor encoder, a wrong servo model (`bowden identify-servo`)")
+    MOTOR_OVER_TRAVEL = (3, 3, 0.010, "motor beyond its range", "motor outside motor_low…motor_high ± motor_margin",
+                         "let the cable out by hand and home again")
+    MOTOR_OVER_SPEED = (3, 3, 0.020, "motor too fast", "filtered speed > motor_speed",
+                        "slow the reference down; look for a torn cable")
+    CURRENT_LOST = (1, 2, 0.008, "no motor current", "current missing, or beyond twice its peak",
+                    "look at the drive's PDO mapping")
+    OVER_CURRENT = (3, 3, 0.010, "current beyond its peak", "|current| > current_peak for 2 ms",
+                    "look for a short circuit; compare current_peak with the drive's own limit")
+    SATURATED = (2, 2, 0.060, "drive at its limit", "|current| > 95 % of its peak for 50 ms: laws wind up",
+                 "take load from the cable; look for a jam")
+    I2T = (2, 2, 0.008, "peak current for too long", "∫(I² − Ic²) beyond i2t_time at the peak",
+           "let the motor rest for a minute; take load away")
+    MOTOR_HOT = (2, 2, 0.008, "motor too warm", "thermal model beyond winding_limit or housing_limit",
+                 "let the motor cool for some minutes; the model goes on over restarts")
+    DRIVE_HOT = (2, 2, 0.008, "drive too warm", "its temperature missing or > drive_limit, where measured",
+                 "let the drive cool; look at its airflow")
+    TENSION_LOST = (1, 2, 0.008, "no tension", "tension missing or impossible, where measured",
+                    "look at the load cell's plug")
+    OVER_TENSION = (3, 3, 0.004, "cable pulls too hard", "tension > tension_high, where measured",
+                    "look for a caught limb or a jam before all else")
+    SLACK = (2, 2, 0.060, "cable slack or torn", "tension < tension_low for 50 ms, where measured",
+             "look at the cable; pretension anew")
+    HEARTBEAT_LOST = (3, 3, 0.004, "drive silent", "its heartbeat older than heartbeat_age",
+                      "look at the bus cable, its termination and the drive's supply")
+    NOT_ENABLED = (3, 3, 0.004, "drive does not enable", "not in operation enabled within enable_time of arming",
+                   "look at the drive's enable input, STO and supply")
+    DRIVE_DROPPED = (3, 3, 0.004, "drive switched off or restarted by itself", "its state, while it should be enabled",
+                     "look at its enable input, STO, emergency stop and supply; home again after a restart")
+    DRIVE_FAULT = (3, 3, 0.004, "drive in fault", "its state is fault or fault reaction",
+                   "read the error code, mend the cause, acknowledge")
+    EMERGENCY = (3, 3, 0.004, "emergency from the drive", "an emergency frame with an error code",
+                 "read the text of the code, mend the cause, acknowledge")
+    BUS_ERRORS = (3, 3, 0.008, "bus fails", "more than two frames not sent within a second, or bus-off",
+                  "look at the bus cable, both terminations and the bit rate")
+    LATE = (2, 2, 0.004, "loop too late", "lateness, or the sum of the last ones, > lateness",
+            "see what `bowden doctor` says; close other programs")
+    CLOCK = (3, 3, 0.004, "clock stepped", "time between cycles not in 0…clock_gap, or a cycle too early",
+             "see what `bowden doctor` says; was the computer asleep?")
+    WISH_LOST = (1, 2, 0.008, "law's target missing or out of range", "motor_low ≤ target ≤ motor_high does not hold",
+                 "look at the reference, the gains, the law's state in the log")
+    WISH_STEP = (1, 2, 0.008, "law's target jumps", "change in a cycle > target_speed",
+                 "look at the reference and the gains; start where the joint is")
+    WISH_FAR = (1, 2, 0.008, "law's target too far away", "|target − motor| > target_reach",
+                "look at the gains; does the law wind up?")
+    WISH_HARD = (1, 2, 0.008, "law's target too hard", "servo's model would accelerate beyond acceleration",
+                 "look at the gains; run `bowden check`")
+    OPERATOR_LOST = (2, 2, 0.004, "operator gone", "no sign of life from the terminal for operator_age",
+                     "come back to the terminal, acknowledge")
+    PREFLIGHT_FAILED = (2, 2, 0.004, "preflight failed, or armed for too long", "its outcome, or preflight_time",
+                        "read its reason; arm again when you are ready to run")
+    RECORDER_LOST = (0, 0, 0.0, "nothing is recorded", "recorder dead, behind, or disk full",
+                     "make room on the disk, start the recorder again; a running loop goes on, no new one is armed")
+# fmt: on
+
+
+def of(bits: float) -> list[Fault]:
+    """The faults in a verdict's bit set, worst reaction first."""
+    return sorted((fault for fault in Fault if int(bits) >> fault & 1), key=lambda fault: -fault.then)

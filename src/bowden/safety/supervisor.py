@@ -1,0 +1,225 @@
+"""The supervisor: it stands last before the wire, knows nothing of laws, and may only refuse or stop.
+
+It looks (estimates and detectors), takes the worst reaction, and gives the drive a target and a power state. The law's
+wish is passed on unchanged or not at all; a reading is used as it is or not at all.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel, sel
+from bowden.core.signals import DriveReading
+from bowden.models.plausible import Followed, follow, lasting, outside
+from bowden.models.servo import servo_predict
+from bowden.models.thermal import ThermalState, warm
+from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
+
+
+class Mode(IntEnum):
+    """What the supervisor is at; it starts stopped."""
+
+    STOPPED = 0  # power off
+    PREFLIGHT = 1  # armed: the preflight moves the motor, then it waits there for the request to run
+    RUNNING = 2  # the law moves the motor
+    BRIDGING = 3  # R1: the last valid target
+    RELEASING = 4  # R2, or an operator's stop: the cable is let out, then power off
+    LATCHED = 5  # power off until an operator acknowledges
+
+
+Request = IntEnum("Request", ["NONE", "ARM", "RUN", "STOP", "ACKNOWLEDGE"], start=0)  # what the operator asks for
+
+
+class Observed(NamedTuple):
+    """What the supervisor looks at in one cycle, besides the law's wish."""
+
+    reading: DriveReading
+    lateness: float  # of this cycle's beginning [s]
+    elapsed: float  # since the cycle before began [s]
+    request: float  # number of a `Request`
+    operator_age: float  # since the operator's last sign of life [s]
+    recorder: float  # 1 if the recorder is alive and has room, else 0
+    preflight: float  # 0 not done, 1 passed, −1 failed
+
+
+class Verdict(NamedTuple):
+    """What the drive is told, and why."""
+
+    target: float  # motor angle; always finite, within the limits and within their speed of the one before [rad]
+    power: float  # number of a `runtime.ports.Power`, 0 or 3
+    mode: float  # number of a `Mode`
+    reaction: float  # 0, or 1 to 3 for R1 to R3
+    faults: float  # all that are active or latched, a sum of 2**fault
+
+
+# fmt: off
+SupervisorState = NamedTuple("SupervisorState", [  # noqa: UP014 - what it decided, then what it sees; rad, s, °C
+    ("mode", float), ("passed", float), ("target", float), ("before", float), ("bridged", float), ("released", float),
+    ("eased", float), ("latched", float), ("enabled", float), ("model", float), ("model_speed", float),
+    ("astray", float), ("motor", float), ("motor_speed", float), ("motor_gap", float), ("joint", float),
+    ("joint_speed", float), ("joint_gap", float), ("anchor_motor", float), ("anchor_joint", float),
+    ("overload", float), ("saturated", float), ("slack", float), ("late", float), ("bus_errors", float),
+    ("failures", float), ("armed", float), ("winding", float), ("housing", float), ("i2t", float),
+])
+# fmt: on
+
+POWER_OFF, POWER_ON = 0.0, 3.0  # of `runtime.ports.Power`, which this floor cannot see
+STOPPED, PREFLIGHT, RUNNING, BRIDGING, RELEASING, LATCHED = (float(mode) for mode in Mode)
+ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
+BIG = 1e6  # what is larger is no number that anything here can mean
+COUNT = len(Fault)
+AT_ONCE = tuple(float(fault.at_once) for fault in Fault)
+THEN = tuple(float(fault.then) for fault in Fault)
+BIT = tuple(2.0**fault for fault in Fault)
+
+
+@kernel
+def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> SupervisorState:
+    """Stopped, with the motor as warm as the last run left it (`models.thermal.rested`)."""
+    motor = follow(Followed(0.0, 0.0, 0.0), reading.motor, 1.0, limits.sensor_span, BIG, 0.0, 1.0)[0].value
+    joint = follow(Followed(0.0, 0.0, 0.0), reading.joint, 1.0, limits.sensor_span, BIG, 0.0, 1.0)[0].value
+    target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))
+    decided = (STOPPED, 0.0, target, target, 0.0, 0.0, 0.0, 0.0)
+    seen = (0.0, motor, 0.0, 0.0, motor, 0.0, 0.0, joint, 0.0, 0.0, motor, joint)
+    return SupervisorState(*(decided + seen + (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) + thermal[:]))
+
+
+@kernel
+def most_step(limits: Limits, time: float, dt: float) -> float:
+    """What the target may change by since the last cycle [rad]; a late loop is given five cycles at most."""
+    return limits.target_speed * np.fmax(dt, np.fmin(time, 5.0 * dt))
+
+
+@kernel
+def look(
+    limits: Limits, state: SupervisorState, observed: Observed, wish: float, dt: float
+) -> tuple[SupervisorState, tuple[float, ...], float]:
+    """This cycle's estimates, what each detector says in the order of `Fault`, and the time since the last one [s]."""
+    reading, omega, zeta, peak = observed.reading, limits.servo_frequency, limits.servo_damping, limits.current_peak
+    powered = 1.0 - outside(state.mode, PREFLIGHT, RELEASING)
+    clock = np.fmax(outside(observed.elapsed, 0.05 * dt, limits.clock_gap), outside(observed.lateness, -dt, BIG))
+    time = sel(clock > 0.5, dt, observed.elapsed)
+
+    # angles; without power the motor and the limb may be moved by hand
+    span, jump, filtered = limits.sensor_span, sel(powered > 0.5, limits.jump, BIG), limits.speed_filter
+    old_motor, old_joint = Followed(*state[12:15]), Followed(*state[15:18])
+    motor, motor_lost, motor_jump = follow(old_motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
+    joint, joint_lost, joint_jump = follow(old_joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
+    alive = (powered < 0.5) + (np.abs(joint.value - state.anchor_joint) > limits.joint_still) > 0.0
+    anchor = (sel(alive, motor.value, state.anchor_motor), sel(alive, joint.value, state.anchor_joint))
+    flat, steep, margin = limits.slope_low * motor.value, limits.slope_high * motor.value, limits.motor_margin
+
+    # the drive's state and its servo
+    off = outside(reading.drive_state, 3.5, 4.5)
+    fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * state.enabled * off
+    enabled = powered * np.fmax(state.enabled, 1.0 - off)
+    moved, speed = servo_predict(state.model, state.model_speed, state.before, omega, zeta, time)
+    model, model_speed = sel(state.enabled > 0.5, moved, motor.value), sel(state.enabled > 0.5, speed, 0.0)
+    lag = outside(np.abs(motor.value - model), 0.0, limits.tracking + limits.tracking_lag * np.abs(model_speed))
+    astray = lasting(lag, state.astray, time)
+
+    # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true
+    no_current = limits.measures_current * outside(np.abs(reading.current), 0.0, 2.0 * peak)
+    known = limits.measures_current * (1.0 - no_current)
+    current = sel(known > 0.5, np.abs(reading.current), no_current * powered * peak)
+    overload = lasting(outside(current, 0.0, peak), state.overload, time)
+    saturated = lasting(outside(current, 0.0, limits.saturation * peak), state.saturated, time)
+    heat = warm(limits.thermal, ThermalState(*state[27:30]), current, np.fmin(time, 0.1))
+    i2t = (peak * peak - limits.thermal.continuous_current * limits.thermal.continuous_current) * limits.i2t_time
+    hot = np.fmax(outside(heat.winding, -BIG, limits.winding_limit), outside(heat.housing, -BIG, limits.housing_limit))
+    no_tension = limits.measures_tension * outside(reading.tension, -BIG, BIG)
+    tension = sel(limits.measures_tension * (1.0 - no_tension) > 0.5, reading.tension, limits.tension_low)
+    slack = lasting(enabled * outside(tension, limits.tension_low, BIG), state.slack, time)
+
+    # bus and time: sums that forget
+    armed = lasting(powered * (1.0 - state.passed), state.armed, time)
+    unknown = outside(reading.bus_errors, 0.0, BIG * BIG)
+    errors = sel(unknown > 0.5, state.bus_errors, reading.bus_errors)
+    failures = np.fmax(0.0, np.fmin(4.0, state.failures + np.fmax(0.0, errors - state.bus_errors)) - time)
+    late = np.fmax(0.0, state.late + np.fmax(0.0, time - 1.5 * dt) - 0.02 * time)
+
+    # the wish
+    led = enabled * (1.0 - outside(state.mode, PREFLIGHT, BRIDGING))
+    no_wish = led * outside(wish, limits.motor_low, limits.motor_high)
+    asked = sel(led * (1.0 - no_wish) > 0.5, wish, state.target)
+    hard = omega * (omega * (asked - model) - 2.0 * zeta * model_speed)
+    failed = np.fmax(outside(observed.preflight, -0.5, 1.5), outside(armed, 0.0, limits.preflight_time))
+    # fmt: off
+    found = (
+        joint_lost, joint_jump, outside(reading.joint_age, 0.0, limits.reading_age),
+        outside(np.abs(motor.value - anchor[0]), 0.0, limits.frozen_travel),
+        outside(joint.value, np.fmin(flat, steep) - limits.play, np.fmax(flat, steep) + limits.play),
+        outside(joint.value, limits.joint_low, limits.joint_high),
+        outside(np.abs(joint.speed), 0.0, limits.joint_speed),
+        motor_lost, motor_jump, outside(reading.motor_age, 0.0, limits.reading_age),
+        outside(astray, 0.0, limits.tracking_time),
+        outside(motor.value, limits.motor_low - margin, limits.motor_high + margin),
+        outside(np.abs(motor.speed), 0.0, limits.motor_speed),
+        no_current, outside(overload, 0.0, limits.current_time), outside(saturated, 0.0, limits.saturation_time),
+        outside(heat.i2t, 0.0, i2t), hot,
+        limits.measures_temperature * outside(reading.temperature, -BIG, limits.drive_limit),
+        no_tension, outside(tension, -BIG, limits.tension_high), outside(slack, 0.0, limits.slack_time),
+        outside(reading.heartbeat_age, 0.0, limits.heartbeat_age),
+        (1.0 - enabled) * outside(armed, 0.0, limits.enable_time), left * (1.0 - fault), fault,
+        outside(reading.emergency, 0.0, 0.0), np.fmax(unknown, outside(failures, 0.0, limits.bus_errors)),
+        (1.0 - clock) * outside(np.fmax(observed.lateness, late), -dt, limits.lateness), clock,
+        no_wish, outside(np.abs(asked - state.target), 0.0, most_step(limits, time, dt)),
+        led * outside(np.abs(asked - motor.value), 0.0, limits.target_reach),
+        led * outside(np.abs(hard), 0.0, limits.acceleration),
+        outside(observed.operator_age, -1.0, limits.operator_age), powered * (1.0 - state.passed) * failed,
+        outside(observed.recorder, 0.5, 1.5),
+    )
+    # fmt: on
+    sums = (overload, saturated, slack, late, errors, failures, armed)
+    drive = (enabled, model, model_speed, astray)
+    return SupervisorState(*(state[:8] + drive + motor[:] + joint[:] + anchor + sums + heat[:])), found, time
+
+
+@kernel
+def supervise(
+    limits: Limits, state: SupervisorState, observed: Observed, wish: float, dt: float
+) -> tuple[SupervisorState, Verdict]:
+    """One cycle of `dt` [s]: the law's `wish` [rad], if nothing speaks against it, and power, if nothing forbids it."""
+    seen, found, time = look(limits, state, observed, wish, dt)
+    once, eventually, faults, latched, active = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(COUNT):
+        once, eventually = np.fmax(once, found[i] * AT_ONCE[i]), np.fmax(eventually, found[i] * THEN[i])
+        faults += found[i]
+    powered, releasing = 1.0 - outside(state.mode, PREFLIGHT, RELEASING), state.mode == RELEASING
+    bridged = powered * sel(once > 0.5, state.bridged + time, np.fmax(0.0, state.bridged - limits.bridge_leak * time))
+    ended = (bridged > limits.bridge_time + 0.5 * dt) + (once > 1.5) + releasing > 0.0
+    reaction = powered * sel(ended, eventually, once)
+
+    # the next mode
+    run = (observed.request == RUN) * (observed.preflight == 1.0) * (reaction < 0.5) > 0.0
+    passed = powered * sel(run, 1.0, state.passed)
+    going = sel(reaction > 0.5, BRIDGING, sel(passed > 0.5, RUNNING, PREFLIGHT))
+    going = sel((reaction > 1.5) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
+    released = lasting(sel(going == RELEASING, 1.0, 0.0), state.released, time)
+    light = limits.measures_current * (1.0 - outside(np.abs(observed.reading.current), 0.0, limits.released_current))
+    eased = lasting(light * sel(releasing, 1.0, 0.0), state.eased, time)
+    empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (seen.enabled < 0.5) > 0.0
+    for i in range(COUNT):
+        kept = np.floor(state.latched / BIT[i]) - 2.0 * np.floor(state.latched / (2.0 * BIT[i]))
+        kept = np.fmax(kept, sel((reaction > 1.5) * (THEN[i] > 0.5), found[i], 0.0))
+        latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
+    going = sel(releasing * empty, sel(latched > 0.5, LATCHED, STOPPED), going)
+    going = sel(reaction > 2.5, LATCHED, going)
+    arms = (observed.request == ARM) * (state.mode == STOPPED) * (faults == 0.0)
+    rests = sel(arms, PREFLIGHT, sel((state.mode == LATCHED) * (observed.request != ACKNOWLEDGE), LATCHED, STOPPED))
+    mode = sel(powered > 0.5, going, rests)
+
+    # the target: without power it follows the motor, so that nothing moves when power comes
+    out = limits.slack_sign
+    paid = out * (np.fmax(out * state.target, out * seen.motor) + limits.pay_out * np.fmin(time, 5.0 * dt))
+    led = seen.enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
+    aim = sel(led > 0.5, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, seen.motor)))
+    step = most_step(limits, time, dt)
+    aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
+    target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
+    idle = (outside(mode, PREFLIGHT, RELEASING) > 0.5) + (mode == RELEASING) * (seen.enabled < 0.5) > 0.0
+    told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, np.fmax(2.0, reaction), reaction))
+    decided = (mode, passed, target, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
+    return SupervisorState(*(decided + seen[8:])), Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, told, active)

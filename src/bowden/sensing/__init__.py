@@ -1,0 +1,1 @@
+"""What is made of sensors' readings before a law sees them."""

@@ -1,0 +1,255 @@
+"""``bowden log``: a run through the live cycle is recorded, told, exported, drawn, replayed, and saved from damage."""
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from bowden.app import main
+from bowden.control import LAWS
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import BowdenError
+from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.core.trace import Trace
+from bowden.identify.log import read_log
+from bowden.models.thermal import cold
+from bowden.runtime.cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
+from bowden.runtime.events import Changes
+from bowden.runtime.mcap_log import LogFile, about
+from bowden.runtime.mcap_read import read
+from bowden.runtime.row import CYCLE, description
+from bowden.runtime.run_settings import run_settings
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, Observed, Request, Verdict
+
+ROOT = Path(__file__).parents[1]
+CYCLES, DT = 3000, 1e-3
+LAW_USED = LAWS["adaptive"].with_gains(feedback_gain=4.0)
+
+
+def live_run() -> np.ndarray:
+    """Rows of a run: armed, run, a joint angle that is missing twice, stopped; the motor is a first-order lag."""
+    limits, filters = Limits(), Filters(joint=600.0)
+    cycle = Cycle(LAW_USED, limits, filters, DT)
+    noise = np.random.default_rng(2).normal(0.0, 1e-4, (CYCLES, 3))
+    motor, drive, mode, target, rows = 0.1, 1.0, 0.0, 0.1, []
+    motion = PeriodicMinimumJerk(0.0, 0.6, 2.0).sample(DT * np.arange(CYCLES))
+    begun, ran = False, 0
+    for k in range(CYCLES):
+        joint = math.nan if k in (1500, 1501) else 0.93 * motor - 0.02 + noise[k, 0]
+        reading = DriveReading(motor, joint, 0.4, math.nan, 35.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0)
+        if not begun:
+            cycle.begin(reading, cold(limits.thermal))
+            begun, target = True, cycle.state.supervisor.target
+        request = {50: Request.ARM, 200: Request.RUN, 2600: Request.STOP}.get(k, Request.NONE)
+        running = mode in (Mode.RUNNING, Mode.BRIDGING)
+        source = HOLD if not running else LAW_BEGINS if ran == 0 else LAW
+        reference = Reference(*map(float, motion[ran])) if running else NOWHERE
+        ran += running
+        lateness, elapsed = abs(noise[k, 1]) * 0.1, DT + noise[k, 2] * 0.1
+        observed = Observed(reading, lateness, elapsed, float(request), 0.05, 1.0, 1.0 if k > 150 else 0.0)
+        wish, verdict = cycle.step(observed, Plan(source, target, reference))
+        mode, target, state = verdict.mode, verdict.target, cycle.state
+        rows.append(
+            (
+                *(k * DT, *reference, *reading, *state.sample, wish),
+                *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 8e-5),
+                *(*state.law, *state.supervisor),
+            )
+        )
+        drive = min(drive + 1.0, 4.0) if verdict.power > 2.5 else 1.0
+        motor += (target - motor) * DT / 0.02 if drive == 4.0 else 0.0
+    return np.array(rows)
+
+
+@pytest.fixture(scope="module")
+def rows() -> np.ndarray:
+    return live_run()
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, rows: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT) | {"seed": 2, "unset": math.nan}
+    write(Path("run.mcap"), rows, settings)
+    return tmp_path
+
+
+def write(path: Path, rows: np.ndarray, settings: dict[str, Any], *, close: bool = True) -> None:
+    told = description(LAW_USED, settings, 1_700_000_000 * 10**9, 5)
+    changes = Changes(told)
+    with path.open("xb") as opened:
+        file = LogFile(opened.fileno(), about(told, {"software": "bowden 1", "host": "rig"}))
+        for first in range(0, len(rows), 100):
+            part = np.arange(first, min(first + 100, len(rows)))
+            events, changes = changes.find(part, rows[part])
+            file.write(part, rows[part], events)
+        if close:
+            file.finish({"lost": "0", "dropped": "0"})
+
+
+def test_the_columns_are_in_the_order_in_which_the_loop_fills_them() -> None:
+    names = list(CYCLE)
+    assert tuple(names[4:15]) == DriveReading._fields
+    assert tuple(name.removesuffix("_seen") for name in names[15:17]) == Sample._fields
+    assert ("target", *names[19:23]) == Verdict._fields
+
+
+def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str) -> Any:
+    assert main.run(["log", *arguments, "--json"]) == 0
+    parsed = json.loads(capsys.readouterr().out)
+    jsonschema.validate(parsed, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    return parsed
+
+
+def test_info_tells_what_the_log_holds(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    told = document(["info", "run.mcap"], capsys, "log_info")
+    assert (told["cycles"], told["missing"], told["closed"], told["whole"]) == (CYCLES, 0, True, True)
+    assert told["duration_s"] == pytest.approx(2.999)
+    assert told["start_utc"] == "2023-11-14T22:13:20+00:00"
+    assert (told["law"], told["seed"], told["sample_time_s"]) == ("adaptive", 2, pytest.approx(1e-3))
+    lateness = rows[:, list(told["columns"]).index("lateness")]
+    assert told["lateness_s"]["p99_9"] == pytest.approx(np.percentile(lateness, 99.9))
+    assert told["lateness_s"]["max"] == lateness.max()
+    assert told["settings"]["gains"]["feedback_gain"] == 4.0
+    assert told["settings"]["unset"] is None
+    texts = [event["text"] for event in told["events"]]
+    for wanted in ("mode: stopped → preflight", "mode: preflight → running", "source: hold → law_begins",
+                   "fault: joint_lost", "mode: running → bridging", "mode: bridging → running", "power: on → off"):  # fmt: skip
+        assert wanted in texts, texts
+    assert main.run(["log", "info", "run.mcap"]) == 0
+    printed = capsys.readouterr()
+    assert "3000 cycles" in printed.out
+    assert "closed properly  yes" in printed.out
+    assert printed.err == ""
+
+
+@pytest.mark.parametrize("kind", ["parquet", "csv"])
+def test_an_export_is_a_trace_with_every_number(
+    kind: str, rows: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = document(["export", "run.mcap", "--to", kind], capsys, "log_export")
+    assert told["files"] == [f"run.{kind}"]
+    trace = Trace.from_parquet("run.parquet") if kind == "parquet" else Trace.from_csv("run.csv")
+    assert np.array_equal(np.stack(list(trace.columns.values()), axis=1), rows, equal_nan=True)
+    assert trace.units["motor"] == "rad"
+    assert trace.seed == 2
+    assert trace.settings["gains"]["feedback_gain"] == 4.0
+    assert trace.settings["log"]["host"] == "rig"
+
+
+def test_identify_reads_an_export_of_a_run(rows: np.ndarray) -> None:
+    assert main.run(["log", "export", "run.mcap", "--to", "csv"]) == 0
+    with pytest.raises(BowdenError, match="joint is nan"):
+        read_log(Path("run.csv"))
+    write(Path("clean.mcap"), rows[:1500], {"law": "adaptive"})
+    assert main.run(["log", "export", "clean.mcap", "--to", "csv"]) == 0
+    log = read_log(Path("clean.csv"))
+    columns = list(read(Path("clean.mcap")).columns)
+    assert np.array_equal(log.motor, rows[:1500, columns.index("motor")])
+    assert np.array_equal(log.joint, rows[:1500, columns.index("joint")])
+
+
+def test_a_page_is_drawn(capsys: pytest.CaptureFixture[str]) -> None:
+    assert document(["plot", "run.mcap"], capsys, "log_plot")["files"] == ["run.html"]
+    page = Path("run.html").read_text(encoding="utf-8")
+    for wanted in ("Modes, reactions and faults", "How punctual the loop was", "fault: joint_lost", "Inside the law"):
+        assert wanted in page
+    assert page.count("<figure>") == 6
+    assert main.run(["log", "plot", "run.mcap", "--out", "run.mcap"]) == 2
+
+
+def test_a_replay_of_the_same_law_gives_the_very_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    told = document(["replay", "run.mcap"], capsys, "log_replay")
+    assert (told["law"], told["same_law"]) == ("adaptive", True)
+    assert (told["cycles"], told["beginnings"]) == (CYCLES - 1, 1)
+    assert told["law_cycles"] > 2000
+    assert (told["wish_largest"], told["wish_rms"], told["verdicts_differing"], told["command_largest"]) == (0, 0, 0, 0)
+    assert told["first_difference"] is None
+    assert told["first_other_verdict"] is None
+
+
+def test_a_replay_shows_what_was_changed(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    columns = list(read(Path("run.mcap")).columns)
+    changed = rows.copy()
+    changed[2000, columns.index("wish")] += 1e-3
+    changed[2100, columns.index("mode")] = 1.0
+    settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT)
+    write(Path("changed.mcap"), changed, settings)
+    told = document(["replay", "changed.mcap"], capsys, "log_replay")
+    assert told["wish_largest"] == pytest.approx(1e-3)
+    assert (told["first_difference"], told["first_other_verdict"]) == (2.0, 2.1)
+    assert told["verdicts_differing"] == 1
+    gains = settings["gains"] | {"feedback_gain": 5.0}
+    write(Path("gains.mcap"), rows, settings | {"gains": gains})
+    assert document(["replay", "gains.mcap"], capsys, "log_replay")["wish_largest"] > 1e-5
+
+
+def test_another_law_is_fed_with_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    told = document(["replay", "run.mcap", "--law", "uncompensated"], capsys, "log_replay")
+    assert (told["law"], told["same_law"]) == ("uncompensated", False)
+    assert 1e-3 < told["wish_largest"] < 1.0
+    assert main.run(["log", "replay", "run.mcap", "--law", "uncompensated"]) == 0
+    assert "in place of the record's law" in capsys.readouterr().out
+
+
+def test_gaps_begin_a_replay_anew(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    data = bytearray(Path("run.mcap").read_bytes())
+    data[data.index(rows[1510, -20:].tobytes())] ^= 1
+    Path("hurt.mcap").write_bytes(data)
+    told = document(["replay", "hurt.mcap"], capsys, "log_replay")
+    assert told["beginnings"] == 2
+    assert (told["wish_largest"], told["verdicts_differing"]) == (0, 0)
+
+
+def test_what_a_kill_left_is_told_and_recovered(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    write(Path("killed.mcap"), rows, {"law": "adaptive"}, close=False)
+    os.truncate("killed.mcap", Path("killed.mcap").stat().st_size - 3)
+    assert main.run(["log", "info", "killed.mcap"]) == 0
+    printed = capsys.readouterr()
+    assert "closed properly  no" in printed.out
+    assert printed.err == "bowden: note: killed.mcap was not closed properly; see: bowden log recover killed.mcap\n"
+    told = document(["recover", "killed.mcap"], capsys, "log_recover")
+    assert told["files"] == ["killed.recovered.mcap"]
+    assert (told["rows"], told["missing"], told["tail_seconds"]) == (CYCLES, 0, 0.2)
+    assert document(["info", "killed.recovered.mcap"], capsys, "log_info")["whole"]
+    assert main.run(["log", "recover", "killed.mcap", "--out", "again.mcap"]) == 0
+    assert "up to 0.2 s of the run may be missing" in capsys.readouterr().out
+    assert main.run(["log", "recover", "killed.mcap"]) == 2
+
+
+@pytest.mark.parametrize("command", ["info", "recover", "export", "plot", "replay"])
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [(b"", "is empty"), (b"no log", "is no MCAP file"), (b"\x89MCAP0\r\n\0", "does not say"), (None, "cannot read")],
+)
+def test_bad_files_are_one_line(
+    command: str, content: bytes | None, said: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if content is not None:
+        (folder / "bad.mcap").write_bytes(content)
+    before = sorted(folder.iterdir())
+    assert main.run(["log", command, "bad.mcap"]) == 2
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert said in printed.err
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_replay_needs_what_it_compares(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = run_settings(LAW_USED, Limits(), Filters(), DT)
+    for name, changes, said in (
+        ("a", {"limits": {"motor_low": 0.0}}, "no limits that this version knows"),
+        ("b", {"law": "none_such"}, "there is no law 'none_such'"),
+        ("c", {"law": None}, "does not say which law"),
+        ("d", {"gains": {"other": 1.0}}, "gains do not fit"),
+        ("e", {"law": "observer", "gains": {}}, "no column law."),
+    ):
+        write(Path(f"{name}.mcap"), rows[:50], settings | changes)
+        assert main.run(["log", "replay", f"{name}.mcap"]) == 2
+        assert said in capsys.readouterr().err

@@ -1,0 +1,379 @@
+"""Our drive against the twin at a time of our own: bring-up, enabling, following, faults, and every bad input."""
+
+import itertools
+import math
+import threading
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bowden.core.errors import DriveError
+from bowden.core.signals import DriveReading
+from bowden.hardware import canopen_frames as frames
+from bowden.hardware.canopen_drive import CanopenDrive
+from bowden.hardware.cia402 import WITH_TORQUE, State
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.hardware.injection import KINDS, parse
+from bowden.hardware.twin_bench import TwinBench
+from bowden.hardware.twin_bus import TwinBus
+from bowden.paper.bench import bench
+from bowden.runtime.ports import Drive, Power
+from bowden.sim.scenario import constant_bend
+
+CYCLE = 1e-3
+DRIVE = DriveParameters(answer_timeout=0.05, tension_scale=0.01, tension_zero=200.0)
+
+
+def make_bench(now: float) -> TwinBench:
+    rig = bench()
+    return TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, now)
+
+
+class Rig:
+    """A drive, its twin, and a loop."""
+
+    def __init__(self, drive: DriveParameters = DRIVE, **overrides: Any) -> None:
+        self.bus = TwinBus(drive, make_bench, overrides.get("overrides"))
+        self.drive = CanopenDrive(drive, self.bus)
+        self.readings: list[DriveReading] = []
+        self.sent: list[int] = []
+
+    def up(self) -> "Rig":
+        self.drive.bring_up()
+        return self
+
+    def run(self, cycles: int, power: Power, target: float | None = None) -> DriveReading:
+        """So many cycles; without a target the motor is to stay where it was seen."""
+        for _ in range(cycles):
+            reading = self.drive.read(self.bus.time)
+            self.readings.append(reading)
+            seen = reading.motor if math.isfinite(reading.motor) else 0.0
+            self.drive.write(seen if target is None else target, power, self.bus.time)
+            self.bus.advance(CYCLE)
+        return self.readings[-1]
+
+    def on(self) -> "Rig":
+        self.run(10, Power.ON)
+        assert self.bus.node.state is State.OPERATION_ENABLED
+        return self
+
+    def inject(self, text: str, after: float = 0.0, lasting: float = math.inf) -> None:
+        start = self.bus.time + after
+        self.bus.node.faults.inject(parse(text)._replace(start=start, end=start + lasting))
+
+    def torque_off_at(self) -> float:
+        return next(time for time, event, _ in self.bus.journal if event == "torque_off")
+
+
+def test_it_is_a_drive() -> None:
+    drive: Drive = CanopenDrive(DRIVE)
+    drive.write(0.0, Power.OFF, 0.0)
+    assert math.isnan(drive.read(0.0).motor)
+    drive.close()
+    drive.close()
+
+
+def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
+    rig = Rig()
+    before = threading.active_count()
+    assert "bowden digital twin at node 1" in rig.drive.bring_up()
+    assert threading.active_count() == before
+    node = rig.bus.node
+    assert node.nmt == frames.OPERATIONAL
+    assert node.state is State.SWITCH_ON_DISABLED
+    assert node.objects[0x1016, 1] == 127 << 16 | 25
+    assert node.objects[0x6007, 0] == 1
+    assert node.objects[0x605E, 0] == 0
+    assert node.objects[0x6060, 0] == 8
+    assert (node.objects[0x60C2, 1], node.objects[0x60C2, 2]) == (1, -3)
+    for index, mapping in (
+        (0x1600, frames.RPDO1_MAPPING),
+        (0x1A00, frames.TPDO1_MAPPING),
+        (0x1A01, frames.TPDO2_MAPPING),
+    ):
+        assert node.objects[index, 0] == len(mapping)
+        assert tuple(node.objects[index, sub] for sub in range(1, 1 + len(mapping))) == mapping
+        assert node.objects[index - 0x200, 2] == 1
+        assert node.objects[index - 0x200, 1] & 0x8000_0000 == 0
+
+
+def test_it_goes_up_and_down_one_state_a_cycle_and_enabling_moves_nothing() -> None:
+    rig = Rig().up()
+    rig.run(10, Power.ON, target=2.0)
+    states = [int(reading.drive_state) for reading in rig.readings]
+    assert states[:5] == [1, 2, 3, 4, 4]
+    first = states.index(State.OPERATION_ENABLED)
+    assert abs(rig.readings[first].motor - 0.1) < 1e-3
+    assert rig.bus.node.bench.motor > 0.1
+    rig.run(10, Power.READY)
+    assert rig.bus.node.state is State.SWITCHED_ON
+    rig.run(10, Power.OFF)
+    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+
+
+def test_it_follows_and_measures_in_si() -> None:
+    rig = Rig().up().on()
+    reading = rig.run(1000, Power.ON, target=0.5)
+    node = rig.bus.node
+    assert abs(reading.motor - 0.5) < 2e-3
+    assert abs(reading.joint - node.bench.joint) < 2e-3
+    assert math.isclose(reading.current, node.bench.current, abs_tol=0.01)
+    assert math.isclose(reading.tension, node.bench.tension, abs_tol=0.01)
+    assert math.isclose(reading.temperature, node.bench.temperature, abs_tol=0.1)
+    assert reading.motor_age == reading.joint_age == 0.0
+    assert reading.heartbeat_age <= 0.011
+    assert reading.bus_errors == 0.0
+    assert max(r.emergency for r in rig.readings) == 0.0
+
+
+def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
+    turned = DRIVE._replace(motor_direction=-1, joint_direction=-1, motor_home=0.7, joint_home=-0.3)
+    reading = Rig(turned).up().run(5, Power.OFF)
+    assert abs(reading.motor - 0.1) < 1e-3
+    here = Rig(DRIVE._replace(home_here=True, motor_home=1.0, joint_home=2.0))
+    reading = here.up().run(5, Power.OFF)
+    assert abs(reading.motor - 1.0) < 1e-3
+    assert abs(reading.joint - 2.0) < 2e-3
+    rig = Rig().up()
+    rig.run(5, Power.OFF)
+    again = Rig(rig.drive.zeroed(motor=0.25, joint=0.5))
+    assert abs(again.drive._drive.motor_home - 0.15) < 1e-3
+    with pytest.raises(DriveError, match="no position yet"):
+        Rig().drive.zeroed()
+
+
+@pytest.mark.parametrize("target", [math.nan, math.inf, -math.inf, 1e9])
+def test_no_target_that_is_no_number_ever_leaves(target: float) -> None:
+    rig = Rig().up().on()
+    moved = rig.bus.node.bench.motor
+    rig.run(2, Power.ON, target=target)
+    assert rig.bus.node.state not in WITH_TORQUE
+    assert abs(rig.bus.node.bench.motor - moved) < 0.01
+
+
+def test_a_quick_stop_brakes_and_then_is_off() -> None:
+    rig = Rig().up().on()
+    rig.run(60, Power.ON, target=1.0)
+    assert rig.bus.node.bench.velocity > 1.0
+    rig.run(1, Power.QUICK_STOP)
+    rig.run(50, Power.QUICK_STOP)
+    assert State.QUICK_STOP_ACTIVE in [int(reading.drive_state) for reading in rig.readings]
+    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.bench.velocity == 0.0
+
+
+@pytest.mark.parametrize("phase", range(8))
+def test_without_our_heartbeat_the_torque_is_zero_in_time(phase: int) -> None:
+    rig = Rig().up().on()
+    rig.run(60 + phase, Power.ON, target=1.0)
+    rig.bus.advance(0.2)
+    node = rig.bus.node
+    assert node.state is State.FAULT
+    assert node.error == 0x8130
+    assert node.bench.current == 0.0
+    assert 0.020 <= rig.torque_off_at() - node.host_heard <= 0.050
+    reading = rig.run(2, Power.ON, target=1.0)
+    assert reading.emergency == 0x8130 or rig.readings[-2].emergency == 0x8130
+    rig.run(50, Power.ON, target=1.0)
+    assert node.state is State.FAULT, "a fault is never left by itself"
+    rig.drive.reset_fault()
+    rig.run(20, Power.ON, target=1.0)
+    assert node.state is State.SWITCH_ON_DISABLED, "and the power comes back only when it was wanted off before"
+    rig.run(2, Power.OFF)
+    rig.run(10, Power.ON)
+    assert node.state is State.OPERATION_ENABLED
+
+
+def test_one_lost_heartbeat_is_none() -> None:
+    rig = Rig().up().on()
+    rig.inject("deaf", lasting=0.012)
+    rig.run(100, Power.ON)
+    assert rig.bus.node.state is State.OPERATION_ENABLED
+
+
+def test_an_emergency_is_read_in_its_cycle_and_a_fault_reset_on_request_alone() -> None:
+    rig = Rig().up().on()
+    rig.inject("drive_fault 0x4210", after=0.01)
+    rig.run(40, Power.ON)
+    codes = [reading.emergency for reading in rig.readings]
+    assert codes.count(float(0x4210)) == 1
+    at = codes.index(float(0x4210))
+    assert int(rig.readings[at + 1].drive_state) == State.FAULT
+    rig.run(20, Power.OFF)
+    assert rig.bus.node.state is State.FAULT
+    rig.drive.reset_fault()
+    rig.run(5, Power.OFF)
+    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+
+
+def test_a_reboot_is_seen_and_needs_a_new_bring_up() -> None:
+    rig = Rig().up().on()
+    rig.inject("reboot")
+    rig.run(600, Power.ON)
+    assert rig.readings[-1].drive_state == State.NOT_READY_TO_SWITCH_ON
+    assert rig.readings[-1].motor_age > 500
+    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    rig.up()
+    rig.run(10, Power.ON)
+    assert rig.bus.node.state is State.OPERATION_ENABLED
+
+
+def test_close_takes_the_torque_off_and_is_no_fault() -> None:
+    rig = Rig().up().on()
+    rig.run(50, Power.ON, target=0.3)
+    rig.drive.close()
+    rig.bus.advance(1.0)
+    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.nmt == frames.STOPPED
+    rig.drive.close()
+    assert "fault" not in [event for _, event, _ in rig.bus.journal]
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
+def test_no_frames_make_reading_fail_nor_give_power(foreign: list[tuple[int, bytes]]) -> None:
+    rig = _shared()
+    for cob_id, data in foreign:
+        rig.bus._take(cob_id, data)
+    reading = rig.drive.read(rig.bus.time)
+    assert not math.isinf(reading.motor)
+    rig.drive.write(0.0, Power.OFF, rig.bus.time)
+    rig.bus.advance(CYCLE)
+    assert rig.bus.node.state not in WITH_TORQUE
+
+
+_SHARED: list[Rig] = []
+
+
+def _shared() -> Rig:
+    if not _SHARED:
+        _SHARED.append(Rig().up())
+    return _SHARED[0]
+
+
+@settings(max_examples=60)
+@given(st.lists(st.tuples(st.sampled_from([0x000, 0x080, 0x201, 0x601, 0x77F]), st.binary(max_size=8)), max_size=30))
+def test_no_frames_make_the_twin_fail(foreign: list[tuple[int, bytes]]) -> None:
+    rig = _shared()
+    for cob_id, data in foreign:
+        rig.bus.node.receive(cob_id, data, rig.bus.time)
+    rig.bus.advance(CYCLE)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "drive", "said"),
+    [
+        ({(0x1000, 0): 0x0003_0191}, {}, "device profile 401"),
+        ({(0x1000, 0): 0x0001_0192}, {}, "type 1 .*expected type 2, a servo drive"),
+        ({(0x6502, 0): 0x25}, {}, "does not know cyclic synchronous position"),
+        ({(0x6502, 0): None}, {}, "has no object 6502h"),
+        ({(0x6060, 0): None}, {}, "refuses 6060h"),
+        ({(0x1A01, 3): None}, {}, "refuses 1A01h:3"),
+        ({(0x1016, 1): None}, {}, "refuses 1016h:1"),
+        ({(0x6007, 0): None}, {}, "refuses 6007h"),
+        ({(0x6076, 0): 0}, {}, "rated torque"),
+        ({}, {"node_id": 2}, "no drive answers as node 2; there is node 1"),
+        ({(0x607D, 1): -1000, (0x607D, 2): 100_000}, {"lowest_motor": -1.0}, "lowest motor angle is -1 rad, beyond"),
+        ({(0x607D, 1): -1000, (0x607D, 2): 10_000}, {"highest_motor": 3.0}, "highest motor angle is 3 rad, beyond"),
+        ({(0x6080, 0): 100}, {"speed_limit": 30.0}, "speed limit .6080h. is 30 rad/s, beyond"),
+        ({(0x6065, 0): 1000}, {"following_error": 1.0}, "following error is 1 rad, beyond"),
+        ({(0x3001, 2): 5000}, {"current_limit": 20.0}, "current limit is 20 A, beyond the drive's own 5 A"),
+    ],
+)
+def test_bad_drives_are_refused_in_a_line_and_never_enabled(
+    overrides: dict[tuple[int, int], int | None], drive: dict[str, Any], said: str
+) -> None:
+    bus = TwinBus(DRIVE, make_bench, overrides)
+    host = CanopenDrive(DRIVE._replace(**drive), bus)
+    with pytest.raises(DriveError, match=said) as refused:
+        host.bring_up()
+    assert "\n" not in str(refused.value)
+    host.write(1.0, Power.ON, bus.time)
+    bus.advance(0.1)
+    assert bus.node.state is State.SWITCH_ON_DISABLED
+    assert "torque_on" not in [event for _, event, _ in bus.journal]
+
+
+def test_a_drive_under_torque_is_left_alone() -> None:
+    rig = Rig().up().on()
+    with pytest.raises(DriveError, match="operation enabled; expected a drive without torque"):
+        CanopenDrive(DRIVE, _Quiet(rig.bus)).bring_up()
+
+
+class _Quiet(TwinBus):
+    """The other master's drive, which does not obey our first order."""
+
+    def __init__(self, other: TwinBus) -> None:
+        self.__dict__ = other.__dict__
+
+    def send(self, msg: Any, timeout: float | None = None) -> None:
+        if msg.arbitration_id != frames.NMT:
+            super().send(msg, timeout)
+
+
+def test_bus_off_is_counted() -> None:
+    rig = Rig().up().on()
+    rig.inject("bus_off", lasting=0.2)
+    reading = rig.run(100, Power.ON)
+    assert reading.bus_errors >= 200
+    assert reading.motor_age >= 90
+    assert rig.bus.node.state is State.FAULT, "it has missed our heartbeat"
+
+
+def changed(name: str) -> bool:
+    """Whether a fault does what it is called, seen from the host or on the bench."""
+    rig = Rig().up().on()
+    rig.run(300, Power.ON, target=0.6)
+    before, bench_before = rig.readings[-1], rig.bus.node.bench.joint
+    text = name + (" joint" if KINDS[name].side else "")
+    rig.inject(text)
+    count = len(rig.readings)
+    rig.run(400, Power.ON, target=0.9)
+    seen, last = rig.readings[count + 2 :], rig.readings[-1]
+    return {
+        "silence": lambda: last.motor_age > 250 and last.heartbeat_age > 0.25,
+        "deaf": lambda: rig.bus.node.error == 0x8130,
+        "late_pdos": lambda: any(r.motor_age >= 4 for r in seen) and last.motor_age < 2,
+        "dropped_pdos": lambda: 0.1 < sum(r.motor_age > 0 for r in seen) / len(seen) < 0.6,
+        "bus_off": lambda: last.bus_errors > 100,
+        "delayed_readings": lambda: abs(seen[3].motor - before.motor) < 1e-3 < abs(seen[60].motor - before.motor),
+        "drive_fault": lambda: 0x2310 in [r.emergency for r in rig.readings[count:]],
+        "reboot": lambda: last.drive_state == 0.0,
+        "encoder_frozen": lambda: len({r.joint for r in seen}) == 1 and rig.bus.node.bench.joint - bench_before > 0.1,
+        "encoder_spike": lambda: sum(abs(b.joint - a.joint) > 0.1 for a, b in itertools.pairwise(seen)) > 30,
+        "encoder_offset": lambda: last.joint - rig.bus.node.bench.joint > 6.0,
+        "encoder_flipped": lambda: last.joint - before.joint < -0.1,
+        "encoder_nan": lambda: last.joint < -1e5,
+        "broken_cable": lambda: last.tension < 0.1 and rig.bus.node.bench.joint < -0.4,
+        "slack_cable": lambda: rig.bus.node.bench.motor - rig.bus.node.bench._motion.end > 0.25,
+        "over_temperature": lambda: last.temperature > 90.0,
+        "over_current": lambda: math.isclose(last.current, 30.0, abs_tol=0.1),
+    }[name]()
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_fault_does_what_it_is_called(name: str) -> None:
+    assert changed(name)
+
+
+def test_a_slack_cable_has_no_tension_until_it_is_taken_up() -> None:
+    rig = Rig().up().on()
+    rig.run(300, Power.ON, target=0.6)
+    rig.inject("slack_cable 20")
+    assert rig.run(20, Power.ON, target=0.55).tension < 0.1
+    assert rig.run(600, Power.ON, target=1.2).tension > 1.0
+
+
+def test_the_drives_own_limits_are_faults() -> None:
+    rig = Rig(overrides={(0x607D, 1): -5000, (0x607D, 2): 5000}).up().on()
+    rig.run(5, Power.ON, target=1.0)
+    assert rig.bus.node.error == 0x8A82
+    rig = Rig(overrides={(0x6065, 0): 100}).up().on()
+    rig.run(5, Power.ON, target=1.0)
+    assert rig.bus.node.error == 0x8611
+    rig = Rig().up().on()
+    rig.inject("over_temperature 115")
+    rig.run(5, Power.ON)
+    assert rig.bus.node.error == 0x4210

@@ -1,0 +1,122 @@
+"""Bytes on the bus: round trips, and that no bytes whatever do harm."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bowden.core.errors import ParameterError
+from bowden.hardware import canopen_frames as frames
+from bowden.hardware.drive_parameters import DriveParameters, Scale, check_parameters, joint_scale, motor_scale
+
+I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
+
+
+@given(U16, I32)
+def test_rpdo1_goes_there_and_back(control: int, target: int) -> None:
+    data = frames.pack_rpdo1(control, target)
+    assert frames.unpack_rpdo1(data) == (control, target)
+    assert 8 * len(data) == sum(entry & 0xFF for entry in frames.RPDO1_MAPPING)
+
+
+@given(U16, I32, I16)
+def test_tpdo1_goes_there_and_back(word: int, position: int, torque: int) -> None:
+    data = frames.pack_tpdo1(frames.Motion(word, position, torque))
+    assert frames.unpack_tpdo1(data) == (word, position, torque)
+    assert 8 * len(data) == sum(entry & 0xFF for entry in frames.TPDO1_MAPPING)
+
+
+@given(I32, I16, I16)
+def test_tpdo2_goes_there_and_back(joint: int, analog: int, temperature: int) -> None:
+    data = frames.pack_tpdo2(frames.Sensors(joint, analog, temperature))
+    assert frames.unpack_tpdo2(data) == (joint, analog, temperature)
+    assert 8 * len(data) == sum(entry & 0xFF for entry in frames.TPDO2_MAPPING)
+
+
+@given(U16, st.integers(0, 255))
+def test_emergencies_go_there_and_back(code: int, register: int) -> None:
+    assert frames.unpack_emergency(frames.pack_emergency(code, register)) == code
+
+
+@given(st.binary(max_size=64))
+def test_no_bytes_do_harm(data: bytes) -> None:
+    for unpack in (
+        frames.unpack_rpdo1,
+        frames.unpack_tpdo1,
+        frames.unpack_tpdo2,
+        frames.unpack_emergency,
+        frames.unpack_heartbeat,
+    ):
+        unpack(data)
+        unpack(bytearray(data))
+
+
+def test_a_download_is_as_in_the_standard() -> None:
+    assert frames.pack_sdo_write(0x1017, 0, 1000, 2).hex() == "2b171000e8030000"
+    assert frames.pack_sdo_write(0x1016, 1, 0, 4).hex() == "2316100100000000"
+
+
+@given(
+    st.integers(-(2**31), 2**31 - 1),
+    st.sampled_from([1, -1]),
+    st.floats(100.0, 1e6),
+    st.floats(0.1, 500.0),
+    st.floats(-10.0, 10.0),
+    st.integers(-(2**20), 2**20),
+)
+def test_counts_and_angles_go_there_and_back(
+    counts: int, direction: int, per_turn: float, gear: float, home: float, at_home: int
+) -> None:
+    drive = DriveParameters(
+        motor_direction=direction,
+        joint_direction=direction,
+        motor_counts_per_turn=per_turn,
+        joint_counts_per_turn=per_turn,
+        gear=gear,
+        motor_home=home,
+        joint_home=home,
+    )
+    for scale in (motor_scale(drive, at_home), joint_scale(drive, at_home)):
+        assert round(scale.counts(scale.angle(counts))) == counts
+        assert math.isclose(scale.angle(at_home), home, abs_tol=1e-6)
+
+
+def test_a_turn_of_the_spool_is_a_gear_of_the_motor() -> None:
+    drive = DriveParameters(motor_counts_per_turn=1000.0, gear=4.0, motor_direction=-1, motor_home=0.5)
+    assert motor_scale(drive) == Scale(-2.0 * math.pi / 4000.0, 0.5)
+    assert math.isclose(motor_scale(drive).angle(-4000), 0.5 + 2.0 * math.pi)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"node_id": 0},
+        {"node_id": 127},
+        {"host_id": 1},
+        {"gear": 0.0},
+        {"gear": math.nan},
+        {"motor_direction": 0},
+        {"joint_direction": 2},
+        {"motor_counts_per_turn": math.inf},
+        {"joint_counts_per_turn": -1.0},
+        {"motor_home": math.nan},
+        {"sample_time": 0.0005},
+        {"sample_time": 0.0015},
+        {"heartbeat_timeout": 0.05},
+        {"heartbeat_time": 0.02},
+        {"lowest_motor": 1.0, "highest_motor": 0.0},
+        {"torque_constant": 0.0},
+        {"tension_scale": math.inf},
+        {"current_limit": -1.0},
+    ],
+    ids=str,
+)
+def test_parameters_that_make_no_sense_are_refused_by_name(wrong: dict[str, float]) -> None:
+    with pytest.raises(ParameterError, match="drive: ") as refused:
+        check_parameters(DriveParameters()._replace(**wrong))
+    assert any(name in str(refused.value) for name in ("highest_motor", *wrong))
+
+
+def test_the_defaults_make_sense() -> None:
+    check_parameters(DriveParameters())

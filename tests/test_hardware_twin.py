@@ -1,0 +1,244 @@
+"""The twin as a process: two processes at 1 kHz, the host killed and stopped, faults over the control socket."""
+
+import contextlib
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bowden.app.main import run
+from bowden.app.twin_process import RunningTwin, running_twin
+from bowden.core.errors import DriveError, ParameterError
+from bowden.core.signals import DriveReading
+from bowden.hardware.canopen_drive import CanopenDrive
+from bowden.hardware.cia402 import State
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.hardware.injection import KINDS, parse
+from bowden.hardware.twin_control import TwinControl, control_path
+from bowden.runtime.ports import Power
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rig") / "rig.toml"
+    path.write_text("[scenario]\nduration_s = 5.0\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def twin(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningTwin]:
+    with running_twin(rig, tmp_path_factory.mktemp("bus") / "b") as running:
+        yield running
+
+
+@contextlib.contextmanager
+def host(channel: str) -> Iterator[CanopenDrive]:
+    drive = CanopenDrive(DriveParameters(channel=channel))
+    try:
+        drive.bring_up()
+        yield drive
+    finally:
+        drive.close()
+
+
+def cycles(drive: CanopenDrive, count: int, power: Power, swing: float = 0.0) -> list[DriveReading]:
+    """So many cycles of a simple loop at 1 kHz, late as this machine is; the target swings about where the motor was."""
+    readings: list[DriveReading] = []
+    start, centre = time.monotonic(), math.nan
+    for k in range(count):
+        time.sleep(max(0.0, start + 1e-3 * k - time.monotonic()))
+        now = time.monotonic()
+        readings.append(drive.read(now))
+        if math.isnan(centre):
+            centre = readings[-1].motor
+        target = centre + swing * (1.0 - math.cos(2.0 * math.pi * 1e-3 * k))
+        drive.write(0.0 if math.isnan(target) else target, power, now)
+    return readings
+
+
+def enabled(drive: CanopenDrive) -> None:
+    cycles(drive, 20, Power.OFF)
+    drive.reset_fault()
+    cycles(drive, 20, Power.OFF)
+    assert cycles(drive, 50, Power.ON)[-1].drive_state == State.OPERATION_ENABLED
+
+
+def test_two_processes_follow_a_target_at_1_khz(twin: RunningTwin) -> None:
+    with host(twin.channel) as drive:
+        enabled(drive)
+        before = twin.control.status()
+        readings = cycles(drive, 1500, Power.ON, swing=0.2)
+        after = twin.control.status()
+        assert cycles(drive, 20, Power.OFF)[-1].drive_state == State.SWITCH_ON_DISABLED
+    angles = [reading.motor for reading in readings]
+    assert 0.3 < max(angles) - min(angles) < 0.41
+    assert after["syncs"] - before["syncs"] == 1500, "no frame is lost"
+    assert readings[-1].bus_errors == 0.0
+    assert not {reading.emergency for reading in readings} - {0.0}
+    assert abs(readings[-1].motor - after["motor"]) < 0.05
+
+
+def test_two_hosts_on_one_bus_are_refused(twin: RunningTwin) -> None:
+    with host(twin.channel), pytest.raises(DriveError, match="has a host already"):
+        CanopenDrive(DriveParameters(channel=twin.channel)).bring_up()
+    with host(twin.channel):
+        pass
+
+
+def test_two_twins_of_one_number_are_refused(rig: Path, twin: RunningTwin, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["twin", str(rig), "--channel", twin.channel]) == 2
+    assert "has a node 1 already" in capsys.readouterr().err
+
+
+LOOP = """
+import sys, time
+from bowden.hardware.canopen_drive import CanopenDrive
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.runtime.ports import Power
+drive = CanopenDrive(DriveParameters(channel=sys.argv[1]))
+drive.bring_up()
+k, start = 0, time.monotonic()
+while True:
+    time.sleep(max(0.0, start + 1e-3 * k - time.monotonic()))
+    now = time.monotonic()
+    reading = drive.read(now)
+    if k == 10:
+        drive.reset_fault()
+    if k == 100:
+        print("running", flush=True)
+    target = reading.motor if k < 20 else 0.1 * (k % 200 > 100)
+    drive.write(target if target == target else 0.0, Power.ON if k > 40 else Power.OFF, now)
+    k += 1
+"""
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP, signal.SIGKILL])
+def test_when_the_host_dies_the_torque_is_zero_within_50_ms_on_the_twins_clock(
+    twin: RunningTwin, end: signal.Signals
+) -> None:
+    since = twin.control.status()["time"]
+    process = subprocess.Popen([sys.executable, "-c", LOOP, twin.channel], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline().strip() == "running"
+        time.sleep(0.05)
+        assert twin.control.status()["torque"]
+        process.send_signal(end)
+        deadline = time.monotonic() + 5.0
+        while (status := twin.control.status())["torque"] and time.monotonic() < deadline:
+            time.sleep(0.01)
+        off = [entry for entry in twin.control.journal(since) if entry["event"] == "torque_off"][-1]
+        assert status["state"] == "FAULT"
+        assert status["error_code"] == 0x8130
+        assert off["time"] - status["last_heartbeat"] <= 0.050
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+
+
+def test_faults_over_the_control_socket(twin: RunningTwin, rig: Path) -> None:
+    with host(twin.channel) as drive:
+        enabled(drive)
+        twin.control.inject("encoder_frozen joint", lasting=0.3)
+        assert twin.control.status()["faults"] == ["encoder_frozen joint"]
+        frozen = cycles(drive, 200, Power.ON, swing=0.2)[20:]
+        assert len({reading.joint for reading in frozen}) == 1
+        free = cycles(drive, 300, Power.ON, swing=0.2)[150:]
+        assert len({reading.joint for reading in free}) > 10
+        twin.control.inject("bus_off", lasting=0.1)
+        lost = cycles(drive, 300, Power.ON)
+        assert lost[-1].bus_errors > 10
+        assert lost[-1].motor_age <= 5, "it is back on the bus"
+        assert lost[-1].drive_state == State.FAULT
+    twin.control.clear()
+    assert twin.control.status()["faults"] == []
+    with pytest.raises(ParameterError, match="there is no fault 'nonsense'"):
+        twin.control.inject("nonsense")
+    for wrong in ({"do": "dance"}, {"do": "inject", "fault": "x"}, {"do": "inject", "fault": "silence", "after": []}):
+        with pytest.raises(DriveError, match="the twin says"):
+            twin.control.ask(**wrong)
+
+
+def test_the_command_line_talks_to_it(rig: Path, twin: RunningTwin, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["twin", str(rig), "--channel", twin.channel]
+    assert run([*common, "--inject", "silence", "--for", "0.2"]) == 0
+    assert "silence" in capsys.readouterr().out
+    assert run([*common, "--clear", "--json"]) == 0
+    assert '"faults": []' in capsys.readouterr().out
+    assert run([*common, "--inject", "list"]) == 0
+    assert all(name in capsys.readouterr().out for name in ["broken_cable"])
+    assert run([*common, "--inject", "encoder_frozen"]) == 2
+    assert "encoder_frozen joint" in capsys.readouterr().err
+    assert run(["twin", str(rig), "--channel", twin.channel + "x", "--status"]) == 2
+    assert "no twin listens" in capsys.readouterr().err
+    assert run(["twin", str(rig), "--channel", twin.channel + "x", "--object", "what"]) == 2
+    assert "--object is 'what'" in capsys.readouterr().err
+
+
+def test_no_bus_and_nobody_on_it_are_said_in_a_line(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match="there is no such bus; start bowden twin"):
+        CanopenDrive(DriveParameters(channel=str(tmp_path / "none"))).bring_up()
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DriveError, match="nobody is on the bus"):
+        CanopenDrive(DriveParameters(channel=str(tmp_path / "empty"))).bring_up()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_cleanly(rig: Path, tmp_path: Path, number: signal.Signals) -> None:
+    channel = tmp_path / "b"
+    with running_twin(rig, channel) as running:
+        running.process.send_signal(number)
+        assert running.process.wait(10.0) == 0
+        assert running.process.stderr is not None
+        assert running.process.stderr.read() == ""
+    assert not list(channel.glob("*.node"))
+    assert not list(channel.glob("*.control"))
+
+
+def test_what_a_killed_twin_leaves_is_no_hindrance(rig: Path, tmp_path: Path) -> None:
+    with running_twin(rig, tmp_path / "b") as running:
+        os.kill(running.process.pid, signal.SIGKILL)
+        running.process.wait(10.0)
+        with pytest.raises(DriveError, match="nobody is on the bus"):
+            CanopenDrive(DriveParameters(channel=running.channel)).bring_up()
+    with running_twin(rig, tmp_path / "b") as running, host(running.channel) as drive:
+        assert cycles(drive, 20, Power.OFF)[-1].motor_age < 10
+
+
+def test_a_twin_that_does_not_start_says_why(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match="cannot read"), running_twin(tmp_path / "none.toml", tmp_path / "b"):
+        pass
+    with pytest.raises(DriveError, match="no twin listens"):
+        TwinControl(control_path("bowden_unix", str(tmp_path), 1))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "there is no fault ''"),
+        ("encoder_spike", "is of an encoder"),
+        ("encoder_spike elbow 3", "is of an encoder"),
+        ("late_pdos much", "is no amount"),
+        ("late_pdos nan", "is no amount"),
+        ("silence 3", "is too much"),
+        ("drive_fault 0x4210 now", "is too much"),
+    ],
+)
+def test_faults_written_wrong_are_refused(text: str, said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        parse(text)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_faults_are_written_as_they_are_listed(name: str) -> None:
+    kind = KINDS[name]
+    side = "motor" if kind.side else ""
+    found = parse(f"{name} {side}")
+    assert (found.name, found.side) == (name, side)
+    assert math.isnan(found.amount) if kind.amount is None else found.amount == kind.amount

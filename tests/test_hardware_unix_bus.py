@@ -1,0 +1,149 @@
+"""The bus between processes behaves as a CAN bus: all hear, nobody waits, the dead do no harm."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import can
+import pytest
+
+from bowden.core.errors import DriveError
+from bowden.hardware.buses import claim, open_bus
+from bowden.hardware.unix_bus import UnixBus
+
+
+def frame(cob_id: int, data: bytes = b"") -> can.Message:
+    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
+
+
+def heard(bus: UnixBus) -> list[int]:
+    found = []
+    while (message := bus.recv(0.0)) is not None:
+        found.append(message.arbitration_id)
+    return found
+
+
+def test_every_frame_reaches_all_others_once_and_in_order(tmp_path: Path) -> None:
+    buses = [UnixBus(tmp_path) for _ in range(4)]
+    for i in range(100):
+        buses[i % 4].send(frame(i))
+    for k, bus in enumerate(buses):
+        found = heard(bus)
+        assert sorted(found) == [i for i in range(100) if i % 4 != k]
+        for other in range(4):
+            assert [i for i in found if i % 4 == other] == [i for i in range(100) if i % 4 == other and other != k]
+    for bus in buses:
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        frame(0x181, bytes(range(8))),
+        frame(0x80),
+        can.Message(arbitration_id=0x1ABCDEF0, is_extended_id=True, data=b"\1\2\3"),
+        can.Message(arbitration_id=0x7, is_remote_frame=True, is_extended_id=False, dlc=4),
+        can.Message(arbitration_id=0x40, is_error_frame=True, is_extended_id=False, data=b"\0" * 8),
+    ],
+)
+def test_a_frame_arrives_as_it_was_sent(tmp_path: Path, message: can.Message) -> None:
+    with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
+        one.send(message)
+        assert two.recv(1.0).equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
+
+
+def test_who_does_not_read_is_counted_and_never_waited_for(tmp_path: Path) -> None:
+    with UnixBus(tmp_path) as one, UnixBus(tmp_path) as deaf, UnixBus(tmp_path) as two:
+        got = 0
+        for i in range(3000):
+            one.send(frame(i % 0x7FF))
+            got += len(heard(two))
+        assert got == 3000
+        assert one.undelivered + len(heard(deaf)) == 3000
+        assert one.undelivered > 0
+
+
+def test_what_a_node_said_before_it_left_is_heard(tmp_path: Path) -> None:
+    with UnixBus(tmp_path) as one, UnixBus(tmp_path) as third:
+        two = UnixBus(tmp_path)
+        two.send(frame(5))
+        two.shutdown()
+        one.send(frame(6))
+        assert heard(one) == [5]
+        assert sorted(heard(third)) == [5, 6]
+        one.send(frame(7))
+        assert heard(third) == [7]
+
+
+def test_alone_nobody_acknowledges(tmp_path: Path) -> None:
+    with UnixBus(tmp_path) as one:
+        with pytest.raises(can.CanOperationError, match="acknowledges"):
+            one.send(frame(1))
+        with UnixBus(tmp_path) as two:
+            one.send(frame(2))
+            assert heard(two) == [2]
+            assert one.others == 1
+        with pytest.raises(can.CanOperationError):
+            one.send(frame(3))
+
+
+def test_what_the_dead_leave_is_cleared_away(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from bowden.hardware.unix_bus import UnixBus;"
+        "bus = UnixBus(sys.argv[1]); print('up', flush=True); os.kill(os.getpid(), 9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True, timeout=60)
+    assert len(list(tmp_path.glob("*.node"))) == 1
+    with UnixBus(tmp_path) as one, UnixBus(tmp_path) as two:
+        one.send(frame(9))
+        assert heard(two) == [9]
+        assert len(list(tmp_path.glob("*.node"))) == 2
+    assert not list(tmp_path.glob("*.node"))
+
+
+def test_strange_datagrams_at_the_door_do_no_harm(tmp_path: Path) -> None:
+    import socket
+
+    with UnixBus(tmp_path) as one:
+        door = next(tmp_path.glob("*.node"))
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
+            stranger.sendto(b"\xff" * 100, str(door))
+        with UnixBus(tmp_path) as two:
+            two.send(frame(3))
+            assert heard(one) == [3]
+
+
+def test_no_bus_and_bad_places_are_said_in_a_line(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match="there is no such bus"):
+        open_bus("bowden_unix", str(tmp_path / "none"), 1_000_000)
+    with pytest.raises(DriveError, match="too long"):
+        open_bus("bowden_unix", str(tmp_path / ("x" * 120)), 1_000_000, create=True)
+    with pytest.raises(DriveError, match="no CAN interface 'nonsense'"):
+        open_bus("nonsense", "can0", 1_000_000)
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(DriveError, match="cannot open the bus"):
+        open_bus("bowden_unix", str(file), 1_000_000, create=True)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="SocketCAN is Linux'")
+def test_a_socketcan_interface_that_is_not_there_is_said_in_a_line() -> None:
+    with pytest.raises(DriveError, match="cannot open the bus nocan7"):
+        open_bus("socketcan", "nocan7", 1_000_000)
+
+
+def test_a_part_is_played_by_one_process_and_free_when_it_dies(tmp_path: Path) -> None:
+    first = claim("bowden_unix", str(tmp_path), "host")
+    with pytest.raises(DriveError, match="has a host already"):
+        claim("bowden_unix", str(tmp_path) + os.sep, "host")
+    claim("bowden_unix", str(tmp_path), "node 1").release()
+    claim("bowden_unix", str(tmp_path / "other"), "host").release()
+    first.release()
+    claim("bowden_unix", str(tmp_path), "host").release()
+    code = (
+        "import os, sys; from bowden.hardware.buses import claim;"
+        "held = claim('bowden_unix', sys.argv[1], 'host'); os.kill(os.getpid(), 9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True, timeout=60)
+    claim("bowden_unix", str(tmp_path), "host").release()

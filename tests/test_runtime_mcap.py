@@ -1,0 +1,271 @@
+"""The log's bytes: strict readers of another hand read every number; what is cut or flipped is lost, never wrong."""
+
+import contextlib
+import errno
+import os
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.records import Chunk, Message
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+
+from bowden.core.errors import BowdenError
+from bowden.runtime.events import Changes
+from bowden.runtime.mcap_layout import Event, topics
+from bowden.runtime.mcap_log import LogFile, about
+from bowden.runtime.mcap_read import Damage, read
+from bowden.runtime.mcap_recover import recover
+from bowden.runtime.ring import Description
+
+COLUMNS = ("time", "motor", "joint", "current", "mode", "faults", "law.width", "law.Slope", "supervisor.winding")
+UNITS = ("s", "rad", "rad", "A", "1", "1", "1", "1", "°C")
+NAMES = {"mode": ["stopped", "armed"], "faults": ["slack", "late"]}
+ABOUT = Description(
+    COLUMNS, UNITS, {"law": "bowden", "seed": 3, "gains": {"k": 0.1}, "names": NAMES}, 1_700_000_000 * 10**9
+)
+CHUNK = 100
+
+
+def made_up(n: int) -> np.ndarray:
+    rows = np.random.default_rng(1).standard_normal((n, len(COLUMNS)))
+    rows[:, 0] = np.arange(n) * 1e-3
+    rows[::7, 3] = np.nan
+    rows[1::50, 2] = -np.inf
+    rows[:, 4], rows[:, 5] = np.arange(n) >= n // 2, 3.0 * (np.arange(n) == n // 3)
+    return rows
+
+
+def write_log(path: Path, n: int = 400, *, close: bool = True, write: Any = os.write) -> np.ndarray:
+    rows, changes = made_up(n), Changes(ABOUT)
+    handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR)
+    try:
+        file = LogFile(handle, about(ABOUT, {"software": "bowden 1"}), write)
+        for first in range(0, n, CHUNK):
+            part = np.arange(first, min(n, first + CHUNK))
+            events, changes = changes.find(part, rows[part])
+            file.write(part, rows[part], events)
+        if close:
+            file.finish({"lost": "0", "dropped": "0"})
+    finally:
+        os.close(handle)
+    return rows
+
+
+def strictly(path: Path) -> int:
+    """Read a file with mcap's own readers, checksums checked, along its records and along its index; rows in it."""
+    with path.open("rb") as file:
+        along = [r for r in StreamReader(file, validate_crcs=True).records if isinstance(r, Message)]
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        indexed = [message for _, _, message in reader.iter_messages(log_time_order=False)]
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == len(along)
+        assert len(list(reader.iter_metadata())) == 2
+    assert along == indexed
+    return sum(message.channel_id == 1 for message in along)
+
+
+def test_another_decoder_reads_every_number_and_every_unit(tmp_path: Path) -> None:
+    rows = write_log(tmp_path / "a.mcap")
+    assert strictly(tmp_path / "a.mcap") == len(rows)
+    found = {topic.name: topic for topic in topics(COLUMNS, UNITS)}
+    assert list(found) == ["/cycle", "/law", "/supervisor"]
+    seen = {name: np.full((len(rows), len(topic.columns)), 9.0) for name, topic in found.items()}
+    texts = []
+    with (tmp_path / "a.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert schema is not None
+            if channel.topic == "/event":
+                texts.append((round(1e3 * decoded.time), decoded.text))
+                continue
+            fields = found[channel.topic].fields
+            seen[channel.topic][message.sequence] = [getattr(decoded, name) for name in fields]
+            assert message.log_time == ABOUT.start_utc_ns + message.sequence * 10**6
+            lines = schema.data.decode().splitlines()
+            expected = zip(fields, found[channel.topic].units, strict=True)
+            assert lines == [f"float64 {name}  # [{unit}]" for name, unit in expected]
+    for name, topic in found.items():
+        assert seen[name].tobytes() == rows[:, topic.columns].tobytes()
+    assert texts == [
+        (0, "mode: stopped"),
+        (133, "fault: slack; fault: late"),
+        (134, "fault gone: slack; fault gone: late"),
+        (200, "mode: stopped → armed"),
+    ]
+
+
+def test_our_reader_reads_what_was_written(tmp_path: Path) -> None:
+    rows = write_log(tmp_path / "a.mcap")
+    found = read(tmp_path / "a.mcap")
+    assert found.whole
+    assert found.rows.tobytes() == rows.tobytes()
+    assert found.numbers.tolist() == list(range(len(rows)))
+    assert (found.columns, found.units, found.settings) == (COLUMNS, UNITS, dict(ABOUT.settings))
+    assert found.closing == {"lost": "0", "dropped": "0", "rows": "400"}
+    assert [event.number for event in found.events] == [0, 133, 134, 200]
+    trace = found.trace()
+    assert trace.units["supervisor.winding"] == "°C"
+    assert trace.seed == 3
+    assert trace.settings["log"]["software"] == "bowden 1"
+
+
+def test_names_become_fields_of_ros_and_none_is_lost() -> None:
+    names = ["time", "Lage φ", "2nd", "law.a", "law.A", "sensor_x.b.c"]
+    assert [(t.name, t.fields) for t in topics(names, ["1"] * 6)] == [
+        ("/cycle", ("time", "lage", "x_2nd")),
+        ("/law", ("a", "a_2")),
+        ("/sensor_x", ("b_c",)),
+    ]
+
+
+def test_a_cut_at_any_byte_of_the_end_loses_nothing_that_was_there(tmp_path: Path) -> None:
+    """Every 64th of the last 64 KiB; benchmarks/recorder_kills.py takes every byte."""
+    rows = write_log(tmp_path / "a.mcap")
+    data = (tmp_path / "a.mcap").read_bytes()
+    assert len(data) > 1.3 * 2**16
+    ends = row_ends(tmp_path / "a.mcap")
+    for at in range(len(data) - 2**16, len(data), 64):
+        lost_of_cut(data[:at], rows, ends, tmp_path)
+
+
+def row_ends(path: Path) -> np.ndarray:
+    """Where the last byte of each row stands in a file, known from mcap's own reader."""
+    ends, at = [], 8
+    with path.open("rb") as file:
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                first = path.read_bytes().index(record.data)
+                size = sum(31 + 4 + 8 * len(topic.columns) for topic in topics(COLUMNS, UNITS))
+                ends += [first + size * (i + 1) for i in range(CHUNK)]
+    assert at < ends[0]
+    return np.array(ends)
+
+
+def lost_of_cut(left: bytes, rows: np.ndarray, ends: np.ndarray, folder: Path) -> None:
+    cut, out = folder / "cut.mcap", folder / "out.mcap"
+    cut.write_bytes(left)
+    out.unlink(missing_ok=True)
+    saved = recover(cut, out)
+    assert saved.rows == strictly(out) == int((ends <= len(left)).sum())
+    assert cut.read_bytes() == left
+    again = read(out)
+    assert again.whole
+    assert again.rows.tobytes() == rows[: saved.rows].tobytes()
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=150)
+def test_flipped_bytes_are_left_out_or_refused_never_believed(
+    tmp_path_factory: pytest.TempPathFactory, seed: int
+) -> None:
+    folder = tmp_path_factory.mktemp("flip")
+    rows, chance = write_log(folder / "a.mcap", 300), random.Random(seed)
+    data = bytearray((folder / "a.mcap").read_bytes())
+    for _ in range(chance.choice([1, 1, 2, 5, 50])):
+        data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+    if chance.random() < 0.3:
+        del data[chance.randrange(len(data)) :]
+    if chance.random() < 0.3:
+        at = chance.randrange(len(data) + 1)
+        data[at:at] = chance.randbytes(chance.randrange(1, 3000))
+    (folder / "b.mcap").write_bytes(data)
+    try:
+        recover(folder / "b.mcap", folder / "c.mcap")
+    except BowdenError:
+        assert not (folder / "c.mcap").exists()
+        return
+    again = read(folder / "c.mcap")
+    assert strictly(folder / "c.mcap") == len(again.rows)
+    sure = read(folder / "b.mcap").damage.torn == 0  # the rows of a chunk without an end have no checksum
+    assert not sure or again.rows.tobytes() == rows[again.numbers].tobytes()
+
+
+def test_a_chunk_that_changed_is_left_out_and_the_rest_is_read(tmp_path: Path) -> None:
+    rows = write_log(tmp_path / "a.mcap")
+    data = bytearray((tmp_path / "a.mcap").read_bytes())
+    data[row_ends(tmp_path / "a.mcap")[150]] ^= 1
+    (tmp_path / "b.mcap").write_bytes(data)
+    saved = recover(tmp_path / "b.mcap", tmp_path / "c.mcap")
+    assert saved.damage == Damage(1, 0, 0)
+    assert (saved.rows, saved.missing, saved.tail_seconds) == (300, 100, 0.0)
+    assert saved.missing_seconds == pytest.approx(0.1)
+    found = read(tmp_path / "c.mcap")
+    assert found.numbers.tolist() == [*range(100), *range(200, 400)]
+    assert found.rows.tobytes() == rows[found.numbers].tobytes()
+
+
+class Disk:
+    """Takes so many bytes, and then none; a write may end partway."""
+
+    def __init__(self, room: int) -> None:
+        self.room = room
+
+    def write(self, handle: int, data: bytes) -> int:
+        part = min(len(data), self.room - os.lseek(handle, 0, os.SEEK_CUR), 10_000)
+        if part <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return os.write(handle, data[:part])
+
+
+@pytest.mark.parametrize("room", [40_000, 70_000, 70_100, 92_000])
+def test_a_full_disk_leaves_a_whole_file_of_what_it_took(tmp_path: Path, room: int) -> None:
+    disk, rows = Disk(room), made_up(400)
+    with (tmp_path / "a.mcap").open("wb") as opened:
+        file = LogFile(opened.fileno(), about(ABOUT, {}), disk.write)
+        written = 0
+        with contextlib.suppress(OSError):
+            for first in range(0, 400, CHUNK):
+                file.write(np.arange(first, first + CHUNK), rows[first : first + CHUNK], [Event(first, 0.0, "a")])
+                written += CHUNK
+        given_up = file.finish({})
+    assert file.rows < 400
+    assert (tmp_path / "a.mcap").stat().st_size <= room
+    assert strictly(tmp_path / "a.mcap") == file.rows == written - given_up
+    assert read(tmp_path / "a.mcap").whole
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "is empty"),
+        (b"time,motor,joint\n0,1,2\n", "is no MCAP file"),
+        (b"\x89MCAP0\r\n", "does not say what its rows are"),
+        (b"\x89MCAP0\r\n\x01\xff\xff\xff\xff\xff\xff\xff\x7f", "does not say what its rows are"),
+    ],
+)
+def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(BowdenError, match=said):
+        read(tmp_path / "a.mcap")
+
+
+def test_recovery_overwrites_nothing(tmp_path: Path) -> None:
+    write_log(tmp_path / "a.mcap")
+    with pytest.raises(BowdenError, match="exists"):
+        recover(tmp_path / "a.mcap", tmp_path / "a.mcap")
+    with pytest.raises(BowdenError, match="cannot read"):
+        recover(tmp_path / "b.mcap", tmp_path / "c.mcap")
+    assert not (tmp_path / "c.mcap").exists()
+
+
+def test_rows_that_are_missing_are_told() -> None:
+    numbers = np.array([5, 6, 9])
+    rows = np.zeros((3, len(COLUMNS)))
+    events, after = Changes(Description(COLUMNS, UNITS)).find(numbers, rows)
+    assert [event.text for event in events if "lost" in event.text] == [
+        "5 rows lost before this one",
+        "2 rows lost before this one",
+    ]
+    assert "mode: 0" in [event.text for event in events]
+    assert after.find(np.array([10]), rows[:1])[0] == []
+    assert after.find(np.array([], np.int64), rows[:0])[0] == []

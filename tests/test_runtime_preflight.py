@@ -1,0 +1,127 @@
+"""The preflight on a motor and a cable with play, and limits that cannot go together."""
+
+import math
+
+import pytest
+
+from bowden.core.errors import SafetyError
+from bowden.core.signals import DriveReading
+from bowden.core.units import RADIANS
+from bowden.runtime.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
+from bowden.safety.limits import Limits
+
+DT = 1e-3
+SETTINGS = Preflight(listen=0.05)
+
+
+def reading(motor: float, joint: float, state: float = 4.0) -> DriveReading:
+    return DriveReading(motor, joint, 0.0, math.nan, 40.0, 0.0, 0.0, 0.01, state, 0.0, 0.0)
+
+
+def play_through(
+    *,
+    play: float = 0.0,
+    slope: float = 0.9,
+    gain: float = 1.0,
+    state: float = 4.0,
+    missing: bool = False,
+    shakes: float = 0.0,
+    settings: Preflight = SETTINGS,
+) -> tuple[Reason, list[float], PreflightState]:
+    """A motor that follows its target after a cycle, and a joint behind a play [rad]."""
+    motor = through = 0.0
+    now, wishes = begin(settings, reading(0.0, 0.0, state)), []
+    for k in range(200_000):
+        through = min(max(through, motor - 0.5 * play), motor + 0.5 * play)
+        joint = math.nan if missing else slope * through + (shakes if k % 2 else 0.0)
+        now, wish, outcome = step(settings, now, reading(motor, joint, state), DT)
+        wishes.append(wish)
+        motor = gain * wish
+        if outcome.result != 0.0:
+            return Reason(int(outcome.reason)), wishes, now
+    raise AssertionError("the preflight does not end")
+
+
+@pytest.mark.parametrize("play_deg", [0.0, 5.0, 14.0, 25.0])
+def test_the_motion_grows_until_the_joint_follows_and_comes_back(play_deg: float) -> None:
+    reason, wishes, _ = play_through(play=play_deg * RADIANS)
+    assert reason == Reason.NONE
+    assert max(wishes) >= 0.5 * play_deg * RADIANS
+    assert max(wishes) <= max(2.0 * RADIANS, 2.0 * (play_deg + 2.0) * RADIANS)
+    assert abs(wishes[-1]) < 1e-9
+    steps = [abs(b - a) for a, b in zip(wishes, wishes[1:], strict=False)]
+    assert max(steps) <= 1.9 * SETTINGS.speed * DT  # a minimum-jerk motion peaks at 1.875 times its mean speed
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"slope": 0.0}, Reason.JOINT_STILL),
+        ({"play": 2.0}, Reason.JOINT_STILL),
+        ({"slope": -0.9}, Reason.JOINT_WRONG_WAY),
+        ({"gain": 0.0}, Reason.MOTOR_STILL),
+        ({"gain": -1.0}, Reason.MOTOR_WRONG_WAY),
+        ({"state": 3.0}, Reason.NOT_ENABLED),
+        ({"missing": True}, Reason.SENSORS),
+        ({"shakes": 0.1}, Reason.RESTLESS),
+    ],
+)
+def test_what_is_wrong_is_named(wrong: dict[str, float], reason: Reason) -> None:
+    found, _, _ = play_through(**wrong)  # type: ignore[arg-type]
+    assert found == reason
+    assert REASONS[reason]
+
+
+def test_a_cable_that_runs_the_other_way_passes_with_its_sign() -> None:
+    assert play_through(slope=-0.9, settings=SETTINGS._replace(slope_sign=-1.0))[0] == Reason.NONE
+    assert play_through(settings=SETTINGS._replace(pull_sign=-1.0))[0] == Reason.NONE
+
+
+def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:
+    state = begin(SETTINGS, reading(0.0, 0.0))
+    for k in range(120):
+        state, wish, outcome = step(SETTINGS, state, reading(math.nan if k == 100 else 0.0, 0.0), DT)
+        assert math.isfinite(wish)
+        assert outcome.result == 0.0
+
+
+def test_default_limits_agree() -> None:
+    assert contradictions(Limits(), DT) == []
+    require(Limits(), DT, "holds")
+    require(Limits(), DT, "little_margin")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"motor_low": 3.0},
+        {"joint_low": 2.0},
+        {"slope_low": 2.0},
+        {"motor_speed": math.nan},
+        {"release_time": -1.0},
+        {"sensor_span": 2.0},
+        {"joint_high": 4.0},
+        {"pay_out": 14.0},
+        {"tracking": 1.0},
+        {"target_speed": 1e4},
+        {"reading_age": 50.0},
+        {"heartbeat_age": 0.001},
+        {"bridge_time": 0.02},
+        {"release_time": 1.0},
+        {"lateness": 0.1},
+        {"current_peak": 5.0},
+        {"housing_limit": 200.0},
+        {"slack_sign": 0.0},
+    ],
+)
+def test_contradictions_are_named_and_refuse_the_run(wrong: dict[str, float]) -> None:
+    limits = Limits()._replace(**wrong)  # type: ignore[arg-type]
+    assert contradictions(limits, DT)
+    with pytest.raises(SafetyError, match="contradict"):
+        require(limits, DT, "holds")
+
+
+@pytest.mark.parametrize("verdict", ["does_not_hold", "", "unknown"])
+def test_gains_that_do_not_hold_are_refused(verdict: str) -> None:
+    with pytest.raises(SafetyError, match="bowden check"):
+        require(Limits(), DT, verdict)
