@@ -5,15 +5,16 @@ BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types docs bench clean
+.PHONY: help demo test lint types docs bench soak clean
 
 help:
 	@echo "make demo    reproduce the paper's bench and say where the report is"
 	@echo "make test    tests, doctests, lint and types"
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
-	@echo "make docs    write docs/rig.md and docs/json/rig.schema.json from the schema"
+	@echo "make docs    write what is made from the code: docs/rig.md, its JSON schema, tables of docs/safety.md"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
+	@echo "make soak    the live loop against the twin for MINUTES=10, resumable, into out/soak"
 	@echo "make clean   remove what make and the tools have made"
 
 # The environment, made anew when pyproject.toml changes. The demo needs the package alone.
@@ -43,9 +44,13 @@ types: .venv/dev
 
 docs: .venv/dev
 	$(BIN)/python -c 'from pathlib import Path; from bowden.app.rig_page import write_docs; write_docs(Path("docs"))'
+	$(BIN)/python -c 'from pathlib import Path; from bowden.app.safety_page import write_docs; write_docs(Path("docs"))'
 
 bench: .venv/dev
 	$(BIN)/python benchmarks/run.py
+
+soak: .venv/dev
+	$(BIN)/python benchmarks/soak.py --minutes $(or $(MINUTES),10)
 
 clean:
 	rm -rf .venv out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -39,7 +39,7 @@ _MEMORY = Path("/dev/shm")  # no disk between the cuts; a kill loses nothing tha
 
 
 def kills(numbers: list[int]) -> Iterator[list[Any]]:
-    """Number, seconds at 1 kHz before the kill, seconds lost, whether everything in the file is right."""
+    """Number, seconds at 1 kHz before the kill, seconds between the last rows saved and written, whether all is right."""
     for number in numbers:
         with tempfile.TemporaryDirectory() as folder:
             yield [number, *_kill(Path(folder), random.Random(number).uniform(0.0, 1.2))]
@@ -62,15 +62,14 @@ def _kill(folder: Path, moment: float) -> tuple[float, float, bool]:
             time.sleep(max(0.0, begin + 1e-3 * len(rows) - time.monotonic()))
     finally:
         os.kill(process.pid, signal.SIGKILL)
-        killed = time.monotonic() - begin
         process.wait()
     saved = recover(file, folder / "saved.mcap")
     found = read(folder / "saved.mcap")
     right = (
         found.whole and saved.missing == 0 and found.rows.tobytes() == b"".join(r.tobytes() for r in rows[: saved.rows])
     )
-    last = float(rows[saved.rows - 1][0]) if saved.rows else 0.0
-    return moment, killed - last, bool(right) and _strictly(folder / "saved.mcap") == saved.rows
+    stamps = [0.0, *(float(row[0]) for row in rows)]
+    return moment, stamps[-1] - stamps[saved.rows], bool(right) and _strictly(folder / "saved.mcap") == saved.rows
 
 
 def cuts(lengths: list[int]) -> Iterator[list[Any]]:
@@ -130,11 +129,9 @@ def main() -> int:
     given = parser.parse_args()
     end = size_of_log()
     wanted = list(range(end - CUTS, end, given.every))
-    kept = Kept("recorder_cuts")
+    chosen, kept = set(wanted), Kept("recorder_cuts")
     there = {row[0] for row in kept.rows()}
-    cut = [
-        row for row in kept.filled(cuts([k for k in wanted if k not in there]), len(wanted)) if row[0] in set(wanted)
-    ]
+    cut = [row for row in kept.filled(cuts([k for k in wanted if k not in there]), len(wanted)) if row[0] in chosen]
     kept = Kept("recorder_kills")
     there = {row[0] for row in kept.rows()}
     killed = kept.filled(kills([k for k in range(given.kills) if k not in there]), given.kills)[: given.kills]

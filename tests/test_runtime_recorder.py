@@ -130,6 +130,17 @@ def test_it_ends_when_told_though_the_loop_goes_on_and_not_by_ctrl_c(rig: Rig, h
     assert len(read(rig.file).rows) == 1000
 
 
+def test_it_ends_when_nobody_is_left(rig: Rig) -> None:
+    recording = f"{sys.executable} -m bowden.runtime.recorder {rig.ring} {rig.file}"
+    starter = subprocess.Popen(["sh", "-c", f"{recording} & sleep 1"])
+    rig.wait_for(lambda: rig.state() == RecorderState.OK)
+    rig.write(500)
+    starter.wait(PATIENCE)
+    rig.wait_for(lambda: rig.state() == RecorderState.ENDED)
+    assert read(rig.file).whole
+    assert len(read(rig.file).rows) == 500
+
+
 def test_kills_at_random_moments_lose_a_fifth_of_a_second_at_most(tmp_path: Path) -> None:
     """Eight of them; benchmarks/recorder_kills.py does 500."""
     chance = random.Random(4)

@@ -160,6 +160,8 @@ def test_what_is_no_ring_is_refused(path: Path, tmp_path: Path) -> None:
     assert not path.exists()
     with pytest.raises(ValueError, match="units"):
         ring.Description(("a", "a"), ("s", "s"))
+    with pytest.raises(ValueError, match="no column time"):
+        ring.Description(("a",), ("s",))
 
 
 def test_where_rings_lie() -> None:

@@ -20,6 +20,10 @@ from bowden.runtime.realtime import Settings
 from bowden.runtime.script import Script
 from bowden.safety.limits import Limits
 
+WRONG_WAY = 1.5 * RADIANS
+"""Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
+more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -48,6 +52,8 @@ class Live:
     settings: Settings
     table: NDArray[np.float64]
     """See `runtime.script.Script`."""
+    servo_from: int
+    """Row of an excitation from which on it is meant for the servo; 0 for a law."""
     start: float
     """Motor angle at which the run begins [rad]."""
 
@@ -58,7 +64,7 @@ class Live:
     def script(self) -> Script:
         """The run's plan."""
         speed = self.description.live.approach_deg_per_s * RADIANS
-        checks = Preflight(pull_sign=-self.limits.slack_sign)
+        checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
         return Script(self.table, self.start, speed, checks, self.drive.sample_time)
 
     def told(self) -> Mapping[str, Any]:
@@ -87,11 +93,11 @@ def compose_live(asked: Asked) -> Live:
     drive = drive if asked.channel is None else drive._replace(channel=asked.channel)
     limits = rig_drive.limits(rig, setup.bench)
     if asked.measure:
-        law, table = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time).motor[:, None]
-        start = float(table[0, 0])
+        law, moved = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time)
+        table, servo_from, start = moved.motor[:, None], moved.servo_from, float(moved.motor[0])
     else:
         folder = Path() if asked.law else asked.rig.parent
         law = compose.law_for(asked.law or rig.control.law, rig, setup.bench, folder, asked.preset)
-        time = np.arange(round(setup.duration / drive.sample_time)) * drive.sample_time
-        table, start = setup.reference.sample(time), setup.initial_motor
-    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, start)
+        time = np.arange(round(setup.duration / drive.sample_time), dtype=np.float64) * drive.sample_time
+        table, servo_from, start = setup.reference.sample(time), 0, setup.initial_motor
+    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, servo_from, start)

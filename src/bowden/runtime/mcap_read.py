@@ -20,6 +20,7 @@ from bowden.core.errors import LogError
 from bowden.core.trace import Trace
 from bowden.runtime.mcap_layout import Event, Packing, topics
 from bowden.runtime.mcap_log import ABOUT, CLOSING, MAGIC, checksum
+from bowden.runtime.ring import Description
 
 _HEAD = 9  # of a record: opcode and length
 _CHUNK_HEAD = 40  # of an uncompressed chunk: two times, size, CRC-32, no compression, size
@@ -101,13 +102,17 @@ def read(path: Path) -> Recording:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise LogError(f"cannot read {path}: {reason.lower()}", do=_DO) from error
     about, at = _about(data, path)
-    columns, units = tuple(json.loads(about["columns"])), tuple(json.loads(about["units"]))
+    try:
+        columns, units = tuple(json.loads(about["columns"])), tuple(json.loads(about["units"]))
+        settings = dict(json.loads(about["settings"]))
+        Description(columns, units, settings, int(about["start_utc_ns"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
     found = _Finds(Packing(topics(columns, units)))
     found.walk(data, at)
     numbers = np.concatenate([np.empty(0, np.int64), *found.numbers])
     rows = np.concatenate([np.empty((0, len(columns))), *found.rows])
     damage = Damage(found.chunks, found.skipped, found.torn)
-    settings = json.loads(about["settings"])
     return Recording(about, found.closing, columns, units, numbers, rows, found.events, damage, settings)
 
 

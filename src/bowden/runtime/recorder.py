@@ -1,7 +1,7 @@
 """The recorder: a process of its own that drains the ring of a run into an MCAP file.
 
 Three threads, so that a disk that hangs holds up nothing but itself: one drains the ring into memory and shows a sign
-of life, one writes a chunk ten times a second, one syncs the disk once a second. What the disk does not take waits in
+of life, one writes a chunk 20 times a second, one syncs the disk once a second. What the disk does not take waits in
 memory, up to `MOST_WAITING` rows; then rows are dropped, and counted.
 """
 
@@ -25,9 +25,9 @@ from bowden.runtime.provenance import provenance
 from bowden.runtime.ring import Batch, Description, RingReader
 from bowden.runtime.ring_status import RecorderState, Report
 
-DRAIN_EVERY = 20_000_000
+DRAIN_EVERY = 10_000_000
 """[ns]"""
-WRITE_EVERY = 0.1
+WRITE_EVERY = 0.05
 """A kill loses the rows since the last chunk: this, and what is just being written [s]."""
 SYNC_EVERY = 1.0
 """A loss of power loses what was not synced [s]."""
@@ -37,7 +37,7 @@ _MOST_IN_CHUNK = 2000
 _SLOW_AFTER = SECOND
 _ORPHANED_AFTER = 5 * SECOND
 """Without a row and without a parent: both the loop and the operator's process are gone [ns]."""
-_NICE = 10
+_NICE = 5
 
 
 @dataclass

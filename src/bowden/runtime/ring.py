@@ -42,7 +42,7 @@ class Description:
     """What the rows of a ring mean."""
 
     columns: tuple[str, ...]
-    """Names; ``law.<name>`` and ``supervisor.<name>`` are the states of the law and of the supervisor."""
+    """Names, ``time`` [s] among them; ``law.<name>`` and ``supervisor.<name>`` are the states of these two."""
     units: tuple[str, ...]
     """A unit for each column, as `core.trace.Trace` prints them."""
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -55,6 +55,8 @@ class Description:
     def __post_init__(self) -> None:
         if len(self.columns) != len(self.units) or len(set(self.columns)) != len(self.columns) or not self.columns:
             raise ValueError(f"{len(self.columns)} columns {self.columns} with {len(self.units)} units")
+        if "time" not in self.columns:
+            raise ValueError(f"no column time among {self.columns}")
 
 
 class Batch(NamedTuple):

@@ -9,7 +9,7 @@ WORDS = 64
 _FIRST = 16
 _STOP = 32
 _DEAD_AFTER = 1_000_000_000
-"""Age of the heartbeat at which a recorder counts as dead [ns]; it beats 50 times a second."""
+"""Age of the heartbeat at which a recorder counts as dead [ns]; it beats 100 times a second."""
 
 
 class RecorderState(IntEnum):

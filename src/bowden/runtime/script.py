@@ -50,13 +50,15 @@ class Script:
             reading: what the drive says.
             cycles: periods since the last cycle, more than 1 after an overrun.
         """
+        if mode == _BRIDGING:
+            mode = self._mode  # R1 holds the target meanwhile; preflight or law go on, and find their place again
         if mode != self._mode:
             self._enter(mode, target, reading, cycles)
         if mode == _PREFLIGHT:
             self._checked, wish, said = preflight.step(self._checks, self._checked, reading, cycles * self._period)
             self.outcome = said.result
             return Plan(MOTION, wish, NOWHERE)
-        if mode not in (_RUNNING, _BRIDGING):
+        if mode != _RUNNING:
             return Plan(HOLD, target, NOWHERE)
         self._cycles += cycles
         at = self._cycles * self._period
@@ -74,7 +76,7 @@ class Script:
         if mode == _PREFLIGHT:
             self.outcome = 0.0
             self._checked = preflight.begin(self._checks, reading)
-        if mode == _RUNNING and self._mode != _BRIDGING:
+        if mode == _RUNNING:
             distance = abs(self._start - target)
             self._from, self._cycles, self._begun, self.done = target, -cycles, False, False
             self._approach = math.ceil(_PEAK * distance / self._speed / self._period) * self._period
