@@ -427,6 +427,7 @@ def test_numbers_agree_with_the_ports_and_bits_fit_a_float() -> None:
     assert (supervisor.STOPPED, supervisor.LATCHED) == (Mode.STOPPED, Mode.LATCHED)
     assert (supervisor.ARM, supervisor.RUN, supervisor.STOP, supervisor.ACKNOWLEDGE) == (1.0, 2.0, 3.0, 4.0)
     assert len(Fault) <= 52
+    assert [fault for fault in Fault if not fault.latched] == [Fault.RECORDER_LOST]
     assert [int(fault) for fault in Fault] == list(range(len(Fault)))
     assert of(2.0**Fault.SLACK + 2.0**Fault.EMERGENCY) == [Fault.EMERGENCY, Fault.SLACK]
     assert all(f.meaning and f.detector and f.remedy and f.at_once <= f.then for f in Fault)

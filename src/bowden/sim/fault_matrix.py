@@ -49,7 +49,7 @@ ROWS = {
     Injected.JOINT_SPIKES: _row("2", "JOINT_JUMP", 20),
     Injected.JOINT_DROPOUT: _row("2", "JOINT_STALE", 20),
     Injected.JOINT_DELAY: _row("2", _JOINT, 20),
-    Injected.JOINT_SIGN: _row("2", _JOINT, 20),
+    Injected.JOINT_SIGN: _row("23", f"{_JOINT} JOINT_OVER_SPEED", 20),  # a small jump looks like speed
     Injected.MOTOR_NAN: _row("3", "MOTOR_LOST", 8),
     Injected.MOTOR_RANGE: _row("3", "MOTOR_LOST", 8),
     Injected.MOTOR_FROZEN: _row("23", _MOTOR, 20),
