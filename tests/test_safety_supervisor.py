@@ -251,7 +251,7 @@ def test_a_late_cycle_may_move_the_target_by_five_cycles_at_most() -> None:
     assert follow(lasting(1, wish=1.0))[0].mode == Mode.BRIDGING
     slow = LIMITS._replace(target_speed=50.0)
     assert follow(lasting(1, wish=0.74, elapsed=0.008), slow, running(slow))[0].mode == Mode.RUNNING
-    assert follow(lasting(1, wish=0.76, elapsed=0.008), slow, running(slow))[0].mode == Mode.BRIDGING
+    assert follow(lasting(1, wish=0.76, elapsed=0.008), slow, running(slow))[0].mode == Mode.RELEASING
 
 
 def moving(limits: Limits = LIMITS) -> Iterator[Cycle]:

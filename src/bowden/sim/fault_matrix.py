@@ -99,11 +99,16 @@ AT_ONCE = (
     *(Injected.DRIVE_FAULT, Injected.DRIVE_REBOOT, Injected.DRIVE_DROPPED, Injected.CLOCK_BACK, Injected.CLOCK_FORWARD),
 )
 """Causes of R3 that show as soon as they begin, whatever else is wrong."""
-HIDING = {
+_OLD = {
     *(Injected.MOTOR_FROZEN, Injected.MOTOR_DROPOUT, Injected.MOTOR_DELAY),
     *(Injected.LATE_PDOS, Injected.DRIVE_SILENT, Injected.BUS_OFF),
 }
-"""What puts an older motor angle in place of one that is not a number: that cannot show then."""
+HIDING = {
+    Injected.MOTOR_NAN: _OLD,
+    Injected.MOTOR_RANGE: _OLD,
+    Injected.PEAK_CURRENT: {Injected.LONG_CURRENT, Injected.CURRENT_NAN},
+}
+"""What writes another figure over the one by which a fault would be seen: it cannot show then."""
 RELEASE = 204
 """From R2 to power off, at most [cycles]."""
 
@@ -160,6 +165,6 @@ def pair_complaints(kinds: tuple[Injected, ...], seed: int, onset: int, outcome:
         yield from unfinished(outcome)
     for kind, begin in zip(kinds, begins(kinds, seed, onset), strict=True):
         latest = round(begin * 1000.0) + ROWS[kind].within
-        hidden = kind in (Injected.MOTOR_NAN, Injected.MOTOR_RANGE) and HIDING & set(kinds)
+        hidden = HIDING.get(kind, set()) & set(kinds)
         if kind in AT_ONCE and not hidden and not 0.0 <= outcome.off <= latest:
             yield f"power off at {outcome.off:.0f}, with {kind.name} by {latest} at the latest"
