@@ -12,7 +12,7 @@ help:
 	@echo "make test    tests, doctests, lint and types"
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
-	@echo "make docs    write docs/rig.md and docs/json/rig.schema.json from the schema"
+	@echo "make docs    write what is made from the code: docs/rig.md, its JSON schema, tables of docs/safety.md"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
 	@echo "make clean   remove what make and the tools have made"
 
@@ -42,6 +42,7 @@ types: .venv/dev
 
 docs: .venv/dev
 	$(BIN)/python -c 'from pathlib import Path; from bowden.app.rig_page import write_docs; write_docs(Path("docs"))'
+	$(BIN)/python -c 'from pathlib import Path; from bowden.app.safety_page import write_docs; write_docs(Path("docs"))'
 
 bench: .venv/dev
 	$(BIN)/python benchmarks/run.py

@@ -186,6 +186,29 @@ def test_without_our_heartbeat_the_torque_is_zero_in_time(phase: int) -> None:
     assert node.state is State.OPERATION_ENABLED
 
 
+@pytest.mark.parametrize("option", [2, 3])
+def test_a_drive_that_only_switches_off_is_not_switched_on_again_by_itself(option: int) -> None:
+    rig = Rig().up().on()
+    rig.bus.node.objects.write((0x6007, 0), option.to_bytes(2, "little"))
+    rig.run(60, Power.ON, target=0.5)
+    rig.bus.advance(0.2)
+    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.torque_off_at() - rig.bus.node.host_heard <= 0.050
+    rig.run(100, Power.ON, target=0.5)
+    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    rig.run(2, Power.OFF)
+    rig.run(10, Power.ON)
+    assert rig.bus.node.state is State.OPERATION_ENABLED
+
+
+def test_a_drive_that_cannot_map_its_temperature_is_used_without() -> None:
+    rig = Rig(overrides={(0x1A01, 3): None}).up().on()
+    reading = rig.run(20, Power.ON)
+    assert math.isnan(reading.temperature)
+    assert reading.joint_age == 0.0
+    assert math.isfinite(reading.tension)
+
+
 def test_one_lost_heartbeat_is_none() -> None:
     rig = Rig().up().on()
     rig.inject("deaf", lasting=0.012)
@@ -270,7 +293,7 @@ def test_no_frames_make_the_twin_fail(foreign: list[tuple[int, bytes]]) -> None:
         ({(0x6502, 0): 0x25}, {}, "does not know cyclic synchronous position"),
         ({(0x6502, 0): None}, {}, "has no object 6502h"),
         ({(0x6060, 0): None}, {}, "refuses 6060h"),
-        ({(0x1A01, 3): None}, {}, "refuses 1A01h:3"),
+        ({(0x1A01, 2): None}, {}, "refuses 1A01h:2"),
         ({(0x1016, 1): None}, {}, "refuses 1016h:1"),
         ({(0x6007, 0): None}, {}, "refuses 6007h"),
         ({(0x6076, 0): 0}, {}, "rated torque"),

@@ -32,6 +32,8 @@ def test_tpdo2_goes_there_and_back(joint: int, analog: int, temperature: int) ->
     data = frames.pack_tpdo2(frames.Sensors(joint, analog, temperature))
     assert frames.unpack_tpdo2(data) == (joint, analog, temperature)
     assert 8 * len(data) == sum(entry & 0xFF for entry in frames.TPDO2_MAPPING)
+    short = frames.pack_tpdo2(frames.Sensors(joint, analog, None))
+    assert frames.unpack_tpdo2(short) == (joint, analog, None)
 
 
 @given(U16, st.integers(0, 255))

@@ -15,13 +15,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.hardware.drive_parameters import DriveParameters
 from bowden.runtime.cycle import Cycle
+from bowden.runtime.preflight import Preflight
 from bowden.runtime.realtime import Settings
-from bowden.runtime.script import Preflight, Script
-from bowden.runtime.small_motion import SmallMotion
+from bowden.runtime.script import Script
 from bowden.safety.limits import Limits
-
-PREFLIGHT_DISTANCE = 3.0 * RADIANS
-"""Of the preflight's motion, at the spool [rad]."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +48,8 @@ class Live:
     settings: Settings
     table: NDArray[np.float64]
     """See `runtime.script.Script`."""
+    servo_from: int
+    """Row of an excitation from which on it is meant for the servo; 0 for a law."""
     start: float
     """Motor angle at which the run begins [rad]."""
 
@@ -61,11 +60,8 @@ class Live:
     def script(self) -> Script:
         """The run's plan."""
         speed = self.description.live.approach_deg_per_s * RADIANS
-        return Script(self.table, self.start, speed, self._preflight(), self.drive.sample_time)
-
-    def _preflight(self) -> Preflight:
-        middle = 0.5 * (self.limits.motor_low + self.limits.motor_high)
-        return SmallMotion(float(np.copysign(PREFLIGHT_DISTANCE, middle - self.start)))
+        checks = Preflight(pull_sign=-self.limits.slack_sign)
+        return Script(self.table, self.start, speed, checks, self.drive.sample_time)
 
     def told(self) -> Mapping[str, Any]:
         """What the log keeps of the rig, beside the law and the limits."""
@@ -93,11 +89,11 @@ def compose_live(asked: Asked) -> Live:
     drive = drive if asked.channel is None else drive._replace(channel=asked.channel)
     limits = rig_drive.limits(rig, setup.bench)
     if asked.measure:
-        law, table = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time).motor[:, None]
-        start = float(table[0, 0])
+        law, moved = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time)
+        table, servo_from, start = moved.motor[:, None], moved.servo_from, float(moved.motor[0])
     else:
         folder = Path() if asked.law else asked.rig.parent
         law = compose.law_for(asked.law or rig.control.law, rig, setup.bench, folder, asked.preset)
-        time = np.arange(round(setup.duration / drive.sample_time)) * drive.sample_time
-        table, start = setup.reference.sample(time), setup.initial_motor
-    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, start)
+        time = np.arange(round(setup.duration / drive.sample_time), dtype=np.float64) * drive.sample_time
+        table, servo_from, start = setup.reference.sample(time), 0, setup.initial_motor
+    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, servo_from, start)

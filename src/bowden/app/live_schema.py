@@ -94,7 +94,7 @@ def _keys_of(kind: type[Limits] | type[Thermal], prefix: str) -> dict[str, tuple
         suffix, factor, shown = _SUFFIX.get(unit[1] if unit else "", ("", 1.0, "–"))
         meaning = re.sub(r"\s*\[[^\]]+\]", "", said).strip(" ;.")
         meaning = meaning if len(meaning) > 4 else name.replace("_", " ")
-        rules = {} if default < 0.0 or name.endswith("_low") else {"ge": 0.0}
+        rules: dict[str, Any] = {} if default < 0.0 or name.endswith("_low") else {"ge": 0.0}
         value = float(f"{default / factor:.4g}")
         found[f"{prefix}{name}{suffix}"] = (name, factor, key(value, meaning, shown, **rules))
     return found

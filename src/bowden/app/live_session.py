@@ -83,7 +83,8 @@ class Session:
             "start_ns": now,
         }
         self._loop = self._start(["bowden.app.loop_process", json.dumps(given)])
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
         self.ready = self._await_ready()
 
     def _start(self, words: list[str]) -> "subprocess.Popen[str]":
@@ -143,13 +144,15 @@ class Session:
     @property
     def running(self) -> bool:
         """Whether the loop cycles; afterwards `ended` or `error` has what it said."""
-        while True:
-            try:
+        self._hear()
+        return self._loop.poll() is None
+
+    def _hear(self) -> None:
+        with contextlib.suppress(queue.Empty):
+            while True:
                 said = self._said.get_nowait()
-            except queue.Empty:
-                return self._loop.poll() is None
-            if said is not None:
-                self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
+                if said is not None:
+                    self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns; None before the first."""
@@ -177,8 +180,9 @@ class Session:
         if hasattr(self, "_loop"):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._loop.wait(_END)
+            self._listener.join(1.0)
             self.remember()
-            _ = self.running
+            self._hear()
         if hasattr(self, "_recorder"):
             self.rows.recorder.stop()
             with contextlib.suppress(subprocess.TimeoutExpired):

@@ -13,11 +13,13 @@ import typer
 from bowden import __version__
 from bowden.app.check_command import check
 from bowden.app.console import InterruptedPartway
+from bowden.app.doctor_command import doctor
 from bowden.app.identify_command import identify
 from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
 from bowden.app.league_command import league
 from bowden.app.log_command import export, info, plot, recover, replay
+from bowden.app.measure_command import measure
 from bowden.app.reproduce_command import reproduce
 from bowden.app.run_command import run as run_live
 from bowden.app.simulate_command import simulate
@@ -62,9 +64,19 @@ _COMMANDS = [
         ["bowden identify-servo step.csv", "bowden identify-servo chirp.csv --command target --unit deg --json"],
     ),
     _Entry(
+        measure,
+        "Move the motor of a rig, and leave logs for identify and identify-servo.",
+        ["bowden measure rig.toml", "bowden measure rig.toml --twin --auto"],
+    ),
+    _Entry(
         run_live,
         "Run a law live on a rig's drive, under the supervisor.",
         ["bowden run rig.toml", "bowden run rig.toml --twin --auto --duration 20", "bowden run rig.toml --law bowden"],
+    ),
+    _Entry(
+        doctor,
+        "Say what this machine can hold at 1 kHz, and what to change.",
+        ["bowden doctor", "bowden doctor --seconds 60 --cpu 1 --json"],
     ),
     _Entry(
         check,

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bowden.app.laws import KNOWN
-from bowden.app.rig_schema import BENDS, REFERENCES, EncodersSection, Rig, Section
+from bowden.app.rig_schema import BENDS, REFERENCES, EncodersSection, Rig
+from bowden.app.rig_section import Section
 from bowden.control.law import Law
 from bowden.core.files import whole_file
 

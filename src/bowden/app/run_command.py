@@ -39,6 +39,7 @@ def run(
     from bowden.app.live_summary import document, print_summary
     from bowden.app.operator import operate, refuse_without_keys
     from bowden.app.verdict import verdicts
+    from bowden.runtime.preflight import require
 
     refuse_without_keys(auto, json)
     asked = Asked(rig, law, preset, duration, channel)
@@ -46,6 +47,7 @@ def run(
     checked = verdicts(live.setup, [live.law], rig.name, force=force)
     for note in (*live.setup.notes, *(verdict.note for verdict in checked if verdict.note)):
         print(f"bowden: note: {note}", file=sys.stderr)
+    require(live.limits, live.drive.sample_time, "little_margin" if force else checked[0].name or "little_margin")
     with contextlib.ExitStack() as stack:
         if twin:
             asked = replace(asked, channel=stack.enter_context(own_twin(rig, duration)))

@@ -4,12 +4,13 @@ import hashlib
 import logging
 import os
 import socket
+from collections.abc import Callable
 from typing import NamedTuple
 
 import can
 
 from bowden.core.errors import DriveError
-from bowden.hardware.unix_bus import UnixBus, bus_folder
+from bowden.hardware.unix_bus import ERROR, EXTENDED, REMOTE, UnixBus, bus_folder
 
 UNIX = "bowden_unix"
 """Interface of the bus between processes."""
@@ -49,6 +50,21 @@ def claim(interface: str, channel: str, part: str) -> Claim:
             do="end the other run first, or name another channel in [drive]",
         ) from error
     return Claim(holder)
+
+
+def taker(bus: can.BusABC) -> Callable[[], tuple[int, bytes] | None]:
+    """The quickest way to frames that are there: identifier with the flags of `unix_bus`, and data; None of none."""
+    if isinstance(bus, UnixBus):
+        return bus.take
+
+    def take() -> tuple[int, bytes] | None:
+        message = bus.recv(0.0)
+        if message is None:
+            return None
+        flags = EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
+        return message.arbitration_id | flags, bytes(message.data)
+
+    return take
 
 
 def quieten() -> None:

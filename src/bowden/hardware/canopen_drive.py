@@ -6,16 +6,18 @@ Our heartbeat goes out from within `write` alone: a loop that hangs is a host th
 
 import contextlib
 import math
+from collections.abc import Callable
 
 import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveReading
 from bowden.hardware import canopen_frames as frames
-from bowden.hardware.buses import Claim, claim, open_bus, quieten
+from bowden.hardware.buses import Claim, claim, open_bus, quieten, taker
 from bowden.hardware.canopen_setup import Found, set_up
 from bowden.hardware.cia402 import WITH_TORQUE, Control, State, controlword, decode, fell
 from bowden.hardware.drive_parameters import DriveParameters, check_parameters
+from bowden.hardware.unix_bus import ERROR
 from bowden.runtime.ports import Power
 
 MOST_FRAMES = 64
@@ -45,6 +47,7 @@ class CanopenDrive:
         check_parameters(parameters)
         self._drive, self._given = parameters, bus
         self._bus: can.BusABC | None = None
+        self._take: Callable[[], tuple[int, bytes] | None] | None = None
         self._claim: Claim | None = None
         self._found: Found | None = None
         self._bus_errors = 0
@@ -65,6 +68,7 @@ class CanopenDrive:
             if self._bus is None:
                 self._bus = open_bus(drive.interface, drive.channel, drive.bitrate)
             self._found = set_up(self._bus, drive)
+            self._take = taker(self._bus)
         except BaseException:
             self._leave()
             raise
@@ -91,14 +95,12 @@ class CanopenDrive:
         for _ in range(MOST_FRAMES):
             if found is None:
                 break
-            message = self._receive()
-            if message is None:
+            frame = self._receive()
+            if frame is None:
                 break
-            cob_id, data = message.arbitration_id, message.data
-            if message.is_error_frame:
+            cob_id, data = frame
+            if cob_id & ERROR:
                 self._bus_errors += 1
-            elif message.is_extended_id or message.is_remote_frame:
-                continue
             elif cob_id == frames.TPDO1 + node and (motion := frames.unpack_tpdo1(data)) is not None:
                 self._counts = motion.position
                 self._statusword_state = decode(motion.statusword)
@@ -106,7 +108,7 @@ class CanopenDrive:
                 current = motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
             elif cob_id == frames.TPDO2 + node and (sensors := frames.unpack_tpdo2(data)) is not None:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
-                temperature = 0.1 * sensors.temperature
+                temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
                 if drive.tension_scale != 0.0:
                     tension = drive.tension_scale * (sensors.analog - drive.tension_zero)
             elif cob_id == frames.HEARTBEAT + node and (told := frames.unpack_heartbeat(data)) is not None:
@@ -205,11 +207,11 @@ class CanopenDrive:
             self._bus.shutdown()
         if self._claim is not None:
             self._claim.release()
-        self._bus = self._claim = self._found = None
+        self._bus = self._claim = self._found = self._take = None
 
-    def _receive(self) -> can.Message | None:
+    def _receive(self) -> tuple[int, bytes] | None:
         try:
-            return self._bus.recv(0.0) if self._bus else None
+            return self._take() if self._take else None
         except (can.CanError, OSError):
             self._bus_errors += 1
             return None

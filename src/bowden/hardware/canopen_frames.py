@@ -3,7 +3,7 @@
     RPDO 1  200h + node   6040h controlword u16, 607Ah target position i32
     TPDO 1  180h + node   6041h statusword u16, 6064h position i32, 6077h torque i16 [‰ of the rated torque]
     TPDO 2  280h + node   60E4h:2 position of the second sensor i32, 3160h:1 analog input i16 [mV],
-                          3201h:1 temperature of the power stage i16 [0.1 °C]
+                          3201h:1 temperature of the power stage i16 [0.1 °C], where the drive can map it
 
 Source: CiA 301, "predefined connection set", "emergency write", "heartbeat"; the two 3xxxh objects are maxon's (EPOS4
 Firmware Specification).
@@ -36,12 +36,8 @@ TPDO1_MAPPING = (0x6041_0010, 0x6064_0020, 0x6077_0010)
 TPDO2_MAPPING = (0x60E4_0220, 0x3160_0110, 0x3201_0110)
 """Index, sub-index and length in bits of what is mapped, as 1600h, 1A00h and 1A01h want it."""
 
-_RPDO1, _TPDO1, _TPDO2, _EMERGENCY = (
-    struct.Struct("<Hi"),
-    struct.Struct("<Hih"),
-    struct.Struct("<ihh"),
-    struct.Struct("<HB"),
-)
+_RPDO1, _TPDO1 = struct.Struct("<Hi"), struct.Struct("<Hih")
+_TPDO2, _TPDO2_SHORT, _EMERGENCY = struct.Struct("<ihh"), struct.Struct("<ih"), struct.Struct("<HB")
 
 
 class Motion(NamedTuple):
@@ -61,8 +57,8 @@ class Sensors(NamedTuple):
     """[counts]"""
     analog: int
     """[mV]"""
-    temperature: int
-    """[0.1 °C]"""
+    temperature: int | None
+    """[0.1 °C]; None of a drive that does not send it."""
 
 
 def pack_rpdo1(control: int, target: int) -> bytes:
@@ -89,13 +85,20 @@ def unpack_tpdo1(data: bytes | bytearray) -> Motion | None:
 
 
 def pack_tpdo2(sensors: Sensors) -> bytes:
-    """TPDO 2 as bytes."""
+    """TPDO 2 as bytes; without a temperature the six of the rest."""
+    if sensors.temperature is None:
+        return _TPDO2_SHORT.pack(*sensors[:2])
     return _TPDO2.pack(*sensors)
 
 
 def unpack_tpdo2(data: bytes | bytearray) -> Sensors | None:
-    """TPDO 2; None of anything but 8 bytes."""
-    return Sensors(*_TPDO2.unpack(data)) if len(data) == _TPDO2.size else None
+    """TPDO 2; None of anything but 8 bytes, or 6 where the temperature is not mapped."""
+    if len(data) == _TPDO2.size:
+        return Sensors(*_TPDO2.unpack(data))
+    if len(data) != _TPDO2_SHORT.size:
+        return None
+    joint, analog = _TPDO2_SHORT.unpack(data)
+    return Sensors(joint, analog, None)
 
 
 def pack_emergency(code: int, register: int) -> bytes:

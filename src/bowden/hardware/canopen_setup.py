@@ -17,6 +17,8 @@ from bowden.hardware.emergencies import emergency_text
 
 FAULT_SIGNAL = 1
 """6007h, abort connection option code: a lost heartbeat is a fault, and so it is latched."""
+DISABLE_VOLTAGE = 2
+"""6007h for a drive that refuses the former: torque off, and `cia402.fell` keeps it off."""
 DISABLE = 0
 """605Eh fault reaction, 605Bh shutdown, 605Ch disable operation: torque off at once."""
 SLOW_DOWN_AND_DISABLE = 2
@@ -161,7 +163,10 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
     node.write(0x6060, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION, 1)
     node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)
     node.write(0x60C2, 2, -3, 1)
-    node.write(0x6007, 0, FAULT_SIGNAL, 2)
+    try:
+        node.write(0x6007, 0, FAULT_SIGNAL, 2)
+    except DriveError:
+        node.write(0x6007, 0, DISABLE_VOLTAGE, 2)
     node.write(0x605A, 0, SLOW_DOWN_AND_DISABLE, 2)
     for index in (0x605B, 0x605C, 0x605E):
         node.write(index, 0, DISABLE, 2)
@@ -171,7 +176,10 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
             node.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
     _map(node, 0x1400, frames.RPDO1 + drive.node_id, frames.RPDO1_MAPPING)
     _map(node, 0x1800, NO_REMOTE | frames.TPDO1 + drive.node_id, frames.TPDO1_MAPPING)
-    _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
+    try:
+        _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
+    except DriveError:  # older EPOS4 cannot map 3201h, the power stage's temperature
+        _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
     node.write(0x1016, 1, drive.host_id << 16 | math.ceil(round(1e3 * drive.heartbeat_timeout, 6)), 4)
 

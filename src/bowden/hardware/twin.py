@@ -1,6 +1,7 @@
 """The twin's process: a bus, the node, the control socket, and the clock that drives them. Waits, never spins."""
 
 import contextlib
+import gc
 import math
 import os
 import resource
@@ -65,7 +66,7 @@ class Twin:
             raise
         self._journal: deque[tuple[float, str, str]] = deque(maxlen=20_000)
         self._node = TwinNode(drive, bench, self._send, self._note, overrides)
-        self._unsent = 0
+        self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
         self._began, self._began_cpu = clock(), _cpu_time()
         self._stopping = False
 
@@ -102,7 +103,9 @@ class Twin:
                 if not (message.is_error_frame or message.is_extended_id or message.is_remote_frame):
                     self._node.receive(message.arbitration_id, bytes(message.data), self._clock())
                 message = self._receive(0.0)
-        self._node.tick(self._clock())
+        now = self._clock()
+        self._longest_wait, self._ticked = max(self._longest_wait, now - self._ticked), now
+        self._node.tick(now)
         for caller, request in self._control.requests():
             try:
                 answer = self._answer(request, self._clock())
@@ -184,13 +187,17 @@ class Twin:
             "last_heartbeat": node.host_heard if math.isfinite(node.host_heard) else None,
             "syncs": node.syncs,
             "unsent": self._unsent,
+            "longest_wait": self._longest_wait,
             "faults": node.faults.names(now),
             "processor_share": (_cpu_time() - self._began_cpu) / ran if ran > 0.0 else 0.0,
         }
 
 
 def raise_priority() -> bool:
-    """Run under SCHED_FIFO where that is allowed; whether it is."""
+    """Run under SCHED_FIFO where that is allowed; whether it is. Garbage is collected now, and never again."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except (AttributeError, OSError):

@@ -27,6 +27,8 @@ HOTTEST = 110.0
 """Temperature at which the power stage protects itself [°C]."""
 REBOOT_TIME = 0.3
 """[s]"""
+STEP = 0.9e-3
+"""The bench is moved on at every SYNC, and without one after this [s]."""
 STANDSTILL = 1e-6
 """Speed at which a quick stop is over [rad/s]."""
 
@@ -60,6 +62,7 @@ class TwinNode:
         self.host_heard = -math.inf
         """When the host's heartbeat came last [s]."""
         self._scenario_began = False
+        self._moved = -math.inf
         self._power_up(-math.inf)
 
     def _power_up(self, ready: float) -> None:
@@ -99,7 +102,7 @@ class TwinNode:
             (0x6077, 0): lambda: self._sampler.true()[0].torque,
             (0x60E4, 2): lambda: self._sampler.true()[1].joint,
             (0x3160, 1): lambda: self._sampler.true()[1].analog,
-            (0x3201, 1): lambda: self._sampler.true()[1].temperature,
+            (0x3201, 1): lambda: self._sampler.true()[1].temperature or 0,
         }
 
     def receive(self, cob_id: int, data: bytes, now: float) -> None:
@@ -134,7 +137,8 @@ class TwinNode:
             else:
                 self._fail(int(injection.amount) & 0xFFFF, now)
         self._watch(now)
-        self._move(now)
+        if now - self._moved >= STEP:
+            self._move(now)
         if self._booted and self.objects[0x1017, 0] and now >= self._next_heartbeat:
             self._next_heartbeat = max(self._next_heartbeat + 1e-3 * self.objects[0x1017, 0], now)
             self._emit(frames.HEARTBEAT + self._drive.node_id, bytes((self.nmt,)), now)
@@ -162,8 +166,12 @@ class TwinNode:
             self._watching = False
         if self._watching and now - self.host_heard >= limit:
             self._watching = False
-            if self.objects[0x6007, 0]:
+            option = self.objects[0x6007, 0]
+            if option == 1:
                 self._fail(HEARTBEAT_LOST, now)
+            elif option:  # 2, disable voltage; 3, quick stop
+                self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(HEARTBEAT_LOST, 0x11), now)
+                self._enter(step(self.state, 0x00 if option == 2 else 0x02, edge=False), now)
 
     def _synchronise(self, now: float) -> None:
         """At a SYNC: the target that came before it takes effect, and everything is sampled and sent."""
@@ -178,6 +186,8 @@ class TwinNode:
         self._history.append(self._sampler.sample(now))
         back = self.faults.active("delayed_readings", now)
         motion, sensors = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
+        if self.objects[0x1A01, 0] < len(frames.TPDO2_MAPPING):
+            sensors = sensors._replace(temperature=None)
         node = self._drive.node_id
         if self.objects[0x1800, 1] >> 31 == 0:
             self._emit_pdo(frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now)
@@ -225,7 +235,7 @@ class TwinNode:
 
     def _move(self, now: float) -> None:
         """Move the bench on, with torque where the state has it, and see to the drive's own limits."""
-        bench = self.bench
+        bench, self._moved = self.bench, now
         bench.torn = bool(self.faults.active("broken_cable", now))
         slack = self.faults.active("slack_cable", now)
         bench.slack = math.radians(slack.amount) if slack else 0.0

@@ -1,5 +1,6 @@
 """The object dictionary of the twin, and the SDO server that serves it."""
 
+import math
 import struct
 from collections.abc import Callable
 from typing import NamedTuple
@@ -157,7 +158,7 @@ def dictionary(made: Made) -> dict[Key, Entry]:
         (0x1018, 2): Entry(4, 1),
         (0x1018, 3): Entry(4, 1),
         (0x1018, 4): Entry(4, 1),
-        (0x3001, 2): Entry(4, round(1e3 * made.current)),
+        (0x3001, 2): Entry(4, math.ceil(1e3 * made.current)),
         (0x3160, 1): Entry(2, 0, signed=True),
         (0x3201, 1): Entry(2, 0, signed=True),
         (0x6007, 0): Entry(2, 1, writable=True, signed=True),

@@ -33,6 +33,9 @@ EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 LONGEST_PATH = 107
 """Of a Unix socket's name [bytes]."""
 
+LOOK_EVERY = 8
+"""Frames that a node sends at most before it looks whether somebody has joined; one that reads looks by itself."""
+
 _RIGHTS = socket.CMSG_SPACE(struct.calcsize("i"))
 
 
@@ -62,6 +65,7 @@ class UnixBus(can.BusABC):
         self.channel_info = f"bowden_unix bus {folder}"
         self.undelivered = 0
         """Frames that a node which does not read, or has died, did not get."""
+        self._unlooked = LOOK_EVERY
         self._links: list[socket.socket] = []
         self._mute: list[socket.socket] = []
         """Links whose other end has gone, kept until what it said last is read."""
@@ -106,7 +110,7 @@ class UnixBus(can.BusABC):
 
     def _open_door(self) -> bool:
         """Take in everyone who has joined since; whether anyone has."""
-        before = len(self._links)
+        before, self._unlooked = len(self._links), 0
         while True:
             try:
                 _, rights, _, _ = self._door.recvmsg(16, _RIGHTS)
@@ -131,7 +135,9 @@ class UnixBus(can.BusABC):
         """
         flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame | ERROR * msg.is_error_frame
         frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
-        self._open_door()
+        self._unlooked += 1
+        if self._unlooked >= LOOK_EVERY or not self._links:
+            self._open_door()
         for link in tuple(self._links):
             try:
                 link.send(frame)
@@ -143,6 +149,23 @@ class UnixBus(can.BusABC):
                 self._mute.append(link)
         if not self._links:
             raise can.CanOperationError("no other node on the bus acknowledges")
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, or None after `timeout` [s]; python-can's own, without detours where there is no wait."""
+        if timeout == 0.0 and self._filters is None:
+            return self._recv_internal(0.0)[0]
+        return super().recv(timeout)
+
+    def take(self) -> tuple[int, bytes] | None:
+        """The next frame that is there, as identifier with `EXTENDED`, `REMOTE`, `ERROR`, and data; None of none.
+
+        `recv` without python-can's message, which costs more than the rest.
+        """
+        frame = self._next()
+        if frame is None:
+            return None
+        identifier, length, data = FRAME.unpack(frame)
+        return identifier, data[:length]
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         frame = self._next()

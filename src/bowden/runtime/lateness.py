@@ -1,10 +1,14 @@
 """How late a machine wakes a process: what a loop that does nothing sees, and figures of it."""
 
-from dataclasses import dataclass
+import json
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.errors import BowdenError
 from bowden.runtime.clock import SECOND, MonotonicClock, next_deadline
 from bowden.runtime.realtime import Grant, Settings, become_realtime
 
@@ -56,3 +60,27 @@ def bare_loop(seconds: float, period: float, settings: Settings) -> tuple[NDArra
         late[k] = (clock.now() - deadline) * 1e-9
         deadline, _ = next_deadline(deadline, clock.now(), step)
     return late, grants
+
+
+def bare_loop_apart(seconds: float, period: float, settings: Settings) -> tuple[NDArray[np.float64], list[Grant]]:
+    """`bare_loop` in a process of its own, since what a process asks the system for it keeps.
+
+    Raises:
+        BowdenError: the process failed.
+    """
+    given = json.dumps([seconds, period, asdict(settings)])
+    done = subprocess.run([sys.executable, "-m", __name__, given], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise BowdenError(f"the bare loop failed: {done.stderr.strip()[-300:]}")
+    late, grants = json.loads(done.stdout)
+    return np.array(late), [Grant(**grant) for grant in grants]
+
+
+def _main() -> None:
+    seconds, period, settings = json.loads(sys.argv[1])
+    late, grants = bare_loop(seconds, period, Settings(**settings))
+    json.dump([late.tolist(), [asdict(grant) for grant in grants]], sys.stdout)
+
+
+if __name__ == "__main__":
+    _main()

@@ -14,7 +14,6 @@ from bowden.safety.supervisor import Mode, Observed, Request
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
 _RESTING = (float(Mode.STOPPED), float(Mode.LATCHED))
-_ENABLED = 4.0  # operation enabled, of the drive's states
 _LAST = 10
 """Cycles with the power off before the loop ends, in which the drive hears of it and says so."""
 
@@ -92,8 +91,7 @@ class Loop:
                 request = _STOP
             if request == _ACKNOWLEDGE:
                 drive.reset_fault()
-            enabled = reading.drive_state == _ENABLED
-            plan = script.plan(mode, target, reading, enabled, 1 + skipped)
+            plan = script.plan(mode, target, reading, 1 + skipped)
 
             # what is done
             recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0

@@ -1,34 +1,18 @@
 """What a run does, cycle by cycle: hold, preflight, approach, and then the law on its reference or a planned motion."""
 
 import math
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.reference import minimum_jerk
 from bowden.core.signals import DriveReading, Reference
+from bowden.runtime import preflight
 from bowden.runtime.cycle import HOLD, LAW, LAW_BEGINS, MOTION, NOWHERE, Plan
+from bowden.runtime.row import NOTHING_READ
 from bowden.safety.supervisor import Mode
 
 _PREFLIGHT, _RUNNING, _BRIDGING = float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING)
-
-
-class Preflight(Protocol):
-    """The checks between arming and running."""
-
-    def begin(self, target: float) -> None:
-        """Armed; the motor stands at `target` [rad]."""
-        ...
-
-    def step(self, reading: DriveReading, enabled: bool, dt: float) -> tuple[float, float]:
-        """The motor's target [rad] in this cycle, and the outcome: 0 not done, 1 passed, −1 failed."""
-        ...
-
-    @property
-    def reason(self) -> str:
-        """Why it failed; empty where it has not."""
-        ...
 
 
 class Script:
@@ -39,16 +23,17 @@ class Script:
             targets of the motor [rad].
         start: motor angle to go to first [rad].
         speed: of that approach, at its quickest [rad/s].
-        preflight: between arming and running.
+        checks: the preflight between arming and running.
         period: of a cycle [s].
     """
 
     def __init__(
-        self, table: NDArray[np.float64], start: float, speed: float, preflight: Preflight, period: float
+        self, table: NDArray[np.float64], start: float, speed: float, checks: preflight.Preflight, period: float
     ) -> None:
         self._rows: list[tuple[float, ...]] = list(map(tuple, table.tolist()))  # no array is indexed in the loop
         self._led = table.shape[1] == 3
-        self._start, self._speed, self._preflight, self._period = start, speed, preflight, period
+        self._start, self._speed, self._checks, self._period = start, speed, checks, period
+        self._checked = preflight.begin(checks, NOTHING_READ)
         self._mode = float(Mode.STOPPED)
         self._from, self._approach, self._cycles, self._begun = 0.0, 0.0, 0, False
         self.outcome = 0.0
@@ -56,20 +41,20 @@ class Script:
         self.done = False
         """Whether the table has come to its end since the run began."""
 
-    def plan(self, mode: float, target: float, reading: DriveReading, enabled: bool, cycles: int) -> Plan:
+    def plan(self, mode: float, target: float, reading: DriveReading, cycles: int) -> Plan:
         """What to do in this cycle.
 
         Args:
             mode: number of the supervisor's `Mode` after the last cycle.
             target: what the drive was told then [rad].
             reading: what the drive says.
-            enabled: whether it follows its target.
             cycles: periods since the last cycle, more than 1 after an overrun.
         """
         if mode != self._mode:
-            self._enter(mode, target, cycles)
+            self._enter(mode, target, reading, cycles)
         if mode == _PREFLIGHT:
-            wish, self.outcome = self._preflight.step(reading, enabled, cycles * self._period)
+            self._checked, wish, said = preflight.step(self._checks, self._checked, reading, cycles * self._period)
+            self.outcome = said.result
             return Plan(MOTION, wish, NOWHERE)
         if mode not in (_RUNNING, _BRIDGING):
             return Plan(HOLD, target, NOWHERE)
@@ -85,10 +70,10 @@ class Script:
         source, self._begun = (LAW if self._begun else LAW_BEGINS), True
         return Plan(source, target, Reference(*values))
 
-    def _enter(self, mode: float, target: float, cycles: int) -> None:
+    def _enter(self, mode: float, target: float, reading: DriveReading, cycles: int) -> None:
         if mode == _PREFLIGHT:
             self.outcome = 0.0
-            self._preflight.begin(target)
+            self._checked = preflight.begin(self._checks, reading)
         if mode == _RUNNING and self._mode != _BRIDGING:
             distance = abs(self._start - target)
             self._from, self._cycles, self._begun, self.done = target, -cycles, False, False
@@ -98,7 +83,7 @@ class Script:
     @property
     def reason(self) -> str:
         """Why the preflight failed; empty where it has not."""
-        return self._preflight.reason
+        return preflight.REASONS[preflight.Reason(int(self._checked.reason))]
 
 
 _PEAK = 1.875

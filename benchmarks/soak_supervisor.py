@@ -1,0 +1,66 @@
+"""Hours of fault-free running under the supervisor: all laws in all of the league's scenarios on the default bench.
+
+    python benchmarks/soak_supervisor.py [HOURS]
+
+Every cycle's verdict must be the law's wish, with power on. Resumable. Exit code 1 at any trip.
+"""
+
+import itertools
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from bowden.control import LAWS
+from bowden.design.league import told
+from bowden.design.league_cells import plants, scenarios
+from bowden.paper.bench import default_bench, moved_sheath
+from bowden.safety.faults import of
+from bowden.safety.limits import Limits
+from bowden.sim.cable_plant import resting_motor
+from bowden.sim.fault_matrix import MEASURED
+from bowden.sim.supervised import supervised
+from kept import Kept
+
+HOURS = 10.0
+
+
+def runs(hours: float, done: int) -> Iterator[list[Any]]:
+    """[law, plant, scenario, seed, seconds, cycles in which the verdict was not the wish, faults]."""
+    bench = default_bench()
+    found, played, gone = plants(bench, moved_sheath())[:2], 0, 0.0
+    for seed in itertools.count(1):
+        for scenario, plant, law in itertools.product(scenarios(), found, LAWS.values()):
+            if gone >= 3600.0 * hours:
+                return
+            played, gone = played + 1, gone + scenario.duration
+            if played <= done:
+                continue
+            out = supervised(
+                bench,
+                told(law, plant.plant),
+                scenario.reference(plant.stroke),
+                MEASURED if seed % 2 else Limits(),
+                duration=scenario.duration,
+                bend=plant.bend,
+                seed=seed,
+                initial_motor=resting_motor(plant.plant, 0.0, float(plant.bend(np.zeros(1))[0])),
+            )
+            names = " ".join(fault.name for fault in of(out.faults))
+            yield [law.name, plant.name, scenario.name, seed, scenario.duration, out.differs + out.bad, names]
+
+
+def main() -> int:
+    hours = float(sys.argv[1]) if len(sys.argv) > 1 else HOURS
+    kept = Kept(f"soak_supervisor_{hours:g}")
+    rows = kept.filled(runs(hours, len(kept.rows())), round(3600.0 * hours / 41.5))
+    tripped = [row for row in rows if row[5] or row[6]]
+    for row in tripped[:20]:
+        print("tripped:", *row)
+    print(f"{sum(row[4] for row in rows) / 3600.0:.2f} h in {len(rows)} runs without a fault: {len(tripped)} tripped")
+    return 1 if tripped else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

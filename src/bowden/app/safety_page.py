@@ -1,0 +1,60 @@
+"""The tables of docs/safety.md, made from the code: every fault, every limit."""
+
+import inspect
+import re
+from pathlib import Path
+
+from bowden.core.files import whole_file
+from bowden.models.thermal import Thermal
+from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
+
+_REACTIONS = {(0, 0): "warns", (1, 2): "R1, then R2", (1, 3): "R1, then R3", (2, 2): "R2", (3, 3): "R3"}
+
+
+def faults_table() -> str:
+    """Every fault, in the order of its bits."""
+    rows = ["| bit | fault | what it means | detector | reaction | within | latched | what to do |", "|---" * 8 + "|"]
+    for fault in Fault:
+        within = f"{fault.within * 1e3:.0f} ms" if fault.then else "–"
+        cells = (
+            *(str(int(fault)), f"`{fault.name}`", fault.meaning, fault.detector.replace("|", "\\|")),
+            *(_REACTIONS[fault.at_once, fault.then], within, "yes" if fault.latched else "no", fault.remedy),
+        )
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def limits_table() -> str:
+    """Every limit with its default; meanings and units are the comments of its source."""
+    found = re.findall(r"^    (\w+): float = \S+  # (.+)$", inspect.getsource(Limits), re.MULTILINE)
+    meanings, defaults = dict(found), Limits()
+    rows = ["| limit | default | meaning |", "|---|---|---|"]
+    for name, value in defaults._asdict().items():
+        if isinstance(value, Thermal):
+            rows += [f"| `thermal.{key}` | {inner:g} | |" for key, inner in value._asdict().items()]
+        else:
+            rows.append(f"| `{name}` | {value:g} | {meanings[name]} |")
+    return "\n".join(rows)
+
+
+def with_tables(page: str) -> str:
+    """The page with what stands between its markers made anew."""
+    for name, table in (("faults", faults_table()), ("limits", limits_table())):
+        begin, end = f"<!-- {name}: made by make docs -->\n", f"<!-- end of {name} -->"
+        head, _, rest = page.partition(begin)
+        _, _, tail = rest.partition(end)
+        page = f"{head}{begin}{table}\n{end}{tail}"
+    return page
+
+
+def write_docs(docs: Path) -> None:
+    """Write the tables where they belong.
+
+    Raises:
+        OutputError: the page cannot be written.
+    """
+    path = docs / "safety.md"
+    text = with_tables(path.read_text(encoding="utf-8"))
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")

@@ -1,0 +1,32 @@
+"""The tables in docs/drive.md and docs/twin.md say what the code does."""
+
+from pathlib import Path
+
+from bowden.hardware.cia402 import CONTROL, STATUS, State
+from bowden.hardware.injection import KINDS
+from bowden.runtime.ports import Power
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def table(page: str, name: str) -> list[str]:
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return text.split(f"<!-- {name} -->\n")[1].split("<!-- end -->")[0].splitlines()[2:]
+
+
+def test_the_state_table() -> None:
+    rows = []
+    for state in State:
+        mask, value = STATUS[state]
+        words = [CONTROL[state, power] for power in Power]
+        cells = [state.name.lower().replace("_", " "), str(int(state)), f"{value:02X}h of {mask:02X}h"]
+        rows.append("| " + " | ".join(cells + [f"{word:04X}h" if word else "–" for word in words]) + " |")
+    assert table("drive.md", "state table") == rows
+
+
+def test_the_table_of_faults() -> None:
+    rows = []
+    for name, kind in KINDS.items():
+        amount = "" if kind.amount is None else f"{kind.amount:g} {kind.unit}"
+        rows.append(f"| `{name}` | {'joint, motor' if kind.side else ''} | {amount} | {kind.meaning} |")
+    assert table("twin.md", "faults") == rows

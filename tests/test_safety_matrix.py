@@ -1,0 +1,72 @@
+"""The fault matrix on a fake clock, a seeded sample of it; benchmarks/fault_matrix.py runs it all."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.design.league import told
+from bowden.design.league_cells import plants, scenarios
+from bowden.paper.bench import default_bench, moved_sheath
+from bowden.safety.limits import Limits
+from bowden.sim.adversary import attack
+from bowden.sim.cable_plant import resting_motor
+from bowden.sim.fault_matrix import MEASURED, ROWS, complaints, pair_complaints, run_row
+from bowden.sim.injected import Injected
+from bowden.sim.supervised import supervised
+
+BENCH = default_bench()
+LAW = LAWS["adaptive"]
+
+
+def test_every_fault_that_can_be_injected_has_a_row() -> None:
+    assert set(ROWS) == set(Injected) - {Injected.NOTHING}
+
+
+@pytest.mark.parametrize("kind", list(ROWS), ids=lambda kind: kind.name)
+def test_a_fault_is_detected_and_has_its_reaction_in_its_time(kind: Injected) -> None:
+    shown = 0
+    for seed, onset in itertools.product(range(2), range(5)):
+        outcome = run_row(BENCH, LAW, (kind,), seed, onset)
+        assert list(complaints(kind, outcome)) == [], (seed, onset, outcome)
+        shown += outcome.shown >= 0.0 or outcome.released >= 0.0
+    assert shown == 10
+
+
+def test_a_row_that_nothing_detects_is_complained_of() -> None:
+    blind = run_row(BENCH, LAW, (Injected.RECORDER_LOST,), 0, 0)
+    for kind in set(ROWS) - {Injected.RECORDER_LOST}:
+        assert list(complaints(kind, blind._replace(shown=1000.0, faults=0.0))), kind
+
+
+def test_two_faults_end_without_power_and_r3_is_not_kept_waiting() -> None:
+    two = list(itertools.permutations(ROWS, 2))
+    for i in np.random.default_rng(1).choice(len(two), 250, replace=False):
+        outcome = run_row(BENCH, LAW, two[i], int(i), 0)
+        assert list(pair_complaints(two[i], int(i), 0, outcome)) == [], (two[i], outcome)
+
+
+@pytest.mark.parametrize("limits", [MEASURED, Limits()], ids=["all_measured", "default"])
+def test_a_run_in_order_is_never_touched(limits: Limits) -> None:
+    plant = plants(BENCH, moved_sheath())[1]
+    start = resting_motor(plant.plant, 0.0, float(plant.bend(np.zeros(1))[0]))
+    for name, scenario in itertools.product(("adaptive", "bowden"), scenarios()):
+        outcome = supervised(
+            BENCH,
+            told(LAWS[name], plant.plant),
+            scenario.reference(plant.stroke),
+            limits,
+            duration=scenario.duration,
+            bend=plant.bend,
+            seed=7,
+            initial_motor=start,
+        )
+        assert (outcome.differs, outcome.faults, outcome.bad) == (0.0, 0.0, 0.0), (name, scenario.name)
+
+
+def test_whatever_comes_in_the_target_is_finite_and_within_limits_and_rate() -> None:
+    wrong, powered, led = attack(MEASURED, 100_000, 1)
+    assert wrong == 0
+    assert powered > 30_000
+    assert led > 20_000

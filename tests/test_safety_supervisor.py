@@ -1,0 +1,409 @@
+"""The supervisor cycle by cycle: modes, reactions, each detector alone, and that none of them can be taken out."""
+
+import ast
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bowden.core.kernel import compiled
+from bowden.core.signals import DriveReading
+from bowden.models.thermal import ThermalState, cold, rested, warm
+from bowden.runtime.ports import Power
+from bowden.safety import faults, supervisor
+from bowden.safety.faults import Fault, of
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise
+
+DT = 1e-3
+LIMITS = Limits(measures_tension=1.0, measures_temperature=1.0)
+READING = DriveReading(0.5, 0.45, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+OBSERVED = Observed(READING, 0.0, DT, 0.0, 0.1, 1.0, 1.0)
+COLD = cold(LIMITS.thermal)
+LOOSE = LIMITS._replace(tracking=9.0)
+"""For a motor that does not move while the cable is let out."""
+POWERED = (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING)
+NAN = math.nan
+
+
+def seen(*, request: float = 0.0, observed: Observed = OBSERVED, **changes: float) -> Observed:
+    """What is observed in a rig in order, with changes by the names of its fields."""
+    reading = observed.reading._replace(**{k: v for k, v in changes.items() if k in DriveReading._fields})
+    rest = {k: v for k, v in changes.items() if k not in DriveReading._fields}
+    return observed._replace(reading=reading, request=float(request), **rest)
+
+
+@cache
+def running(limits: Limits = LIMITS, thermal: ThermalState = COLD, motor: float = 0.5) -> SupervisorState:
+    """A supervisor that lets the law lead, for a tenth of a second already."""
+    state = begin(limits, READING._replace(motor=motor, joint=0.9 * motor), thermal)
+    for request in (Request.ARM, Request.NONE, Request.RUN, *([Request.NONE] * 100)):
+        state, verdict = supervise(limits, state, seen(request=request, motor=motor, joint=0.9 * motor), motor, DT)
+    assert verdict == Verdict(motor, 3.0, Mode.RUNNING, 0.0, 0.0)
+    return state
+
+
+Cycle = tuple[Observed, float]
+
+
+def follow(
+    cycles: Iterator[Cycle] | list[Cycle], limits: Limits = LIMITS, state: SupervisorState | None = None
+) -> list[Verdict]:
+    state = running(limits) if state is None else state
+    verdicts = []
+    for observed, wish in cycles:
+        state, verdict = supervisor.supervise(limits, state, observed, wish, DT)
+        verdicts.append(verdict)
+    return verdicts
+
+
+def lasting(cycles: int, wish: float = 0.5, **changes: float) -> list[Cycle]:
+    return [(seen(**changes), wish)] * cycles
+
+
+def test_it_starts_stopped_and_gives_no_power_before_it_is_armed() -> None:
+    state = begin(LIMITS, READING, COLD)
+    assert state.mode == Mode.STOPPED
+    for request in (Request.NONE, Request.RUN, Request.STOP, Request.ACKNOWLEDGE):
+        _, verdict = supervise(LIMITS, state, seen(request=request), 0.5, DT)
+        assert (verdict.mode, verdict.power) == (Mode.STOPPED, Power.OFF)
+
+
+def test_armed_it_waits_for_drive_preflight_and_the_request_to_run() -> None:
+    state = begin(LIMITS, READING, COLD)
+    state, verdict = supervise(LIMITS, state, seen(request=Request.ARM, drive_state=1.0), 0.9, DT)
+    assert (verdict.mode, verdict.power, verdict.target) == (Mode.PREFLIGHT, Power.ON, 0.5)
+    state, verdict = supervise(LIMITS, state, seen(drive_state=2.0, motor=0.51, preflight=0.0), 0.9, DT)
+    assert verdict.target == 0.51, "until the drive is enabled, the target is where the motor is"
+    state, verdict = supervise(LIMITS, state, seen(preflight=0.0, motor=0.51), 0.52, DT)
+    assert (verdict.mode, verdict.target) == (Mode.PREFLIGHT, 0.52)
+    _, verdict = supervise(LIMITS, state, seen(preflight=0.0, motor=0.51, request=Request.RUN), 0.52, DT)
+    assert verdict.mode == Mode.PREFLIGHT, "not before the preflight has passed"
+    state, verdict = supervise(LIMITS, state, seen(motor=0.51), 0.52, DT)
+    assert verdict.mode == Mode.PREFLIGHT, "and not unasked"
+    _, verdict = supervise(LIMITS, state, seen(request=Request.RUN, motor=0.51), 0.52, DT)
+    assert (verdict.mode, verdict.power, verdict.target) == (Mode.RUNNING, Power.ON, 0.52)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"recorder": 0.0},
+        {"joint": NAN},
+        {"operator_age": 5.0},
+        {"drive_state": 7.0},
+        {"tension": 1e3},
+        {"elapsed": -1.0},
+    ],
+)
+def test_it_is_not_armed_while_anything_is_wrong(wrong: dict[str, float]) -> None:
+    state = begin(LIMITS, READING, COLD)
+    _, verdict = supervise(LIMITS, state, seen(request=Request.ARM, **wrong), 0.5, DT)
+    assert (verdict.mode, verdict.power) == (Mode.STOPPED, Power.OFF)
+    assert verdict.faults > 0.0
+
+
+def test_a_lost_recorder_leaves_a_running_loop_alone() -> None:
+    for verdict in follow(lasting(1000, recorder=0.0)):
+        assert (verdict.mode, verdict.reaction, of(verdict.faults)) == (Mode.RUNNING, 0.0, [Fault.RECORDER_LOST])
+
+
+def test_r1_holds_the_last_target_and_gives_the_motor_back() -> None:
+    verdicts = follow(lasting(4, wish=NAN) + lasting(10, wish=0.501))
+    assert [v.mode for v in verdicts[:4]] == [Mode.BRIDGING] * 4
+    assert {v.target for v in verdicts[:4]} == {0.5}
+    assert {v.reaction for v in verdicts[:4]} == {1.0}
+    assert [v.mode for v in verdicts[4:]] == [Mode.RUNNING] * 10
+    assert verdicts[-1].faults == 0.0
+
+
+def test_r1_lasts_5_ms_at_most_and_counts_what_came_before() -> None:
+    modes = [v.mode for v in follow(lasting(8, wish=NAN))]
+    assert modes == [Mode.BRIDGING] * 5 + [Mode.RELEASING] * 3
+    every_third = (lasting(1, wish=NAN) + lasting(2)) * 10
+    assert Mode.RELEASING in [v.mode for v in follow(every_third)]
+    seldom = (lasting(1, wish=NAN) + lasting(100)) * 10
+    assert Mode.RELEASING not in [v.mode for v in follow(seldom)]
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_r2_pays_out_at_its_speed_and_then_is_off_and_latched(sign: float) -> None:
+    limits = LOOSE._replace(slack_sign=sign)
+    verdicts = follow(lasting(300, operator_age=9.0), limits, running(limits))
+    paying = [v for v in verdicts if v.mode == Mode.RELEASING]
+    assert len(paying) == 199
+    for a, b in itertools.pairwise(paying):
+        assert a.power == Power.ON
+        moved = sign * (b.target - a.target)
+        assert 0.0 <= moved <= limits.pay_out * DT + 1e-9
+    assert sign * (paying[10].target - 0.5) > 0.0
+    assert [v.mode for v in verdicts[199:]] == [Mode.LATCHED] * 101
+    assert {v.power for v in verdicts[199:]} == {Power.OFF}
+    assert {v.reaction for v in paying} == {2.0}
+    assert {v.reaction for v in verdicts[199:]} == {3.0}
+
+
+def test_r2_ends_early_when_the_motor_carries_nothing() -> None:
+    verdicts = follow([*lasting(1, operator_age=9.0), *lasting(100, current=0.1)], LOOSE)
+    assert [v.mode for v in verdicts].index(Mode.LATCHED) in (20, 21)
+    verdicts = follow([*lasting(1, operator_age=9.0), *(lasting(15, current=0.1) + lasting(1, current=1.0)) * 6], LOOSE)
+    assert Mode.LATCHED not in [v.mode for v in verdicts], "a current that only passes through zero says nothing"
+
+
+def test_a_worse_fault_ends_a_release_at_once() -> None:
+    verdicts = follow([*lasting(3, operator_age=9.0), *lasting(1, motor=NAN)])
+    assert (verdicts[-1].mode, verdicts[-1].power) == (Mode.LATCHED, Power.OFF)
+    assert set(of(verdicts[-1].faults)) == {Fault.OPERATOR_LOST, Fault.MOTOR_LOST}
+
+
+def test_an_operators_stop_releases_and_does_not_latch() -> None:
+    verdicts = follow([*lasting(1, request=Request.STOP), *lasting(300)], LOOSE)
+    assert verdicts[0].mode == Mode.RELEASING
+    assert (verdicts[-1].mode, verdicts[-1].power, verdicts[-1].faults) == (Mode.STOPPED, Power.OFF, 0.0)
+
+
+def test_a_stop_before_the_drive_is_enabled_is_off_at_once() -> None:
+    state = begin(LIMITS, READING, COLD)
+    state, _ = supervise(LIMITS, state, seen(request=Request.ARM, drive_state=1.0), 0.5, DT)
+    state, verdict = supervise(LIMITS, state, seen(request=Request.STOP, drive_state=2.0), 0.5, DT)
+    assert verdict.power == Power.OFF
+    _, verdict = supervise(LIMITS, state, seen(drive_state=2.0), 0.5, DT)
+    assert verdict.mode == Mode.STOPPED
+
+
+def test_a_latch_holds_until_it_is_acknowledged_and_then_a_new_preflight_is_due() -> None:
+    rows = [*lasting(1, emergency=0x5530), *lasting(50, request=Request.ARM), *lasting(50, request=Request.RUN)]
+    verdicts = follow([*rows, *lasting(1, request=Request.ACKNOWLEDGE), *lasting(1)])
+    assert {v.mode for v in verdicts[:-2]} == {Mode.LATCHED}
+    assert {v.power for v in verdicts} == {Power.OFF}
+    assert of(verdicts[50].faults) == [Fault.EMERGENCY]
+    assert (verdicts[-1].mode, verdicts[-1].faults) == (Mode.STOPPED, 0.0)
+    again = follow([*rows, *lasting(1, request=Request.ACKNOWLEDGE), *lasting(2, request=Request.ARM, preflight=0.0)])
+    assert again[-1].mode == Mode.PREFLIGHT
+
+
+def test_the_worst_reaction_wins() -> None:
+    (verdict,) = follow(lasting(1, joint=NAN, operator_age=9.0, emergency=1.0))
+    assert (verdict.mode, verdict.power) == (Mode.LATCHED, Power.OFF)
+    assert of(verdict.faults)[0] == Fault.EMERGENCY
+
+
+def test_a_late_cycle_may_move_the_target_by_five_cycles_at_most() -> None:
+    assert follow(lasting(1, wish=1.0, elapsed=0.003))[0].mode == Mode.RUNNING
+    assert follow(lasting(1, wish=1.0))[0].mode == Mode.BRIDGING
+
+
+def moving(limits: Limits = LIMITS) -> Iterator[Cycle]:
+    """The law swings the motor; the servo follows it as its model says."""
+    state, command, before = running(limits), 0.5, 0.5
+    x, v = 0.5, 0.0
+    for k in range(400):
+        x, v = supervisor.servo_predict(x, v, before, limits.servo_frequency, limits.servo_damping, DT)
+        before, command = command, 0.5 + 0.45 * math.sin(15.0 * k * DT)
+        yield seen(motor=x, joint=0.9 * x), command
+    assert state
+
+
+def moved(**changes: Callable[[int, float], float]) -> list[Cycle]:
+    """The same with what an encoder makes of it: name → function of the cycle and the true value."""
+    rows = []
+    for k, (observed, wish) in enumerate(moving()):
+        wrong = {name: change(k, getattr(observed.reading, name)) for name, change in changes.items()}
+        rows.append((observed._replace(reading=observed.reading._replace(**wrong)), wish))
+    return rows
+
+
+def test_motion_in_order_trips_nothing() -> None:
+    assert {(v.mode, v.faults) for v in follow(moving())} == {(Mode.RUNNING, 0.0)}
+
+
+def pushed(joint: bool, motor: bool, speed: float) -> list[Cycle]:
+    way = [0.5 + speed * DT * k for k in range(400)]
+    return [(seen(motor=x if motor else 0.5, joint=0.9 * x if joint else 0.45), 0.5) for x in way]
+
+
+def fast_target(speed: float) -> list[Cycle]:
+    """A motor and its target, going up fast: within the model, within the reach."""
+    rows, x, v, before, command = [], 0.5, 0.0, 0.5, 0.5
+    for _ in range(140):
+        x, v = supervisor.servo_predict(x, v, before, LIMITS.servo_frequency, LIMITS.servo_damping, DT)
+        before, command = command, min(1.9, command + speed * DT)
+        rows.append((seen(motor=x, joint=0.45), command))
+    return rows
+
+
+def warm_motor(**nodes: float) -> SupervisorState:
+    return running()._replace(**nodes)
+
+
+def reversal() -> list[Cycle]:
+    """Targets near enough and slow enough each, but against a motor that runs the other way."""
+    rows, x, v, before, command = [], 0.5, 0.0, 0.5, 0.5
+    for k in range(60):
+        x, v = supervisor.servo_predict(x, v, before, LIMITS.servo_frequency, LIMITS.servo_damping, DT)
+        before, command = command, max(-0.1, command - 0.1) if k < 24 else min(1.9, command + 0.19)
+        rows.append((seen(motor=x, joint=0.45), command))
+    return rows
+
+
+ALONE: dict[Fault, list[Cycle]] = {
+    Fault.JOINT_LOST: lasting(9, joint=NAN),
+    Fault.JOINT_JUMP: lasting(9, joint=0.56),
+    Fault.JOINT_STALE: lasting(9, joint_age=3.0),
+    Fault.JOINT_FROZEN: moved(joint=lambda k, joint: 0.45),
+    Fault.JOINT_ASTRAY: moved(joint=lambda k, joint: joint - 0.002 * k),
+    Fault.JOINT_OVER_TRAVEL: moved(joint=lambda k, joint: joint),
+    Fault.JOINT_OVER_SPEED: pushed(joint=True, motor=False, speed=12.0)[:30],
+    Fault.MOTOR_LOST: lasting(9, motor=NAN),
+    Fault.MOTOR_JUMP: lasting(9, motor=0.62),
+    Fault.MOTOR_STALE: lasting(9, motor_age=3.0),
+    Fault.NOT_FOLLOWING: pushed(joint=False, motor=True, speed=1.0)[:200],
+    Fault.MOTOR_OVER_TRAVEL: [],
+    Fault.MOTOR_OVER_SPEED: fast_target(25.0),
+    Fault.CURRENT_LOST: lasting(9, current=NAN),
+    Fault.OVER_CURRENT: lasting(9, current=-20.5),
+    Fault.SATURATED: lasting(60, current=19.5),
+    Fault.I2T: lasting(200, current=18.0),
+    Fault.MOTOR_HOT: lasting(9),
+    Fault.DRIVE_HOT: lasting(9, temperature=81.0),
+    Fault.TENSION_LOST: lasting(9, tension=NAN),
+    Fault.OVER_TENSION: lasting(9, tension=151.0),
+    Fault.SLACK: lasting(60, tension=1.0),
+    Fault.HEARTBEAT_LOST: lasting(9, heartbeat_age=0.051),
+    Fault.NOT_ENABLED: [],
+    Fault.DRIVE_DROPPED: lasting(9, drive_state=1.0),
+    Fault.DRIVE_FAULT: lasting(9, drive_state=6.0),
+    Fault.EMERGENCY: lasting(9, emergency=0x8130),
+    Fault.BUS_ERRORS: [(seen(bus_errors=float(k)), 0.5) for k in range(9)],
+    Fault.LATE: lasting(9, lateness=0.021),
+    Fault.CLOCK: lasting(9, elapsed=0.0),
+    Fault.WISH_LOST: lasting(9, wish=2.001),
+    Fault.WISH_STEP: lasting(9, wish=0.701),
+    Fault.WISH_FAR: [(seen(), 0.5 + 0.15 * min(k, 7)) for k in range(16)],
+    Fault.WISH_HARD: reversal(),
+    Fault.OPERATOR_LOST: lasting(9, operator_age=1.001),
+    Fault.PREFLIGHT_FAILED: lasting(9, preflight=-1.0),
+    Fault.RECORDER_LOST: lasting(9, recorder=0.0),
+}
+"""Each fault as the only one, or the first: what shows it."""
+
+
+def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
+    """Limits, a state and cycles in which a fault shows by itself."""
+    limits, cycles = LIMITS, ALONE[fault]
+    state = running()
+    if fault == Fault.JOINT_OVER_TRAVEL:
+        limits = limits._replace(joint_high=0.6)
+        cycles = moved(joint=lambda k, joint: joint)
+    elif fault == Fault.MOTOR_OVER_TRAVEL:
+        limits = limits._replace(motor_high=0.52)
+        cycles = [(seen(motor=0.5 + min(0.08, 0.001 * k)), 0.5) for k in range(100)]
+    elif fault == Fault.MOTOR_HOT:
+        state = warm_motor(winding=limits.winding_limit + 1.0)
+    elif fault == Fault.I2T:
+        state = warm_motor(i2t=700.0)
+    elif fault == Fault.WISH_FAR:
+        limits = limits._replace(acceleration=1e9)
+    elif fault == Fault.MOTOR_OVER_SPEED:
+        limits = limits._replace(play=9.0, joint_still=-1.0, target_reach=9.0)
+    elif fault == Fault.WISH_HARD:
+        limits = limits._replace(target_reach=9.0, play=9.0, joint_still=-1.0)
+    elif fault in (Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED):
+        limits = limits._replace(enable_time=0.1)
+        state = begin(limits, READING, COLD)
+        state, _ = supervise(limits, state, seen(request=Request.ARM, drive_state=1.0, preflight=0.0), 0.5, DT)
+        if fault == Fault.NOT_ENABLED:
+            cycles = lasting(150, drive_state=2.0, preflight=0.0)
+    return limits, state, cycles
+
+
+def row_holds(fault: Fault) -> bool:
+    """Whether the fault is seen, first of all, and has its reaction in its time, from the cycle in which it is seen."""
+    limits, state, cycles = situation(fault)
+    verdicts = follow(cycles, limits, state)
+    first = next((k for k, v in enumerate(verdicts) if v.faults), None)
+    if first is None or fault not in of(verdicts[first].faults):
+        return False
+    if fault.at_once == 1 and verdicts[first].reaction != 1.0:
+        return False
+    if fault.then == 0:
+        return {v.mode for v in verdicts} == {Mode.RUNNING}
+    last = verdicts[min(first + round(fault.within / DT), len(verdicts) - 1)]
+    return last.reaction >= fault.then and bool(last.power == Power.OFF if fault.then == 3 else last.mode >= 4.0)
+
+
+@pytest.mark.parametrize("fault", list(Fault), ids=lambda fault: fault.name)
+def test_each_fault_is_seen_first_and_has_its_reaction_in_its_time(fault: Fault) -> None:
+    limits, state, cycles = situation(fault)
+    told = [
+        (k, v.mode, [f.name for f in of(v.faults)]) for k, v in enumerate(follow(cycles, limits, state)) if v.faults
+    ]
+    assert row_holds(fault), told[:3]
+
+
+@pytest.mark.parametrize("fault", list(Fault), ids=lambda fault: fault.name)
+def test_no_detector_can_be_taken_out(fault: Fault, monkeypatch: pytest.MonkeyPatch) -> None:
+    look = supervisor.look
+
+    def without(*arguments: Any) -> Any:
+        state, found, time = look(*arguments)
+        return state, (*found[:fault], 0.0, *found[fault + 1 :]), time
+
+    monkeypatch.setattr(supervisor, "look", without)
+    assert not row_holds(fault)
+
+
+@pytest.mark.parametrize("fault", list(Fault), ids=lambda fault: fault.name)
+def test_compiled_and_interpreted_agree_in_every_bit(fault: Fault) -> None:
+    limits, state, cycles = situation(fault)
+    twin, other = compiled(supervise), state
+    for observed, wish in cycles[:300]:
+        state, verdict = supervise(limits, state, observed, wish, DT)
+        other, same = twin(limits, other, observed, wish, DT)
+        assert tuple(map(float, verdict)) == tuple(map(float, same))
+        assert tuple(map(float, state)) == tuple(map(float, other))
+
+
+def test_numbers_agree_with_the_ports_and_bits_fit_a_float() -> None:
+    assert (supervisor.POWER_OFF, supervisor.POWER_ON) == (Power.OFF, Power.ON)
+    assert (supervisor.STOPPED, supervisor.LATCHED) == (Mode.STOPPED, Mode.LATCHED)
+    assert (supervisor.ARM, supervisor.RUN, supervisor.STOP, supervisor.ACKNOWLEDGE) == (1.0, 2.0, 3.0, 4.0)
+    assert len(Fault) <= 52
+    assert [int(fault) for fault in Fault] == list(range(len(Fault)))
+    assert of(2.0**Fault.SLACK + 2.0**Fault.EMERGENCY) == [Fault.EMERGENCY, Fault.SLACK]
+    assert all(f.meaning and f.detector and f.remedy and f.at_once <= f.then for f in Fault)
+    assert all(0.002 <= f.within <= 0.02 for f in Fault if f.at_once == 3)
+
+
+def test_the_layer_stays_small_and_without_input_or_output() -> None:
+    folder = Path(faults.__file__).parent
+    assert sum(len(path.read_text().splitlines()) for path in folder.glob("*.py")) <= 400
+    for path in folder.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                module = node.module or ""
+                assert module.split(".")[:2] in (
+                    ["enum"],
+                    ["typing"],
+                    *(["bowden", x] for x in ("core", "models", "safety")),
+                )
+
+
+def test_a_motor_warms_cools_and_remembers() -> None:
+    thermal = LIMITS.thermal
+    state = COLD
+    for _ in range(20_000):
+        state = warm(thermal, state, 6.0, 1.0)
+    heat = thermal.resistance * (1.0 + 0.0039 * (state.winding - 20.0)) * 36.0
+    assert state.housing - thermal.ambient == pytest.approx(heat * thermal.housing_to_ambient, rel=1e-3)
+    assert state.winding - state.housing == pytest.approx(heat * thermal.winding_to_housing, rel=1e-3)
+    after = rested(thermal, ThermalState(100.0, 50.0, 30.0), 60.0)
+    assert 25.0 < after.housing < after.winding < 60.0
+    assert after.i2t == 0.0
+    for seconds in (-5.0, NAN):
+        assert rested(thermal, state, seconds) == state
+    assert rested(thermal, state, 1e9).winding == pytest.approx(thermal.ambient, abs=0.1)
