@@ -90,6 +90,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     made = Rig(tmp_path)
     yield made
     made.kill()
+    made.writer.close()  # ends one that is not this process's child, too
 
 
 def test_every_row_of_three_seconds_is_in_the_file(rig: Rig) -> None:
