@@ -1,8 +1,10 @@
 """The bus between processes behaves as a CAN bus: all hear, nobody waits, the dead do no harm."""
 
+import importlib
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import can
@@ -10,7 +12,7 @@ import pytest
 
 from bowden.core.errors import DriveError
 from bowden.hardware.buses import claim, open_bus
-from bowden.hardware.unix_bus import UnixBus
+from bowden.hardware.unix_bus import UnixBus, bus_folder
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:
@@ -147,3 +149,16 @@ def test_a_part_is_played_by_one_process_and_free_when_it_dies(tmp_path: Path) -
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True, timeout=60)
     claim("bowden_unix", str(tmp_path), "host").release()
+
+
+def test_python_can_is_told_of_it() -> None:
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    module, name = project["entry-points"]["can.interface"]["bowden_unix"].split(":")
+    assert getattr(importlib.import_module(module), name) is UnixBus
+
+
+@pytest.mark.parametrize("channel", ["rig", "some/folder"])
+def test_a_bare_name_is_a_bus_of_this_user(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    folder = bus_folder(channel)
+    assert folder == (Path(channel) if "/" in channel else tmp_path / f"bowden-{os.getuid()}" / channel)
