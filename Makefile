@@ -32,7 +32,8 @@ demo: .venv/runtime
 	$(BIN)/bowden reproduce --out out/demo
 
 test: lint types
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m 'not live'
+	$(BIN)/python -m pytest -m live
 
 lint: .venv/dev
 	$(BIN)/ruff check .

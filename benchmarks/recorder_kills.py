@@ -39,7 +39,7 @@ _MEMORY = Path("/dev/shm")  # no disk between the cuts; a kill loses nothing tha
 
 
 def kills(numbers: list[int]) -> Iterator[list[Any]]:
-    """Number, seconds at 1 kHz before the kill, seconds between the last rows saved and written, whether all is right."""
+    """Number, seconds before the kill, seconds between the last rows saved and written, whether all is right."""
     for number in numbers:
         with tempfile.TemporaryDirectory() as folder:
             yield [number, *_kill(Path(folder), random.Random(number).uniform(0.0, 1.2))]

@@ -1,15 +1,22 @@
 """Our law: what it reaches on the bench, what it learns, and that plants nobody tuned for do not throw it."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from bowden.control import LAWS
+from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
+from bowden.core.kernel import compiled
 from bowden.core.metrics import rmse
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
-from bowden.core.units import DEGREES
+from bowden.core.units import DEGREES, RADIANS
 from bowden.design.random_plants import run_random_plant
 from bowden.models.backlash import Play
+from bowden.models.bouc_wen import BoucWen
+from bowden.models.encoder import Encoder
+from bowden.models.servo import Servo, ServoState, prepare, servo_step
 from bowden.paper import bench as paper
 from bowden.sim.cable_plant import CablePlant
 from bowden.sim.cables import bouc_wen, play
@@ -91,3 +98,109 @@ def test_three_hundred_random_plants_are_never_unstable() -> None:
     assert all(outcome.stable for outcome in outcomes)
     assert np.median([outcome.rmse_deg for outcome in outcomes]) < 1.0
     assert max(outcome.peak_deg for outcome in outcomes) < 90.0
+
+
+SLOPE, HALF_WIDTH, FAST = 0.9, 0.05, Servo(speed_limit=100.0)
+
+
+Seen = Callable[[int, float, float], tuple[float, float]]
+
+
+def unspoilt(_tick: int, joint: float, motor: float) -> tuple[float, float]:
+    return joint, motor
+
+
+def played(reference: np.ndarray, seen: Seen = unspoilt, start: float = 0.0) -> np.ndarray:
+    """Error and command [rad] (2, n) on a pure play behind a servo, with samples that `seen` may spoil."""
+    law, servo, state = LAWS["bowden"], prepare(FAST, 1e-4), ServoState(0.0, 0.0, 0.0)
+    step, servo_tick, applied, tendon = compiled(law.step_kernel), compiled(servo_step), start, 0.0
+    memory, told = compiled(law.start_kernel)(law.gains, Sample(*seen(0, 0.0, start))), []
+    for tick, wanted in enumerate(reference):
+        sample = Sample(*map(float, seen(tick, SLOPE * tendon, start + state.position)))
+        memory, command = step(law.gains, memory, sample, Reference(*map(float, wanted)), 1e-3)
+        told.append((SLOPE * tendon - wanted[0], command))
+        for _ in range(10):
+            state = servo_tick(state, applied - start, servo)
+        applied = command
+        tendon = min(max(tendon, state.position - HALF_WIDTH), state.position + HALF_WIDTH)
+    return np.array(told).T
+
+
+STROKES = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
+MINUTE = STROKES.sample(np.arange(0.0, 25.0, 1e-3))
+
+
+@pytest.mark.parametrize("spoilt", [np.nan, np.inf, -np.inf, 1e9, 10.0])
+@pytest.mark.parametrize("encoder", ["joint", "motor"])
+def test_a_bad_sample_is_not_followed_nor_learned_from(encoder: str, spoilt: float) -> None:
+    def seen(tick: int, joint: float, motor: float) -> tuple[float, float]:
+        bad = tick % 4000 == 2500
+        return (spoilt if bad and encoder == "joint" else joint), (spoilt if bad and encoder == "motor" else motor)
+
+    error, command = played(MINUTE, seen)
+    assert np.all(np.isfinite(command))
+    assert np.abs(error[2000:]).max() * DEGREES < 0.7
+    assert rmse(error[20000:]) * DEGREES < 0.02
+
+
+def test_half_a_second_without_samples_is_driven_through() -> None:
+    error, _ = played(MINUTE, lambda tick, joint, motor: (np.nan if 16500 <= tick < 17000 else joint, motor))
+    assert np.abs(error[15000:]).max() * DEGREES < 1.5
+    assert rmse(error[20000:]) * DEGREES < 0.02
+
+
+@pytest.mark.parametrize("rest", [0.0, 0.3])
+def test_a_torn_cable_is_not_pulled_on_for_ever(rest: float) -> None:
+    _, command = played(MINUTE, lambda tick, joint, motor: (rest, motor))
+    assert np.abs(command).max() < 3.0
+
+
+def test_the_motor_may_count_from_anywhere() -> None:
+    near, far = (played(MINUTE, start=start) for start in (0.0, 1500.0))
+    np.testing.assert_allclose(far[0], near[0], atol=1e-6)
+    np.testing.assert_allclose(far[1] - 1500.0, near[1], atol=1e-6)
+
+
+@pytest.mark.parametrize(("resolution_deg", "noise_deg"), [(0.02, 0.1), (0.2, 0.0667), (0.2, 0.0), (0.0, 0.05)])
+def test_a_minute_at_rest_is_quiet(resolution_deg: float, noise_deg: float) -> None:
+    encoder = Encoder(resolution_deg * RADIANS, noise_deg * RADIANS)
+    plant = CablePlant(cable=bouc_wen(BoucWen()), joint_encoder=encoder, motor_encoder=encoder)
+    moves = PointToPoint((0.0, 1.0, 61.0, 62.0, 122.0), (0.0, 0.8, 0.8, 0.3, 0.3))
+    trace = simulate(plant, LAWS["bowden"], moves, duration=122.0)
+    for begin in (5.0, 66.0):
+        held = (trace.time > begin) & (trace.time < begin + 55.0)
+        assert np.ptp(trace["command"][held]) * DEGREES < 0.5
+        assert np.abs(trace.error[held]).max() * DEGREES < 0.4
+
+
+def test_an_error_at_rest_does_not_hunt_before_the_first_motion() -> None:
+    still = PointToPoint((0.0, 60.0), (0.0, 0.0))
+    encoder = Encoder(0.02 * RADIANS, 0.007 * RADIANS)
+    plant = CablePlant(cable=bouc_wen(BoucWen()), joint_encoder=encoder, motor_encoder=encoder, servo=FAST)
+    trace = simulate(plant, LAWS["bowden"], still, duration=60.0)
+    assert np.abs(trace.error[30000:]).max() * DEGREES < 0.15
+    assert np.ptp(trace["command"][30000:]) * DEGREES < 0.1
+
+
+def test_positions_without_velocities_are_followed() -> None:
+    positions = MINUTE * (1.0, 0.0, 0.0)
+    error, _ = played(positions)
+    assert rmse(error[10000:]) * DEGREES < 0.06
+
+
+def test_a_step_is_not_made_up_for_twice() -> None:
+    steps = np.zeros((12000, 3))
+    steps[:, 0] = 0.5 * (np.arange(12000) // 2000 % 2)
+    _, command = played(steps)
+    assert command.max() < 0.5 / SLOPE + 2.0 * HALF_WIDTH + 0.3
+
+
+@pytest.mark.parametrize(("number", "most_deg"), [(5516, 2.4), (5580, 1.8), (5078, 2.4)])
+def test_a_dead_zone_that_shrinks_is_noticed_by_the_jumps_that_go_too_far(number: int, most_deg: float) -> None:
+    assert run_random_plant(LAWS["bowden"], number, duration=40.0).rmse_deg < most_deg
+
+
+def test_doubt_stays_bounded_over_hours() -> None:
+    strokes = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 1.0)
+    trace = simulate(CablePlant(cable=play(Play(SLOPE, HALF_WIDTH))), LAWS["bowden"], strokes, duration=300.0)
+    assert trace["law.w33"].max() < 6e-4

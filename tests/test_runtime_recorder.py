@@ -90,6 +90,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
     made = Rig(tmp_path)
     yield made
     made.kill()
+    made.writer.close()  # ends one that is not this process's child, too
 
 
 def test_every_row_of_three_seconds_is_in_the_file(rig: Rig) -> None:
@@ -132,10 +133,10 @@ def test_it_ends_when_told_though_the_loop_goes_on_and_not_by_ctrl_c(rig: Rig, h
 
 def test_it_ends_when_nobody_is_left(rig: Rig) -> None:
     recording = f"{sys.executable} -m bowden.runtime.recorder {rig.ring} {rig.file}"
-    starter = subprocess.Popen(["sh", "-c", f"{recording} & sleep 1"])
+    starter = subprocess.Popen(["sh", "-c", f"{recording} & read line"], stdin=subprocess.PIPE)
     rig.wait_for(lambda: rig.state() == RecorderState.OK)
     rig.write(500)
-    starter.wait(PATIENCE)
+    starter.communicate(b"go\n", PATIENCE)
     rig.wait_for(lambda: rig.state() == RecorderState.ENDED)
     assert read(rig.file).whole
     assert len(read(rig.file).rows) == 500

@@ -60,7 +60,8 @@ def recover(
         print(f"left out: {saved.damage.chunks} damaged chunks, {saved.damage.skipped} bytes that are no record")
     if saved.tail_seconds:
         print(
-            f"{file} has no proper end: after its last cycle up to {saved.tail_seconds:g} s of the run may be missing"
+            f"{file} has no proper end: after its last cycle up to {saved.tail_seconds:g} s of the run may be missing, "
+            "more where the disk was slow or full or the power went"
         )
     elif not (saved.missing or saved.damage.chunks or saved.damage.skipped):
         print("nothing was missing")

@@ -19,11 +19,17 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.crossing_estimate import CrossingEstimate, crossing_here, first_crossing, watch
-from bowden.control.held_feedback import SLIP, Feedback, Setting, listen, no_feedback, steer
+from bowden.control.held_feedback import SLIP, Feedback, Setting, answered, listen, no_feedback, steer
 from bowden.control.law import Law
-from bowden.control.parts import bounded
 from bowden.control.slope_estimate import SlopeEstimate, first_slope, learn_slope
-from bowden.control.slot_plan import SlotPlan, advance_plan, planned_motion, rest_plan, wanted_side
+from bowden.control.slot_plan import (
+    SlotPlan,
+    advance_plan,
+    heard_reference,
+    planned_motion,
+    rest_plan,
+    wanted_side,
+)
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -80,7 +86,6 @@ class BowdenState(NamedTuple):
     plan: float
     owed: float
     reference: float
-    begun: float
     integral: float
     feedback: float
     error_before: float
@@ -90,6 +95,8 @@ class BowdenState(NamedTuple):
     joint: float
     joint_before: float
     variance: float
+    moved_motor: float
+    moved_joint: float
     width: float
     wedge: float
     shortfall: float
@@ -123,6 +130,7 @@ class BowdenState(NamedTuple):
     from_joint: float
     from_rate: float
     elapsed: float
+    origin: float
 
 
 NARROWEST = 0.012
@@ -135,16 +143,24 @@ SETTLED = 2.0
 """Durations of a jump after its beginning until what is seen of it counts [–]."""
 
 
+FASTEST = 50.0
+"""Speed beyond which a measured motion of motor or joint is not believed [rad/s]."""
+
+
+@kernel
+def heard_angle(told: float, last: float, most: float) -> float:
+    """A measured angle, no further from the last one than can be believed."""
+    return np.fmax(last - most, np.fmin(last + most, told))
+
+
 @kernel
 def start(gains: BowdenGains, sample: Sample) -> BowdenState:
-    """Begin at rest where the sample is, with the first guesses."""
-    sign = np.sign(gains.slope)
-    motor = sign * sample.motor
-    plan = rest_plan(motor)
-    feedback = no_feedback(sample.joint, 4e-8)
-    crossing = first_crossing(gains.width, gains.doubt, motor, sample.joint)
-    slope = first_slope(np.abs(gains.slope), gains.doubt, motor, sample.joint)
-    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slope[:]))
+    """Begin at rest where the sample is, with the first guesses; the motor's angle counts from there."""
+    plan = rest_plan(0.0, sample.joint)
+    feedback = no_feedback(0.0, sample.joint, 4e-8)
+    crossing = first_crossing(gains.width, gains.doubt, 0.0, sample.joint)
+    slope = first_slope(np.abs(gains.slope), gains.doubt, 0.0, sample.joint)
+    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slope[:] + (sample.motor,)))
 
 
 @kernel
@@ -152,24 +168,23 @@ def step(
     gains: BowdenGains, state: BowdenState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BowdenState, float]:
     """One cycle: plan, feed back, invert servo, delay and lag, learn."""
-    plan, before = SlotPlan(*state[0:9]), Feedback(*state[9:18])
-    crossing, slopes = CrossingEstimate(*state[18:36]), SlopeEstimate(*state[36:51])
+    plan, before = SlotPlan(*state[0:8]), Feedback(*state[8:19])
+    crossing, slopes = CrossingEstimate(*state[19:37]), SlopeEstimate(*state[37:52])
     sign, omega = np.sign(gains.slope), gains.servo_frequency
-    joint = bounded(sample.joint, -1e3, 1e3, before.joint)
-    motor = bounded(sign * sample.motor, -1e3, 1e3, slopes.filtered_motor)
-    reference = Reference(
-        bounded(reference.position, -1e3, 1e3, plan.reference),
-        bounded(reference.velocity, -1e4, 1e4, 0.0),
-        bounded(reference.acceleration, -1e6, 1e6, 0.0),
-    )
+    travel = sign * (sample.motor - state.origin)
+    seen_both = (np.abs(sample.joint) <= 1e3) * (np.abs(travel) <= 1e3)
+    most = FASTEST * dt
+    joint = heard_angle(sel(seen_both, sample.joint, before.joint), before.joint, most)
+    motor = heard_angle(sel(seen_both, travel, crossing.far_motor), crossing.far_motor, most)
+    reference = heard_reference(plan, reference, dt)
     lag = np.fmax(0.0, slopes.lag)
     duration = gains.crossing / omega
 
     # plan
     width = crossing_here(crossing, motor)
     wide = sel(width > NARROWEST, 1.0, 0.0)
-    error = joint - reference.position
-    heard = listen(before, joint, error, 0.5 * gains.smoothing / omega, dt)
+    error = answered(before, motor, sel(seen_both, joint - reference.position, 0.0))
+    heard = listen(before, motor, joint, error, 0.5 * gains.smoothing / omega, dt)
     side = wanted_side(
         plan,
         reference,
@@ -195,23 +210,25 @@ def step(
         quiet=gains.quiet,
         recovery=RECOVERY,
     )
-    ahead = sel(jumping, 0.0, side * (inverse + before.feedback - motor) - SLIP)
+    furthest = np.fmax(side * motor, side * slopes.filtered_motor)  # the filtered one, lest it be the noise's
+    ahead = sel(jumping, 0.0, side * (inverse + before.feedback) - furthest - SLIP)
     free = np.fmax(np.abs(asked.steady) * dt, ahead)
     held = (wide > 0.5) + (crossing.touches < 1.5) > 0.0  # until it is known, a dead zone is taken for granted
     feedback = steer(heard, setting, error, slope, side, jumping, held, free, dt)
-    command = sign * (inverse + feedback.feedback)
+    command = state.origin + sign * (inverse + feedback.feedback)
 
     # learning
     settled = (plan.since > SETTLED * duration) + (plan.jump == 0.0) > 0.0
     crossing, seen = watch(crossing, motor, joint, slope, np.sqrt(heard.variance), settled)
     slopes = learn_slope(slopes, crossing, seen, motor, joint, np.abs(gains.slope), dt)
-    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slopes[:])), command
+    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slopes[:] + (state.origin,))), command
 
 
 _ANGLES = (
     *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
     *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
     *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
+    *("moved_motor", "moved_joint", "origin"),
 )
 
 BOWDEN = Law(

@@ -40,6 +40,9 @@ STROKE = 0.3
 _SPREAD = 2e-5
 """Variance of one measurement [rad²]."""
 
+_DOUBT = (0.02, 0.0015, 0.0004)
+"""Variances of w, wedge and shortfall where nothing is known; beyond them they do not grow."""
+
 _WANDER = (3e-5, 1e-4, 1e-4)
 """By how much the variances of w, wedge and shortfall grow at each reversal, since a sheath is moved."""
 
@@ -97,12 +100,12 @@ def first_crossing(width: float, doubt: float, motor: float, joint: float) -> Cr
         width=width,
         wedge=0.0,
         shortfall=0.0,
-        w11=0.02 * doubt2,
+        w11=_DOUBT[0] * doubt2,
         w12=0.0,
         w13=0.0,
-        w22=0.0015 * doubt2,
+        w22=_DOUBT[1] * doubt2,
         w23=0.0,
-        w33=0.0004 * doubt2,
+        w33=_DOUBT[2] * doubt2,
         touches=sel(width > 0.0, 2.0, 0.0),
         heading=0.0,
         far_motor=motor,
@@ -150,21 +153,27 @@ def watch(
     share = sel(turned * (1.0 - still), np.fmin(1.0, crossing.free / STROKE), crossing.share)
     further = turned + (onward > 0.0) > 0.0
 
-    gone, moved = (motor - turn_motor) * heading, (joint - turn_joint) * heading
-    touched = (turn_open > 0.0) * (moved > touch) * (gone > EDGE) * settled > 0.0
+    # at a turn what is judged is the crossing before it, up to there
+    begun, began = crossing.turn_motor, crossing.turn_joint
+    gone = (sel(turned, crossing.far_motor, motor) - begun) * crossing.heading
+    moved = (sel(turned, crossing.far_joint, joint) - began) * crossing.heading
+    ended = (crossing.turn_open > 0.0) * (moved > touch) * (gone > EDGE) > 0.0
+    touched = ended * settled * (1.0 - turned) > 0.0
     found = np.fmax(0.0, np.fmin(WIDEST, gone - moved / slope))
     first = crossing.touches < 0.5  # where in the dead zone the cable was at the start is not known
-    lacking = (1.0 - share) * (1.0 - first)
-    miss = found - (crossing.width + crossing.wedge * turn_motor - crossing.shortfall * lacking)
-    full = turn_open > 0.75
-    use = sel(touched * (full + (miss > 0.01) > 0.0), 1.0, 0.0)
+    lacking = (1.0 - crossing.share) * (1.0 - first)
+    miss = found - (crossing.width + crossing.wedge * begun - crossing.shortfall * lacking)
+    full = crossing.turn_open > 0.75
+    told = touched * (full + (miss > 0.01) > 0.0) + ended * turned * full * (miss < 0.0) > 0.0
+    use = sel(told, 1.0, 0.0)
 
-    w11, w22 = crossing.w11 + use * _WANDER[0], crossing.w22 + use * _WANDER[1]
-    w33 = crossing.w33 + use * _WANDER[2]
-    h1 = w11 + crossing.w12 * turn_motor - crossing.w13 * lacking
-    h2 = crossing.w12 + w22 * turn_motor - crossing.w23 * lacking
-    h3 = crossing.w13 + crossing.w23 * turn_motor - w33 * lacking
-    spread = h1 + h2 * turn_motor - h3 * lacking + _SPREAD + sel(first, found * found, 0.0)
+    w11 = crossing.w11 + use * sel(crossing.w11 < _DOUBT[0], _WANDER[0], 0.0)
+    w22 = crossing.w22 + use * sel(crossing.w22 < _DOUBT[1], _WANDER[1], 0.0)
+    w33 = crossing.w33 + use * sel(crossing.w33 < _DOUBT[2], _WANDER[2], 0.0)
+    h1 = w11 + crossing.w12 * begun - crossing.w13 * lacking
+    h2 = crossing.w12 + w22 * begun - crossing.w23 * lacking
+    h3 = crossing.w13 + crossing.w23 * begun - w33 * lacking
+    spread = h1 + h2 * begun - h3 * lacking + _SPREAD + sel(first, found * found, 0.0)
     pull = use / spread
     wedge = crossing.wedge + pull * h2 * miss
     after = CrossingEstimate(

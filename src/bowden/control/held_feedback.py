@@ -18,6 +18,15 @@ from bowden.core.kernel import kernel, sel
 SLIP = 0.002
 """How far the command may stay ahead of the motor when it is taken back [rad]."""
 
+LARGEST = 0.3
+"""Largest error that is fed back [rad]."""
+
+LOST = 1.0
+"""Motor travel without any joint motion after which the joint is not pulled any further, twice any dead zone [rad]."""
+
+_MOVED = 0.003
+"""Joint motion that is one [rad]; more where the noise asks for it."""
+
 _SLOW = 0.05
 """Time constant of the error that decides on crossing the dead zone on purpose [s]."""
 
@@ -46,6 +55,10 @@ class Feedback(NamedTuple):
     """Joint two cycles ago [rad]."""
     variance: float
     """Variance of the joint encoder's noise [rad²]."""
+    moved_motor: float
+    """Motor angle where the joint was last seen to move [rad]."""
+    moved_joint: float
+    """Joint angle there [rad]."""
 
 
 class Setting(NamedTuple):
@@ -64,18 +77,31 @@ class Setting(NamedTuple):
 
 
 @kernel
-def no_feedback(joint: float, variance: float) -> Feedback:
+def no_feedback(motor: float, joint: float, variance: float) -> Feedback:
     """At the start."""
-    return Feedback(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, joint, joint, variance)
+    return Feedback(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, joint, joint, variance, motor, joint)
 
 
 @kernel
-def listen(before: Feedback, joint: float, error: float, smoothing: float, dt: float) -> Feedback:
+def answered(before: Feedback, motor: float, error: float) -> float:
+    """The error that is pushed for: at most `LARGEST`, and none that the joint does not answer.
+
+    Where the joint has not moved while the motor went `LOST` towards the reference, a torn cable, a stop or a dead
+    encoder would otherwise have the motor pulled on for ever.
+    """
+    gone = motor - before.moved_motor
+    lost = (np.abs(gone) > LOST) * (gone * error < 0.0)
+    return sel(lost, 0.0, np.fmax(-LARGEST, np.fmin(LARGEST, error)))
+
+
+@kernel
+def listen(before: Feedback, motor: float, joint: float, error: float, smoothing: float, dt: float) -> Feedback:
     """Filter the error, and measure the noise by the joint's second difference, whose variance is six times its."""
     follow = dt / (smoothing + dt)
     first = before.error_before + (error - before.error_before) * follow
     second = joint - 2.0 * before.joint + before.joint_before
     heard = np.fmin(second * second / 6.0, 16.0 * before.variance + 1e-9)
+    moved = np.abs(joint - before.moved_joint) > np.fmax(_MOVED, 10.0 * np.sqrt(before.variance))
     return Feedback(
         integral=before.integral,
         feedback=before.feedback,
@@ -86,6 +112,8 @@ def listen(before: Feedback, joint: float, error: float, smoothing: float, dt: f
         joint=joint,
         joint_before=before.joint,
         variance=before.variance + (heard - before.variance) * dt / (_HEARING + dt),
+        moved_motor=sel(moved, motor, before.moved_motor),
+        moved_joint=sel(moved, joint, before.moved_joint),
     )
 
 
@@ -134,4 +162,6 @@ def steer(
         joint=before.joint,
         joint_before=before.joint_before,
         variance=before.variance,
+        moved_motor=before.moved_motor,
+        moved_joint=before.moved_joint,
     )

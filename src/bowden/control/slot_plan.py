@@ -9,8 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bowden.control.parts import bounded
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference
+
+STEP_SPEED = 5.0
+"""Speed at which a step of the reference is followed, beyond twice the speed that it tells [rad/s]."""
 
 
 class SlotPlan(NamedTuple):
@@ -32,8 +36,6 @@ class SlotPlan(NamedTuple):
     """Motion of the reference that is not planned yet, since it goes against the side [rad]."""
     reference: float
     """Reference of the last cycle [rad]."""
-    begun: float
-    """0 before the first cycle, then 1."""
 
 
 class MotorMotion(NamedTuple):
@@ -50,10 +52,27 @@ class MotorMotion(NamedTuple):
 
 
 @kernel
-def rest_plan(motor: float) -> SlotPlan:
-    """At rest in the middle of the dead zone, with the motor where it is."""
-    return SlotPlan(
-        side=0.0, slot=0.0, since=10.0, phase=1.0, jump=0.0, motor=motor, owed=0.0, reference=0.0, begun=0.0
+def rest_plan(motor: float, joint: float) -> SlotPlan:
+    """At rest in the middle of the dead zone, with the motor where it is, and the joint where it should be."""
+    return SlotPlan(side=0.0, slot=0.0, since=10.0, phase=1.0, jump=0.0, motor=motor, owed=0.0, reference=joint)
+
+
+@kernel
+def heard_reference(plan: SlotPlan, reference: Reference, dt: float) -> Reference:
+    """The reference as a motion: where it steps it is followed at `STEP_SPEED`, and so is the way to where it starts.
+
+    A step that went through at once would be made up for twice, by the plan and by the feedback, which sees the error
+    while the servo is on its way.
+    """
+    velocity = bounded(reference.velocity, -1e4, 1e4, 0.0)
+    most = dt * (STEP_SPEED + 2.0 * np.abs(velocity))
+    told = sel((reference.position >= -1e3) * (reference.position <= 1e3), reference.position, plan.reference)
+    position = np.fmax(plan.reference - most, np.fmin(plan.reference + most, told))
+    steps = position != told
+    return Reference(
+        position,
+        sel(steps, np.sign(position - plan.reference) * STEP_SPEED, velocity),
+        sel(steps, 0.0, bounded(reference.acceleration, -1e6, 1e6, 0.0)),
     )
 
 
@@ -70,7 +89,7 @@ def minimum_jerk_share(phase: float) -> float:
 @kernel
 def owed_now(plan: SlotPlan, reference: Reference) -> float:
     """Motion of the reference that is still to be planned [rad]."""
-    return plan.owed + sel(plan.begun > 0.5, reference.position - plan.reference, 0.0)
+    return plan.owed + (reference.position - plan.reference)
 
 
 @kernel
@@ -98,9 +117,11 @@ def wanted_side(
     """
     velocity = reference.velocity + reference.acceleration * ahead
     motion = owed_now(plan, reference) + ahead * (reference.velocity + 0.5 * ahead * reference.acceleration)
-    turns = (velocity * plan.side < 0.0) * (motion * plan.side < -worth)
+    turns = (velocity * plan.side <= 0.0) * (motion * plan.side < -worth)
     starts = (plan.side == 0.0) * (np.abs(velocity) > 1e-4)
-    wanted = sel(turns + starts > 0.0, np.sign(velocity), plan.side)
+    asks = (plan.side == 0.0) * (np.abs(slow_error) > 0.3 * tolerance)  # at rest, the first side is the error's
+    first = sel(starts, np.sign(velocity), sel(asks, 0.0 - np.sign(slow_error), plan.side))
+    wanted = sel(turns, 0.0 - plan.side, first)
     beyond = slow_error * plan.side  # positive: the joint is further than the reference, in the direction of motion
     passes = (reference.velocity - slow_error / patience) * plan.side * patience
     back = (passes < -tolerance) * (beyond > tolerance) * (plan.since > patience) * crossable
@@ -136,9 +157,8 @@ def advance_plan(
         phase=sel(jumps, 0.0, np.fmin(1.0, plan.phase + dt / duration)),
         jump=sel(jumps, left + travel, plan.jump),
         motor=plan.motor + side * due / slope + sel(jumps, travel, 0.0),
-        owed=sel(side * owed > 0.0, 0.0, owed),
+        owed=sel((side * owed > 0.0) + (side == 0.0) > 0.0, 0.0, owed),
         reference=reference.position,
-        begun=1.0,
     )
 
 

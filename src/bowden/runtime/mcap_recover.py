@@ -12,7 +12,7 @@ from bowden.runtime.mcap_log import LogFile
 from bowden.runtime.mcap_read import Damage, Recording, read
 
 TAIL = 0.2
-"""Most that a killed recorder can have had in its hands, not yet in the file [s]."""
+"""Most that a recorder on a healthy disk can have had in its hands when it was killed, not yet in the file [s]."""
 _CHUNK = 1000  # rows
 
 

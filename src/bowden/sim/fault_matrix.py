@@ -49,7 +49,7 @@ ROWS = {
     Injected.JOINT_SPIKES: _row("2", "JOINT_JUMP", 20),
     Injected.JOINT_DROPOUT: _row("2", "JOINT_STALE", 20),
     Injected.JOINT_DELAY: _row("2", _JOINT, 20),
-    Injected.JOINT_SIGN: _row("2", _JOINT, 20),
+    Injected.JOINT_SIGN: _row("23", f"{_JOINT} JOINT_OVER_SPEED", 20),  # a small jump looks like speed
     Injected.MOTOR_NAN: _row("3", "MOTOR_LOST", 8),
     Injected.MOTOR_RANGE: _row("3", "MOTOR_LOST", 8),
     Injected.MOTOR_FROZEN: _row("23", _MOTOR, 20),
@@ -99,6 +99,16 @@ AT_ONCE = (
     *(Injected.DRIVE_FAULT, Injected.DRIVE_REBOOT, Injected.DRIVE_DROPPED, Injected.CLOCK_BACK, Injected.CLOCK_FORWARD),
 )
 """Causes of R3 that show as soon as they begin, whatever else is wrong."""
+_OLD = {
+    *(Injected.MOTOR_FROZEN, Injected.MOTOR_DROPOUT, Injected.MOTOR_DELAY),
+    *(Injected.LATE_PDOS, Injected.DRIVE_SILENT, Injected.BUS_OFF),
+}
+HIDING = {
+    Injected.MOTOR_NAN: _OLD,
+    Injected.MOTOR_RANGE: _OLD,
+    Injected.PEAK_CURRENT: {Injected.LONG_CURRENT, Injected.CURRENT_NAN},
+}
+"""What writes another figure over the one by which a fault would be seen: it cannot show then."""
 RELEASE = 204
 """From R2 to power off, at most [cycles]."""
 
@@ -155,5 +165,6 @@ def pair_complaints(kinds: tuple[Injected, ...], seed: int, onset: int, outcome:
         yield from unfinished(outcome)
     for kind, begin in zip(kinds, begins(kinds, seed, onset), strict=True):
         latest = round(begin * 1000.0) + ROWS[kind].within
-        if kind in AT_ONCE and not 0.0 <= outcome.off <= latest:
+        hidden = HIDING.get(kind, set()) & set(kinds)
+        if kind in AT_ONCE and not hidden and not 0.0 <= outcome.off <= latest:
             yield f"power off at {outcome.off:.0f}, with {kind.name} by {latest} at the latest"
