@@ -193,7 +193,7 @@ def supervise(
     reaction = powered * sel(ended, eventually, once)
 
     # the next mode
-    run = (observed.request == RUN) * (observed.preflight == 1.0) * (reaction < 0.5) > 0.0
+    run = (observed.request == RUN) * (observed.preflight == 1.0) * (seen.enabled > 0.5) * (reaction < 0.5) > 0.0
     passed = powered * sel(run, 1.0, state.passed)
     going = sel(reaction > 0.5, BRIDGING, sel(passed > 0.5, RUNNING, PREFLIGHT))
     going = sel((reaction > 1.5) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
