@@ -237,3 +237,22 @@ def test_what_is_bridged_goes_on_where_it_was() -> None:
         places.append(plan.reference.position)
     assert sources == [Source.LAW_BEGINS, Source.LAW, Source.LAW, Source.LAW]
     assert places == [row[0] for row in table[:4]]
+
+
+@pytest.mark.parametrize("aside", [0.05, -0.05])
+def test_the_law_begins_where_the_joint_is_and_is_on_its_reference_a_second_later(aside: float) -> None:
+    table = REFERENCE.sample(np.arange(2000) * 1e-3)
+    script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+    off = NOTHING_READ._replace(motor=0.0, joint=aside, drive_state=4.0)
+    heard = np.array([script.plan(float(Mode.RUNNING), 0.0, off, 1).reference for _ in range(1500)])
+    assert heard[0, 0] == aside
+    np.testing.assert_array_equal(heard[1000:], table[1000:1500])
+    np.testing.assert_allclose(np.gradient(heard[:, 0], 1e-3)[1:-1], heard[1:-1, 1], atol=1e-4)  # no step anywhere
+
+
+def test_a_joint_that_is_far_off_or_unknown_is_not_blended_away() -> None:
+    table = REFERENCE.sample(np.arange(100) * 1e-3)
+    for joint in (1.0, float("nan")):
+        script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+        told = NOTHING_READ._replace(motor=0.0, joint=joint, drive_state=4.0)
+        assert script.plan(float(Mode.RUNNING), 0.0, told, 1).reference.position == table[0, 0]

@@ -1,5 +1,6 @@
 """The preflight on a motor and a cable with play, and limits that cannot go together."""
 
+import itertools
 import math
 
 import pytest
@@ -49,7 +50,7 @@ def test_the_motion_grows_until_the_joint_follows_and_comes_back(play_deg: float
     assert max(wishes) >= 0.5 * play_deg * RADIANS
     assert max(wishes) <= max(2.0 * RADIANS, 2.0 * (play_deg + 2.0) * RADIANS)
     assert abs(wishes[-1]) < 1e-9
-    steps = [abs(b - a) for a, b in zip(wishes, wishes[1:], strict=False)]
+    steps = [abs(b - a) for a, b in itertools.pairwise(wishes)]
     assert max(steps) <= 1.9 * SETTINGS.speed * DT  # a minimum-jerk motion peaks at 1.875 times its mean speed
 
 

@@ -1,4 +1,8 @@
-"""What a run does, cycle by cycle: hold, preflight, approach, and then the law on its reference or a planned motion."""
+"""What a run does, cycle by cycle: hold, preflight, approach, and then the law on its reference or a planned motion.
+
+The law begins where the joint is: what the preflight has left in the cable's play sets the joint some degrees off, and
+this goes out of the reference by minimum jerk in the run's first second.
+"""
 
 import math
 
@@ -36,6 +40,7 @@ class Script:
         self._checked = preflight.begin(checks, NOTHING_READ)
         self._mode = float(Mode.STOPPED)
         self._from, self._approach, self._cycles, self._begun = 0.0, 0.0, 0, False
+        self._aside = 0.0
         self.outcome = 0.0
         """Of the preflight."""
         self.done = False
@@ -69,8 +74,12 @@ class Script:
         values = self._rows[min(row, len(self._rows) - 1)]
         if not self._led:
             return Plan(MOTION, values[0], NOWHERE)
+        if not self._begun:
+            aside = reading.joint - values[0]
+            self._aside = aside if abs(aside) <= _FURTHEST else 0.0  # NaN is not
         source, self._begun = (LAW if self._begun else LAW_BEGINS), True
-        return Plan(source, target, Reference(*values))
+        back = minimum_jerk(self._aside, 0.0, _BLEND, at - self._approach)
+        return Plan(source, target, Reference(*(float(value + more) for value, more in zip(values, back, strict=True))))
 
     def _enter(self, mode: float, target: float, reading: DriveReading, cycles: int) -> None:
         if mode == _PREFLIGHT:
@@ -87,6 +96,12 @@ class Script:
         """Why the preflight failed; empty where it has not."""
         return preflight.REASONS[preflight.Reason(int(self._checked.reason))]
 
+
+_BLEND = 1.0
+"""Time in which the reference goes from where the joint is to its own motion [s]."""
+
+_FURTHEST = 0.3
+"""A joint further from the reference than this is not explained by play: the law is shown it as it is [rad]."""
 
 _PEAK = 1.875
 """Largest speed of a minimum-jerk motion over its mean one."""
