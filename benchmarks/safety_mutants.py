@@ -2,10 +2,11 @@
 
     python benchmarks/safety_mutants.py [SECONDS]
 
-Every comparison, operator, number, ufunc, branch and sign in the kernels of safety/ and of what they stand on is
-changed, one at a time, in place of the running code; then the supervisor's tests are called, interpreted, the quick
-ones first, until one fails. Survivors that are explained stand in docs/safety_mutants.md. Resumable, until the package
-or the tests change; exit code 1 if one is left that is not explained.
+Every comparison, operator, number, ufunc, branch, sign, mode, request and time in the kernels of safety/ and of what
+they stand on is changed, and every operand of a sum or product left out, one at a time, in place of the running code;
+then the supervisor's tests are called, interpreted, the quick ones first, until one fails. Survivors that are
+explained stand in docs/safety_mutants.md. Resumable, until the package or the tests change; exit code 1 if one is left
+that is not explained.
 """
 
 import ast
@@ -17,7 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from hashlib import sha256
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
@@ -36,7 +37,14 @@ KERNELS: list[FunctionType] = [
 ]
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 OPERATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
+MODES = [mode.name for mode in supervisor.Mode]
+REQUESTS = [request.name for request in supervisor.Request][1:]
+SWAPPED = {a: b for names in (MODES, REQUESTS) for a, b in pairwise([*names, names[0]])} | {"time": "dt", "dt": "time"}
 NAMED = {"fmax": "fmin", "fmin": "fmax", "abs": "negative", "floor": "ceil"}
+
+
+def become(node: Any, other: ast.expr) -> None:
+    node.__class__, node.__dict__ = other.__class__, other.__dict__
 
 
 def changes(node: ast.AST) -> Iterator[tuple[str, Callable[[Any], None]]]:
@@ -50,6 +58,11 @@ def changes(node: ast.AST) -> Iterator[tuple[str, Callable[[Any], None]]]:
     elif isinstance(node, ast.BinOp) and type(node.op) in OPERATED:
         to = OPERATED[type(node.op)]
         yield f"{type(node.op).__name__}→{to.__name__}", lambda n: setattr(n, "op", to())
+        if isinstance(node.op, (ast.Mult, ast.Add)):
+            yield f"{type(node.op).__name__}→left", lambda n: become(n, n.left)
+            yield f"{type(node.op).__name__}→right", lambda n: become(n, n.right)
+    elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in SWAPPED:
+        yield f"{node.id}→{SWAPPED[node.id]}", lambda n: setattr(n, "id", SWAPPED[n.id])
     elif isinstance(node, ast.Constant) and isinstance(node.value, float):
         yield f"{node.value}→{node.value + 1.0}", lambda n: setattr(n, "value", n.value + 1.0)
     elif isinstance(node, ast.Attribute) and node.attr in NAMED:
@@ -65,7 +78,10 @@ def mutants() -> Iterator[tuple[FunctionType, str, CodeType]]:
     for kernel in KERNELS:
         lines, _ = inspect.getsourcelines(kernel)
         tree = ast.parse("".join(lines))
+        known = {*kernel.__code__.co_varnames, *kernel.__globals__}
         for i, node in enumerate(ast.walk(tree)):
+            if isinstance(node, ast.Name) and SWAPPED.get(node.id) not in known:
+                continue
             for what, change in changes(node):
                 mutant = copy.deepcopy(tree)
                 changed = list(ast.walk(mutant))[i]

@@ -26,7 +26,7 @@ LIMITS = Limits(
     **{"target_speed": 128.0, "target_reach": 0.875, "acceleration": 4096.0},
     **{"servo_frequency": 32.0, "servo_damping": 0.75},
     **{"tracking": 0.125, "tracking_lag": 1 / 64, "tracking_time": 5 * DT},
-    **{"slope_low": 0.75, "slope_high": 1.0, "play": 0.25, "joint_still": 2.0**-12, "frozen_travel": 0.375},
+    **{"slope_low": 0.75, "slope_high": 1.25, "play": 0.25, "joint_still": 2.0**-12, "frozen_travel": 0.375},
     **{"current_peak": 16.0, "current_time": 2 * DT, "saturation": 15 / 16, "saturation_time": 50 * DT},
     **{"measures_temperature": 1.0, "measures_tension": 1.0, "tension_high": 128.0, "slack_time": 48 * DT},
     **{"heartbeat_age": 1 / 16, "lateness": 1 / 64, "bridge_time": 5 * DT, "bridge_leak": 1 / 64},
@@ -115,8 +115,8 @@ EDGES: list[Edge] = [
     (Fault.JOINT_FROZEN, "state.anchor_joint", 0.375 - 2.0**-12 - TINY, 0.375 - 2.0**-12, {"state.anchor_motor": 0.0}),
     (Fault.JOINT_FROZEN, "state.anchor_joint", 0.375 + 2.0**-12 + TINY, 0.375 + 2.0**-12, {"state.anchor_motor": 0.0}),
     (Fault.JOINT_ASTRAY, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
-    (Fault.JOINT_ASTRAY, "reading.joint", 1.25, 1.25 + TINY, motor_at(1.0, 1.25)),
-    (Fault.JOINT_ASTRAY, "reading.joint", -0.625, -0.625 - TINY, motor_at(-0.375, -0.625)),
+    (Fault.JOINT_ASTRAY, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
+    (Fault.JOINT_ASTRAY, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
     (Fault.JOINT_ASTRAY, "reading.joint", -1 / 32, -1 / 32 + TINY, motor_at(-0.375, -1 / 32)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.5, 1.5)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", -0.5, -0.5 - TINY, motor_at(-0.4, -0.5)),
@@ -132,6 +132,7 @@ EDGES: list[Edge] = [
     (Fault.MOTOR_LOST, "reading.motor", 0.5, NAN, STOPPED),
     (Fault.MOTOR_JUMP, "reading.motor", 0.5 + 1 / 64 + 16 * DT, 0.5 + 1 / 64 + 16 * DT + TINY, {}),
     (Fault.MOTOR_JUMP, "reading.motor", 0.5 - 1 / 64 - 16 * DT, 0.5 - 1 / 64 - 16 * DT - TINY, {}),
+    (Fault.MOTOR_JUMP, "reading.motor", 0.5 + 1 / 64 + 48 * DT, 0.5626, {"observed.elapsed": 3 * DT}),
     (Fault.MOTOR_STALE, "reading.motor_age", 2.0, 2.0 + TINY, {}),
     (Fault.MOTOR_STALE, "reading.motor_age", 0.0, -TINY, {}),
     (Fault.NOT_FOLLOWING, "reading.motor", 0.625, 0.625 + TINY, {**LEAN, "state.motor": 0.625}),
@@ -295,6 +296,13 @@ def test_a_detector_is_silent_where_its_signal_says_nothing(quiet: tuple[str, se
     assert faults(changes) & silent == set()
 
 
+def test_a_wish_that_is_lost_is_no_other_fault_and_a_preflight_that_is_over_none() -> None:
+    for wish in (NAN, 9.0, INF):
+        assert faults({"law.wish": wish}) == {Fault.WISH_LOST}
+    assert faults({"observed.preflight": -1.0}) == set()
+    assert faults(ARMED, {"reading.drive_state": 4.0, "state.armed": 2.0}) == set()
+
+
 @pytest.mark.parametrize("mode", [Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING])
 def test_a_wish_that_cannot_be_is_seen_wherever_it_might_lead(mode: Mode) -> None:
     assert Fault.WISH_LOST in faults({"state.mode": mode, "law.wish": NAN})
@@ -308,6 +316,7 @@ HOT: Changes = {"state.winding": 60.0, "state.housing": 50.0, "state.i2t": 100.0
 R1: Changes = {"reading.joint": NAN}
 R2: Changes = {"observed.operator_age": 9.0}
 R3: Changes = {"reading.emergency": 1.0}
+THRICE: Changes = {"observed.elapsed": 3 * DT}
 ESTIMATES: list[tuple[str, float, Changes]] = [
     ("armed", 1 + DT, {**ARMED, "state.armed": 1.0}),
     ("armed", 1 + 3 * DT, {**ARMED, "state.armed": 1.0, "observed.elapsed": 3 * DT}),
@@ -348,12 +357,15 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("enabled", 0.0, {**STOPPED, "reading.drive_state": 4.0}),
     ("enabled", 0.0, {**LATCHED, "reading.drive_state": 4.0}),
     ("astray", 3 * DT, {"state.motor": 0.7, "reading.motor": 0.7, "state.astray": 2 * DT}),
+    ("astray", 3 * DT, {"state.motor": 0.7, "reading.motor": 0.7, **THRICE}),
     ("astray", 0.0, {"state.astray": 2 * DT}),
     ("overload", 3 * DT, {"reading.current": 17.0, "observed.elapsed": 3 * DT}),
     ("overload", 0.0, {"state.overload": DT}),
     ("saturated", 3 * DT, {"reading.current": 15.5, "state.saturated": 2 * DT}),
+    ("saturated", 3 * DT, {"reading.current": 15.5, **THRICE}),
     ("saturated", 0.0, {"state.saturated": DT}),
     ("slack", 3 * DT, {"reading.tension": 1.0, "state.slack": 2 * DT}),
+    ("slack", 3 * DT, {"reading.tension": 1.0, **THRICE}),
     ("slack", 0.0, {"state.slack": DT}),
     ("winding", heated(2.0, DT).winding, HOT),
     ("winding", heated(5.0, 3 * DT).winding, {**HOT, "reading.current": -5.0, "observed.elapsed": 3 * DT}),
@@ -377,6 +389,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("released", 0.0, {"state.released": DT}),
     ("eased", 3 * DT, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.25}),
     ("eased", 3 * DT, {**RELEASING, "state.eased": 2 * DT, "reading.current": -0.25}),
+    ("eased", 3 * DT, {**RELEASING, "reading.current": 0.0, **THRICE}),
     ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.25 + TINY}),
     ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": -0.25 - TINY}),
     ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.0, "limits.measures_current": 0.0}),
