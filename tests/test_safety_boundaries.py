@@ -1,0 +1,612 @@
+"""The supervisor at each of its boundaries: both sides of every limit, every change of mode, every sum and its unit.
+
+Times and limits are sums of powers of two, so that "at the limit" is exact.
+"""
+
+import itertools
+import math
+from typing import Any, NamedTuple
+
+import pytest
+
+from bowden.core.signals import DriveReading
+from bowden.models.plausible import Followed, follow, lasting, outside
+from bowden.models.servo import servo_predict
+from bowden.models.thermal import Thermal, ThermalState, cold, warm
+from bowden.safety.faults import Fault, of
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise
+
+DT = 2.0**-10
+TINY = 1e-9
+NAN, INF = math.nan, math.inf
+LIMITS = Limits(
+    **{"motor_low": -0.5, "motor_high": 2.0, "motor_margin": 1 / 16, "joint_low": -0.5, "joint_high": 1.5},
+    **{"sensor_span": 6.5, "jump": 1 / 64, "motor_speed": 16.0, "joint_speed": 8.0, "speed_filter": 3 * DT},
+    **{"target_speed": 128.0, "target_reach": 0.875, "acceleration": 4096.0},
+    **{"servo_frequency": 32.0, "servo_damping": 0.75},
+    **{"tracking": 0.125, "tracking_lag": 1 / 64, "tracking_time": 5 * DT},
+    **{"slope_low": 0.75, "slope_high": 1.25, "play": 0.25, "joint_still": 2.0**-12, "frozen_travel": 0.375},
+    **{"current_peak": 16.0, "current_time": 2 * DT, "saturation": 15 / 16, "saturation_time": 50 * DT},
+    **{"measures_temperature": 1.0, "measures_tension": 1.0, "tension_high": 128.0, "slack_time": 48 * DT},
+    **{"heartbeat_age": 1 / 16, "lateness": 1 / 64, "bridge_time": 5 * DT, "bridge_leak": 1 / 64},
+    **{"release_time": 256 * DT, "pay_out": 8.0, "released_current": 0.25, "released_time": 16 * DT},
+)
+THERMAL = LIMITS.thermal
+READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+RUNNING = begin(LIMITS, READING, cold(THERMAL))._replace(mode=Mode.RUNNING, passed=1.0, enabled=1.0)
+
+
+class Law(NamedTuple):
+    wish: float = 0.5
+
+
+Changes = dict[str, float]
+ORDER: dict[str, Any] = {
+    "limits": LIMITS,
+    "state": RUNNING,
+    "reading": READING,
+    "observed": Observed(READING, 0.0, DT, Request.NONE, 0.1, 1.0, 1.0),
+    "law": Law(),
+}
+"""A running rig in order, standing still."""
+
+
+def cycle(*changes: Changes) -> tuple[SupervisorState, Verdict]:
+    """One cycle of a rig in order, but for changes such as {"reading.motor": 0.6}; the last of a name counts."""
+    parts = dict(ORDER)
+    for name, value in (item for one in changes for item in one.items()):
+        part, field = name.split(".")
+        parts[part] = parts[part]._replace(**{field: float(value)})
+    observed = parts["observed"]._replace(reading=parts["reading"])
+    return supervise(parts["limits"], parts["state"], observed, parts["law"].wish, DT)
+
+
+def faults(*changes: Changes) -> set[Fault]:
+    return set(of(cycle(*changes)[1].faults))
+
+
+def motor_at(angle: float, joint: float = NAN) -> Changes:
+    """A motor that has stood there, with the joint where the cable holds it."""
+    joint = 0.75 * angle if math.isnan(joint) else joint
+    at = dict.fromkeys(("state.motor", "state.model", "state.before", "state.target", "law.wish"), angle)
+    return {**at, "reading.motor": angle, "state.anchor_motor": angle, "state.joint": joint, "reading.joint": joint}
+
+
+STOPPED: Changes = {"state.mode": Mode.STOPPED, "state.passed": 0.0, "state.enabled": 0.0, "reading.drive_state": 1.0}
+ARMED: Changes = {**STOPPED, "state.mode": Mode.PREFLIGHT, "reading.drive_state": 3.0, "observed.preflight": 0.0}
+RELEASING: Changes = {"state.mode": Mode.RELEASING}
+LATCHED: Changes = {"state.mode": Mode.LATCHED, "state.latched": 2.0**Fault.EMERGENCY}
+
+
+def test_a_rig_in_order_is_left_alone() -> None:
+    state, verdict = cycle()
+    assert verdict == Verdict(0.5, 3.0, Mode.RUNNING, 0.0, 0.0)
+    moved = {"winding", "i2t"}
+    assert {name for name, a, b in zip(state._fields, RUNNING, state, strict=True) if a != b} <= moved
+    for changes in (STOPPED, ARMED, RELEASING):
+        assert faults(changes) == set()
+    for angle in (-0.4, 1.9):
+        assert faults(motor_at(angle)) == set()
+
+
+MOVING = {**motor_at(0.5), "state.model_speed": 8.0}
+AWAY, SPEED = servo_predict(0.5, 8.0, 0.5, 32.0, 0.75, DT)
+"""Where a model that runs at 8 rad/s is a cycle later."""
+LATER, _ = servo_predict(0.5, 8.0, 0.25, 32.0, 0.75, 3 * DT)
+LAG = 0.125 + SPEED / 64
+HEAT = warm(THERMAL, ThermalState(60.0, 50.0, 0.0), 2.0, DT)
+WARM: Changes = {"state.winding": 60.0, "state.housing": 50.0}
+LEAN: Changes = {"limits.tracking_time": 0.0, "limits.current_time": 0.0, "limits.saturation_time": 0.0}
+LEAN |= {"limits.slack_time": 0.0}
+Edge = tuple[Fault, str, float, float, Changes]
+EDGES: list[Edge] = [
+    (Fault.JOINT_LOST, "reading.joint", 6.5, 6.5 + TINY, {}),
+    (Fault.JOINT_LOST, "reading.joint", -6.5, -6.5 - TINY, {}),
+    (Fault.JOINT_LOST, "reading.joint", 0.375, NAN, STOPPED),
+    (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY, {}),
+    (Fault.JOINT_JUMP, "reading.joint", 0.375 - 1 / 64 - 8 * DT, 0.375 - 1 / 64 - 8 * DT - TINY, {}),
+    (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"observed.elapsed": 3 * DT}),
+    (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"state.joint_gap": 2 * DT}),
+    (Fault.JOINT_STALE, "reading.joint_age", 2.0, 2.0 + TINY, {}),
+    (Fault.JOINT_STALE, "reading.joint_age", 0.0, -TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor_motor", 0.125, 0.125 - TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor_motor", 0.875, 0.875 + TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor_joint", 0.375 - 2.0**-12 - TINY, 0.375 - 2.0**-12, {"state.anchor_motor": 0.0}),
+    (Fault.JOINT_FROZEN, "state.anchor_joint", 0.375 + 2.0**-12 + TINY, 0.375 + 2.0**-12, {"state.anchor_motor": 0.0}),
+    (Fault.JOINT_ASTRAY, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
+    (Fault.JOINT_ASTRAY, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
+    (Fault.JOINT_ASTRAY, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
+    (Fault.JOINT_ASTRAY, "reading.joint", -1 / 32, -1 / 32 + TINY, motor_at(-0.375, -1 / 32)),
+    (Fault.JOINT_OVER_TRAVEL, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.5, 1.5)),
+    (Fault.JOINT_OVER_TRAVEL, "reading.joint", -0.5, -0.5 - TINY, motor_at(-0.4, -0.5)),
+    (Fault.JOINT_OVER_SPEED, "state.joint_speed", 8.0, 8.0 + TINY, {"reading.joint": 0.375 + 8 * DT}),
+    (Fault.JOINT_OVER_SPEED, "state.joint_speed", -8.0, -8.0 - TINY, {"reading.joint": 0.375 - 8 * DT}),
+    (Fault.JOINT_OVER_SPEED, "reading.joint", 0.375 + 32 * DT, 0.375 + 32 * DT + TINY, {"limits.jump": 1.0}),
+    (
+        *(Fault.JOINT_OVER_SPEED, "reading.joint", 0.375 + 64 * DT, 0.375 + 64 * DT + TINY),
+        {"limits.jump": 1.0, "observed.elapsed": 5 * DT},
+    ),
+    (Fault.MOTOR_LOST, "reading.motor", 6.5, 6.5 + TINY, {}),
+    (Fault.MOTOR_LOST, "reading.motor", -6.5, -6.5 - TINY, {}),
+    (Fault.MOTOR_LOST, "reading.motor", 0.5, NAN, STOPPED),
+    (Fault.MOTOR_JUMP, "reading.motor", 0.5 + 1 / 64 + 16 * DT, 0.5 + 1 / 64 + 16 * DT + TINY, {}),
+    (Fault.MOTOR_JUMP, "reading.motor", 0.5 - 1 / 64 - 16 * DT, 0.5 - 1 / 64 - 16 * DT - TINY, {}),
+    (Fault.MOTOR_JUMP, "reading.motor", 0.5 + 1 / 64 + 48 * DT, 0.5626, {"observed.elapsed": 3 * DT}),
+    (Fault.MOTOR_STALE, "reading.motor_age", 2.0, 2.0 + TINY, {}),
+    (Fault.MOTOR_STALE, "reading.motor_age", 0.0, -TINY, {}),
+    (Fault.NOT_FOLLOWING, "reading.motor", 0.625, 0.625 + TINY, {**LEAN, "state.motor": 0.625}),
+    (Fault.NOT_FOLLOWING, "reading.motor", 0.375, 0.375 - TINY, {**LEAN, "state.motor": 0.375}),
+    (Fault.NOT_FOLLOWING, "reading.motor", AWAY + LAG - TINY, AWAY + LAG + TINY, {**MOVING, **LEAN, "limits.jump": 1}),
+    (Fault.NOT_FOLLOWING, "reading.motor", AWAY - LAG + TINY, AWAY - LAG - TINY, {**MOVING, **LEAN, "limits.jump": 1}),
+    (
+        *(Fault.NOT_FOLLOWING, "reading.motor", 1 - AWAY + LAG - TINY, 1 - AWAY + LAG + TINY),
+        {**MOVING, **LEAN, "limits.jump": 1, "state.model_speed": -8.0},
+    ),
+    (Fault.NOT_FOLLOWING, "state.astray", 4 * DT, 4 * DT + TINY, {"state.motor": 0.7, "reading.motor": 0.7}),
+    (Fault.MOTOR_OVER_TRAVEL, "reading.motor", 2.0625, 2.0625 + TINY, motor_at(2.0625)),
+    (Fault.MOTOR_OVER_TRAVEL, "reading.motor", -0.5625, -0.5625 - TINY, motor_at(-0.5625)),
+    (Fault.MOTOR_OVER_SPEED, "state.motor_speed", 16.0, 16.0 + TINY, {"reading.motor": 0.5 + 16 * DT}),
+    (Fault.MOTOR_OVER_SPEED, "state.motor_speed", -16.0, -16.0 - TINY, {"reading.motor": 0.5 - 16 * DT}),
+    (Fault.MOTOR_OVER_SPEED, "reading.motor", 0.5 + 64 * DT, 0.5 + 64 * DT + TINY, {"limits.jump": 1.0}),
+    (Fault.CURRENT_LOST, "reading.current", 32.0, 32.0 + TINY, {}),
+    (Fault.CURRENT_LOST, "reading.current", -32.0, -32.0 - TINY, {}),
+    (Fault.CURRENT_LOST, "reading.current", 0.0, NAN, STOPPED),
+    (Fault.OVER_CURRENT, "reading.current", 16.0, 16.0 + TINY, LEAN),
+    (Fault.OVER_CURRENT, "reading.current", -16.0, -16.0 - TINY, LEAN),
+    (Fault.OVER_CURRENT, "state.overload", DT, DT + TINY, {"reading.current": 17.0}),
+    (Fault.SATURATED, "reading.current", 15.0, 15.0 + TINY, LEAN),
+    (Fault.SATURATED, "reading.current", -15.0, -15.0 - TINY, LEAN),
+    (Fault.SATURATED, "state.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": 15.5}),
+    (Fault.SATURATED, "state.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": NAN}),
+    (Fault.I2T, "state.i2t", 440.0 - 64 * DT, 440.0 - 64 * DT + TINY, {"reading.current": 10.0}),
+    (Fault.MOTOR_HOT, "limits.winding_limit", HEAT.winding, HEAT.winding - TINY, WARM),
+    (Fault.MOTOR_HOT, "limits.housing_limit", HEAT.housing, HEAT.housing - TINY, WARM),
+    (Fault.DRIVE_HOT, "reading.temperature", 80.0, 80.0 + TINY, {}),
+    (Fault.DRIVE_HOT, "reading.temperature", -1e6, NAN, {}),
+    (Fault.TENSION_LOST, "reading.tension", 1e6, 1e6 + 1.0, {}),
+    (Fault.TENSION_LOST, "reading.tension", -1e6, -1e6 - 1.0, {}),
+    (Fault.TENSION_LOST, "reading.tension", 20.0, NAN, STOPPED),
+    (Fault.OVER_TENSION, "reading.tension", 128.0, 128.0 + TINY, {}),
+    (Fault.SLACK, "reading.tension", 2.0, 2.0 - TINY, LEAN),
+    (Fault.SLACK, "state.slack", 47 * DT, 47 * DT + TINY, {"reading.tension": 1.0}),
+    (Fault.HEARTBEAT_LOST, "reading.heartbeat_age", 1 / 16, 1 / 16 + TINY, {}),
+    (Fault.HEARTBEAT_LOST, "reading.heartbeat_age", 0.0, -TINY, {}),
+    (Fault.NOT_ENABLED, "state.armed", 1.0 - DT, 1.0 - DT + TINY, ARMED),
+    (Fault.NOT_ENABLED, "reading.drive_state", 4.0, 3.0, {**ARMED, "state.armed": 2.0}),
+    (Fault.EMERGENCY, "reading.emergency", 0.0, 0x8130, STOPPED),
+    (Fault.EMERGENCY, "reading.emergency", 0.0, -1.0, {}),
+    (Fault.BUS_ERRORS, "state.failures", 2.5 + DT, 2.5 + DT + TINY, {}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 9.0, 10.0, {"state.bus_errors": 7.0}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 7.0, 8.0, {"state.bus_errors": 7.0, "state.failures": 2.0}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, NAN, {"state.bus_errors": 1e9}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, -1.0, {"state.bus_errors": 1e9}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e12, INF, {"state.bus_errors": 1e12}),
+    (Fault.LATE, "observed.lateness", 1 / 64, 1 / 64 + TINY, {}),
+    (Fault.LATE, "observed.lateness", -DT / 2, 1.0, {}),
+    (Fault.LATE, "state.late", 1 / 64 + 0.02 * DT - TINY, 1 / 64 + 0.02 * DT + TINY, {}),
+    (
+        *(Fault.LATE, "state.late", 1 / 64 - 2.5 * DT + 0.08 * DT - TINY, 1 / 64 - 2.5 * DT + 0.08 * DT + TINY),
+        {"observed.elapsed": 4 * DT},
+    ),
+    (Fault.CLOCK, "observed.elapsed", 0.05 * DT, 0.05 * DT - TINY, STOPPED),
+    (Fault.CLOCK, "observed.elapsed", 0.5, 0.5 + TINY, {}),
+    (Fault.CLOCK, "observed.lateness", -DT, -DT - TINY, {}),
+    (Fault.CLOCK, "observed.lateness", 1e6, 1e6 + 1.0, {}),
+    (Fault.WISH_LOST, "law.wish", 2.0, 2.0 + TINY, motor_at(2.0)),
+    (Fault.WISH_LOST, "law.wish", -0.5, -0.5 - TINY, motor_at(-0.5)),
+    (Fault.WISH_STEP, "law.wish", 0.625, 0.625 + TINY, {}),
+    (Fault.WISH_STEP, "law.wish", 0.375, 0.375 - TINY, {}),
+    (Fault.WISH_STEP, "law.wish", 0.625, 0.625 + TINY, {"observed.elapsed": 0.5 * DT}),
+    (Fault.WISH_STEP, "law.wish", 0.875, 0.875 + TINY, {"observed.elapsed": 3 * DT}),
+    (Fault.WISH_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 5 * DT}),
+    (Fault.WISH_STEP, "law.wish", 1.125, 1.125 + TINY, {"observed.elapsed": 9 * DT}),
+    (Fault.WISH_FAR, "law.wish", 1.375, 1.375 + TINY, {}),
+    (Fault.WISH_FAR, "law.wish", -0.375, -0.375 - TINY, {}),
+    (Fault.WISH_HARD, "law.wish", 0.5625, 0.5625 + TINY, {"limits.acceleration": 64.0}),
+    (Fault.WISH_HARD, "law.wish", 0.4375, 0.4375 - TINY, {"limits.acceleration": 64.0}),
+    (
+        *(Fault.WISH_HARD, "law.wish"),
+        *(AWAY + (64.0 + 48.0 * SPEED) / 1024.0 + sign * TINY for sign in (-1.0, 1.0)),
+        {**MOVING, "limits.acceleration": 64.0},
+    ),
+    (Fault.OPERATOR_LOST, "observed.operator_age", 1.0, 1.0 + TINY, {}),
+    (Fault.OPERATOR_LOST, "observed.operator_age", -1.0, -1.0 - TINY, STOPPED),
+    (Fault.PREFLIGHT_FAILED, "observed.preflight", 0.0, -1.0, ARMED),
+    (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, 2.0, ARMED),
+    (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, NAN, ARMED),
+    (Fault.PREFLIGHT_FAILED, "state.armed", 60.0 - DT, 60.0 - DT + TINY, ARMED),
+    (Fault.RECORDER_LOST, "observed.recorder", 1.0, 0.0, {}),
+    (Fault.RECORDER_LOST, "observed.recorder", 1.0, 2.0, {}),
+    (Fault.RECORDER_LOST, "observed.recorder", 1.0, NAN, STOPPED),
+]
+"""A fault; what shows it; its last good value, its first bad one; what else is so."""
+
+
+@pytest.mark.parametrize("edge", EDGES, ids=lambda edge: f"{edge[0].name} {edge[1]} {edge[3]:g}")
+def test_a_detector_speaks_beyond_its_limit_and_not_at_it(edge: Edge) -> None:
+    fault, name, good, bad, also = edge
+    assert fault not in faults(also, {name: good})
+    assert fault in faults(also, {name: bad})
+
+
+DRIVE = {Fault.DRIVE_DROPPED, Fault.DRIVE_FAULT}
+
+
+@pytest.mark.parametrize("number", [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, NAN])
+def test_a_drive_must_stay_enabled_while_it_has_power_and_may_be_anything_but_in_fault_without(number: float) -> None:
+    at = {"reading.drive_state": number}
+    broken = {Fault.DRIVE_FAULT} if number in (6.0, 7.0) else set()
+    for mode in (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
+        dropped = {Fault.DRIVE_DROPPED} if number != 4.0 and not broken else set()
+        assert faults(at, {"state.mode": mode}) & DRIVE == dropped | broken
+    for without in ({**STOPPED, **at}, {**ARMED, **at}, {**LATCHED, **at, "state.enabled": 1.0}):
+        assert faults(without) & DRIVE == broken
+
+
+MOVED_BY_HAND: Changes = {"reading.motor": 1.5, "reading.joint": 1.25}
+FREE: Changes = {"law.wish": NAN, "reading.drive_state": 4.0}
+UNMEASURED: Changes = {"limits.measures_current": 0.0, "limits.measures_tension": 0.0}
+UNMEASURED |= {"limits.measures_temperature": 0.0}
+WISHES = {Fault.WISH_LOST, Fault.WISH_STEP, Fault.WISH_FAR, Fault.WISH_HARD}
+JUMPS = {Fault.MOTOR_JUMP, Fault.JOINT_JUMP, Fault.JOINT_FROZEN}
+CURRENTS = {Fault.CURRENT_LOST, Fault.OVER_CURRENT, Fault.SATURATED, Fault.I2T}
+TENSIONS = {Fault.TENSION_LOST, Fault.OVER_TENSION, Fault.SLACK}
+LONG: Changes = {"state.overload": 9.0, "state.saturated": 9.0, "state.slack": 9.0, "state.astray": 9.0}
+QUIET: list[tuple[str, set[Fault], Changes]] = [
+    ("moved by hand, stopped", JUMPS, {**STOPPED, **MOVED_BY_HAND}),
+    ("moved by hand, latched", JUMPS, {**LATCHED, **MOVED_BY_HAND}),
+    ("motor turned by hand", JUMPS, {**STOPPED, "reading.motor": 1.0}),
+    ("model of a drive that is not enabled", {Fault.NOT_FOLLOWING}, {**ARMED, **LONG, "state.model": 1.5}),
+    ("current not measured", CURRENTS, {**UNMEASURED, **LONG, "reading.current": NAN}),
+    ("a current that is not measured counts not", CURRENTS, {**UNMEASURED, **LONG, "reading.current": 20.0}),
+    ("nothing heats without current", {Fault.I2T}, {**UNMEASURED, "state.i2t": 440.02}),
+    ("current unknown without power", {Fault.I2T, Fault.SATURATED}, {**STOPPED, **LONG, "reading.current": NAN}),
+    ("i2t unknown without power", {Fault.I2T}, {**STOPPED, "reading.current": NAN, "state.i2t": 440.02}),
+    ("unknown is at the peak, not beyond", {Fault.OVER_CURRENT}, {**LONG, "reading.current": NAN}),
+    ("temperature not measured", {Fault.DRIVE_HOT}, {**UNMEASURED, "reading.temperature": NAN}),
+    ("tension not measured", TENSIONS, {**UNMEASURED, **LONG, "reading.tension": NAN}),
+    ("a tension that is not measured counts not", TENSIONS, {**UNMEASURED, **LONG, "reading.tension": 999.0}),
+    ("nor a small one", TENSIONS, {**UNMEASURED, **LONG, "reading.tension": 0.0}),
+    ("slack before the drive is enabled", TENSIONS, {**ARMED, **LONG, "reading.tension": 0.0}),
+    ("tension lost is not slack", TENSIONS - {Fault.TENSION_LOST}, {**LONG, "reading.tension": NAN}),
+    ("long since armed", {Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED}, {"state.armed": 99.0}),
+    ("preflight's outcome when it is over", {Fault.PREFLIGHT_FAILED}, {"observed.preflight": -1.0}),
+    ("preflight's outcome when stopped", {Fault.PREFLIGHT_FAILED}, {**STOPPED, "observed.preflight": -1.0}),
+    ("no preflight yet", {Fault.PREFLIGHT_FAILED, Fault.NOT_ENABLED}, {**STOPPED, "state.armed": 99.0}),
+    ("a late cycle that is a clock's step", {Fault.LATE}, {"observed.elapsed": 0.6, "observed.lateness": 0.6}),
+    ("a wish while stopped", WISHES, {**STOPPED, **FREE}),
+    ("a wish while latched", WISHES, {**LATCHED, **FREE}),
+    ("a wish while releasing", WISHES, {**RELEASING, **FREE}),
+    ("a far wish while releasing", WISHES, {**RELEASING, **FREE, "law.wish": 1.9, "limits.acceleration": 1.0}),
+    ("a wish before the drive is enabled", WISHES, {**ARMED, "law.wish": NAN}),
+    ("a far wish before the drive is enabled", WISHES, {**ARMED, "law.wish": 1.9}),
+    (
+        "a target far from the motor while nothing leads it",
+        WISHES,
+        {**STOPPED, "state.target": -0.5, "state.before": -0.5, "reading.motor": 1.5, "limits.acceleration": 1.0},
+    ),
+]
+"""What is so, which faults it is none of."""
+
+
+@pytest.mark.parametrize("quiet", QUIET, ids=lambda quiet: quiet[0])
+def test_a_detector_is_silent_where_its_signal_says_nothing(quiet: tuple[str, set[Fault], Changes]) -> None:
+    _, silent, changes = quiet
+    assert faults(changes) & silent == set()
+
+
+def test_a_wish_that_is_lost_is_no_other_fault_and_a_preflight_that_is_over_none() -> None:
+    for wish in (NAN, 9.0, INF):
+        assert faults({"law.wish": wish}) == {Fault.WISH_LOST}
+    assert faults({"observed.preflight": -1.0}) == set()
+    assert faults(ARMED, {"reading.drive_state": 4.0, "state.armed": 2.0}) == set()
+
+
+@pytest.mark.parametrize("mode", [Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING])
+def test_a_wish_that_cannot_be_is_seen_wherever_it_might_lead(mode: Mode) -> None:
+    assert Fault.WISH_LOST in faults({"state.mode": mode, "law.wish": NAN})
+
+
+def heated(current: float, time: float, winding: float = 60.0) -> ThermalState:
+    return warm(THERMAL, ThermalState(winding, 50.0, 100.0), current, time)
+
+
+HOT: Changes = {"state.winding": 60.0, "state.housing": 50.0, "state.i2t": 100.0}
+R1: Changes = {"reading.joint": NAN}
+R2: Changes = {"observed.operator_age": 9.0}
+R3: Changes = {"reading.emergency": 1.0}
+THRICE: Changes = {"observed.elapsed": 3 * DT}
+ESTIMATES: list[tuple[str, float, Changes]] = [
+    ("armed", 1 + DT, {**ARMED, "state.armed": 1.0}),
+    ("armed", 1 + 3 * DT, {**ARMED, "state.armed": 1.0, "observed.elapsed": 3 * DT}),
+    ("armed", 1 + DT, {**ARMED, "state.armed": 1.0, "observed.elapsed": NAN}),
+    ("armed", 1 + DT, {**ARMED, "state.armed": 1.0, "observed.elapsed": 3 * DT, "observed.lateness": NAN}),
+    ("armed", 0.0, {**STOPPED, "state.armed": 1.0}),
+    ("armed", 0.0, {"state.armed": 1.0}),
+    ("late", 0.0, {}),
+    ("late", 1 / 64 - 0.02 * DT, {"state.late": 1 / 64}),
+    ("late", 2.5 * DT - 0.08 * DT, {"observed.elapsed": 4 * DT}),
+    ("failures", 3 - DT, {"reading.bus_errors": 3.0}),
+    ("failures", 4 - DT, {"reading.bus_errors": 99.0}),
+    ("failures", 1 - 3 * DT, {"state.failures": 1.0, "observed.elapsed": 3 * DT}),
+    ("failures", 1 - DT, {"state.failures": 1.0, "state.bus_errors": 5.0}),
+    ("failures", 0.0, {}),
+    ("bus_errors", 9.0, {"reading.bus_errors": 9.0}),
+    ("bus_errors", 7.0, {"reading.bus_errors": NAN, "state.bus_errors": 7.0}),
+    ("motor", 0.5, {"reading.motor": NAN}),
+    ("motor_gap", 2 * DT, {"reading.motor": NAN, "state.motor_gap": DT}),
+    ("motor_gap", 0.0, {"state.motor_gap": DT}),
+    ("joint_gap", 4 * DT, {"reading.joint": NAN, "state.joint_gap": DT, "observed.elapsed": 3 * DT}),
+    ("joint", 0.376, {"reading.joint": 0.376}),
+    ("anchor_joint", 0.376, {"reading.joint": 0.376}),
+    ("anchor_motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
+    ("anchor_motor", 0.5, {"reading.motor": 0.51}),
+    ("anchor_motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
+    ("anchor_motor", 0.51, {**LATCHED, "reading.motor": 0.51}),
+    ("anchor_motor", 0.5, {**RELEASING, "reading.motor": 0.51}),
+    ("model", 0.51, {**ARMED, "reading.motor": 0.51}),
+    ("model_speed", 0.0, {**ARMED, "state.model_speed": 3.0}),
+    ("model", AWAY, MOVING),
+    ("model_speed", SPEED, MOVING),
+    ("model", LATER, {**MOVING, "observed.elapsed": 3 * DT, "state.before": 0.25}),
+    ("before", 0.25, {"state.target": 0.25, "law.wish": 0.25}),
+    ("enabled", 1.0, {**ARMED, "reading.drive_state": 4.0}),
+    ("enabled", 0.0, ARMED),
+    ("enabled", 1.0, {"reading.drive_state": 3.0}),
+    ("enabled", 0.0, {**STOPPED, "reading.drive_state": 4.0}),
+    ("enabled", 0.0, {**LATCHED, "reading.drive_state": 4.0}),
+    ("astray", 3 * DT, {"state.motor": 0.7, "reading.motor": 0.7, "state.astray": 2 * DT}),
+    ("astray", 3 * DT, {"state.motor": 0.7, "reading.motor": 0.7, **THRICE}),
+    ("astray", 0.0, {"state.astray": 2 * DT}),
+    ("overload", 3 * DT, {"reading.current": 17.0, "observed.elapsed": 3 * DT}),
+    ("overload", 0.0, {"state.overload": DT}),
+    ("saturated", 3 * DT, {"reading.current": 15.5, "state.saturated": 2 * DT}),
+    ("saturated", 3 * DT, {"reading.current": 15.5, **THRICE}),
+    ("saturated", 0.0, {"state.saturated": DT}),
+    ("slack", 3 * DT, {"reading.tension": 1.0, "state.slack": 2 * DT}),
+    ("slack", 3 * DT, {"reading.tension": 1.0, **THRICE}),
+    ("slack", 0.0, {"state.slack": DT}),
+    ("winding", heated(2.0, DT).winding, HOT),
+    ("winding", heated(5.0, 3 * DT).winding, {**HOT, "reading.current": -5.0, "observed.elapsed": 3 * DT}),
+    ("winding", heated(5.0, 0.1).winding, {**HOT, "reading.current": 5.0, "observed.elapsed": 0.4}),
+    ("winding", heated(16.0, DT).winding, {**HOT, "reading.current": NAN}),
+    ("winding", heated(0.0, DT).winding, {**HOT, **STOPPED, "reading.current": NAN}),
+    ("winding", heated(0.0, DT).winding, {**HOT, **UNMEASURED, "reading.current": 9.0}),
+    ("housing", heated(2.0, DT).housing, HOT),
+    ("i2t", heated(10.0, DT).i2t, {**HOT, "reading.current": 10.0}),
+    ("bridged", 3 * DT, {**R1, "state.bridged": 2 * DT}),
+    ("bridged", 5 * DT, {**R1, "state.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("bridged", 2 * DT - 3 * DT / 64, {"state.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("bridged", 0.0, {"state.bridged": DT / 128}),
+    ("bridged", 0.0, {**STOPPED, **R1, "state.bridged": DT}),
+    ("bridged", 0.0, {**LATCHED, **R1, "state.bridged": DT}),
+    ("passed", 1.0, {}),
+    ("passed", 0.0, {**STOPPED, "state.passed": 1.0}),
+    ("passed", 0.0, {**LATCHED, "state.passed": 1.0}),
+    ("released", DT, R2),
+    ("released", 4 * DT, {**RELEASING, "state.released": DT, "observed.elapsed": 3 * DT}),
+    ("released", 0.0, {"state.released": DT}),
+    ("eased", 3 * DT, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.25}),
+    ("eased", 3 * DT, {**RELEASING, "state.eased": 2 * DT, "reading.current": -0.25}),
+    ("eased", 3 * DT, {**RELEASING, "reading.current": 0.0, **THRICE}),
+    ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.25 + TINY}),
+    ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": -0.25 - TINY}),
+    ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.0, "limits.measures_current": 0.0}),
+    ("eased", 0.0, {"state.eased": 2 * DT, "reading.current": 0.0}),
+]
+"""A field of the state, its value after the cycle, what is so."""
+
+
+@pytest.mark.parametrize("estimate", ESTIMATES, ids=lambda estimate: f"{estimate[0]} {estimate[1]:g}")
+def test_estimates_and_sums(estimate: tuple[str, float, Changes]) -> None:
+    field, value, changes = estimate
+    state, _ = cycle(changes)
+    assert getattr(state, field) == pytest.approx(value, rel=1e-12, abs=1e-15)
+
+
+WRONG: dict[str, tuple[int, Changes]] = {
+    "nothing": (0, {}),
+    "a warning": (0, {"observed.recorder": 0.0}),
+    "R1, then R2": (1, R1),
+    "R1, then R3": (1, {"reading.motor": NAN}),
+    "R2": (2, R2),
+    "R3": (3, R3),
+    "R2 beside what R1 would bridge to R2": (2, {**R1, **R2}),
+    "R2 beside what R1 would bridge to R3": (3, {**R2, "reading.motor": NAN}),
+}
+"""What is wrong, and the reaction to it in a running rig."""
+
+
+def next_mode(mode: Mode, request: Request, wrong: str, preflight: float) -> Mode:
+    """The table of modes in docs/safety.md, in words."""
+    reaction, changes = WRONG[wrong]
+    if mode == Mode.STOPPED:
+        return Mode.PREFLIGHT if request == Request.ARM and not changes else Mode.STOPPED
+    if mode == Mode.LATCHED:
+        return Mode.STOPPED if request == Request.ACKNOWLEDGE else Mode.LATCHED
+    if reaction == 3 or (mode == Mode.RELEASING and wrong == "R1, then R3"):
+        return Mode.LATCHED
+    if mode == Mode.RELEASING or reaction == 2 or request == Request.STOP:
+        return Mode.RELEASING
+    if reaction == 1:
+        return Mode.BRIDGING
+    if mode == Mode.PREFLIGHT and not (request == Request.RUN and preflight == 1.0):
+        return Mode.PREFLIGHT
+    return Mode.RUNNING
+
+
+@pytest.mark.parametrize("mode", list(Mode), ids=lambda mode: mode.name)
+def test_every_change_of_mode(mode: Mode) -> None:
+    before = {Mode.STOPPED: STOPPED, Mode.LATCHED: LATCHED, Mode.PREFLIGHT: {"state.passed": 0.0}}.get(mode, {})
+    for request, wrong, preflight in itertools.product(Request, WRONG, (0.0, 1.0)):
+        changes = {"state.mode": mode, "observed.request": request, "observed.preflight": preflight}
+        state, verdict = cycle(before, changes, WRONG[wrong][1])
+        wanted = next_mode(mode, request, wrong, preflight)
+        told = (mode.name, request.name, wrong, preflight)
+        assert (verdict.mode, state.mode) == (wanted, wanted), told
+        assert verdict.power == (0.0 if wanted in (Mode.STOPPED, Mode.LATCHED) else 3.0), told
+        reaction = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}.get(wanted, 0)
+        assert verdict.reaction == reaction, told
+        ran = mode in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING) or (
+            request == Request.RUN and wanted == Mode.RUNNING
+        )
+        assert state.passed == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
+
+
+LAST: list[tuple[str, float, Mode, Mode, Changes]] = [
+    ("state.bridged", 4.5 * DT, Mode.BRIDGING, Mode.RELEASING, R1),
+    ("state.bridged", 4.5 * DT, Mode.BRIDGING, Mode.LATCHED, {"reading.motor": NAN}),
+    ("state.bridged", 2.5 * DT, Mode.BRIDGING, Mode.RELEASING, {**R1, "observed.elapsed": 3 * DT}),
+    ("state.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
+    ("state.released", 252.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "observed.elapsed": 3 * DT}),
+    ("state.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, "state.latched": 1.0}),
+    ("state.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R2}),
+    ("state.eased", 15 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "reading.current": 0.0}),
+    ("state.eased", 15 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R1, "reading.current": 0.0}),
+]
+"""A time that runs out, its last value, the mode up to it and the mode beyond it, what else is so."""
+
+
+@pytest.mark.parametrize("last", LAST, ids=lambda last: f"{last[0]} {last[3].name}")
+def test_times_run_out_in_their_cycle(last: tuple[str, float, Mode, Mode, Changes]) -> None:
+    name, value, before, after, also = last
+    for time, wanted in ((value, before), (value + TINY, after)):
+        _, verdict = cycle(also, {name: time})
+        assert verdict.mode == wanted
+        assert (verdict.power == 0.0) is (wanted in (Mode.LATCHED, Mode.STOPPED))
+
+
+def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None:
+    stale = {"state.released": 9.0, "state.eased": 9.0, "reading.current": 0.0}
+    assert cycle(stale, {"observed.request": Request.STOP})[1].mode == Mode.RELEASING
+    assert cycle(stale, R2)[1].mode == Mode.RELEASING
+
+
+def test_without_an_enabled_drive_there_is_nothing_to_release() -> None:
+    _, verdict = cycle(ARMED, {"observed.request": Request.STOP})
+    assert (verdict.mode, verdict.power) == (Mode.RELEASING, 0.0)
+    _, verdict = cycle(ARMED, RELEASING)
+    assert (verdict.mode, verdict.power) == (Mode.STOPPED, 0.0)
+
+
+LATCHABLE = [fault for fault in Fault if fault.latched]
+
+
+def test_a_latch_keeps_each_fault_apart() -> None:
+    for fault in LATCHABLE:
+        for mode in (Mode.LATCHED, Mode.RELEASING, Mode.RUNNING):
+            state, verdict = cycle({"state.mode": mode, "state.latched": 2.0**fault})
+            assert (state.latched, verdict.faults) == (2.0**fault, 2.0**fault)
+    every = sum(2.0**fault for fault in LATCHABLE)
+    state, verdict = cycle(LATCHED, {"state.latched": every})
+    assert (state.latched, verdict.faults) == (every, every)
+    state, verdict = cycle(LATCHED, {"state.latched": every, "observed.request": Request.ACKNOWLEDGE})
+    assert state.latched == 0.0
+
+
+def test_what_leads_to_a_stop_is_latched_and_nothing_else() -> None:
+    joint, operator, recorder = 2.0**Fault.JOINT_LOST, 2.0**Fault.OPERATOR_LOST, 2.0**Fault.RECORDER_LOST
+    warned: Changes = {"observed.recorder": 0.0}
+    for changes, latched, told in (
+        (R1, 0.0, joint),
+        (warned, 0.0, recorder),
+        ({**R2, **warned}, operator, operator + recorder),
+        ({**R2, **R1}, operator + joint, operator + joint),
+        ({**LATCHED, **R2}, 2.0**Fault.EMERGENCY, 2.0**Fault.EMERGENCY + operator),
+        ({**STOPPED, **R2}, 0.0, operator),
+    ):
+        state, verdict = cycle(changes)
+        assert (state.latched, verdict.faults) == (latched, told), changes
+
+
+SLACKER_UP: Changes = {**RELEASING, "limits.slack_sign": 1.0}
+TARGETS: list[tuple[str, float, Changes]] = [
+    ("the wish", 0.51, {"law.wish": 0.51}),
+    ("the wish, in preflight", 0.51, {"law.wish": 0.51, "state.mode": Mode.PREFLIGHT, "state.passed": 0.0}),
+    ("the motor, until the drive is enabled", 0.49, {**ARMED, "law.wish": 0.51, "reading.motor": 0.49}),
+    ("the last, while bridging", 0.5, {**R1, "law.wish": 0.51, "reading.motor": 0.49}),
+    ("the last, also when the wish is wrong", 0.5, {"law.wish": NAN, "reading.motor": 0.49}),
+    ("slacker than the target", 0.5 - 8 * DT, {**RELEASING, "law.wish": 0.6}),
+    ("slacker than the motor", 0.49 - 8 * DT, {**RELEASING, "reading.motor": 0.49}),
+    ("not towards a tighter motor", 0.5 - 8 * DT, {**RELEASING, "reading.motor": 0.51}),
+    ("slacker upwards", 0.5 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.49}),
+    ("slacker upwards than the motor", 0.51 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.51}),
+    ("from the first cycle on", 0.5 - 8 * DT, {**R2, "law.wish": 0.51}),
+    ("in a late cycle", 0.5 - 24 * DT, {**RELEASING, "observed.elapsed": 3 * DT}),
+    ("in a very late cycle", 0.5 - 40 * DT, {**RELEASING, "observed.elapsed": 9 * DT}),
+    ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING}),
+    ("to the highest", 2.0, {**motor_at(1.999), **SLACKER_UP}),
+    ("the motor, when stopped", 0.51, {**STOPPED, "reading.motor": 0.51, "law.wish": 0.6}),
+    ("the motor, when latched", 0.51, {**LATCHED, "reading.motor": 0.51, "law.wish": 0.6}),
+    ("the motor, at once with R3", 0.51, {**R3, "reading.motor": 0.51, "law.wish": 0.6}),
+    ("its last good angle", 0.5, {**STOPPED, "reading.motor": NAN}),
+    ("no faster than its limit, upwards", 0.625, {**STOPPED, "reading.motor": 1.5}),
+    ("no faster than its limit, downwards", 0.375, {**STOPPED, "reading.motor": -0.25}),
+    ("in a late cycle more", 0.875, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 3 * DT}),
+    ("in a very late cycle no more than five", 1.125, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 9 * DT}),
+    ("in an early cycle no less", 0.625, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": DT / 2}),
+    ("no higher than its limit", 2.0, {**STOPPED, **motor_at(1.95), "reading.motor": 3.0}),
+    ("no lower than its limit", -0.5, {**STOPPED, **motor_at(-0.45), "reading.motor": -3.0}),
+]
+"""Whereto, the target, what is so."""
+
+
+@pytest.mark.parametrize("row", TARGETS, ids=lambda row: row[0])
+def test_the_target(row: tuple[str, float, Changes]) -> None:
+    _, target, changes = row
+    state, verdict = cycle(changes)
+    assert verdict.target == state.target == pytest.approx(target, abs=1e-12)
+
+
+def test_it_begins_within_its_limits_whatever_it_reads() -> None:
+    for motor, target in ((3.0, 2.0), (-3.0, -0.5), (1.0, 1.0), (NAN, 0.0), (6.5, 2.0), (6.6, 0.0)):
+        assert begin(LIMITS, READING._replace(motor=motor), cold(THERMAL)).target == target
+    for joint, known in ((-6.5, -6.5), (6.5, 6.5), (-6.6, 0.0), (NAN, 0.0)):
+        assert begin(LIMITS, READING._replace(joint=joint), cold(THERMAL)).joint == known
+
+
+def test_inside_holds_its_ends_and_lasting_counts_while_a_condition_holds() -> None:
+    assert [outside(x, -1.0, 2.0) for x in (-1.0, 0.0, 2.0)] == [0.0] * 3
+    assert [outside(x, -1.0, 2.0) for x in (-1.0 - TINY, 2.0 + TINY, NAN, INF, -INF)] == [1.0] * 5
+    assert (lasting(1.0, 0.25, 0.5), lasting(0.0, 0.25, 0.5)) == (0.75, 0.0)
+
+
+def test_a_reading_is_used_as_it_is_or_not_at_all() -> None:
+    before = Followed(0.5, 2.0, 0.25)
+
+    def after(value: float) -> tuple[Followed, float, float]:
+        return follow(before, value, 0.25, 4.0, 0.125, 3.0, 0.5)
+
+    good = Followed(1.5, 2.0 + (1.0 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
+    assert after(1.5) == (good, 0.0, 0.0)
+    good = Followed(0.75, 2.0 + (0.25 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
+    assert after(0.75) == (good, 0.0, 0.0)
+    kept = Followed(0.5, 2.0, 0.5)
+    assert after(0.5 + 0.125 + 3.0 * 0.5)[1:] == (0.0, 0.0)
+    assert after(0.5 + 0.125 + 3.0 * 0.5 + TINY) == (kept, 0.0, 1.0)
+    assert after(0.5 - 0.125 - 3.0 * 0.5 - TINY) == (kept, 0.0, 1.0)
+    assert after(4.0 + TINY) == (kept, 1.0, 0.0)
+    assert after(NAN) == (kept, 1.0, 0.0)
+
+
+def test_the_servo_s_prediction_solves_its_equation_at_the_end_of_the_step() -> None:
+    for omega, zeta, time in itertools.product((5.0, 60.0), (0.3, 1.5), (1e-3, 0.2)):
+        position, velocity = servo_predict(0.2, -3.0, 0.9, omega, zeta, time)
+        assert position - 0.2 == pytest.approx(time * velocity)
+        acceleration = omega**2 * (0.9 - position) - 2.0 * zeta * omega * velocity
+        assert velocity + 3.0 == pytest.approx(time * acceleration)
+
+
+def test_the_motor_s_heat_goes_nowhere_but_into_its_nodes_and_surroundings() -> None:
+    motor, time = Thermal(0.5, 2.0, 5.0, 12.0, 80.0, 21.0, 3.0), 0.25
+    before = ThermalState(70.0, 40.0, 2.0)
+    after = warm(motor, before, 4.0, time)
+    winding, housing = 12.0 * (after.winding - 70.0), 80.0 * (after.housing - 40.0)
+    copper = 0.5 * (1.0 + 0.0039 * 50.0) * 16.0
+    assert winding == pytest.approx((copper - 30.0 / 2.0) * time)
+    assert winding + housing == pytest.approx((copper - 19.0 / 5.0) * time)
+    assert after.i2t == pytest.approx(2.0 + (16.0 - 9.0) * time)
+    assert warm(motor, before, -4.0, time) == after
+    assert warm(motor, before, 2.0, time).i2t == pytest.approx(2.0 - 5.0 * time)
+    assert warm(motor, before, 2.0, 1.0).i2t == 0.0
