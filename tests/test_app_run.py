@@ -22,6 +22,8 @@ from bowden.runtime.cycle import Source
 from bowden.runtime.mcap_read import read
 from bowden.sim.closed_loop import simulate
 
+pytestmark = pytest.mark.live
+
 RIG = """
 [reference]
 kind = 'periodic_minimum_jerk'

@@ -23,6 +23,8 @@ from bowden.hardware.injection import KINDS, parse
 from bowden.hardware.twin_control import TwinControl, control_path
 from bowden.runtime.ports import Power
 
+pytestmark = pytest.mark.live
+
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:

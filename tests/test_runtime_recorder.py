@@ -22,6 +22,8 @@ from bowden.runtime.mcap_recover import recover
 from bowden.runtime.ring import Batch, Description, RingWriter, create
 from bowden.runtime.ring_status import RecorderState
 
+pytestmark = pytest.mark.live
+
 COLUMNS = ("time", "motor", "joint", "mode", "faults", *(f"law.x{i}" for i in range(20)))
 ABOUT = Description(COLUMNS, ("s", *["rad"] * (len(COLUMNS) - 1)), {"seed": 1, "law": "made up"}, 10**18)
 PATIENCE = 30.0
