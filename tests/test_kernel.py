@@ -10,7 +10,7 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, tanh
 from bowden.core.signals import Reference, Sample
-from bowden.models import backlash, bouc_wen, encoder, geometry, motor, servo, sheath
+from bowden.models import backlash, bouc_wen, encoder, geometry, motor, plausible, servo, sheath, thermal
 
 EXTREMES = [0.0, -0.0, 5e-324, -5e-324, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
 
@@ -110,12 +110,17 @@ KERNELS_OF_TWO = [
     (geometry.spool_angle, lambda x, y: (x, y)),
     (motor.acceleration_limit, lambda x, y: (motor.Motor(),)),
     (motor.current, lambda x, y: (x, y, 0.9, motor.Motor())),
+    (plausible.outside, lambda x, y: (x, y, y + 1.0)),
+    (plausible.lasting, lambda x, y: (x, y, 1e-3)),
+    (plausible.follow, lambda x, y: (plausible.Followed(x, y, 0.0), y, 1e-3, 2.0, 0.02, 15.0, 0.005)),
     (servo.servo_approach, lambda x, y: (x, 0.5 * y, SERVO)),
     (servo.servo_step, lambda x, y: (servo.ServoState(x, 0.5 * y, 0.0), y, SERVO)),
+    (servo.servo_predict, lambda x, y: (x, 0.5 * y, y, 53.6, 0.9, 1e-3)),
     (sheath.width, lambda x, y: (x, sheath.Sheath(gap=1.3))),
     (sheath.slope_factor, lambda x, y: (x, sheath.Sheath(loss=0.2))),
     (sheath.advance_in_sheath, lambda x, y: (0.3 * math.tanh(x), 0.2 * math.tanh(y), 1.4, CABLE)),
     (sheath.joint_in_sheath, lambda x, y: (x, y, 1.4, 0.9, CABLE)),
+    (thermal.warm, lambda x, y: (thermal.Thermal(), thermal.ThermalState(40.0 + x, 30.0 + y, abs(y)), 9.0 * x, 1e-3)),
 ]
 
 
@@ -129,7 +134,7 @@ def test_interpreted_and_compiled_models_agree_bit_for_bit(function: Any, argume
 
 def test_every_model_kernel_is_compared_above() -> None:
     """A kernel that is added must be added to the table as well."""
-    modules = (backlash, bouc_wen, encoder, geometry, motor, servo, sheath)
+    modules = (backlash, bouc_wen, encoder, geometry, motor, plausible, servo, sheath, thermal)
     named = {
         value
         for module in modules
