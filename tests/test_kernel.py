@@ -17,7 +17,8 @@ EXTREMES = [0.0, -0.0, 5e-324, -5e-324, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, 
 
 def bits(values: Any) -> list[int]:
     """The values' bit patterns, every NaN with the same one."""
-    array = np.array(values, dtype=np.float64).ravel()
+    parts = values if isinstance(values, tuple) else (values,)
+    array = np.concatenate([np.ravel(np.array(part, dtype=np.float64)) for part in parts])
     array[np.isnan(array)] = np.nan
     return array.view(np.int64).tolist()
 
