@@ -14,7 +14,7 @@ help:
 	@echo "make types   mypy alone"
 	@echo "make docs    write what is made from the code: docs/rig.md, its JSON schema, tables of docs/safety.md"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
-	@echo "make soak    the live loop against the twin for MINUTES=10, resumable, into out/soak"
+	@echo "make soak    the long tests, hours: live loop for MINUTES=10, kills, faults; resumable; PARTS=live for one"
 	@echo "make clean   remove what make and the tools have made"
 
 # The environment, made anew when pyproject.toml changes. The demo needs the package alone.
@@ -50,7 +50,7 @@ bench: .venv/dev
 	$(BIN)/python benchmarks/run.py
 
 soak: .venv/dev
-	$(BIN)/python benchmarks/soak.py --minutes $(or $(MINUTES),10)
+	$(BIN)/python benchmarks/soak.py $(PARTS) --minutes $(or $(MINUTES),10)
 
 clean:
 	rm -rf .venv out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

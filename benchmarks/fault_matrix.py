@@ -1,13 +1,6 @@
-"""The whole fault matrix: every fault at 5 moments with 100 seeds and two laws, every two, and inputs of every kind.
-
-    python benchmarks/fault_matrix.py [SEEDS]
-
-What is done is kept in out/bench: interrupted, it goes on where it was left. Exit code 1 if anything is wrong.
-"""
+"""The whole fault matrix: every fault at 5 moments with 100 seeds and two laws, every two, and inputs of every kind."""
 
 import itertools
-import sys
-from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +10,7 @@ from bowden.sim.adversary import attack
 from bowden.sim.fault_matrix import MEASURED, ROWS, complaints, pair_complaints, run_row
 from bowden.sim.injected import Injected
 from kept import Kept
+from measure import Figure
 
 LAW_NAMES, ONSETS, SEEDS, PAIR_SEEDS = ("adaptive", "bowden"), 5, 100, 5
 CYCLES, PIECES = 10_000_000, 10
@@ -41,38 +35,54 @@ def pairs(seeds: int, done: int) -> Iterator[list[Any]]:
         yield [law, *(kind.name for kind in kinds), seed, "; ".join(pair_complaints(kinds, seed, 0, out))]
 
 
-def attacks(done: int) -> Iterator[list[Any]]:
+def attacks(cycles: int, done: int) -> Iterator[list[Any]]:
     for seed in range(done, PIECES):
-        yield [seed, *attack(MEASURED, CYCLES // PIECES, seed)]
+        yield [seed, *attack(MEASURED, cycles, seed)]
 
 
-def main() -> int:
-    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
+def figures(share: float) -> tuple[list[Figure], str]:
+    """What was wrong, and a table of the faults."""
+    assert set(ROWS) == set(Injected) - {Injected.NOTHING}
+    seeds, pair_seeds = max(1, round(share * SEEDS)), max(1, round(share * PAIR_SEEDS))
     kept = Kept(f"faults_{seeds}")
-    rows = kept.filled(singles(seeds, len(kept.rows())), len(LAW_NAMES) * len(ROWS) * seeds * ONSETS)
-    print(f"{'injected':18} runs  wrong  stopped  R2/R3 after [ms]: median, worst   power off, worst [ms]")
+    ones = kept.filled(singles(seeds, len(kept.rows())), len(LAW_NAMES) * len(ROWS) * seeds * ONSETS)
+    kept = Kept(f"pairs_{pair_seeds}")
+    twos = kept.filled(pairs(pair_seeds, len(kept.rows())), len(LAW_NAMES) * len(ROWS) * (len(ROWS) - 1) * pair_seeds)
+    kept, cycles = Kept(f"attacks_{share:g}"), round(share * CYCLES / PIECES)
+    pieces = kept.filled(attacks(cycles, len(kept.rows())), PIECES)
+    violations, powered, led = (sum(row[i] for row in pieces) for i in (1, 2, 3))
+    for row in ([row for row in ones if row[-1]] + [row for row in twos if row[-1]])[:20]:
+        print("wrong:", *row)
+    wrong_ones, wrong_twos = (sum(bool(row[-1]) for row in rows) for rows in (ones, twos))
+    blind = sum(not row[-2] for row in ones if max(ROWS[Injected[row[1]]].reactions) > 1)
+    return [
+        Figure(
+            f"one fault, {len(ones)} runs: wrong reaction, too late, or undetected",
+            str(wrong_ones),
+            "0",
+            not wrong_ones,
+        ),
+        Figure("of these, with a fault that came to nothing that anyone could see", str(blind), "–"),
+        Figure(f"two faults, {len(twos)} runs: wrong end, or R3 too late", str(wrong_twos), "0", not wrong_twos),
+        Figure(
+            f"targets beyond limit or rate, {PIECES * cycles} inputs of every kind",
+            str(violations),
+            "0",
+            not violations,
+        ),
+        Figure("of these inputs, with power; with the law in charge", f"{powered}; {led}", "–"),
+    ], _table(ones)
+
+
+def _table(rows: list[list[Any]]) -> str:
+    lines = [
+        "| injected | runs | wrong | stopped | showing to R2 or R3, median [ms] | worst | to power off, worst [ms] |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for kind in ROWS:
         mine = [row for row in rows if row[1] == kind.name]
-        after = sorted(row[4] for row in mine if row[6]) or [float("nan")]
-        off = max((row[5] for row in mine if row[6]), default=float("nan"))
-        print(
-            f"{kind.name:18} {len(mine):4} {sum(bool(row[7]) for row in mine):6} {sum(row[6] for row in mine):8}"
-            f"  {after[len(after) // 2]:12.0f} {after[-1]:8.0f} {off:24.0f}"
-        )
-    kept = Kept(f"pairs_{PAIR_SEEDS}")
-    twos = kept.filled(pairs(PAIR_SEEDS, len(kept.rows())), len(LAW_NAMES) * len(ROWS) * (len(ROWS) - 1) * PAIR_SEEDS)
-    print(f"every two: {len(twos)} runs, {sum(bool(row[-1]) for row in twos)} wrong")
-    kept = Kept("attacks")
-    pieces = kept.filled(attacks(len(kept.rows())), PIECES)
-    violations, powered, led = (sum(row[i] for row in pieces) for i in (1, 2, 3))
-    print(f"{CYCLES} inputs of every kind: {violations} violations; power in {powered} of the cycles, led in {led}")
-    wrong = [row for row in rows if row[7]] + [row for row in twos if row[-1]]
-    for row in wrong[:20]:
-        print("wrong:", *row)
-    print(Counter(row[1] for row in wrong) if wrong else "nothing is wrong")
-    return 1 if wrong or violations else 0
-
-
-if __name__ == "__main__":
-    assert set(ROWS) == set(Injected) - {Injected.NOTHING}
-    raise SystemExit(main())
+        after = sorted(row[4] for row in mine if row[6])
+        off = [row[5] for row in mine if row[6]]
+        times = f"{after[len(after) // 2]:.0f} | {after[-1]:.0f} | {max(off):.0f}" if after else "– | – | –"
+        lines.append(f"| {kind.name} | {len(mine)} | {sum(bool(row[7]) for row in mine)} | {len(after)} | {times} |")
+    return "\n".join(lines)

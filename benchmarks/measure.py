@@ -65,6 +65,8 @@ class Figure:
     what: str
     found: str
     target: str
+    held: bool = True
+    """Whether the target is met; `make soak` fails where one is not."""
 
 
 def by_turns(rounds: int, **tasks: Callable[[], object]) -> dict[str, Timing]:

@@ -1,12 +1,5 @@
-"""What a kill of the recorder costs: 500 kills at random moments, and a cut at every byte of a log's last 64 KiB.
+"""What a kill of the recorder costs: kills at random moments, and a cut at every byte of a log's last 64 KiB."""
 
-    python benchmarks/recorder_kills.py [--kills 500] [--every 1]
-
-The kills are of real processes at 1 kHz in real time; interrupted, it goes on where it was left. Exit code 1 where more
-than 0.2 s is lost, or a recovered file is not read whole by mcap's own reader.
-"""
-
-import argparse
 import os
 import random
 import signal
@@ -28,6 +21,7 @@ from bowden.runtime.mcap_recover import recover
 from bowden.runtime.ring import Description, RingWriter, create
 from bowden.runtime.ring_status import RecorderState
 from kept import Kept
+from measure import Figure
 
 KILLS, CUTS, MOST_LOST = 500, 2**16, 0.2
 BASE = 34
@@ -122,28 +116,25 @@ def _strictly(path: Path) -> int:
     return sum(isinstance(record, Message) and record.channel_id == 1 for record in records)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=KILLS)
-    parser.add_argument("--every", type=int, default=1, help="take every n-th byte only")
-    given = parser.parse_args()
+def figures(share: float) -> tuple[list[Figure], str]:
+    """Figures of kills and cuts; of the cuts, every so-manieth byte."""
     end = size_of_log()
-    wanted = list(range(end - CUTS, end, given.every))
+    wanted = list(range(end - CUTS, end, max(1, round(1.0 / share))))
     chosen, kept = set(wanted), Kept("recorder_cuts")
     there = {row[0] for row in kept.rows()}
     cut = [row for row in kept.filled(cuts([k for k in wanted if k not in there]), len(wanted)) if row[0] in chosen]
-    kept = Kept("recorder_kills")
+    kept, count = Kept("recorder_kills"), max(1, round(share * KILLS))
     there = {row[0] for row in kept.rows()}
-    killed = kept.filled(kills([k for k in range(given.kills) if k not in there]), given.kills)[: given.kills]
-    lost = np.array([row[2] for row in killed])
-    cut_lost = np.array([row[3] for row in cut])
+    killed = kept.filled(kills([k for k in range(count) if k not in there]), count)[:count]
+    lost, cut_lost = (np.array([row[i] for row in rows]) for rows, i in ((killed, 2), (cut, 3)))
     wrong = sum(not row[-1] for row in killed + cut) + sum(row[1] != row[2] for row in cut)
-    print(f"{len(cut)} cuts: at most {cut_lost.max():.3f} s lost, every row that was whole is there")
     p50, p99 = np.percentile(lost, (50, 99))
-    print(f"{len(killed)} kills: lost {p50:.3f} s in the median, p99 {p99:.3f} s, at most {lost.max():.3f} s")
-    print(f"files that a strict reader does not read whole, or with a wrong number: {wrong}")
-    return int(wrong > 0 or max(lost.max(), cut_lost.max()) > MOST_LOST)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    after = f"{p50:.3f} s in the median, {p99:.3f} s in 99 of 100, {lost.max():.3f} s at most"
+    most = f"≤ {MOST_LOST} s"
+    return [
+        Figure(f"lost, {len(killed)} kills at random moments", after, most, bool(lost.max() <= MOST_LOST)),
+        Figure(f"lost, {len(cut)} cuts", f"{cut_lost.max():.3f} s at most", most, bool(cut_lost.max() <= MOST_LOST)),
+        Figure(
+            "recovered files that a strict reader does not read whole, or with a wrong row", str(wrong), "0", not wrong
+        ),
+    ], "- Real processes at 1 kHz in real time; the cuts are of one log, at every byte of its last 64 KiB."

@@ -9,13 +9,11 @@ that they can be interrupted; with ``--count`` they run on fewer rigs (of anothe
 import argparse
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-from bowden.core.files import whole_file
+import results
 from measure import Figure, Row, machine, table
 
 Found = tuple[list[Row], list[str]] | tuple[list[Figure], list[str]]
-RESULTS = Path(__file__).parent / "RESULTS.md"
 HOW = (
     "Times are seconds on the processor, medians (smallest … largest) of rounds in which the tasks take turns; a ratio "
     "is the median of the rounds' own ratios (middle half)."
@@ -81,13 +79,13 @@ def main() -> None:
     for title, section in SECTIONS.items():
         chosen = [part for part in section if not arguments.parts or part.__name__ in arguments.parts]
         if chosen:
-            text = _section(title, chosen, arguments.count)
-            print(f"\n{text}\n{time.perf_counter() - begin:.0f} s in all", flush=True)
+            text = _section(chosen, arguments.count)
+            print(f"\n## {title}\n\n{text}\n{time.perf_counter() - begin:.0f} s in all", flush=True)
             if len(chosen) == len(section) and arguments.count is None:
-                _write(title, text)
+                results.write(title, text)
 
 
-def _section(title: str, parts: list[Callable[[int | None], Found]], count: int | None) -> str:
+def _section(parts: list[Callable[[int | None], Found]], count: int | None) -> str:
     rows: list[Row] = []
     figures: list[Figure] = []
     notes = []
@@ -100,17 +98,7 @@ def _section(title: str, parts: list[Callable[[int | None], Found]], count: int 
     if rows:
         notes = [*machine(), HOW, *notes]
     explained = "\n".join(f"- {note}" for note in notes)
-    return f"## {title}\n\n{table(rows or figures)}\n\n{explained}\n"
-
-
-def _write(title: str, text: str) -> None:
-    """Put a section in its place among the others."""
-    there = RESULTS.read_text(encoding="utf-8") if RESULTS.is_file() else ""
-    known = {part.partition("\n")[0]: f"## {part.rstrip()}\n" for part in there.split("\n## ")[1:]}
-    known[title] = text
-    head = "# Benchmarks\n\nWritten by `make bench`, section by section; the numbers are one run's.\n"
-    with whole_file(RESULTS) as part:
-        part.write_text("\n".join([head, *(known[name] for name in SECTIONS if name in known)]), encoding="utf-8")
+    return f"{table(rows or figures)}\n\n{explained}\n"
 
 
 if __name__ == "__main__":

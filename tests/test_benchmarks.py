@@ -46,13 +46,18 @@ def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path) -> None:
     assert kept.filled(squares(len(there)), 9) == kept.rows() == [[k, k * k] for k in range(9)]
 
 
-def test_figures_of_a_part_stand_in_their_section(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    run, measure = importlib.import_module("run"), importlib.import_module("measure")
-    monkeypatch.setattr(run, "RESULTS", tmp_path / "RESULTS.md")
+def test_figures_of_a_part_stand_in_their_section(tmp_path: Path) -> None:
+    results, measure = importlib.import_module("results"), importlib.import_module("measure")
+    page = tmp_path / "RESULTS.md"
     for found in ("1", "2"):
-        for title in reversed(run.SECTIONS):
-            run._write(title, f"## {title}\n\n{measure.table([measure.Figure('what', found, '3')])}\n")
-    text = run.RESULTS.read_text()
-    assert [text.count(f"## {title}\n") for title in run.SECTIONS] == [1, 1, 1]
-    assert text.count("| what | 2 | 3 |") == 3
+        for title in reversed(results.ORDER):
+            results.write(title, measure.table([measure.Figure("what", found, "3")]), page)
+    text = page.read_text()
+    assert [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")] == results.ORDER
+    assert text.count("| what | 2 | 3 |") == len(results.ORDER)
     assert "| 1 |" not in text
+
+
+def test_every_section_of_the_page_is_known() -> None:
+    results, run, soak = (importlib.import_module(name) for name in ("results", "run", "soak"))
+    assert [*run.SECTIONS, *(title for title, _ in soak.PARTS.values())] == results.ORDER

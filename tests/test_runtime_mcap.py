@@ -146,7 +146,7 @@ def test_names_become_fields_of_ros_and_none_is_lost() -> None:
 def test_a_cut_at_any_byte_of_the_end_loses_nothing_that_was_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every 64th of the last 64 KiB; benchmarks/recorder_kills.py takes every byte."""
+    """Every 64th of the last 64 KiB; `make soak` takes every byte."""
     monkeypatch.setattr(os, "fsync", lambda handle: None)  # a thousand of them are not what is tested
     rows = write_log(tmp_path / "a.mcap", 200)
     data = (tmp_path / "a.mcap").read_bytes()

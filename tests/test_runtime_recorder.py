@@ -145,7 +145,7 @@ def test_it_ends_when_nobody_is_left(rig: Rig) -> None:
 
 
 def test_kills_at_random_moments_lose_a_fifth_of_a_second_at_most(tmp_path: Path) -> None:
-    """Eight of them; benchmarks/recorder_kills.py does 500."""
+    """Eight of them; `make soak` does 500."""
     chance = random.Random(4)
     for i in range(8):
         folder = tmp_path / str(i)

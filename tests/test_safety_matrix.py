@@ -1,4 +1,4 @@
-"""The fault matrix on a fake clock, a seeded sample of it; benchmarks/fault_matrix.py runs it all."""
+"""The fault matrix on a fake clock, a seeded sample of it; `make soak` runs it all."""
 
 import itertools
 

@@ -1,0 +1,155 @@
+"""The live loop against the twin, in processes of their own, for as long as asked: figures beside the bare loop's.
+
+Before and after each run a loop that only sleeps is measured with the same settings, and cyclictest where it is
+installed.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bowden.app import compose
+from bowden.runtime import lateness
+from bowden.runtime.lateness import bare_loop_apart
+from bowden.runtime.machine import cyclictest
+from bowden.runtime.mcap_read import read
+from bowden.runtime.realtime import Settings
+from bowden.sim.closed_loop import simulate
+from kept import Kept
+from measure import Figure
+
+LAWS = ("adaptive", "bowden")
+RUN = 600.0
+"""Length of one run, at most [s]."""
+BARE = 10.0
+"""Length of each measurement of the bare loop [s]."""
+STALL = 1e-3
+"""Lateness that no program of ours causes: it is counted apart where the bare loop sees it too [s]."""
+RIG = """[scenario]
+duration_s = {seconds}
+[limits]
+reading_age = 10.0
+[live]
+cpu = {cpu}
+"""
+
+
+def one(law: str, seconds: float) -> dict[str, Any]:
+    """One run of one law; its figures."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _one(law, seconds, Path(folder), max(os.sched_getaffinity(0)))
+
+
+def _one(law: str, seconds: float, folder: Path, cpu: int) -> dict[str, Any]:
+    rig = folder / "rig.toml"
+    rig.write_text(RIG.format(seconds=seconds, cpu=cpu))
+    settings = Settings(cpu=cpu)
+    before, _ = bare_loop_apart(BARE, 1e-3, settings)
+    words = ["run", str(rig), "--twin", "--auto", "--json", "--law", law, "--out", str(folder)]
+    command = [sys.executable, "-c", "from bowden.app.main import main; main()", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if not done.stdout:
+        raise SystemExit(done.stderr)
+    found = json.loads(done.stdout)
+    after, _ = bare_loop_apart(BARE, 1e-3, settings)
+    bare, other = np.concatenate([before, after]), cyclictest(BARE, 1e-3, settings.priority, cpu)
+    log = read(Path(found["log"]))
+    late = log["lateness"]
+    setup, description = compose.setup(rig)
+    chosen = compose.law_for(law, description, setup.bench, folder)
+    pure = simulate(
+        setup.bench, chosen, setup.reference, duration=seconds, seed=setup.seed, initial_motor=setup.initial_motor
+    )
+    same = late <= max(STALL, float(bare.max()))
+    return {
+        "law": law,
+        "ended_well": found["ended_well"],
+        "faults": found["faults"],
+        "seconds": found["seconds_led"],
+        "cycles": found["cycles"],
+        "cycles_logged": found["cycles_logged"],
+        "overruns": found["overruns"],
+        "rmse_deg": found["rmse_deg"],
+        "rmse_simulated_deg": pure.metrics().rmse_deg,
+        "run_time_median_us": found["run_time_median_us"],
+        "loop": _shares(late),
+        "bare": _shares(bare),
+        "cyclictest": other.__dict__ if other else None,
+        "stalls": int((late > STALL).sum()),
+        "bare_stalls": int((bare > STALL).sum()),
+        "beyond_the_bare_loops_worst": int((~same).sum()),
+    }
+
+
+def _shares(late: Any) -> dict[str, float]:
+    return dict(lateness.figures(np.asarray(late)).__dict__)
+
+
+def figures(minutes: float) -> tuple[list[Figure], str]:
+    """Figures of every run, and a table of them."""
+    runs, seconds = max(1, round(minutes * 60.0 / RUN)), min(RUN, minutes * 60.0)
+    kept = Kept(f"live_{seconds:g}")
+    todo = list(product(LAWS, range(runs)))
+    there = {(row[0], row[1]) for row in kept.rows()}
+    rows = kept.filled(([*which, one(which[0], seconds)] for which in todo if which not in there), len(todo))
+    found = [row[2] for which in todo for row in rows if (row[0], row[1]) == which]
+    return [figure for law in LAWS for figure in _of_a_law(law, [run for run in found if run["law"] == law])], (
+        f"{_table(found)}\n\n- Loop, recorder, operator and twin as processes at 1 kHz on {os.cpu_count()} processors, "
+        "with encoder noise. The bare loop is measured for ten seconds before and after each run, cyclictest after it. "
+        "Each percentile is of the whole run."
+    )
+
+
+def _of_a_law(law: str, runs: list[dict[str, Any]]) -> list[Figure]:
+    ended = sum(not run["ended_well"] for run in runs)
+    unlogged = sum(run["cycles"] - run["cycles_logged"] for run in runs)
+    rmse = [100.0 * (run["rmse_deg"] / run["rmse_simulated_deg"] - 1.0) for run in runs if run["rmse_deg"] is not None]
+    half, rare = (max(run["loop"][key] / run["bare"][key] for run in runs) for key in ("p50_us", "p99_us"))
+    took = max(run["run_time_median_us"] for run in runs)
+    beyond, cycles = (sum(run[key] for run in runs) for key in ("beyond_the_bare_loops_worst", "cycles"))
+    off = max(map(abs, rmse), default=np.inf)
+    return [
+        Figure(f"{law}: runs that a fault ended", f"{ended} of {len(runs)}", "0", not ended),
+        Figure(f"{law}: RMSE over the simulation's", ", ".join(f"{one:+.1f} %" for one in rmse), "± 10 %", off <= 10.0),
+        Figure(f"{law}: cycles that are not in the log", f"{unlogged} of {cycles}", "0", not unlogged),
+        Figure(f"{law}: lateness over the bare loop's, p50", f"{half:.2f}", "≤ 1.5", half <= 1.5),
+        Figure(f"{law}: lateness over the bare loop's, p99", f"{rare:.2f}", "≤ 1.5", rare <= 1.5),
+        Figure(f"{law}: cycles later than 1 ms and than any of the bare loop's", str(beyond), "–"),
+        Figure(f"{law}: run time of a cycle, median", f"{took:.0f} µs", "≤ 250 µs", took <= 250.0),
+    ]
+
+
+def _table(found: list[dict[str, Any]]) -> str:
+    head = (
+        "| law | s | RMSE, simulated [°] | cycles, in the log | overruns | run time, median [µs] | lateness of"
+        " | p50 | p99 | p99.9 | max [µs] | > 1 ms |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
+    )
+    lines = [head]
+    for run in found:
+        rmse = "–" if run["rmse_deg"] is None else f"{run['rmse_deg']:.3f}, {run['rmse_simulated_deg']:.3f}"
+        ended = "" if run["ended_well"] else f" (ended by: {', '.join(run['faults'])})"
+        first = (
+            f"| {run['law']}{ended} | {run['seconds']:g} | {rmse} | {run['cycles']}, {run['cycles_logged']} "
+            f"| {run['overruns']} | {run['run_time_median_us']:.0f} "
+        )
+        for name, key, stalls in (
+            ("loop", "loop", run["stalls"]),
+            ("bare loop", "bare", run["bare_stalls"]),
+            ("cyclictest", "cyclictest", None),
+        ):
+            late = run[key]
+            if late is None:
+                continue
+            shares = " | ".join(f"{late[share]:.0f}" for share in ("p50_us", "p99_us", "p999_us", "max_us"))
+            lines.append(f"{first}| {name} | {shares} | {'–' if stalls is None else stalls} |")
+            first = "| | | | | | "
+        ratios = [run["loop"][share] / run["bare"][share] for share in ("p50_us", "p99_us")]
+        lines.append(f"| | | | | | | ratio to the bare loop | {ratios[0]:.2f} | {ratios[1]:.2f} | | | |")
+    return "\n".join(lines)

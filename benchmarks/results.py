@@ -1,0 +1,24 @@
+"""The page of results, which `make bench` and `make soak` write section by section."""
+
+from pathlib import Path
+
+from bowden.core.files import whole_file
+
+PAGE = Path(__file__).parent / "RESULTS.md"
+HEAD = "# Benchmarks\n\nWritten by `make bench` and `make soak`, section by section; the numbers are one run's.\n"
+ORDER = [
+    *("Speed", "How far `bowden check` can be trusted", "Our law on random plants"),
+    *("The live loop", "Loss of the loop", "Loss of the recorder", "Faults", "Hours without a fault"),
+]
+"""Titles."""
+
+
+def write(title: str, text: str, page: Path = PAGE) -> None:
+    """Put a section, without its title, in its place among the others."""
+    there = page.read_text(encoding="utf-8") if page.is_file() else ""
+    known = {part.partition("\n")[0]: part.partition("\n")[2].strip() for part in there.split("\n## ")[1:]}
+    known[title] = text.strip()
+    with whole_file(page) as part:
+        part.write_text(
+            "\n".join([HEAD, *(f"## {name}\n\n{known[name]}\n" for name in ORDER if name in known)]), encoding="utf-8"
+        )
