@@ -109,6 +109,8 @@ HIDING = {
     Injected.PEAK_CURRENT: {Injected.LONG_CURRENT, Injected.CURRENT_NAN},
 }
 """What writes another figure over the one by which a fault would be seen: it cannot show then."""
+ASLEEP = {Injected.OVERRUN: 22, Injected.OVERRUNS: 3}
+"""Cycles in which a loop that is late does nothing, whatever happens."""
 RELEASE = 204
 """From R2 to power off, at most [cycles]."""
 
@@ -164,7 +166,7 @@ def pair_complaints(kinds: tuple[Injected, ...], seed: int, onset: int, outcome:
     if max(min(ROWS[kind].reactions) for kind in kinds) > 1:
         yield from unfinished(outcome)
     for kind, begin in zip(kinds, begins(kinds, seed, onset), strict=True):
-        latest = round(begin * 1000.0) + ROWS[kind].within
+        latest = round(begin * 1000.0) + ROWS[kind].within + sum(ASLEEP.get(other, 0) for other in kinds)
         hidden = HIDING.get(kind, set()) & set(kinds)
         if kind in AT_ONCE and not hidden and not 0.0 <= outcome.off <= latest:
             yield f"power off at {outcome.off:.0f}, with {kind.name} by {latest} at the latest"

@@ -19,7 +19,7 @@ from bowden.models.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
 from bowden.sim.closed_loop import inputs_of, law_start, law_step
-from bowden.sim.injected import Around, Injected, disturbed, misled, misread
+from bowden.sim.injected import Around, Injected, asleep, disturbed, misled, misread
 from bowden.sim.plant import Bench, bench_at, bench_start, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
 
@@ -90,7 +90,8 @@ def run_supervised(
     broken, pushed, slipped, anchor, frozen = 0.0, 0.0, 0.0, 0.0, 0.0
     joint_seen, motor_seen = Followed(seen.joint, 0.0, 0.0), Followed(seen.motor, 0.0, 0.0)
     loose = deaf = runs_away = jams = dead = tears = 0.0
-    for k in range(cycles):
+    k, missed = 0, 0
+    while k < cycles:
         # the drive: its angles of now, its state after what it was told in the cycle before
         drive = min(drive + 1.0, 4.0) if power > 2.5 else 1.0
         if deaf == 0.0:
@@ -105,12 +106,14 @@ def run_supervised(
         current = (motor.current_limit if jams > 0.0 else current) if on else 0.0
         tension = max(0.0, load / SPOOL_RADIUS)
         told = DriveReading(motors[k], joints[k], current, tension, 40.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0)
-        around = Around(0.0, dt, 0.05, 1.0, 1.0 if k == 0 else 2.0 if ran < 0 else 0.0)
+        around = Around(missed * dt, (missed + 1) * dt, 0.05, 1.0, 1.0 if k == 0 else 2.0 if ran < 0 else 0.0)
+        missed = 0
         for i in range(len(kinds)):
             kind, since = kinds[i], k - onsets[i]
             if since >= 0:
                 told = misread(kind, since, told, joints, motors, k)
                 around = disturbed(kind, since, around, dt)
+                missed = min(max(missed, asleep(kind, since)), cycles - 1 - k)
                 if kind == 17 and loose == 0.0:
                     loose, anchor, frozen = 1.0, plant.motor.position, plant.joint
                 elif kind == 18:
@@ -130,7 +133,8 @@ def run_supervised(
                     dead = 1.0
         if out[2] < 0.0 and k >= onsets[0]:
             off_joint, off_motor = abs(told.joint - joint), abs(told.motor - plant.motor.position)
-            if shows(kinds[0], off_joint, off_motor, joint, plant.motor, motors[k] - motors[onsets[0]], told, applied):
+            gone = motors[k] - motors[onsets[0]]
+            if shows(kinds[0], off_joint, off_motor, joint, plant.motor, gone, told, applied, around.lateness):
                 out[2] = k
 
         # the law: it gets the last angles that can be
@@ -172,25 +176,31 @@ def run_supervised(
         out[6] = verdict.mode
         target, power = verdict.target, verdict.power
 
-        # the plant
-        h, travel, width = plant.h, 0.0, widths[k]
-        servo, spool = bench.servo, plant.motor
-        for _ in range(substeps):
-            aim = applied
-            if not on:
-                aim = spool.position * (1.0 - dt / 0.1)
-            elif runs_away > 0.0:
-                aim = spool.position + 0.93
-            before = spool.position
-            spool = servo_step(spool, aim, servo)
-            if jams > 0.0:
-                spool = ServoState(before, 0.0, 0.0)
-            piece = (spool.position - before) / width
-            if piece * travel < 0.0:
-                h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
-            travel += piece
-        h = advance_prepared(h, travel, bench.hysteresis)
-        plant = bench_at(bench, spool, h, widths[k + 1], slope_factors[k + 1])
+        # the plant, for as many cycles as the loop takes
+        joints[k : k + missed + 1], motors[k : k + missed + 1] = joints[k], motors[k]
+        for i in range(len(kinds)):
+            if k < onsets[i] <= k + missed:
+                onsets[i] = k + missed + 1  # what happens meanwhile is seen then
+        for j in range(k, k + missed + 1):
+            h, travel, width = plant.h, 0.0, widths[j]
+            servo, spool = bench.servo, plant.motor
+            for _ in range(substeps):
+                aim = applied
+                if not on:
+                    aim = spool.position * (1.0 - dt / 0.1)
+                elif runs_away > 0.0:
+                    aim = spool.position + 0.93
+                before = spool.position
+                spool = servo_step(spool, aim, servo)
+                if jams > 0.0:
+                    spool = ServoState(before, 0.0, 0.0)
+                piece = (spool.position - before) / width
+                if piece * travel < 0.0:
+                    h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
+                travel += piece
+            h = advance_prepared(h, travel, bench.hysteresis)
+            plant = bench_at(bench, spool, h, widths[j + 1], slope_factors[j + 1])
+        k += missed + 1
     out[1] = ran
 
 
@@ -204,6 +214,7 @@ def shows(
     gone: float,
     told: DriveReading,
     applied: float,
+    lateness: float,
 ) -> bool:
     """Whether an injected fault matters by now; until then nothing could tell it from a rig in order.
 
@@ -226,6 +237,8 @@ def shows(
         return abs(applied - motor.position) > 0.25
     if kind == 31:
         return told.drive_state > 6.5
+    if kind == 38 or kind == 39:
+        return lateness > 0.0
     if kind == 26:
         return told.temperature > 80.0
     if kind == 30 or kind == 29:
