@@ -1,6 +1,6 @@
 """Second-order sections, sample by sample, in the portable subset; their coefficients come from SciPy."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,7 +49,7 @@ def section(b: ArrayLike, a: ArrayLike) -> Biquad:
     return Biquad(*(numerator / denominator[0]).tolist(), *(denominator[1:] / denominator[0]).tolist())
 
 
-def butterworth(cutoff: float, kind: str, rate: float) -> Biquad:
+def butterworth(cutoff: float, kind: Literal["low", "high"], rate: float) -> Biquad:
     """A second-order Butterworth filter.
 
     Args:
@@ -59,7 +59,7 @@ def butterworth(cutoff: float, kind: str, rate: float) -> Biquad:
     """
     from scipy import signal
 
-    return section(*signal.butter(2, cutoff, kind, fs=rate))
+    return section(*signal.butter(2, cutoff, kind, output="ba", fs=rate))
 
 
 def critical_high_pass(cutoff: float, rate: float) -> Biquad:

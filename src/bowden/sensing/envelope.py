@@ -30,6 +30,9 @@ class EnvelopeSettings(NamedTuple):
     """Of the envelope."""
 
 
+DEFAULTS = EnvelopeSettings()
+
+
 class Envelope(NamedTuple):
     """The chain's sections at one rate; `prepare_envelope` makes them."""
 
@@ -52,13 +55,12 @@ class EnvelopeState(NamedTuple):
     low: Memory
 
 
-def prepare_envelope(rate: float, settings: EnvelopeSettings = EnvelopeSettings()) -> Envelope:
+def prepare_envelope(rate: float, settings: EnvelopeSettings = DEFAULTS) -> Envelope:
     """The sections for a signal of `rate` samples a second [Hz]."""
     mains, width = settings.mains_hz, settings.mains_width_hz
-    notches = [notch(k * mains, width, rate) if mains > 0.0 else PASS for k in (1, 2, 3)]
-    return Envelope(
-        butterworth(settings.offset_hz, "high", rate), *notches, butterworth(settings.low_pass_hz, "low", rate)
-    )
+    first, second, third = (notch(k * mains, width, rate) if mains > 0.0 else PASS for k in (1, 2, 3))
+    high, low = butterworth(settings.offset_hz, "high", rate), butterworth(settings.low_pass_hz, "low", rate)
+    return Envelope(high, first, second, third, low)
 
 
 def envelope_start(first: float) -> EnvelopeState:

@@ -4,16 +4,15 @@ Four questions to each sample, in the band above 60 Hz:
 
 1. **Is it large?** |band| above 3 σ, where σ is the size of the signal at rest. σ follows the median of |band| slowly,
    and hardly at all during a contraction; after one, what the signal has calmed down to counts as rest.
-2. **Is it new?** Mains hum repeats itself 20 ms later, or 16.7 ms. What is left of the band after subtracting itself one
-   period ago must be large too: hum of any shape passes for one period at most when it begins, and not when it ends.
+2. **Is it new?** Mains hum repeats itself 20 ms later, or 16.7 ms. What is left of the band after subtracting itself
+   one period ago must be large too: hum of any shape passes for one period when it begins, and not when it ends.
 3. **Is it broadband?** A contraction has more than a hundredth of its power above 20 Hz in that rest; movement of
    electrodes and cables, and hum, have not.
 4. **Is it alive?** A signal that repeats one value for 20 ms is clipped, or its electrode is off.
 
 Time with four times yes is evidence; other time takes some of it away again (a cumulative sum, Page 1954). A click or
-the step of an electrode rings for less than the 30 ms that are needed. The second threshold, for the end, is lower: 2 σ,
-or a tenth of what the contraction had, missed for 150 ms. The double threshold on amplitude and on time is that of Bonato et
-al. (1998).
+the step of an electrode rings for less than the 30 ms that are needed. The second threshold, for the end, is lower:
+2 σ, or a tenth of what the contraction had, missed for 150 ms. Thresholds on amplitude and on time are Bonato's (1998).
 """
 
 import math
@@ -69,6 +68,9 @@ class OnsetSettings(NamedTuple):
     """Contractions shorter than this are not told, and all others so much later [s]."""
 
 
+DEFAULTS = OnsetSettings()
+
+
 class Onset(NamedTuple):
     """The detector at one rate; `prepare_onset` makes it. Times are in samples or per sample."""
 
@@ -118,7 +120,7 @@ class OnsetState(NamedTuple):
     """How long it has lasted [s]."""
 
 
-def prepare_onset(rate: float, settings: OnsetSettings = OnsetSettings()) -> Onset:
+def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
     """The detector for `rate` samples a second [Hz], which must be from `SLOWEST` to `QUICKEST`."""
     assert SLOWEST <= rate <= QUICKEST
     dt, periods = 1.0 / rate, [rate / mains for mains in MAINS]
