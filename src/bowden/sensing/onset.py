@@ -44,13 +44,13 @@ class OnsetSettings(NamedTuple):
     """End: or below this share of the contraction's size, twice its mean."""
     evidence: float = 0.03
     """Time with four times yes that makes an onset [s]."""
-    doubt: float = 0.15
-    """Evidence that a second without takes away [s]."""
+    doubt: float = 0.2
+    """Share of the other time that is taken from the evidence [–]."""
     quiet: float = 0.15
     """Time below the lower threshold that makes an end [s]."""
     refractory: float = 0.15
     """After an end, no onset [s]."""
-    new: float = 0.2
+    new: float = 0.15
     """Least share of the band's recent peak that must be new."""
     broad: float = 0.01
     """Least share of the power that must be new and in the band."""
@@ -203,7 +203,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
 
     begins = (state.active < 0.5) * (evidence >= by.evidence) > 0.0
     ends = (state.active > 0.5) * ((quiet > by.quiet) + (odd > by.trouble) + (flat > by.flat) > 0.0) > 0.0
-    rest = sel(ends * (trouble == 0.0) > 0.0, np.fmax(rest, calm), rest)
+    rested = (state.hold > 0.0) * (hold == 0.0) * (trouble == 0.0) > 0.0
+    rest = sel(rested, np.fmax(rest, calm), rest)
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
     held = sel(active > 0.5, state.held + dt, 0.0)
     told = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
