@@ -14,6 +14,7 @@ from bowden import __version__
 from bowden.app.check_command import check
 from bowden.app.console import InterruptedPartway
 from bowden.app.doctor_command import doctor
+from bowden.app.emg_command import calibrate, score
 from bowden.app.identify_command import identify
 from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
@@ -137,6 +138,19 @@ _LOG_COMMANDS = [
     ),
 ]
 
+_EMG_COMMANDS = [
+    _Entry(
+        calibrate,
+        "Measure a wearer's rest and maximum contraction.",
+        ["bowden emg calibrate mvc.csv", "bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml"],
+    ),
+    _Entry(
+        score,
+        "Say how well contractions are found in a recording.",
+        ["bowden emg score biceps.csv", "bowden emg score biceps.csv --labels biceps.labels.csv --json"],
+    ),
+]
+
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
 
@@ -169,6 +183,9 @@ def _register(group: typer.Typer, entries: list[_Entry]) -> None:
 
 _register(app, _COMMANDS)
 _register(_log, _LOG_COMMANDS)
+_emg = typer.Typer(add_completion=False, rich_markup_mode=None)
+_register(_emg, _EMG_COMMANDS)
+app.add_typer(_emg, name="emg", help="Contractions of a muscle in its EMG.")
 app.add_typer(_log, name="log", help="What is in the log of a run, and what can be made of it.")
 
 

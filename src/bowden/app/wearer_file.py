@@ -1,0 +1,82 @@
+"""``wearer.toml``: what `bowden emg calibrate` measures of a wearer, and later commands go by."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+from bowden.core.errors import ParameterError
+from bowden.core.files import whole_file
+
+
+class Wearer(NamedTuple):
+    """One muscle of one wearer, under one pair of electrodes."""
+
+    rest: float
+    """Envelope at rest, in the recording's unit."""
+    mvc: float
+    """Envelope of the maximum voluntary contraction, in the same unit."""
+    channel: str
+    """Name of the recording's column, with its unit."""
+    source: str
+    """Recordings it was measured from."""
+
+
+_LEAST_RATIO = 3.0
+"""A contraction is at least so many times rest."""
+
+
+def check(wearer: Wearer, where: str) -> Wearer:
+    """`wearer`, if it can be one.
+
+    Raises:
+        ParameterError: an MVC that is not well above rest.
+    """
+    if not (0.0 <= wearer.rest < math.inf and 0.0 < wearer.mvc < math.inf):
+        raise ParameterError(f"{where}: rest is {wearer.rest:g} and MVC {wearer.mvc:g}", expected="numbers above 0")
+    if wearer.mvc < _LEAST_RATIO * wearer.rest:
+        raise ParameterError(
+            f"{where}: the envelope is {wearer.rest:.4g} at rest and {wearer.mvc:.4g} at the largest contraction",
+            expected=f"at least {_LEAST_RATIO:g} times as much",
+            do="contract as hard as you can in the recording, or look at the electrodes",
+        )
+    return wearer
+
+
+def write(path: Path, wearer: Wearer) -> None:
+    """Write the file.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    text = (
+        f"# Measured by bowden emg calibrate from {wearer.source}; envelopes in the unit of the channel.\n\n[emg]\n"
+        f"channel = {_quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
+        f"source = {_quoted(wearer.source)}\n"
+    )
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def read(path: Path) -> Wearer:
+    """Read the file.
+
+    Raises:
+        ParameterError: not there, no such keys, or values that cannot be.
+    """
+    try:
+        section = tomllib.loads(path.read_text(encoding="utf-8"))["emg"]
+        found = Wearer(float(section["rest"]), float(section["mvc"]), str(section["channel"]), str(section["source"]))
+        unknown = set(section) - {"rest", "mvc", "channel", "source"}
+    except OSError as error:
+        raise ParameterError(f"cannot read {path}: {error.strerror or error}", do="run bowden emg calibrate") from error
+    except (KeyError, TypeError, ValueError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors
+        said = f"no key {error}" if isinstance(error, KeyError) else str(error)
+        raise ParameterError(f"{path}: {said}", expected="[emg] with channel, rest, mvc and source") from error
+    if unknown:
+        raise ParameterError(f"{path}: unknown key {sorted(unknown)[0]!r} in [emg]")
+    return check(found, str(path))
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'

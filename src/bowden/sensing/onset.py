@@ -1,0 +1,234 @@
+"""Onset and end of a muscle's contraction in surface EMG: a causal detector that one can trust, any sample rate.
+
+Four questions to each sample, in the band above 60 Hz:
+
+1. **Is it large?** |band| above 3 σ, where σ is the size of the signal at rest. σ follows the median of |band| slowly,
+   and hardly at all during a contraction; after one, what the signal has calmed down to counts as rest.
+2. **Is it new?** Mains hum repeats itself 20 ms later, or 16.7 ms. What is left of the band after subtracting itself
+   one period ago must be large too: hum of any shape passes for one period when it begins, and not when it ends.
+3. **Is it broadband?** A contraction has more than a hundredth of its power above 20 Hz in that rest; movement of
+   electrodes and cables, and hum, have not.
+4. **Is it alive?** A signal that repeats one value for 20 ms is clipped, or its electrode is off.
+
+Time with four times yes is evidence; other time takes some of it away again (a cumulative sum, Page 1954). A click or
+the step of an electrode rings for less than the 30 ms that are needed. The second threshold, for the end, is lower:
+2 σ, or a tenth of what the contraction had, missed for 150 ms. Thresholds on amplitude and on time are Bonato's (1998).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel, sel
+from bowden.sensing.biquad import EMPTY, Biquad, Memory, biquad, butterworth, critical_high_pass
+
+MAINS = (50.0, 60.0)
+"""[Hz]; both are looked for."""
+SLOWEST, QUICKEST = 400.0, 5000.0
+"""Rates that the detector takes [Hz]."""
+
+
+class OnsetSettings(NamedTuple):
+    """What the detector goes by: one set for all signals."""
+
+    band_hz: float = 60.0
+    """Corner of the twofold high-pass."""
+    wide_hz: float = 20.0
+    """Lower end of the signal whose power the band is compared with."""
+    high: float = 3.0
+    """Onset: so many σ."""
+    low: float = 2.0
+    """End: below so many σ."""
+    share: float = 0.1
+    """End: or below this share of the contraction's size, twice its mean."""
+    evidence: float = 0.03
+    """Time with four times yes that makes an onset [s]."""
+    doubt: float = 0.2
+    """Share of the other time that is taken from the evidence [–]."""
+    quiet: float = 0.15
+    """Time below the lower threshold that makes an end [s]."""
+    refractory: float = 0.15
+    """After an end, no onset [s]."""
+    new: float = 0.15
+    """Least share of the band's recent peak that must be new."""
+    broad: float = 0.01
+    """Least share of the power that must be new and in the band."""
+    flat: float = 0.02
+    """A value that lasts so long is no signal [s]."""
+    trouble: float = 0.15
+    """Trouble that ends a contraction [s]."""
+    settle: float = 0.5
+    """From the start, in which rest is measured [s]."""
+    rest_time: float = 2.0
+    """Time constant of σ at rest [s]."""
+    active_time: float = 60.0
+    """Time constant of σ in a contraction [s]."""
+    shortest: float = 0.0
+    """Contractions shorter than this are not told, and all others so much later [s]."""
+
+
+DEFAULTS = OnsetSettings()
+
+
+class Onset(NamedTuple):
+    """The detector at one rate; `prepare_onset` makes it. Times are in samples or per sample."""
+
+    band: Biquad
+    wide: Biquad
+    delay: tuple[int, int]
+    """Whole samples of one mains period, for each of `MAINS`."""
+    between: tuple[float, float]
+    """The rest of it."""
+    dt: float
+    grow: float
+    grow_active: float
+    power: float
+    mean: float
+    peak: float
+    size: float
+    settings: OnsetSettings
+
+
+class OnsetState(NamedTuple):
+    """What the detector keeps."""
+
+    origin: float
+    raw: float
+    inner: Memory
+    outer: Memory
+    wide: Memory
+    past: tuple[float, ...]
+    """The band's last samples, the newest first, over the longest mains period."""
+    age: float
+    rest: float
+    """σ, in the signal's unit."""
+    peak: float
+    power: float
+    new: float
+    mean: float
+    calm: float
+    size: float
+    flat: float
+    odd: float
+    evidence: float
+    quiet: float
+    hold: float
+    active: float
+    """1 in a contraction, told or not."""
+    held: float
+    """How long it has lasted [s]."""
+
+
+def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
+    """The detector for `rate` samples a second [Hz], which must be from `SLOWEST` to `QUICKEST`."""
+    assert SLOWEST <= rate <= QUICKEST
+    dt, periods = 1.0 / rate, [rate / mains for mains in MAINS]
+    whole = [math.floor(period) for period in periods]
+    return Onset(
+        critical_high_pass(settings.band_hz, rate),
+        butterworth(settings.wide_hz, "high", rate),
+        (whole[0], whole[1]),
+        (periods[0] - whole[0], periods[1] - whole[1]),
+        dt,
+        math.exp(dt / settings.rest_time),
+        math.exp(dt / settings.active_time),
+        1.0 - math.exp(-dt / 0.015),
+        1.0 - math.exp(-dt / 0.05),
+        math.exp(-dt / 0.03),
+        math.exp(-dt / 2.0),
+        settings,
+    )
+
+
+def onset_start(onset: Onset, first: float) -> OnsetState:
+    """Before the `first` sample."""
+    memories = (EMPTY, EMPTY, EMPTY)
+    return OnsetState(first, math.nan, *memories, (0.0,) * (max(onset.delay) + 1), *([0.0] * 15))
+
+
+@kernel
+def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetState, float, float]:
+    """One sample, in any unit; NaN where it is missing.
+
+    Returns:
+        The state, 1 in a contraction, and what is wrong with the signal: 0 nothing, 1 flat or missing, 2 movement or
+        mains.
+    """
+    by, dt = onset.settings, onset.dt
+    raw = sel(np.abs(value) < np.inf, value, state.raw)
+    x = sel(np.abs(raw) < np.inf, raw, state.origin) - state.origin
+    inner, half = biquad(onset.band, state.inner, x)
+    outer, band = biquad(onset.band, state.outer, half)
+    wide, all_of_it = biquad(onset.wide, state.wide, x)
+
+    # what of the band is new, with a size of its own in place of twice its power
+    past, left = state.past, np.inf
+    for i in range(2):
+        whole, part = onset.delay[i], onset.between[i]
+        left = np.fmin(left, np.abs(band - (1.0 - part) * past[whole - 1] - part * past[whole]))
+    left = left / np.sqrt(2.0)
+    size = np.fmin(np.abs(band), left)
+    peak = np.fmax(np.abs(band), state.peak * onset.peak)
+    power = state.power + onset.power * (all_of_it * all_of_it - state.power)
+    new = state.new + onset.power * (size * size - state.new)
+
+    # what is wrong
+    upper = by.high * state.rest
+    flat = sel(raw == state.raw, state.flat + dt, 0.0)
+    odd = sel((new < by.broad * power) * (power > upper * upper) > 0.0, state.odd + dt, 0.0)
+    trouble = sel(flat > by.flat, 1.0, sel(odd > 0.0, 2.0, 0.0))
+
+    # rest
+    age = state.age + 1.0
+    settling = age * dt < by.settle
+    factor = sel(state.active > 0.5, onset.grow_active, onset.grow)
+    factor = sel(size > 0.6 * state.rest, factor, 1.0 / factor)
+    calm_enough = (state.active > 0.5) + (state.evidence < 0.25 * by.evidence) > 0.0
+    followed = sel((trouble == 0.0) * calm_enough > 0.0, state.rest * factor, state.rest)
+    rest = sel(settling, state.rest + (1.6 * size - state.rest) / age, followed)
+    rest = np.fmax(rest, 1e-12)
+    upper = by.high * rest
+
+    # evidence for an onset, and for an end
+    mean = state.mean + onset.mean * (1.25 * size - state.mean)
+    most = sel(state.active > 0.5, np.fmax(mean, state.size * onset.size), state.size)
+    yes = (size > upper) * (left > by.new * peak) > 0.0
+    evidence = np.fmin(2.0 * by.evidence, np.fmax(0.0, state.evidence + sel(yes, dt, -by.doubt * dt)))
+    hold = np.fmax(0.0, state.hold - dt)
+    evidence = sel((trouble > 0.5) + (hold > 0.0) + settling > 0.0, 0.0, evidence)
+    loud = size > np.fmax(by.low * rest, 2.0 * by.share * most)
+    quiet = np.fmax(0.0, state.quiet + sel(loud, -2.0 * dt, dt))
+    calm = sel(quiet > 0.0, np.fmin(state.calm, mean), mean)
+
+    begins = (state.active < 0.5) * (evidence >= by.evidence) > 0.0
+    ends = (state.active > 0.5) * ((quiet > by.quiet) + (odd > by.trouble) + (flat > by.flat) > 0.0) > 0.0
+    rested = (state.hold > 0.0) * (hold == 0.0) * (trouble == 0.0) > 0.0
+    rest = sel(rested, np.fmax(rest, calm), rest)
+    active = sel(begins, 1.0, sel(ends, 0.0, state.active))
+    held = sel(active > 0.5, state.held + dt, 0.0)
+    told = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
+    after = OnsetState(
+        state.origin,
+        raw,
+        inner,
+        outer,
+        wide,
+        (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
+        age,
+        rest,
+        peak,
+        power,
+        new,
+        mean,
+        calm,
+        sel(begins, mean, most),
+        flat,
+        odd,
+        sel(ends, 0.0, evidence),
+        sel(begins, 0.0, quiet),
+        sel(ends, by.refractory, hold),
+        active,
+        held,
+    )
+    return after, told, trouble

@@ -1,0 +1,191 @@
+"""`bowden emg calibrate` and `score`: documents, files, and recordings that cannot be used."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from bowden.app import wearer_file
+from bowden.app.main import run
+from bowden.sim.emg import background, contractions
+
+ROOT = Path(__file__).parents[1]
+SPANS = [(2.0, 3.0, 0.2), (5.0, 6.0, 0.4)]
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def signal(seconds: float = 8.0, rate: float = 1000.0) -> np.ndarray:
+    count = round(seconds * rate)
+    return background(rate, count, np.random.default_rng(1)) + contractions(rate, SPANS, count, 1)
+
+
+def write(path: str, values: Any, rate: float = 1000.0, head: str = "time_s,emg_mV", start: float = 0.0) -> Path:
+    columns = np.atleast_2d(np.asarray(values, dtype=float))
+    table = np.column_stack([start + np.arange(columns.shape[1]) / rate, columns.T])
+    np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.9g")
+    return Path(path)
+
+
+def labels(path: str = "labels.csv", spans: Any = SPANS, head: str = "onset_s,offset_s") -> Path:
+    Path(path).write_text("\n".join([head, *(f"{span[0]},{span[1]}" for span in spans)]) + "\n")
+    return Path(path)
+
+
+def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str) -> Any:
+    assert run([*arguments, "--json"]) == 0
+    out = capsys.readouterr()
+    assert out.err == ""
+    found = json.loads(out.out)
+    jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+    return found
+
+
+def test_a_recording_is_scored_in_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
+    recording = write("a.csv", signal(), start=100.0)
+    known = labels(spans=[(on + 100.0, off + 100.0) for on, off, _ in SPANS])
+    found = document(["emg", "score", str(recording), "--labels", str(known)], capsys, "emg_score")
+    assert (found["detections"], found["misses"], found["false_activations"], found["false_per_minute"]) == (2, 0, 0, 0)
+    assert 0.0 < found["latency_median_s"] <= found["latency_max_s"] < 0.12
+    assert [round(on) for on, _ in found["contractions_s"]] == [102, 105]
+    assert found["plain_threshold"]["misses"] == 0
+    assert Path("out/emg/emg.html").is_file()
+    assert "Contractions in a.csv" in Path("out/emg/emg.html").read_text()
+
+
+def test_without_labels_there_are_detections_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    found = document(["emg", "score", str(write("a.csv", signal()))], capsys, "emg_score")
+    assert found["detections"] == 2
+    assert found["misses"] is None
+    assert run(["emg", "score", "a.csv", "--shortest-ms", "100"]) == 0
+    said = capsys.readouterr().out
+    assert "our detector" in said
+    assert "costs 100 ms of latency" in said
+
+
+def test_a_wearer_is_calibrated_and_gives_the_plain_threshold_its_mvc(capsys: pytest.CaptureFixture[str]) -> None:
+    recording = str(write("a.csv", signal()))
+    calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
+    found = document(["emg", "calibrate", recording, "--rest", calm], capsys, "emg_calibrate")
+    wearer = wearer_file.read(Path("wearer.toml"))
+    assert (wearer.rest, wearer.mvc) == pytest.approx((found["rest"], found["mvc"]), rel=1e-5)
+    assert 0.3 < wearer.mvc < 0.6
+    assert 0.002 < wearer.rest < 0.006
+    score = document(["emg", "score", recording, "--wearer", "wearer.toml"], capsys, "emg_score")
+    assert score["mvc"] == wearer.mvc
+    assert run(["emg", "calibrate", recording, "--out", "b.toml"]) == 0
+    assert wearer_file.read(Path("b.toml")).rest == pytest.approx(wearer.rest, rel=0.3)
+
+
+def test_of_several_channels_one_is_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+    head = "time_s,biceps_mV,triceps_mV"
+    recording = str(write("two.csv", [signal(), background(1000.0, 8000, np.random.default_rng(3))], head=head))
+    assert document(["emg", "score", recording], capsys, "emg_score")["channel"] == "biceps_mV"
+    other = document(["emg", "score", recording, "--channel", "triceps_mV"], capsys, "emg_score")
+    assert (other["channel"], other["detections"]) == ("triceps_mV", 0)
+    assert run(["emg", "score", recording, "--channel", "deltoid"]) == 2
+    assert "no channel 'deltoid' among 'biceps_mV', 'triceps_mV'" in capsys.readouterr().err
+
+
+def bad(name: str) -> Path:
+    values = signal()
+    if name == "nan":
+        values[1234] = np.nan
+    elif name == "flat":
+        values[:] = 0.25
+    elif name == "clipped":
+        values = np.clip(10.0 * values, -0.5, 0.5)
+    elif name == "short":
+        values = values[:900]
+    elif name == "text":
+        path = write("bad.csv", values)
+        lines = path.read_text().splitlines()
+        lines[10] = "0.009,spam"
+        path.write_text("\n".join(lines))
+        return path
+    elif name == "gap":
+        path = write("bad.csv", values)
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join(lines[:500] + lines[600:]))
+        return path
+    elif name == "no time":
+        return write("bad.csv", values, head="x,emg_mV")
+    elif name == "no channel":
+        Path("bad.csv").write_text("time_s\n0\n0.001\n")
+        return Path("bad.csv")
+    return write("bad.csv", values, rate=100.0 if name == "slow" else 1000.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("nan", "row 1235: emg_mV is nan"),
+        ("flat", "0.25 in every sample"),
+        ("clipped", "stand at an end of its range"),
+        ("short", "expected at least 2 s"),
+        ("text", "row 10: emg_mV is 'spam'"),
+        ("gap", "time has a gap"),
+        ("no time", "no column of times among 'x', 'emg_mV'"),
+        ("no channel", "no channel beside 'time_s'"),
+        ("slow", "100 samples a second; expected 400 to 5000 Hz"),
+    ],
+)
+@pytest.mark.parametrize("command", ["score", "calibrate"])
+def test_what_cannot_be_used_is_one_line(
+    name: str, said: str, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["emg", command, str(bad(name))]) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+    assert not Path("out").exists()
+    assert not Path("wearer.toml").exists()
+
+
+def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
+    assert run(["emg", "calibrate", calm]) == 2
+    assert "expected at least 3 times as much" in capsys.readouterr().err
+    Path("wearer.toml").write_text('[emg]\nchannel = "a"\nrest = 0.5\nmvc = 0.2\nsource = "b"\n')
+    assert run(["emg", "score", str(write("a.csv", signal())), "--wearer", "wearer.toml"]) == 2
+    assert "expected at least 3 times as much" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no key 'emg'"),
+        ("[emg]\nrest = 'x'\nmvc = 1\nchannel = 'a'\nsource = 'b'", "could not convert"),
+        ("[emg]\nrest = 0.1\nmvc = 1\nchannel = 'a'\nsource = 'b'\nfoo = 1", "unknown key 'foo'"),
+        ("[emg]\nrest = nan\nmvc = 1\nchannel = 'a'\nsource = 'b'", "expected numbers above 0"),
+        ("= 3", "expected [emg]"),
+    ],
+)
+def test_a_wearer_that_cannot_be_is_one_line(text: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("w.toml").write_text(text)
+    assert run(["emg", "score", str(write("a.csv", signal())), "--wearer", "w.toml"]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("spans", "head", "said"),
+    [
+        ([(2.0, 3.0), (2.5, 4.0)], "onset_s,offset_s", "overlap or are out of order"),
+        ([(2.0, 3.0)], "a,b", "expected onset_s and offset_s"),
+        ([(2.0, 30.0)], "onset_s,offset_s", "the recording lasts from 0 to 8 s"),
+    ],
+)
+def test_labels_that_cannot_be_are_one_line(
+    spans: Any, head: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = labels(spans=spans, head=head)
+    assert run(["emg", "score", str(write("a.csv", signal())), "--labels", str(known)]) == 2
+    assert said in capsys.readouterr().err
+    assert run(["emg", "score", "a.csv", "--shortest-ms", "-1"]) == 2
+    assert run(["emg", "score", "nowhere.csv"]) == 2

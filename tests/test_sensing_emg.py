@@ -1,0 +1,153 @@
+"""EMG: the chain is SciPy's for any cut into pieces, and the detector tells contractions from all else."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from bowden.identify.emg_log import read_emg, read_labels
+from bowden.identify.emg_score import Findings, find, score, spans
+from bowden.sensing.biquad import PASS, notch
+from bowden.sensing.envelope import EnvelopeSettings, envelope_start, envelope_step, prepare_envelope
+from bowden.sensing.onset import DEFAULTS, OnsetSettings, onset_start, onset_step, prepare_onset
+from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
+from bowden.sim.emg import NOISE, background, contractions, rest
+
+RECORDINGS = {"biceps_bursts": 9, "biceps_fatigue": 30, "adductor_pollicis_twitches": 12}
+
+
+def noise(count: int, seed: int = 1) -> np.ndarray:
+    return 0.3 + np.random.default_rng(seed).normal(0.0, 0.1, count)
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 2148.1, 4000.0])
+@pytest.mark.parametrize("mains", [50.0, 60.0, 0.0])
+def test_signal_and_envelope_are_scipys(rate: float, mains: float) -> None:
+    x = noise(5000)
+    got = EnvelopeFilter(rate, EnvelopeSettings(offset_hz=20.0, mains_hz=mains)).feed(x)
+    y = signal.lfilter(*signal.butter(2, 20.0, "high", fs=rate), x - x[0])
+    for k in (1, 2, 3):
+        if 0.0 < k * mains < 0.45 * rate:
+            y = signal.lfilter(*signal.iirnotch(k * mains, k * mains / 2.0, fs=rate), y)
+    np.testing.assert_allclose(got.signal, y, rtol=0.0, atol=1e-12)
+    envelope = signal.lfilter(*signal.butter(2, 8.0, fs=rate), np.abs(y))
+    np.testing.assert_allclose(got.envelope, envelope, rtol=0.0, atol=1e-12)
+
+
+def test_a_notch_beyond_the_rate_is_none() -> None:
+    assert notch(240.0, 2.0, 500.0) == PASS
+
+
+@settings(max_examples=20)
+@given(st.lists(st.integers(0, 700), max_size=8))
+def test_any_cut_into_pieces_gives_the_same_numbers(cuts: list[int]) -> None:
+    x = noise(700) + contractions(1000.0, [(0.55, 0.7, 1.0)], 700)
+    pieces = np.split(x, sorted(cuts))
+    for make in (lambda: EnvelopeFilter(1000.0), lambda: OnsetDetector(1000.0)):
+        whole, chain = make().feed(x), make()
+        parts: list[Any] = [chain.feed(piece) for piece in pieces]
+        for i, column in enumerate(whole):
+            np.testing.assert_array_equal(column, np.concatenate([part[i] for part in parts]))
+
+
+def test_interpreted_and_compiled_agree_bit_for_bit() -> None:
+    x = noise(1200) + contractions(1000.0, [(0.6, 1.0, 1.0)], 1200)
+    x[900:905] = np.nan
+    x[1100:1150] = 0.25
+    fast, detector, state = OnsetDetector(1000.0).feed(x), prepare_onset(1000.0), None
+    for k, value in enumerate(x.tolist()):
+        state = onset_start(detector, value) if state is None else state
+        state, active, trouble = onset_step(detector, state, value)
+        assert (active, trouble, state.rest) == (fast.active[k], fast.trouble[k], fast.rest[k]), k
+    assert fast.active.max() == 1.0
+    assert set(fast.trouble) >= {0.0, 1.0}
+    x = noise(300)
+    quick, chain, memory = EnvelopeFilter(1000.0).feed(x), prepare_envelope(1000.0), envelope_start(float(x[0]))
+    for k, value in enumerate(x.tolist()):
+        memory, _, envelope = envelope_step(chain, memory, value)
+        assert envelope == quick.envelope[k]
+
+
+def found_in(name: str, folder: Path, by: OnsetSettings = DEFAULTS) -> Findings:
+    log, labels = read_emg(folder / "emg" / f"{name}.csv.gz"), read_labels(folder / "emg" / f"{name}.labels.csv")
+    return find(log.values, log.rate, labels, settings=by)
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_recorded_contractions_are_found_each_once(name: str, shared_data: Path) -> None:
+    found = found_in(name, shared_data).score
+    assert (found.detections, found.misses, found.false_activations) == (RECORDINGS[name], 0, 0)
+    assert found.latency_median_s is not None
+    assert found.latency_median_s <= 0.150
+
+
+def test_the_plain_threshold_fires_34_times_on_nine_contractions(shared_data: Path) -> None:
+    plain = found_in("biceps_bursts", shared_data).plain_score
+    assert (plain.detections, plain.misses, plain.false_activations) == (34, 0, 25)
+
+
+def test_what_is_shorter_than_chosen_is_not_told_and_the_rest_is_told_so_much_later(shared_data: Path) -> None:
+    waits = DEFAULTS._replace(shortest=0.1)
+    prompt, late = (found_in("biceps_fatigue", shared_data, by).score for by in (DEFAULTS, waits))
+    assert late.detections == prompt.detections
+    assert late.latency_median_s == pytest.approx(prompt.latency_median_s + 0.1, abs=2e-3)
+    assert found_in("adductor_pollicis_twitches", shared_data, DEFAULTS._replace(shortest=1.0)).score.detections == 0
+
+
+@pytest.mark.parametrize(("rate", "mains"), [(1000.0, 50.0), (1000.0, 60.0), (2000.0, 50.0)])
+def test_half_an_hour_of_rest_with_hum_moving_and_lost_electrodes_is_no_contraction(rate: float, mains: float) -> None:
+    values, happened = rest(rate, 1800.0, seed=1, mains=mains)
+    detected = OnsetDetector(rate).feed(values)
+    assert len(happened) > 590
+    assert spans(detected.active, rate) == []
+
+
+@pytest.mark.parametrize("rate", [400.0, 1000.0, 1111.1, 2000.0, 5000.0])
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e3])
+def test_contractions_are_found_at_any_rate_and_in_any_unit(rate: float, scale: float) -> None:
+    want = [(3.0 + 2.0 * i, 3.9 + 2.0 * i, NOISE * size) for i, size in enumerate((8.0, 15.0, 40.0, 8.0, 100.0))]
+    count = round(14.0 * rate)
+    values = background(rate, count, np.random.default_rng(5)) + contractions(rate, want, count, 5)
+    got = find(scale * (values + 0.4), rate, [(on, off) for on, off, _ in want]).score
+    assert (got.misses, got.false_activations) == (0, 0)
+    assert got.latency_max_s is not None
+    assert got.latency_max_s < 0.12
+
+
+def test_a_contraction_ends_when_the_electrode_falls_off() -> None:
+    count = 6000
+    values = background(1000.0, count, np.random.default_rng(2)) + contractions(1000.0, [(2.0, 5.0, 0.2)], count)
+    values[3000:] = 0.1
+    detected = OnsetDetector(1000.0).feed(values)
+    ((on, off),) = spans(detected.active, 1000.0)
+    assert 2.0 < on < 2.12
+    assert 3.0 < off < 3.03
+    assert np.all(detected.trouble[3100:] == 1.0)
+    values[3000:] = np.nan
+    ((first, last),) = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
+    assert (first, last) == pytest.approx((on, off), abs=2e-3)
+
+
+def test_rest_that_is_louder_than_before_becomes_rest() -> None:
+    count = 240_000
+    noise_then = background(1000.0, count, np.random.default_rng(3))
+    noise_then[20_000:] *= 8.0
+    detected = OnsetDetector(1000.0).feed(noise_then)
+    assert detected.active[21_000] == 1.0
+    assert detected.active[-20_000:].max() == 0.0
+
+
+def test_scores_of_detections_that_are_early_late_twice_or_nowhere() -> None:
+    labels = [(1.0, 2.0), (4.0, 5.0), (8.0, 9.0)]
+    found = [(0.9, 1.2), (1.5, 1.9), (3.0, 4.5), (8.2, 9.5)]
+    got = score(found, labels, 60.0)
+    assert (got.detections, got.misses, got.false_activations, got.false_per_minute) == (4, 1, 2, 2.0)
+    assert got.latency_median_s == pytest.approx(0.05)
+    assert got.latency_max_s == pytest.approx(0.2)
+    assert score([], labels, 60.0).latency_max_s is None
+    assert score(found, None, 60.0).misses is None
+    assert score(found, [], 60.0).false_activations == 4
