@@ -1,0 +1,147 @@
+"""From contractions to where the joint should be: rest → flex → hold → extend, with minimum jerk, as kernels.
+
+One muscle takes turns: its contraction begins a flexion from rest and an extension from hold. Two muscles have a
+direction each, and a contraction of both at once (a stiffened arm) is no wish. In both cases a contraction in mid-way
+that asks for the other direction turns the motion round.
+
+A motion is the quintic of least jerk (Flash and Hogan 1985) from where the reference is, with the velocity and the
+acceleration that it has, to its end at rest; so that neither of them jumps when a motion is turned round.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel, sel
+from bowden.core.signals import Reference
+
+
+class Intent(IntEnum):
+    """What the wearer is taken to want."""
+
+    REST = 0
+    FLEX = 1
+    HOLD = 2
+    EXTEND = 3
+
+
+class IntentSettings(NamedTuple):
+    """Where to, and how fast."""
+
+    low: float = 0.0
+    """Extended [rad]."""
+    high: float = float(np.pi) / 2.0
+    """Flexed [rad]."""
+    duration: float = 2.0
+    """Of the whole motion; less of a way takes its square root of it [s]."""
+    muscles: float = 1.0
+    """1 or 2."""
+
+
+class IntentState(NamedTuple):
+    """What the machine keeps."""
+
+    mode: float
+    """Number of an `Intent`."""
+    flexor: float
+    """Whether it contracted in the cycle before."""
+    extensor: float
+    begin: Reference
+    """Where the motion began."""
+    end: float
+    """Where it goes [rad]."""
+    lasts: float
+    """[s]"""
+    gone: float
+    """[s]"""
+
+
+REST, FLEX, HOLD, EXTEND = (float(intent) for intent in Intent)
+_SHORTEST = 0.3
+"""A motion takes at least this share of `duration`, however short its way [–]."""
+
+
+def intent_start(position: float) -> IntentState:
+    """At rest at `position` [rad]."""
+    return IntentState(REST, 0.0, 0.0, Reference(position, 0.0, 0.0), position, 1.0, 1.0)
+
+
+@kernel
+def least_jerk(begin: Reference, end: float, lasts: float, gone: float) -> Reference:
+    """The quintic from `begin` to rest at `end` [rad] in a time `lasts` > 0, after a time `gone`; at rest afterwards.
+
+    >>> least_jerk(Reference(0.0, 0.0, 0.0), 1.0, 2.0, 1.0)
+    Reference(position=0.5, velocity=0.9375, acceleration=0.0)
+    """
+    s = np.fmax(0.0, np.fmin(1.0, gone / lasts))
+    way, speed, bend = begin.position - end, begin.velocity * lasts, begin.acceleration * lasts * lasts
+    third = -10.0 * way - 6.0 * speed - 1.5 * bend
+    fourth = 15.0 * way + 8.0 * speed + 1.5 * bend
+    fifth = -6.0 * way - 3.0 * speed - 0.5 * bend
+    position = end + way + s * (speed + s * (0.5 * bend + s * (third + s * (fourth + s * fifth))))
+    velocity = speed + s * (bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))
+    acceleration = bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))
+    there = gone >= lasts
+    return Reference(
+        sel(there, end, position), sel(there, 0.0, velocity / lasts), sel(there, 0.0, acceleration / (lasts * lasts))
+    )
+
+
+@kernel
+def intent_step(
+    settings: IntentSettings, state: IntentState, flexor: float, extensor: float, dt: float
+) -> tuple[IntentState, Reference]:
+    """One cycle.
+
+    Args:
+        settings: of the machine.
+        state: of the cycle before.
+        flexor: 1 while the muscle that flexes contracts, as `sensing.onset` says; 0, or NaN where it is unknown, else.
+        extensor: the same of the muscle that extends; not looked at where there is one muscle.
+        dt: length of the cycle [s].
+    """
+    gone = np.fmin(state.gone + dt, state.lasts)
+    now = least_jerk(state.begin, state.end, state.lasts, gone)
+    begins = (flexor > 0.5) * (state.flexor < 0.5)
+    other = (extensor > 0.5) * (state.extensor < 0.5)
+    two, up = settings.muscles > 1.5, (state.mode == FLEX) + (state.mode == HOLD) > 0.0
+    both = (flexor > 0.5) * (extensor > 0.5)
+    flex = sel(two, begins * (1.0 - both), begins * (1.0 - up)) * (1.0 - up) > 0.0
+    extend = sel(two, other * (1.0 - both), begins) * up > 0.0
+
+    end = sel(flex, settings.high, sel(extend, settings.low, state.end))
+    turns = flex + extend > 0.0
+    share = np.sqrt(np.fmin(1.0, np.abs(end - now.position) / (settings.high - settings.low)))
+    lasts = sel(turns, settings.duration * np.fmax(_SHORTEST, share), state.lasts)
+    begin = Reference(
+        sel(turns, now.position, state.begin.position),
+        sel(turns, now.velocity, state.begin.velocity),
+        sel(turns, now.acceleration, state.begin.acceleration),
+    )
+    gone = sel(turns, 0.0, gone)
+    arrived = gone >= lasts
+    moved = sel(flex, FLEX, sel(extend, EXTEND, state.mode))
+    mode = sel(arrived * (moved == FLEX) > 0.0, HOLD, sel(arrived * (moved == EXTEND) > 0.0, REST, moved))
+    after = IntentState(mode, sel(flexor > 0.5, 1.0, 0.0), sel(extensor > 0.5, 1.0, 0.0), begin, end, lasts, gone)
+    return after, now
+
+
+@kernel
+def proportional(settings: IntentSettings, before: Reference, envelope: float, full: float, dt: float) -> Reference:
+    """The joint goes where the envelope is: from `low` at none to `high` at `full`, through a critically damped filter.
+
+    Its time constant is a tenth of `duration`, so that a step takes about the time of a motion to within 1 %.
+
+    Args:
+        settings: of the way.
+        before: the reference of the cycle before.
+        envelope: of the muscle, NaN where it is unknown: then the joint goes to `low`.
+        full: envelope of a full flexion, such as a third of MVC.
+        dt: length of the cycle [s].
+    """
+    share = np.fmax(0.0, np.fmin(1.0, sel(envelope < np.inf, envelope, 0.0) / full))
+    goal = settings.low + share * (settings.high - settings.low)
+    rate = 10.0 / settings.duration
+    velocity = (before.velocity + dt * rate * rate * (goal - before.position)) / (1.0 + rate * dt * (2.0 + rate * dt))
+    return Reference(before.position + dt * velocity, velocity, (velocity - before.velocity) / dt)

@@ -1,0 +1,126 @@
+"""From contractions to a reference: which motion, and that it never jumps nor leaves its range."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bowden.core.kernel import compiled
+from bowden.core.signals import Reference
+from bowden.sensing.intent import (
+    Intent,
+    IntentSettings,
+    intent_start,
+    intent_step,
+    least_jerk,
+    proportional,
+)
+
+DT = 1e-3
+ONE, TWO = IntentSettings(), IntentSettings(muscles=2.0)
+
+
+def played(
+    by: IntentSettings, flexor: list[tuple[float, float]], extensor: list[tuple[float, float]], seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """References (n, 3) and modes (n,) of contractions with these onsets and ends."""
+    state, rows, modes = intent_start(by.low), [], []
+    for k in range(round(seconds / DT)):
+        on = [float(any(a <= k * DT < b for a, b in spans)) for spans in (flexor, extensor)]
+        state, reference = compiled(intent_step)(by, state, on[0], on[1], DT)
+        rows.append(reference)
+        modes.append(state.mode)
+    return np.array(rows), np.array(modes)
+
+
+def order(modes: np.ndarray) -> list[str]:
+    return [Intent(int(mode)).name for mode, _ in itertools.groupby(modes.tolist())]
+
+
+def smooth(rows: np.ndarray) -> None:
+    """Velocity and acceleration are the derivatives of the position, and neither jumps."""
+    np.testing.assert_allclose(np.gradient(rows[:, 0], DT)[1:-1], rows[1:-1, 1], atol=2e-3)
+    assert np.abs(np.diff(rows[:, 1])).max() < 30.0 * DT
+    assert np.abs(np.diff(rows[:, 2])).max() < 0.5
+
+
+def test_one_muscle_takes_turns() -> None:
+    rows, modes = played(ONE, [(0.5, 1.0), (4.0, 4.5)], [], 8.0)
+    assert order(modes) == ["REST", "FLEX", "HOLD", "EXTEND", "REST"]
+    assert rows[3900, 0] == ONE.high
+    assert rows[-1].tolist() == [0.0, 0.0, 0.0]
+    smooth(rows)
+
+
+def test_two_muscles_have_a_direction_each_and_both_at_once_are_no_wish() -> None:
+    rows, modes = played(TWO, [(0.5, 1.0), (4.0, 4.5), (10.0, 11.0)], [(6.0, 6.5), (10.0, 11.0)], 12.0)
+    assert order(modes) == ["REST", "FLEX", "HOLD", "EXTEND", "REST"]
+    assert rows[5900, 0] == TWO.high
+    smooth(rows)
+
+
+def test_a_long_contraction_is_one() -> None:
+    assert order(played(ONE, [(0.5, 7.0)], [], 8.0)[1]) == ["REST", "FLEX", "HOLD"]
+
+
+@pytest.mark.parametrize("at", np.linspace(0.01, 1.99, 23))
+def test_a_motion_turns_round_at_any_moment_without_a_jump_and_in_its_range(at: float) -> None:
+    rows, modes = played(TWO, [(0.0, 0.005)], [(at, at + 0.1)], 5.0)
+    assert order(modes) == ["FLEX", "EXTEND", "REST"]
+    smooth(rows)
+    assert rows[:, 0].min() >= -1e-9
+    assert rows[:, 0].max() <= TWO.high + 1e-9
+
+
+@settings(max_examples=60)
+@given(st.lists(st.floats(0.05, 1.5), min_size=1, max_size=12), st.floats(0.5, 4.0))
+def test_many_turns_stay_in_range_and_end_at_an_end(waits: list[float], duration: float) -> None:
+    by = ONE._replace(duration=duration)
+    starts = np.cumsum(waits)
+    rows, modes = played(by, [(at, at + 0.02) for at in starts], [], float(starts[-1]) + duration + 0.2)
+    assert rows[:, 0].min() >= by.low - 0.05
+    assert rows[:, 0].max() <= by.high + 0.05
+    assert modes[-1] in (Intent.REST, Intent.HOLD)
+    assert rows[-1, 1] == rows[-1, 2] == 0.0
+
+
+def test_what_is_unknown_is_no_contraction() -> None:
+    state = intent_start(0.0)
+    for _ in range(100):
+        state, reference = intent_step(ONE, state, math.nan, math.nan, DT)
+    assert (state.mode, reference) == (Intent.REST, Reference(0.0, 0.0, 0.0))
+
+
+def test_interpreted_and_compiled_agree_bit_for_bit() -> None:
+    slow = fast = intent_start(0.1)
+    level, quick = Reference(0.0, 0.0, 0.0), Reference(0.0, 0.0, 0.0)
+    for k in range(3000):
+        on = float(k % 700 < 50)
+        slow, a = intent_step(ONE, slow, on, 0.0, DT)
+        fast, b = compiled(intent_step)(ONE, fast, on, 0.0, DT)
+        level = proportional(ONE, level, on, 0.4, DT)
+        quick = compiled(proportional)(ONE, quick, on, 0.4, DT)
+        assert (slow, a, level) == (fast, b, quick)
+
+
+def test_least_jerk_meets_both_ends() -> None:
+    begin = Reference(0.3, -0.7, 2.0)
+    assert least_jerk(begin, 1.2, 1.5, 0.0) == pytest.approx(begin)
+    end = least_jerk(begin, 1.2, 1.5, 1.5 - 1e-9)
+    assert end == pytest.approx((1.2, 0.0, 0.0), abs=1e-6)
+
+
+def test_proportional_follows_the_envelope_and_lets_go_of_an_unknown_one() -> None:
+    reference, positions = Reference(0.0, 0.0, 0.0), []
+    for k in range(8000):
+        envelope = 0.2 if k < 3000 else 5.0 if k < 5000 else math.nan
+        reference = compiled(proportional)(ONE, reference, envelope, 0.4, DT)
+        positions.append(reference.position)
+    assert positions[2999] == pytest.approx(ONE.high / 2.0, abs=1e-3)
+    assert positions[4999] == pytest.approx(ONE.high, abs=2e-3)
+    assert positions[-1] == pytest.approx(0.0, abs=2e-3)
+    assert max(positions) <= ONE.high
+    assert min(positions) >= 0.0
