@@ -81,8 +81,8 @@ def test_many_turns_stay_in_range_and_end_at_an_end(waits: list[float], duration
     by = ONE._replace(duration=duration)
     starts = np.cumsum(waits)
     rows, modes = played(by, [(at, at + 0.02) for at in starts], [], float(starts[-1]) + duration + 0.2)
-    assert rows[:, 0].min() >= by.low - 0.05
-    assert rows[:, 0].max() <= by.high + 0.05
+    assert rows[:, 0].min() >= by.low - 0.004
+    assert rows[:, 0].max() <= by.high + 0.004
     assert modes[-1] in (Intent.REST, Intent.HOLD)
     assert rows[-1, 1] == rows[-1, 2] == 0.0
 

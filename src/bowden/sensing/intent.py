@@ -60,6 +60,8 @@ class IntentState(NamedTuple):
 REST, FLEX, HOLD, EXTEND = (float(intent) for intent in Intent)
 _SHORTEST = 0.3
 """A motion takes at least this share of `duration`, however short its way [–]."""
+_LESS, _TRIES, _POINTS = 0.8, 10, 20
+"""A motion that would leave its range is tried so much quicker, so often, and looked at in so many points."""
 
 
 def intent_start(position: float) -> IntentState:
@@ -89,6 +91,27 @@ def least_jerk(begin: Reference, end: float, lasts: float, gone: float) -> Refer
 
 
 @kernel
+def longest(settings: IntentSettings, begin: Reference, end: float) -> float:
+    """How long a motion takes [s]: as its way asks for, or less where it would swing out of the range before it turns.
+
+    Args:
+        settings: of the range and of the whole motion.
+        begin: where the motion begins.
+        end: where it goes [rad].
+    """
+    share = np.sqrt(np.fmin(1.0, np.abs(end - begin.position) / (settings.high - settings.low)))
+    most = settings.duration * np.fmax(_SHORTEST, share)
+    lasts = most * _LESS**_TRIES
+    for i in range(_TRIES):
+        tried, out = most * _LESS ** (_TRIES - 1 - i), 0.0
+        for j in range(1, _POINTS):
+            there = least_jerk(begin, end, tried, tried * j / _POINTS).position
+            out = np.fmax(out, np.fmax(settings.low - there, there - settings.high))
+        lasts = sel(out > 0.0, lasts, tried)
+    return lasts
+
+
+@kernel
 def intent_step(
     settings: IntentSettings, state: IntentState, flexor: float, extensor: float, dt: float
 ) -> tuple[IntentState, Reference]:
@@ -112,8 +135,7 @@ def intent_step(
 
     end = sel(flex, settings.high, sel(extend, settings.low, state.end))
     turns = flex + extend > 0.0
-    share = np.sqrt(np.fmin(1.0, np.abs(end - now.position) / (settings.high - settings.low)))
-    lasts = sel(turns, settings.duration * np.fmax(_SHORTEST, share), state.lasts)
+    lasts = sel(turns, longest(settings, now, end), state.lasts)
     begin = Reference(
         sel(turns, now.position, state.begin.position),
         sel(turns, now.velocity, state.begin.velocity),
