@@ -436,6 +436,10 @@ def next_mode(mode: Mode, request: Request, wrong: str, preflight: float) -> Mod
     return Mode.RUNNING
 
 
+TOLD = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}
+"""The reaction that is told in a mode; none in the others."""
+
+
 @pytest.mark.parametrize("mode", list(Mode), ids=lambda mode: mode.name)
 def test_every_change_of_mode(mode: Mode) -> None:
     before = {Mode.STOPPED: STOPPED, Mode.LATCHED: LATCHED, Mode.PREFLIGHT: {"state.passed": 0.0}}.get(mode, {})
@@ -446,8 +450,7 @@ def test_every_change_of_mode(mode: Mode) -> None:
         told = (mode.name, request.name, wrong, preflight)
         assert (verdict.mode, state.mode) == (wanted, wanted), told
         assert verdict.power == (0.0 if wanted in (Mode.STOPPED, Mode.LATCHED) else 3.0), told
-        reaction = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}.get(wanted, 0)
-        assert verdict.reaction == reaction, told
+        assert verdict.reaction == TOLD.get(wanted, 0), told
         ran = mode in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING) or (
             request == Request.RUN and wanted == Mode.RUNNING
         )
@@ -475,6 +478,7 @@ def test_times_run_out_in_their_cycle(last: tuple[str, float, Mode, Mode, Change
         _, verdict = cycle(also, {name: time})
         assert verdict.mode == wanted
         assert (verdict.power == 0.0) is (wanted in (Mode.LATCHED, Mode.STOPPED))
+        assert verdict.reaction == TOLD.get(wanted, 0)
 
 
 def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None:
@@ -488,6 +492,11 @@ def test_without_an_enabled_drive_there_is_nothing_to_release() -> None:
     assert (verdict.mode, verdict.power) == (Mode.RELEASING, 0.0)
     _, verdict = cycle(ARMED, RELEASING)
     assert (verdict.mode, verdict.power) == (Mode.STOPPED, 0.0)
+
+
+def test_nothing_runs_on_a_drive_that_is_not_enabled() -> None:
+    state, verdict = cycle(ARMED, {"observed.request": Request.RUN, "observed.preflight": 1.0})
+    assert (verdict.mode, state.passed) == (Mode.PREFLIGHT, 0.0)
 
 
 LATCHABLE = [fault for fault in Fault if fault.latched]
