@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from bowden.core.signals import DriveReading
-from bowden.models.plausible import Followed, follow, lasting, outside
+from bowden.models.plausible import Followed, beyond, follow, lasting, outside
 from bowden.models.servo import servo_predict
 from bowden.models.thermal import Thermal, ThermalState, cold, warm
 from bowden.safety.faults import Fault, of
@@ -162,8 +162,11 @@ EDGES: list[Edge] = [
     (Fault.I2T, "state.i2t", 440.0 - 64 * DT, 440.0 - 64 * DT + TINY, {"reading.current": 10.0}),
     (Fault.MOTOR_HOT, "limits.winding_limit", HEAT.winding, HEAT.winding - TINY, WARM),
     (Fault.MOTOR_HOT, "limits.housing_limit", HEAT.housing, HEAT.housing - TINY, WARM),
+    (Fault.MOTOR_HOT, "state.winding", -0.9e6, -1.1e6, {}),
+    (Fault.MOTOR_HOT, "state.housing", -0.9e6, -1.1e6, {"limits.winding_limit": 1e9}),
     (Fault.DRIVE_HOT, "reading.temperature", 80.0, 80.0 + TINY, {}),
     (Fault.DRIVE_HOT, "reading.temperature", -1e6, NAN, {}),
+    (Fault.DRIVE_HOT, "reading.temperature", -1e6, -1e6 - 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", 1e6, 1e6 + 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", -1e6, -1e6 - 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", 20.0, NAN, STOPPED),
@@ -281,6 +284,7 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("a far wish while releasing", WISHES, {**RELEASING, **FREE, "law.wish": 1.9, "limits.acceleration": 1.0}),
     ("a wish before the drive is enabled", WISHES, {**ARMED, "law.wish": NAN}),
     ("a far wish before the drive is enabled", WISHES, {**ARMED, "law.wish": 1.9}),
+    ("a target that moved before, while nothing leads it", WISHES, {**STOPPED, "state.before": -0.25}),
     (
         "a target far from the motor while nothing leads it",
         WISHES,
@@ -334,12 +338,14 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("failures", 0.0, {}),
     ("bus_errors", 9.0, {"reading.bus_errors": 9.0}),
     ("bus_errors", 7.0, {"reading.bus_errors": NAN, "state.bus_errors": 7.0}),
+    ("bus_errors", 7.0, {"reading.bus_errors": INF, "state.bus_errors": 7.0}),
     ("motor", 0.5, {"reading.motor": NAN}),
     ("motor_gap", 2 * DT, {"reading.motor": NAN, "state.motor_gap": DT}),
     ("motor_gap", 0.0, {"state.motor_gap": DT}),
     ("joint_gap", 4 * DT, {"reading.joint": NAN, "state.joint_gap": DT, "observed.elapsed": 3 * DT}),
     ("joint", 0.376, {"reading.joint": 0.376}),
     ("anchor_joint", 0.376, {"reading.joint": 0.376}),
+    ("anchor_joint", 0.375, {"reading.joint": 0.375 + 2.0**-13}),
     ("anchor_motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
     ("anchor_motor", 0.5, {"reading.motor": 0.51}),
     ("anchor_motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
@@ -569,7 +575,16 @@ def test_the_target(row: tuple[str, float, Changes]) -> None:
 
 
 def test_it_begins_within_its_limits_whatever_it_reads() -> None:
-    for motor, target in ((3.0, 2.0), (-3.0, -0.5), (1.0, 1.0), (NAN, 0.0), (6.5, 2.0), (6.6, 0.0)):
+    for motor, target in (
+        (3.0, 2.0),
+        (-3.0, -0.5),
+        (1.0, 1.0),
+        (NAN, 0.0),
+        (6.5, 2.0),
+        (6.6, 0.0),
+        (-6.5, -0.5),
+        (-6.6, 0.0),
+    ):
         assert begin(LIMITS, READING._replace(motor=motor), cold(THERMAL)).target == target
     for joint, known in ((-6.5, -6.5), (6.5, 6.5), (-6.6, 0.0), (NAN, 0.0)):
         assert begin(LIMITS, READING._replace(joint=joint), cold(THERMAL)).joint == known
@@ -578,6 +593,7 @@ def test_it_begins_within_its_limits_whatever_it_reads() -> None:
 def test_inside_holds_its_ends_and_lasting_counts_while_a_condition_holds() -> None:
     assert [outside(x, -1.0, 2.0) for x in (-1.0, 0.0, 2.0)] == [0.0] * 3
     assert [outside(x, -1.0, 2.0) for x in (-1.0 - TINY, 2.0 + TINY, NAN, INF, -INF)] == [1.0] * 5
+    assert [beyond(x, 2.0) for x in (-INF, 2.0, 2.0 + TINY, INF, NAN)] == [0.0, 0.0, 1.0, 1.0, 1.0]
     assert (lasting(1.0, 0.25, 0.5), lasting(0.0, 0.25, 0.5)) == (0.75, 0.0)
 
 

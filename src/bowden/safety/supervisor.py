@@ -11,7 +11,7 @@ import numpy as np
 
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import DriveReading
-from bowden.models.plausible import Followed, follow, lasting, outside
+from bowden.models.plausible import Followed, beyond, follow, lasting, outside
 from bowden.models.servo import servo_predict
 from bowden.models.thermal import ThermalState, warm
 from bowden.safety.faults import Fault
@@ -117,21 +117,21 @@ def look(
     enabled = powered * np.fmax(state.enabled, 1.0 - off)
     moved, speed = servo_predict(state.model, state.model_speed, state.before, omega, zeta, time)
     model, model_speed = sel(state.enabled > 0.0, moved, motor.value), sel(state.enabled > 0.0, speed, 0.0)
-    lag = outside(np.abs(motor.value - model), 0.0, limits.tracking + limits.tracking_lag * np.abs(model_speed))
+    lag = beyond(np.abs(motor.value - model), limits.tracking + limits.tracking_lag * np.abs(model_speed))
     astray = lasting(lag, state.astray, time)
 
     # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true
-    no_current = limits.measures_current * outside(np.abs(reading.current), 0.0, 2.0 * peak)
+    no_current = limits.measures_current * beyond(np.abs(reading.current), 2.0 * peak)
     known = limits.measures_current * (1.0 - no_current)
     current = sel(known > 0.0, np.abs(reading.current), no_current * powered * peak)
-    overload = lasting(outside(current, 0.0, peak), state.overload, time)
-    saturated = lasting(outside(current, 0.0, limits.saturation * peak), state.saturated, time)
+    overload = lasting(beyond(current, peak), state.overload, time)
+    saturated = lasting(beyond(current, limits.saturation * peak), state.saturated, time)
     heat = warm(limits.thermal, ThermalState(*state[27:30]), current, np.fmin(time, 0.1))
     i2t = (peak * peak - limits.thermal.continuous_current * limits.thermal.continuous_current) * limits.i2t_time
     hot = np.fmax(outside(heat.winding, -BIG, limits.winding_limit), outside(heat.housing, -BIG, limits.housing_limit))
     no_tension = limits.measures_tension * outside(reading.tension, -BIG, BIG)
     tension = sel(limits.measures_tension * (1.0 - no_tension) > 0.0, reading.tension, limits.tension_low)
-    slack = lasting(enabled * outside(tension, limits.tension_low, BIG), state.slack, time)
+    slack = lasting(enabled * beyond(-tension, -limits.tension_low), state.slack, time)
 
     # bus and time: sums that forget
     armed = lasting(powered * (1.0 - state.passed), state.armed, time)
@@ -141,33 +141,33 @@ def look(
     late = np.fmax(0.0, state.late + np.fmax(0.0, time - 1.5 * dt) - 0.02 * time)
 
     # the wish
-    led = enabled * (1.0 - outside(state.mode, PREFLIGHT, BRIDGING))
+    led = enabled * (1.0 - beyond(state.mode, BRIDGING))
     no_wish = led * outside(wish, limits.motor_low, limits.motor_high)
     asked = sel(led * (1.0 - no_wish) > 0.0, wish, state.target)
     hard = omega * (omega * (asked - model) - 2.0 * zeta * model_speed)
-    failed = np.fmax(outside(observed.preflight, -0.5, 1.5), outside(armed, 0.0, limits.preflight_time))
+    failed = np.fmax(outside(observed.preflight, -0.5, 1.5), beyond(armed, limits.preflight_time))
     # fmt: off
     found = (
         joint_lost, joint_jump, outside(reading.joint_age, 0.0, limits.reading_age),
-        outside(np.abs(motor.value - anchor[0]), 0.0, limits.frozen_travel),
+        beyond(np.abs(motor.value - anchor[0]), limits.frozen_travel),
         outside(joint.value, np.fmin(flat, steep) - limits.play, np.fmax(flat, steep) + limits.play),
         outside(joint.value, limits.joint_low, limits.joint_high),
-        outside(np.abs(joint.speed), 0.0, limits.joint_speed),
+        beyond(np.abs(joint.speed), limits.joint_speed),
         motor_lost, motor_jump, outside(reading.motor_age, 0.0, limits.reading_age),
-        outside(astray, 0.0, limits.tracking_time),
+        beyond(astray, limits.tracking_time),
         outside(motor.value, limits.motor_low - margin, limits.motor_high + margin),
-        outside(np.abs(motor.speed), 0.0, limits.motor_speed),
-        no_current, outside(overload, 0.0, limits.current_time), outside(saturated, 0.0, limits.saturation_time),
-        outside(heat.i2t, 0.0, i2t), hot,
+        beyond(np.abs(motor.speed), limits.motor_speed),
+        no_current, beyond(overload, limits.current_time), beyond(saturated, limits.saturation_time),
+        beyond(heat.i2t, i2t), hot,
         limits.measures_temperature * outside(reading.temperature, -BIG, limits.drive_limit),
-        no_tension, outside(tension, -BIG, limits.tension_high), outside(slack, 0.0, limits.slack_time),
+        no_tension, beyond(tension, limits.tension_high), beyond(slack, limits.slack_time),
         outside(reading.heartbeat_age, 0.0, limits.heartbeat_age),
-        (1.0 - enabled) * outside(armed, 0.0, limits.enable_time), left * (1.0 - fault), fault,
-        outside(reading.emergency, 0.0, 0.0), np.fmax(unknown, outside(failures, 0.0, limits.bus_errors)),
-        (1.0 - clock) * outside(np.fmax(observed.lateness, late), 0.0, limits.lateness), clock,
-        no_wish, outside(np.abs(asked - state.target), 0.0, most_step(limits, time, dt)),
-        led * outside(np.abs(asked - motor.value), 0.0, limits.target_reach),
-        led * outside(np.abs(hard), 0.0, limits.acceleration),
+        (1.0 - enabled) * beyond(armed, limits.enable_time), left * (1.0 - fault), fault,
+        outside(reading.emergency, 0.0, 0.0), np.fmax(unknown, beyond(failures, limits.bus_errors)),
+        (1.0 - clock) * beyond(np.fmax(observed.lateness, late), limits.lateness), clock,
+        no_wish, beyond(np.abs(asked - state.target), most_step(limits, time, dt)),
+        led * beyond(np.abs(asked - motor.value), limits.target_reach),
+        led * beyond(np.abs(hard), limits.acceleration),
         outside(observed.operator_age, -1.0, limits.operator_age), powered * (1.0 - state.passed) * failed,
         outside(observed.recorder, 0.5, 1.5),
     )
@@ -198,7 +198,7 @@ def supervise(
     going = sel(reaction > 0.0, BRIDGING, sel(passed > 0.0, RUNNING, PREFLIGHT))
     going = sel((reaction >= 2.0) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
     released = lasting(going == RELEASING, state.released, time)
-    light = limits.measures_current * (1.0 - outside(np.abs(observed.reading.current), 0.0, limits.released_current))
+    light = limits.measures_current * (1.0 - beyond(np.abs(observed.reading.current), limits.released_current))
     eased = lasting(light * releasing, state.eased, time)
     empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (seen.enabled == 0.0) > 0.0
     for i in range(COUNT):
