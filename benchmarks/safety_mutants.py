@@ -49,6 +49,7 @@ NAMED = {"fmax": "fmin", "fmin": "fmax", "abs": "negative", "floor": "ceil"}
 LOCALS = {"reading": DriveReading, "motor": plausible.Followed, "joint": plausible.Followed}
 LOCALS |= {"heat": thermal.ThermalState, "seen": supervisor.SupervisorState, "thermal": thermal.Thermal}
 Change = tuple[str, Callable[[Any], None]]
+Mutant = tuple[FunctionType, str, Callable[[], CodeType]]
 
 
 def around(names: list[str] | tuple[str, ...]) -> dict[str, str]:
@@ -122,8 +123,8 @@ def changes(node: ast.AST, kinds: dict[str, Any]) -> Iterator[Change]:
             yield f"without {fault.name}", lambda n, k=int(fault): n.elts.__setitem__(k, ast.Constant(0.0))  # type: ignore[misc]
 
 
-def mutants() -> Iterator[tuple[FunctionType, str, CodeType]]:
-    """Every kernel with every change: the kernel, where and what, the changed code."""
+def mutants() -> Iterator[Mutant]:
+    """Every kernel with every change: the kernel, where and what, a function that gives the changed code."""
     for kernel in KERNELS:
         lines, _ = inspect.getsourcelines(kernel)
         tree = ast.parse("".join(lines))
@@ -133,14 +134,19 @@ def mutants() -> Iterator[tuple[FunctionType, str, CodeType]]:
             if isinstance(node, ast.Name) and SWAPPED.get(node.id) not in known:
                 continue
             for what, change in changes(node, kinds):
-                mutant = copy.deepcopy(tree)
-                changed = list(ast.walk(mutant))[i]
-                line = lines[changed.lineno - 1].strip()  # type: ignore[attr-defined]
-                change(changed)
-                space: dict[str, Any] = dict(kernel.__globals__)
-                exec(compile(ast.fix_missing_locations(mutant), "mutant", "exec"), space)
+                line = lines[node.lineno - 1].strip()  # type: ignore[attr-defined]
                 place = f"{what} at {node.col_offset}–{node.end_col_offset} of `{line}`"  # type: ignore[attr-defined]
-                yield kernel, f"{kernel.__name__}: {place}", space[kernel.__name__].__code__
+                yield kernel, f"{kernel.__name__}: {place}", partial(changed, kernel, tree, i, change)
+
+
+def changed(kernel: FunctionType, tree: ast.Module, i: int, change: Callable[[Any], None]) -> CodeType:
+    """A kernel's code with a change at the node that a walk comes to as its number `i`."""
+    mutant = copy.deepcopy(tree)
+    change(list(ast.walk(mutant))[i])
+    space: dict[str, Any] = dict(kernel.__globals__)
+    exec(compile(ast.fix_missing_locations(mutant), "mutant", "exec"), space)
+    code: CodeType = space[kernel.__name__].__code__
+    return code
 
 
 def tests(path: Path) -> Iterator[Callable[[], object]]:
@@ -174,31 +180,32 @@ def fails(case: Callable[[], object]) -> bool:
     return False
 
 
-def quick_first(cases: list[Callable[[], object]]) -> list[Callable[[], object]]:
-    """The tests by the time they take with nothing changed, in which they pass."""
-    taken = []
+def timed(cases: list[Callable[[], object]]) -> Iterator[float]:
+    """The time that each test takes with nothing changed, in which it passes [s]."""
     for case in cases:
         start = time.perf_counter()
         assert not fails(case), f"{case} fails without a change"
-        taken.append(time.perf_counter() - start)
-    return [cases[i] for i in np.argsort(taken)]
+        yield time.perf_counter() - start
 
 
-def judged(wanted: Iterator[tuple[FunctionType, str, CodeType]], seconds: float) -> Iterator[list[Any]]:
+def judged(wanted: Iterator[Mutant], seconds: float) -> Iterator[list[Any]]:
     """[what, survived] of each mutant."""
     end = time.monotonic() + seconds
     with np.errstate(all="ignore"):
-        cases = quick_first([case for path in TESTS for case in tests(path)])
-        killer = cases[0]  # what has killed one mutant often kills the next of the same line
-        for kernel, what, code in wanted:
+        cases = [case for path in TESTS for case in tests(path)]
+        taken, kills = np.array(list(timed(cases))), np.ones(len(cases))
+        killer = 0  # what has killed one mutant often kills the next of the same line; then what kills most in its time
+        for kernel, what, change in wanted:
             if time.monotonic() > end:
                 return
-            before, kernel.__code__ = kernel.__code__, code
+            before, kernel.__code__ = kernel.__code__, change()
             try:
-                found = next((case for case in [killer, *cases] if fails(case)), None)
+                found = next((i for i in [killer, *np.argsort(taken / kills)] if fails(cases[i])), None)
             finally:
                 kernel.__code__ = before
-            killer = found or killer
+            if found is not None:
+                killer = found
+                kills[found] += 1
             yield [what, found is None]
 
 
