@@ -3,11 +3,11 @@
     python benchmarks/safety_mutants.py [SECONDS] [--left]
 
 One at a time, in place of the running code of the kernels of safety/ and of what they stand on: every comparison,
-operator, number, ufunc, sign, mode, request, time and field is exchanged; every operand, branch, clamp, bound and
-detector is left out. Then the supervisor's tests are called, interpreted, the quick ones first, until one fails.
-Survivors that are explained stand in docs/safety_mutants.md. Resumable, until the package or the tests change;
---left judges only what survived the last time and what is new since, and keeps nothing. Exit code 1 if one is left that
-is not explained.
+operator, number, ufunc, sign, mode, request, time and field is exchanged; neighbours in a tuple or a call change
+places; every operand, branch, clamp, bound and detector is left out. Then the supervisor's tests are called,
+interpreted, the likeliest first, until one fails. Survivors that are explained stand in docs/safety_mutants.md.
+Resumable, until the package or the tests change; --left judges only what survived the last time and what is new since,
+and keeps nothing. Exit code 1 if one is left that is not explained.
 """
 
 import argparse
@@ -40,6 +40,7 @@ KERNELS: list[FunctionType] = [
     *(supervisor.begin, supervisor.most_step, supervisor.look, supervisor.supervise),
     *(plausible.outside, plausible.beyond, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),
 ]
+KERNEL_NAMES = {kernel.__name__ for kernel in KERNELS}
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 TURNED = {ast.Gt: ast.Lt, ast.Lt: ast.Gt, ast.GtE: ast.LtE, ast.LtE: ast.GtE}
 OPERATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
@@ -68,6 +69,18 @@ def argument(i: int, value: float) -> Callable[[Any], None]:
     return lambda n: n.args.__setitem__(i, ast.Constant(value))
 
 
+def neighbours(name: str, parts: list[ast.expr]) -> Iterator[Change]:
+    """Two neighbours in a node's list of that name change places."""
+    for i, (one, other) in enumerate(pairwise(parts)):
+        if ast.dump(one) != ast.dump(other):
+
+            def swap(n: Any, i: int = i) -> None:
+                pair = getattr(n, name)[i : i + 2]
+                getattr(n, name)[i : i + 2] = reversed(pair)
+
+            yield f"{i}: {ast.unparse(one)} ↔ {ast.unparse(other)}", swap
+
+
 def called(node: ast.Call) -> Iterator[Change]:
     """What can be changed at a call: the branches of `sel`, a clamp, a size, a bound."""
     name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
@@ -85,6 +98,8 @@ def called(node: ast.Call) -> Iterator[Change]:
         yield "without high", argument(2, math.inf)
     elif name == "lasting":
         yield "lasting→what", lambda n: become(n, n.args[0])
+    if name in KERNEL_NAMES:
+        yield from neighbours("args", node.args)
 
 
 def changes(node: ast.AST, kinds: dict[str, Any]) -> Iterator[Change]:
@@ -118,8 +133,9 @@ def changes(node: ast.AST, kinds: dict[str, Any]) -> Iterator[Change]:
         yield from called(node)
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         yield "−→+", lambda n: setattr(n, "op", ast.UAdd())
-    elif isinstance(node, ast.Tuple) and len(node.elts) == len(Fault):
-        for fault in Fault:
+    elif isinstance(node, ast.Tuple) and isinstance(node.ctx, ast.Load):
+        yield from neighbours("elts", node.elts)
+        for fault in Fault if len(node.elts) == len(Fault) else ():
             yield f"without {fault.name}", lambda n, k=int(fault): n.elts.__setitem__(k, ast.Constant(0.0))  # type: ignore[misc]
 
 

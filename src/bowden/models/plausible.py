@@ -59,6 +59,6 @@ def follow(
     now = sel(lost > 0.0, before.value, value)
     change = now - before.value
     jumped = beyond(np.abs(change), jump + fastest * age)
-    good = lost + jumped == 0.0
+    good = np.fmax(lost, jumped) == 0.0
     speed = before.speed + (change - before.speed * age) / (smoothing + age)
     return Followed(sel(good, now, before.value), sel(good, speed, before.speed), sel(good, 0.0, age)), lost, jumped

@@ -126,7 +126,7 @@ def look(
     current = sel(known > 0.0, np.abs(reading.current), no_current * powered * peak)
     overload = lasting(beyond(current, peak), state.overload, time)
     saturated = lasting(beyond(current, limits.saturation * peak), state.saturated, time)
-    heat = warm(limits.thermal, ThermalState(*state[27:30]), current, np.fmin(time, 0.1))
+    heat = warm(limits.thermal, ThermalState(*state[27:]), current, np.fmin(time, 0.1))
     i2t = (peak * peak - limits.thermal.continuous_current * limits.thermal.continuous_current) * limits.i2t_time
     hot = np.fmax(outside(heat.winding, -BIG, limits.winding_limit), outside(heat.housing, -BIG, limits.housing_limit))
     no_tension = limits.measures_tension * outside(reading.tension, -BIG, BIG)
@@ -183,10 +183,9 @@ def supervise(
 ) -> tuple[SupervisorState, Verdict]:
     """One cycle of `dt` [s]: the law's `wish` [rad], if nothing speaks against it, and power, if nothing forbids it."""
     seen, found, time = look(limits, state, observed, wish, dt)
-    once, eventually, faults, latched, active = 0.0, 0.0, 0.0, 0.0, 0.0
+    once, eventually, latched, active = 0.0, 0.0, 0.0, 0.0
     for i in range(COUNT):
         once, eventually = np.fmax(once, found[i] * AT_ONCE[i]), np.fmax(eventually, found[i] * THEN[i])
-        faults += found[i]
     powered, releasing = 1.0 - outside(state.mode, PREFLIGHT, RELEASING), state.mode == RELEASING
     bridged = powered * sel(once > 0.0, state.bridged + time, np.fmax(0.0, state.bridged - limits.bridge_leak * time))
     ended = (bridged > limits.bridge_time + 0.5 * dt) + (once >= 2.0) + releasing > 0.0
@@ -207,7 +206,7 @@ def supervise(
         latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
     going = sel(releasing * empty, sel(latched > 0.0, LATCHED, STOPPED), going)
     going = sel(reaction >= 3.0, LATCHED, going)
-    arms = (observed.request == ARM) * (state.mode == STOPPED) * (faults == 0.0)
+    arms = (observed.request == ARM) * (state.mode == STOPPED) * (active == 0.0)
     rests = sel(arms, PREFLIGHT, sel((state.mode == LATCHED) * (observed.request != ACKNOWLEDGE), LATCHED, STOPPED))
     mode = sel(powered > 0.0, going, rests)
 
@@ -220,6 +219,6 @@ def supervise(
     aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
     idle = (outside(mode, PREFLIGHT, RELEASING) > 0.0) + (mode == RELEASING) * (seen.enabled == 0.0) > 0.0
-    told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, np.fmax(2.0, reaction), reaction))
+    told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
     decided = (mode, passed, target, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
     return SupervisorState(*(decided + seen[8:])), Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, told, active)
