@@ -520,6 +520,12 @@ def test_a_latch_keeps_each_fault_apart() -> None:
     assert state.latched == 0.0
 
 
+def test_a_latch_is_left_by_acknowledge_alone() -> None:
+    for request, latched in itertools.product(Request, (0.0, 1.0)):
+        _, verdict = cycle(LATCHED, {"state.passed": 0.0, "state.latched": latched, "observed.request": request})
+        assert verdict.mode == (Mode.STOPPED if request == Request.ACKNOWLEDGE else Mode.LATCHED)
+
+
 def test_what_leads_to_a_stop_is_latched_and_nothing_else() -> None:
     joint, operator, recorder = 2.0**Fault.JOINT_LOST, 2.0**Fault.OPERATOR_LOST, 2.0**Fault.RECORDER_LOST
     warned: Changes = {"observed.recorder": 0.0}
