@@ -112,12 +112,11 @@ def changes(node: ast.AST, kinds: dict[str, Any]) -> Iterator[Change]:
         for others in (COMPARED, TURNED):
             if kind in others:
                 yield f"{kind.__name__}→{others[kind].__name__}", lambda n, o=others: n.ops.__setitem__(0, o[kind]())  # type: ignore[misc]
-    elif isinstance(node, ast.BinOp | ast.AugAssign) and type(node.op) in OPERATED:
+    elif isinstance(node, ast.BinOp) and type(node.op) in OPERATED:
         to = OPERATED[type(node.op)]
         yield f"{type(node.op).__name__}→{to.__name__}", lambda n: setattr(n, "op", to())
-        if isinstance(node, ast.BinOp):
-            yield f"{type(node.op).__name__}→left", lambda n: become(n, n.left)
-            yield f"{type(node.op).__name__}→right", lambda n: become(n, n.right)
+        yield f"{type(node.op).__name__}→left", lambda n: become(n, n.left)
+        yield f"{type(node.op).__name__}→right", lambda n: become(n, n.right)
     elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in SWAPPED:
         yield f"{node.id}→{SWAPPED[node.id]}", lambda n: setattr(n, "id", SWAPPED[n.id])
     elif isinstance(node, ast.Constant) and isinstance(node.value, float | int):
