@@ -1,19 +1,22 @@
 """Mutation testing of the supervisor: each small change of its code must make a test fail.
 
-    python benchmarks/safety_mutants.py [SECONDS]
+    python benchmarks/safety_mutants.py [SECONDS] [--left]
 
-Every comparison, operator, number, ufunc, branch, sign, mode, request and time in the kernels of safety/ and of what
-they stand on is changed, and every operand of a sum or product left out, one at a time, in place of the running code;
-then the supervisor's tests are called, interpreted, the quick ones first, until one fails. Survivors that are
-explained stand in docs/safety_mutants.md. Resumable, until the package or the tests change; exit code 1 if one is left
-that is not explained.
+One at a time, in place of the running code of the kernels of safety/ and of what they stand on: every comparison,
+operator, number, ufunc, sign, mode, request, time and field is exchanged; neighbours in a tuple or a call change
+places; every operand, branch, clamp, bound and detector is left out. Then the supervisor's tests are called,
+interpreted, the likeliest first, until one fails. Survivors that are explained stand in docs/safety_mutants.md.
+Resumable, until the package or the tests change; --left judges only what survived the last time and what is new since,
+and keeps nothing. Exit code 1 if one is left that is not explained.
 """
 
+import argparse
 import ast
 import copy
 import importlib.util
 import inspect
-import sys
+import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -25,72 +28,143 @@ from typing import Any
 
 import numpy as np
 
+from bowden.core.signals import DriveReading
 from bowden.models import plausible, servo, thermal
 from bowden.safety import supervisor
-from kept import Kept
+from bowden.safety.faults import Fault
+from kept import FOLDER, Kept
 
 ROOT = Path(__file__).parents[1]
 TESTS = [ROOT / "tests" / f"test_safety_{name}.py" for name in ("boundaries", "supervisor")]
 KERNELS: list[FunctionType] = [
     *(supervisor.begin, supervisor.most_step, supervisor.look, supervisor.supervise),
-    *(plausible.outside, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),
+    *(plausible.outside, plausible.beyond, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),
 ]
+KERNEL_NAMES = {kernel.__name__ for kernel in KERNELS}
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
+TURNED = {ast.Gt: ast.Lt, ast.Lt: ast.Gt, ast.GtE: ast.LtE, ast.LtE: ast.GtE}
 OPERATED = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
 MODES = [mode.name for mode in supervisor.Mode]
 REQUESTS = [request.name for request in supervisor.Request][1:]
-SWAPPED = {a: b for names in (MODES, REQUESTS) for a, b in pairwise([*names, names[0]])} | {"time": "dt", "dt": "time"}
 NAMED = {"fmax": "fmin", "fmin": "fmax", "abs": "negative", "floor": "ceil"}
+LOCALS = {"reading": DriveReading, "motor": plausible.Followed, "joint": plausible.Followed}
+LOCALS |= {"heat": thermal.ThermalState, "seen": supervisor.SupervisorState, "thermal": thermal.Thermal}
+Change = tuple[str, Callable[[Any], None]]
+Mutant = tuple[FunctionType, str, Callable[[], CodeType]]
+
+
+def around(names: list[str] | tuple[str, ...]) -> dict[str, str]:
+    """Each name → the next one, the last → the first."""
+    return dict(pairwise([*names, names[0]]))
+
+
+SWAPPED = around(MODES) | around(REQUESTS) | around(["AT_ONCE", "THEN"]) | around(["time", "dt"])
 
 
 def become(node: Any, other: ast.expr) -> None:
     node.__class__, node.__dict__ = other.__class__, other.__dict__
 
 
-def changes(node: ast.AST) -> Iterator[tuple[str, Callable[[Any], None]]]:
-    """What can be changed at a node: a word for it, and a function that does it to a copy of the node."""
+def argument(i: int, value: float) -> Callable[[Any], None]:
+    return lambda n: n.args.__setitem__(i, ast.Constant(value))
+
+
+def neighbours(name: str, parts: list[ast.expr]) -> Iterator[Change]:
+    """Two neighbours in a node's list of that name change places."""
+    for i, (one, other) in enumerate(pairwise(parts)):
+        if ast.dump(one) != ast.dump(other):
+
+            def swap(n: Any, i: int = i) -> None:
+                pair = getattr(n, name)[i : i + 2]
+                getattr(n, name)[i : i + 2] = reversed(pair)
+
+            yield f"{i}: {ast.unparse(one)} ↔ {ast.unparse(other)}", swap
+
+
+def called(node: ast.Call) -> Iterator[Change]:
+    """What can be changed at a call: the branches of `sel`, a clamp, a size, a bound."""
+    name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+    if name == "sel":
+        yield "sel's branches", lambda n: setattr(n, "args", [n.args[0], n.args[2], n.args[1]])
+        yield "sel→yes", lambda n: become(n, n.args[1])
+        yield "sel→no", lambda n: become(n, n.args[2])
+    elif name in ("fmax", "fmin"):
+        yield f"{name}→left", lambda n: become(n, n.args[0])
+        yield f"{name}→right", lambda n: become(n, n.args[1])
+    elif name == "abs":
+        yield "abs→what", lambda n: become(n, n.args[0])
+    elif name == "outside":
+        yield "without low", argument(1, -math.inf)
+        yield "without high", argument(2, math.inf)
+    elif name == "lasting":
+        yield "lasting→what", lambda n: become(n, n.args[0])
+    if name in KERNEL_NAMES:
+        yield from neighbours("args", node.args)
+
+
+def changes(node: ast.AST, kinds: dict[str, Any]) -> Iterator[Change]:
+    """What can be changed at a node: a word for it, and a function that does it to a copy of the node.
+
+    `kinds`: names → the tuple that each of them is.
+    """
     if isinstance(node, ast.Compare):
         kind = type(node.ops[0])
-        yield f"{kind.__name__}→{COMPARED[kind].__name__}", lambda n: n.ops.__setitem__(0, COMPARED[kind]())
-        if kind in (ast.Gt, ast.Lt):
-            turned = ast.Lt if kind is ast.Gt else ast.Gt
-            yield f"{kind.__name__}→{turned.__name__}", lambda n: n.ops.__setitem__(0, turned())
+        for others in (COMPARED, TURNED):
+            if kind in others:
+                yield f"{kind.__name__}→{others[kind].__name__}", lambda n, o=others: n.ops.__setitem__(0, o[kind]())  # type: ignore[misc]
     elif isinstance(node, ast.BinOp) and type(node.op) in OPERATED:
         to = OPERATED[type(node.op)]
         yield f"{type(node.op).__name__}→{to.__name__}", lambda n: setattr(n, "op", to())
-        if isinstance(node.op, (ast.Mult, ast.Add)):
-            yield f"{type(node.op).__name__}→left", lambda n: become(n, n.left)
-            yield f"{type(node.op).__name__}→right", lambda n: become(n, n.right)
+        yield f"{type(node.op).__name__}→left", lambda n: become(n, n.left)
+        yield f"{type(node.op).__name__}→right", lambda n: become(n, n.right)
     elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in SWAPPED:
         yield f"{node.id}→{SWAPPED[node.id]}", lambda n: setattr(n, "id", SWAPPED[n.id])
-    elif isinstance(node, ast.Constant) and isinstance(node.value, float):
-        yield f"{node.value}→{node.value + 1.0}", lambda n: setattr(n, "value", n.value + 1.0)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, float | int):
+        yield f"{node.value}→{node.value + 1}", lambda n: setattr(n, "value", n.value + 1)
     elif isinstance(node, ast.Attribute) and node.attr in NAMED:
         yield f"{node.attr}→{NAMED[node.attr]}", lambda n: setattr(n, "attr", NAMED[n.attr])
-    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "sel":
-        yield "sel's branches", lambda n: setattr(n, "args", [n.args[0], n.args[2], n.args[1]])
+    elif isinstance(node, ast.Attribute):
+        fields = getattr(kinds.get(getattr(node.value, "id", getattr(node.value, "attr", ""))), "_fields", ())
+        if node.attr in fields:
+            other = around(fields)[node.attr]
+            yield f"{node.attr}→{other}", lambda n: setattr(n, "attr", other)
+    elif isinstance(node, ast.Call):
+        yield from called(node)
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         yield "−→+", lambda n: setattr(n, "op", ast.UAdd())
+    elif isinstance(node, ast.Tuple) and isinstance(node.ctx, ast.Load):
+        yield from neighbours("elts", node.elts)
+        for fault in Fault if len(node.elts) == len(Fault) else ():
+            yield f"without {fault.name}", lambda n, k=int(fault): n.elts.__setitem__(k, ast.Constant(0.0))  # type: ignore[misc]
 
 
-def mutants() -> Iterator[tuple[FunctionType, str, CodeType]]:
-    """Every kernel with every change: the kernel, where and what, the changed code."""
+def mutants() -> Iterator[Mutant]:
+    """Every kernel with every change: the kernel, where and what, a function that gives the changed code."""
     for kernel in KERNELS:
         lines, _ = inspect.getsourcelines(kernel)
         tree = ast.parse("".join(lines))
+        for part in ast.walk(tree):  # what a type says runs nowhere
+            for name in {"annotation", "returns"} & set(part._fields):
+                setattr(part, name, None)
         known = {*kernel.__code__.co_varnames, *kernel.__globals__}
+        kinds = LOCALS | inspect.get_annotations(kernel)
         for i, node in enumerate(ast.walk(tree)):
             if isinstance(node, ast.Name) and SWAPPED.get(node.id) not in known:
                 continue
-            for what, change in changes(node):
-                mutant = copy.deepcopy(tree)
-                changed = list(ast.walk(mutant))[i]
-                line = lines[changed.lineno - 1].strip()  # type: ignore[attr-defined]
-                change(changed)
-                space: dict[str, Any] = dict(kernel.__globals__)
-                exec(compile(ast.fix_missing_locations(mutant), "mutant", "exec"), space)
-                column = getattr(node, "col_offset", 0)
-                yield kernel, f"{kernel.__name__}: {what} at {column} of `{line}`", space[kernel.__name__].__code__
+            for what, change in changes(node, kinds):
+                line = lines[node.lineno - 1].strip()  # type: ignore[attr-defined]
+                place = f"{what} at {node.col_offset}–{node.end_col_offset} of `{line}`"  # type: ignore[attr-defined]
+                yield kernel, f"{kernel.__name__}: {place}", partial(changed, kernel, tree, i, change)
+
+
+def changed(kernel: FunctionType, tree: ast.Module, i: int, change: Callable[[Any], None]) -> CodeType:
+    """A kernel's code with a change at the node that a walk comes to as its number `i`."""
+    mutant = copy.deepcopy(tree)
+    change(list(ast.walk(mutant))[i])
+    space: dict[str, Any] = dict(kernel.__globals__)
+    exec(compile(ast.fix_missing_locations(mutant), "mutant", "exec"), space)
+    code: CodeType = space[kernel.__name__].__code__
+    return code
 
 
 def tests(path: Path) -> Iterator[Callable[[], object]]:
@@ -124,38 +198,54 @@ def fails(case: Callable[[], object]) -> bool:
     return False
 
 
-def quick_first(cases: list[Callable[[], object]]) -> list[Callable[[], object]]:
-    """The tests by the time they take with nothing changed, in which they pass."""
-    taken = []
+def timed(cases: list[Callable[[], object]]) -> Iterator[float]:
+    """The time that each test takes with nothing changed, in which it passes [s]."""
     for case in cases:
         start = time.perf_counter()
         assert not fails(case), f"{case} fails without a change"
-        taken.append(time.perf_counter() - start)
-    return [cases[i] for i in np.argsort(taken)]
+        yield time.perf_counter() - start
 
 
-def judged(skip: int, seconds: float) -> Iterator[list[Any]]:
+def judged(wanted: Iterator[Mutant], seconds: float) -> Iterator[list[Any]]:
     """[what, survived] of each mutant."""
     end = time.monotonic() + seconds
     with np.errstate(all="ignore"):
-        cases = quick_first([case for path in TESTS for case in tests(path)])
-        killer = cases[0]  # what has killed one mutant often kills the next of the same line
-        for kernel, what, code in islice(mutants(), skip, None):
+        cases = [case for path in TESTS for case in tests(path)]
+        taken, kills = np.array(list(timed(cases))), np.ones(len(cases))
+        killer = 0  # what has killed one mutant often kills the next of the same line; then what kills most in its time
+        for kernel, what, change in wanted:
             if time.monotonic() > end:
                 return
-            before, kernel.__code__ = kernel.__code__, code
+            before, kernel.__code__ = kernel.__code__, change()
             try:
-                found = next((case for case in [killer, *cases] if fails(case)), None)
+                found = next((i for i in [killer, *np.argsort(taken / kills)] if fails(cases[i])), None)
             finally:
                 kernel.__code__ = before
-            killer = found or killer
+            if found is not None:
+                killer = found
+                kills[found] += 1
             yield [what, found is None]
 
 
+def judged_last() -> dict[str, bool]:
+    """What was judged the last time, by older code or tests, and whether it survived."""
+    files = sorted(FOLDER.glob("safety_mutants-*.jsonl"), key=lambda file: file.stat().st_mtime)
+    return dict(map(json.loads, files[-1].read_text(encoding="utf-8").splitlines())) if files else {}
+
+
 def main() -> int:
-    count = sum(1 for _ in mutants())
-    kept = Kept(f"safety_mutants-{sha256(b''.join(path.read_bytes() for path in TESTS)).hexdigest()[:8]}")
-    rows = kept.filled(judged(len(kept.rows()), float(sys.argv[1]) if len(sys.argv) > 1 else 1e9), count)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("seconds", nargs="?", type=float, default=math.inf, help="how long, at most")
+    parser.add_argument("--left", action="store_true", help="only what survived the last time, or is new since")
+    given = parser.parse_args()
+    if given.left:
+        before = judged_last()
+        rows = list(judged((mutant for mutant in mutants() if before.get(mutant[1], True)), given.seconds))
+        count = len(rows)
+    else:
+        count = sum(1 for _ in mutants())
+        kept = Kept(f"safety_mutants-{sha256(b''.join(path.read_bytes() for path in TESTS)).hexdigest()[:8]}")
+        rows = kept.filled(judged(islice(mutants(), len(kept.rows()), None), given.seconds), count)
     explained = (ROOT / "docs" / "safety_mutants.md").read_text(encoding="utf-8")
     left = [what for what, survived in rows if survived]
     new = [what for what in left if what not in explained]

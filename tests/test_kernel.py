@@ -112,6 +112,7 @@ KERNELS_OF_TWO = [
     (motor.acceleration_limit, lambda x, y: (motor.Motor(),)),
     (motor.current, lambda x, y: (x, y, 0.9, motor.Motor())),
     (plausible.outside, lambda x, y: (x, y, y + 1.0)),
+    (plausible.beyond, lambda x, y: (x, y)),
     (plausible.lasting, lambda x, y: (x, y, 1e-3)),
     (plausible.follow, lambda x, y: (plausible.Followed(x, y, 0.0), y, 1e-3, 2.0, 0.02, 15.0, 0.005)),
     (servo.servo_approach, lambda x, y: (x, 0.5 * y, SERVO)),

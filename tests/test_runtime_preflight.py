@@ -113,6 +113,7 @@ def test_default_limits_agree() -> None:
         {"current_peak": 5.0},
         {"housing_limit": 200.0},
         {"slack_sign": 0.0},
+        {"measures_temperature": 0.5},
     ],
 )
 def test_contradictions_are_named_and_refuse_the_run(wrong: dict[str, float]) -> None:

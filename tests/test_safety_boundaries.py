@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from bowden.core.signals import DriveReading
-from bowden.models.plausible import Followed, follow, lasting, outside
+from bowden.models.plausible import Followed, beyond, follow, lasting, outside
 from bowden.models.servo import servo_predict
 from bowden.models.thermal import Thermal, ThermalState, cold, warm
 from bowden.safety.faults import Fault, of
@@ -162,8 +162,11 @@ EDGES: list[Edge] = [
     (Fault.I2T, "state.i2t", 440.0 - 64 * DT, 440.0 - 64 * DT + TINY, {"reading.current": 10.0}),
     (Fault.MOTOR_HOT, "limits.winding_limit", HEAT.winding, HEAT.winding - TINY, WARM),
     (Fault.MOTOR_HOT, "limits.housing_limit", HEAT.housing, HEAT.housing - TINY, WARM),
+    (Fault.MOTOR_HOT, "state.winding", -0.9e6, -1.1e6, {}),
+    (Fault.MOTOR_HOT, "state.housing", -0.9e6, -1.1e6, {"limits.winding_limit": 1e9}),
     (Fault.DRIVE_HOT, "reading.temperature", 80.0, 80.0 + TINY, {}),
     (Fault.DRIVE_HOT, "reading.temperature", -1e6, NAN, {}),
+    (Fault.DRIVE_HOT, "reading.temperature", -1e6, -1e6 - 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", 1e6, 1e6 + 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", -1e6, -1e6 - 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", 20.0, NAN, STOPPED),
@@ -281,6 +284,7 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("a far wish while releasing", WISHES, {**RELEASING, **FREE, "law.wish": 1.9, "limits.acceleration": 1.0}),
     ("a wish before the drive is enabled", WISHES, {**ARMED, "law.wish": NAN}),
     ("a far wish before the drive is enabled", WISHES, {**ARMED, "law.wish": 1.9}),
+    ("a target that moved before, while nothing leads it", WISHES, {**STOPPED, "state.before": -0.25}),
     (
         "a target far from the motor while nothing leads it",
         WISHES,
@@ -334,12 +338,14 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("failures", 0.0, {}),
     ("bus_errors", 9.0, {"reading.bus_errors": 9.0}),
     ("bus_errors", 7.0, {"reading.bus_errors": NAN, "state.bus_errors": 7.0}),
+    ("bus_errors", 7.0, {"reading.bus_errors": INF, "state.bus_errors": 7.0}),
     ("motor", 0.5, {"reading.motor": NAN}),
     ("motor_gap", 2 * DT, {"reading.motor": NAN, "state.motor_gap": DT}),
     ("motor_gap", 0.0, {"state.motor_gap": DT}),
     ("joint_gap", 4 * DT, {"reading.joint": NAN, "state.joint_gap": DT, "observed.elapsed": 3 * DT}),
     ("joint", 0.376, {"reading.joint": 0.376}),
     ("anchor_joint", 0.376, {"reading.joint": 0.376}),
+    ("anchor_joint", 0.375, {"reading.joint": 0.375 + 2.0**-13}),
     ("anchor_motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
     ("anchor_motor", 0.5, {"reading.motor": 0.51}),
     ("anchor_motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
@@ -436,6 +442,10 @@ def next_mode(mode: Mode, request: Request, wrong: str, preflight: float) -> Mod
     return Mode.RUNNING
 
 
+TOLD = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}
+"""The reaction that is told in a mode; none in the others."""
+
+
 @pytest.mark.parametrize("mode", list(Mode), ids=lambda mode: mode.name)
 def test_every_change_of_mode(mode: Mode) -> None:
     before = {Mode.STOPPED: STOPPED, Mode.LATCHED: LATCHED, Mode.PREFLIGHT: {"state.passed": 0.0}}.get(mode, {})
@@ -446,8 +456,7 @@ def test_every_change_of_mode(mode: Mode) -> None:
         told = (mode.name, request.name, wrong, preflight)
         assert (verdict.mode, state.mode) == (wanted, wanted), told
         assert verdict.power == (0.0 if wanted in (Mode.STOPPED, Mode.LATCHED) else 3.0), told
-        reaction = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}.get(wanted, 0)
-        assert verdict.reaction == reaction, told
+        assert verdict.reaction == TOLD.get(wanted, 0), told
         ran = mode in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING) or (
             request == Request.RUN and wanted == Mode.RUNNING
         )
@@ -475,6 +484,7 @@ def test_times_run_out_in_their_cycle(last: tuple[str, float, Mode, Mode, Change
         _, verdict = cycle(also, {name: time})
         assert verdict.mode == wanted
         assert (verdict.power == 0.0) is (wanted in (Mode.LATCHED, Mode.STOPPED))
+        assert verdict.reaction == TOLD.get(wanted, 0)
 
 
 def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None:
@@ -490,6 +500,11 @@ def test_without_an_enabled_drive_there_is_nothing_to_release() -> None:
     assert (verdict.mode, verdict.power) == (Mode.STOPPED, 0.0)
 
 
+def test_nothing_runs_on_a_drive_that_is_not_enabled() -> None:
+    state, verdict = cycle(ARMED, {"observed.request": Request.RUN, "observed.preflight": 1.0})
+    assert (verdict.mode, state.passed) == (Mode.PREFLIGHT, 0.0)
+
+
 LATCHABLE = [fault for fault in Fault if fault.latched]
 
 
@@ -503,6 +518,12 @@ def test_a_latch_keeps_each_fault_apart() -> None:
     assert (state.latched, verdict.faults) == (every, every)
     state, verdict = cycle(LATCHED, {"state.latched": every, "observed.request": Request.ACKNOWLEDGE})
     assert state.latched == 0.0
+
+
+def test_a_latch_is_left_by_acknowledge_alone() -> None:
+    for request, latched in itertools.product(Request, (0.0, 1.0)):
+        _, verdict = cycle(LATCHED, {"state.passed": 0.0, "state.latched": latched, "observed.request": request})
+        assert verdict.mode == (Mode.STOPPED if request == Request.ACKNOWLEDGE else Mode.LATCHED)
 
 
 def test_what_leads_to_a_stop_is_latched_and_nothing_else() -> None:
@@ -526,8 +547,10 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("the wish, in preflight", 0.51, {"law.wish": 0.51, "state.mode": Mode.PREFLIGHT, "state.passed": 0.0}),
     ("the motor, until the drive is enabled", 0.49, {**ARMED, "law.wish": 0.51, "reading.motor": 0.49}),
     ("the last, while bridging", 0.5, {**R1, "law.wish": 0.51, "reading.motor": 0.49}),
+    ("the last, not the one before", 0.5, {**R1, "state.before": 0.51}),
     ("the last, also when the wish is wrong", 0.5, {"law.wish": NAN, "reading.motor": 0.49}),
     ("slacker than the target", 0.5 - 8 * DT, {**RELEASING, "law.wish": 0.6}),
+    ("slacker than the last, not the one before", 0.5 - 8 * DT, {**RELEASING, "state.before": 0.4}),
     ("slacker than the motor", 0.49 - 8 * DT, {**RELEASING, "reading.motor": 0.49}),
     ("not towards a tighter motor", 0.5 - 8 * DT, {**RELEASING, "reading.motor": 0.51}),
     ("slacker upwards", 0.5 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.49}),
@@ -538,11 +561,14 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING}),
     ("to the highest", 2.0, {**motor_at(1.999), **SLACKER_UP}),
     ("the motor, when stopped", 0.51, {**STOPPED, "reading.motor": 0.51, "law.wish": 0.6}),
+    ("the motor, when a release is over", 0.49, {**RELEASING, "state.released": 9.0, "reading.motor": 0.49}),
     ("the motor, when latched", 0.51, {**LATCHED, "reading.motor": 0.51, "law.wish": 0.6}),
     ("the motor, at once with R3", 0.51, {**R3, "reading.motor": 0.51, "law.wish": 0.6}),
     ("its last good angle", 0.5, {**STOPPED, "reading.motor": NAN}),
     ("no faster than its limit, upwards", 0.625, {**STOPPED, "reading.motor": 1.5}),
     ("no faster than its limit, downwards", 0.375, {**STOPPED, "reading.motor": -0.25}),
+    ("from the last target, not the one before", 0.625, {**STOPPED, "reading.motor": 1.5, "state.before": 0.75}),
+    ("downwards too", 0.375, {**STOPPED, "reading.motor": -0.25, "state.before": 0.25}),
     ("in a late cycle more", 0.875, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 3 * DT}),
     ("in a very late cycle no more than five", 1.125, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 9 * DT}),
     ("in an early cycle no less", 0.625, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": DT / 2}),
@@ -560,7 +586,16 @@ def test_the_target(row: tuple[str, float, Changes]) -> None:
 
 
 def test_it_begins_within_its_limits_whatever_it_reads() -> None:
-    for motor, target in ((3.0, 2.0), (-3.0, -0.5), (1.0, 1.0), (NAN, 0.0), (6.5, 2.0), (6.6, 0.0)):
+    for motor, target in (
+        (3.0, 2.0),
+        (-3.0, -0.5),
+        (1.0, 1.0),
+        (NAN, 0.0),
+        (6.5, 2.0),
+        (6.6, 0.0),
+        (-6.5, -0.5),
+        (-6.6, 0.0),
+    ):
         assert begin(LIMITS, READING._replace(motor=motor), cold(THERMAL)).target == target
     for joint, known in ((-6.5, -6.5), (6.5, 6.5), (-6.6, 0.0), (NAN, 0.0)):
         assert begin(LIMITS, READING._replace(joint=joint), cold(THERMAL)).joint == known
@@ -569,6 +604,7 @@ def test_it_begins_within_its_limits_whatever_it_reads() -> None:
 def test_inside_holds_its_ends_and_lasting_counts_while_a_condition_holds() -> None:
     assert [outside(x, -1.0, 2.0) for x in (-1.0, 0.0, 2.0)] == [0.0] * 3
     assert [outside(x, -1.0, 2.0) for x in (-1.0 - TINY, 2.0 + TINY, NAN, INF, -INF)] == [1.0] * 5
+    assert [beyond(x, 2.0) for x in (-INF, 2.0, 2.0 + TINY, INF, NAN)] == [0.0, 0.0, 1.0, 1.0, 1.0]
     assert (lasting(1.0, 0.25, 0.5), lasting(0.0, 0.25, 0.5)) == (0.75, 0.0)
 
 

@@ -1,5 +1,7 @@
-"""docs/safety.md says what the code says."""
+"""docs/safety.md and docs/safety_mutants.md say what the code says."""
 
+import importlib
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,3 +40,12 @@ def test_a_detector_names_the_limits_that_there_are(fault: Fault) -> None:
     words = {word.strip("|,;:…().") for word in fault.detector.replace("…", " ").split()}
     named = {word for word in words if "_" in word}
     assert named <= set(Limits._fields) | {"joint_age", "motor_age"}
+
+
+def test_the_page_of_mutants_is_of_this_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", [str(DOCS.parent / "benchmarks"), *sys.path])
+    mutants = [what for _, what, _ in importlib.import_module("safety_mutants").mutants()]
+    assert len(mutants) == len(set(mutants))
+    page = (DOCS / "safety_mutants.md").read_text(encoding="utf-8")
+    assert f"Of {len(mutants)} mutants" in page, "run benchmarks/safety_mutants.py"
+    assert {line.removeprefix("- ") for line in page.splitlines() if line.startswith("- ")} <= set(mutants)

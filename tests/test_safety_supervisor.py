@@ -32,7 +32,7 @@ NAN = math.nan
 
 def seen(*, request: float = 0.0, observed: Observed = OBSERVED, **changes: float) -> Observed:
     """What is observed in a rig in order, with changes by the names of its fields."""
-    reading = observed.reading._replace(**{k: v for k, v in changes.items() if k in DriveReading._fields})
+    reading = observed.reading._replace(**{k: float(v) for k, v in changes.items() if k in DriveReading._fields})
     rest = {k: v for k, v in changes.items() if k not in DriveReading._fields}
     return observed._replace(reading=reading, request=float(request), **rest)
 

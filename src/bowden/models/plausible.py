@@ -25,9 +25,15 @@ def outside(x: float, low: float, high: float) -> float:
 
 
 @kernel
+def beyond(x: float, high: float) -> float:
+    """0 where x ≤ high, else 1: so for what is not a number."""
+    return sel(x <= high, 0.0, 1.0)
+
+
+@kernel
 def lasting(condition: float, before: float, time: float) -> float:
     """For how long a condition of 0 or 1 has held [s], after `before`."""
-    return sel(condition > 0.5, before + time, 0.0)
+    return sel(condition > 0.0, before + time, 0.0)
 
 
 @kernel
@@ -50,9 +56,9 @@ def follow(
     """
     age = before.age + time
     lost = outside(value, -span, span)
-    now = sel(lost > 0.5, before.value, value)
+    now = sel(lost > 0.0, before.value, value)
     change = now - before.value
-    jumped = outside(np.abs(change), 0.0, jump + fastest * age)
-    good = lost + jumped < 0.5
+    jumped = beyond(np.abs(change), jump + fastest * age)
+    good = np.fmax(lost, jumped) == 0.0
     speed = before.speed + (change - before.speed * age) / (smoothing + age)
     return Followed(sel(good, now, before.value), sel(good, speed, before.speed), sel(good, 0.0, age)), lost, jumped

@@ -235,6 +235,8 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         found.append("housing_limit is not between ambient and winding_limit")
     if limits.slack_sign not in (-1.0, 1.0):
         found.append("slack_sign is neither −1 nor 1")
+    measured = {name: value for name, value in limits._asdict().items() if name.startswith("measures_")}
+    found += [f"{name} is {value:g}, neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
     return found
 
 

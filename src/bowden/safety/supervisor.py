@@ -11,7 +11,7 @@ import numpy as np
 
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import DriveReading
-from bowden.models.plausible import Followed, follow, lasting, outside
+from bowden.models.plausible import Followed, beyond, follow, lasting, outside
 from bowden.models.servo import servo_predict
 from bowden.models.thermal import ThermalState, warm
 from bowden.safety.faults import Fault
@@ -78,8 +78,8 @@ BIT = tuple(2.0**fault for fault in Fault)
 @kernel
 def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> SupervisorState:
     """Stopped, with the motor as warm as the last run left it (`models.thermal.rested`)."""
-    motor = follow(Followed(0.0, 0.0, 0.0), reading.motor, 1.0, limits.sensor_span, BIG, 0.0, 1.0)[0].value
-    joint = follow(Followed(0.0, 0.0, 0.0), reading.joint, 1.0, limits.sensor_span, BIG, 0.0, 1.0)[0].value
+    motor = sel(outside(reading.motor, -limits.sensor_span, limits.sensor_span) > 0.0, 0.0, reading.motor)
+    joint = sel(outside(reading.joint, -limits.sensor_span, limits.sensor_span) > 0.0, 0.0, reading.joint)
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))
     decided = (STOPPED, 0.0, target, target, 0.0, 0.0, 0.0, 0.0)
     seen = (0.0, motor, 0.0, 0.0, motor, 0.0, 0.0, joint, 0.0, 0.0, motor, joint)
@@ -100,14 +100,14 @@ def look(
     reading, omega, zeta, peak = observed.reading, limits.servo_frequency, limits.servo_damping, limits.current_peak
     powered = 1.0 - outside(state.mode, PREFLIGHT, RELEASING)
     clock = np.fmax(outside(observed.elapsed, 0.05 * dt, limits.clock_gap), outside(observed.lateness, -dt, BIG))
-    time = sel(clock > 0.5, dt, observed.elapsed)
+    time = sel(clock > 0.0, dt, observed.elapsed)
 
     # angles; without power the motor and the limb may be moved by hand
-    span, jump, filtered = limits.sensor_span, sel(powered > 0.5, limits.jump, BIG), limits.speed_filter
+    span, jump, filtered = limits.sensor_span, sel(powered > 0.0, limits.jump, BIG), limits.speed_filter
     old_motor, old_joint = Followed(*state[12:15]), Followed(*state[15:18])
     motor, motor_lost, motor_jump = follow(old_motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
     joint, joint_lost, joint_jump = follow(old_joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
-    alive = (powered < 0.5) + (np.abs(joint.value - state.anchor_joint) > limits.joint_still) > 0.0
+    alive = (powered == 0.0) + (np.abs(joint.value - state.anchor_joint) > limits.joint_still) > 0.0
     anchor = (sel(alive, motor.value, state.anchor_motor), sel(alive, joint.value, state.anchor_joint))
     flat, steep, margin = limits.slope_low * motor.value, limits.slope_high * motor.value, limits.motor_margin
 
@@ -116,58 +116,58 @@ def look(
     fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * state.enabled * off
     enabled = powered * np.fmax(state.enabled, 1.0 - off)
     moved, speed = servo_predict(state.model, state.model_speed, state.before, omega, zeta, time)
-    model, model_speed = sel(state.enabled > 0.5, moved, motor.value), sel(state.enabled > 0.5, speed, 0.0)
-    lag = outside(np.abs(motor.value - model), 0.0, limits.tracking + limits.tracking_lag * np.abs(model_speed))
+    model, model_speed = sel(state.enabled > 0.0, moved, motor.value), sel(state.enabled > 0.0, speed, 0.0)
+    lag = beyond(np.abs(motor.value - model), limits.tracking + limits.tracking_lag * np.abs(model_speed))
     astray = lasting(lag, state.astray, time)
 
     # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true
-    no_current = limits.measures_current * outside(np.abs(reading.current), 0.0, 2.0 * peak)
+    no_current = limits.measures_current * beyond(np.abs(reading.current), 2.0 * peak)
     known = limits.measures_current * (1.0 - no_current)
-    current = sel(known > 0.5, np.abs(reading.current), no_current * powered * peak)
-    overload = lasting(outside(current, 0.0, peak), state.overload, time)
-    saturated = lasting(outside(current, 0.0, limits.saturation * peak), state.saturated, time)
-    heat = warm(limits.thermal, ThermalState(*state[27:30]), current, np.fmin(time, 0.1))
+    current = sel(known > 0.0, np.abs(reading.current), no_current * powered * peak)
+    overload = lasting(beyond(current, peak), state.overload, time)
+    saturated = lasting(beyond(current, limits.saturation * peak), state.saturated, time)
+    heat = warm(limits.thermal, ThermalState(*state[27:]), current, np.fmin(time, 0.1))
     i2t = (peak * peak - limits.thermal.continuous_current * limits.thermal.continuous_current) * limits.i2t_time
     hot = np.fmax(outside(heat.winding, -BIG, limits.winding_limit), outside(heat.housing, -BIG, limits.housing_limit))
     no_tension = limits.measures_tension * outside(reading.tension, -BIG, BIG)
-    tension = sel(limits.measures_tension * (1.0 - no_tension) > 0.5, reading.tension, limits.tension_low)
-    slack = lasting(enabled * outside(tension, limits.tension_low, BIG), state.slack, time)
+    tension = sel(limits.measures_tension * (1.0 - no_tension) > 0.0, reading.tension, limits.tension_low)
+    slack = lasting(enabled * beyond(-tension, -limits.tension_low), state.slack, time)
 
     # bus and time: sums that forget
     armed = lasting(powered * (1.0 - state.passed), state.armed, time)
     unknown = outside(reading.bus_errors, 0.0, BIG * BIG)
-    errors = sel(unknown > 0.5, state.bus_errors, reading.bus_errors)
+    errors = sel(unknown > 0.0, state.bus_errors, reading.bus_errors)
     failures = np.fmax(0.0, np.fmin(4.0, state.failures + np.fmax(0.0, errors - state.bus_errors)) - time)
     late = np.fmax(0.0, state.late + np.fmax(0.0, time - 1.5 * dt) - 0.02 * time)
 
     # the wish
-    led = enabled * (1.0 - outside(state.mode, PREFLIGHT, BRIDGING))
+    led = enabled * (1.0 - beyond(state.mode, BRIDGING))
     no_wish = led * outside(wish, limits.motor_low, limits.motor_high)
-    asked = sel(led * (1.0 - no_wish) > 0.5, wish, state.target)
+    asked = sel(led * (1.0 - no_wish) > 0.0, wish, state.target)
     hard = omega * (omega * (asked - model) - 2.0 * zeta * model_speed)
-    failed = np.fmax(outside(observed.preflight, -0.5, 1.5), outside(armed, 0.0, limits.preflight_time))
+    failed = np.fmax(outside(observed.preflight, -0.5, 1.5), beyond(armed, limits.preflight_time))
     # fmt: off
     found = (
         joint_lost, joint_jump, outside(reading.joint_age, 0.0, limits.reading_age),
-        outside(np.abs(motor.value - anchor[0]), 0.0, limits.frozen_travel),
+        beyond(np.abs(motor.value - anchor[0]), limits.frozen_travel),
         outside(joint.value, np.fmin(flat, steep) - limits.play, np.fmax(flat, steep) + limits.play),
         outside(joint.value, limits.joint_low, limits.joint_high),
-        outside(np.abs(joint.speed), 0.0, limits.joint_speed),
+        beyond(np.abs(joint.speed), limits.joint_speed),
         motor_lost, motor_jump, outside(reading.motor_age, 0.0, limits.reading_age),
-        outside(astray, 0.0, limits.tracking_time),
+        beyond(astray, limits.tracking_time),
         outside(motor.value, limits.motor_low - margin, limits.motor_high + margin),
-        outside(np.abs(motor.speed), 0.0, limits.motor_speed),
-        no_current, outside(overload, 0.0, limits.current_time), outside(saturated, 0.0, limits.saturation_time),
-        outside(heat.i2t, 0.0, i2t), hot,
+        beyond(np.abs(motor.speed), limits.motor_speed),
+        no_current, beyond(overload, limits.current_time), beyond(saturated, limits.saturation_time),
+        beyond(heat.i2t, i2t), hot,
         limits.measures_temperature * outside(reading.temperature, -BIG, limits.drive_limit),
-        no_tension, outside(tension, -BIG, limits.tension_high), outside(slack, 0.0, limits.slack_time),
+        no_tension, beyond(tension, limits.tension_high), beyond(slack, limits.slack_time),
         outside(reading.heartbeat_age, 0.0, limits.heartbeat_age),
-        (1.0 - enabled) * outside(armed, 0.0, limits.enable_time), left * (1.0 - fault), fault,
-        outside(reading.emergency, 0.0, 0.0), np.fmax(unknown, outside(failures, 0.0, limits.bus_errors)),
-        (1.0 - clock) * outside(np.fmax(observed.lateness, late), -dt, limits.lateness), clock,
-        no_wish, outside(np.abs(asked - state.target), 0.0, most_step(limits, time, dt)),
-        led * outside(np.abs(asked - motor.value), 0.0, limits.target_reach),
-        led * outside(np.abs(hard), 0.0, limits.acceleration),
+        (1.0 - enabled) * beyond(armed, limits.enable_time), left * (1.0 - fault), fault,
+        outside(reading.emergency, 0.0, 0.0), np.fmax(unknown, beyond(failures, limits.bus_errors)),
+        (1.0 - clock) * beyond(np.fmax(observed.lateness, late), limits.lateness), clock,
+        no_wish, beyond(np.abs(asked - state.target), most_step(limits, time, dt)),
+        led * beyond(np.abs(asked - motor.value), limits.target_reach),
+        led * beyond(np.abs(hard), limits.acceleration),
         outside(observed.operator_age, -1.0, limits.operator_age), powered * (1.0 - state.passed) * failed,
         outside(observed.recorder, 0.5, 1.5),
     )
@@ -183,43 +183,42 @@ def supervise(
 ) -> tuple[SupervisorState, Verdict]:
     """One cycle of `dt` [s]: the law's `wish` [rad], if nothing speaks against it, and power, if nothing forbids it."""
     seen, found, time = look(limits, state, observed, wish, dt)
-    once, eventually, faults, latched, active = 0.0, 0.0, 0.0, 0.0, 0.0
+    once, eventually, latched, active = 0.0, 0.0, 0.0, 0.0
     for i in range(COUNT):
         once, eventually = np.fmax(once, found[i] * AT_ONCE[i]), np.fmax(eventually, found[i] * THEN[i])
-        faults += found[i]
     powered, releasing = 1.0 - outside(state.mode, PREFLIGHT, RELEASING), state.mode == RELEASING
-    bridged = powered * sel(once > 0.5, state.bridged + time, np.fmax(0.0, state.bridged - limits.bridge_leak * time))
-    ended = (bridged > limits.bridge_time + 0.5 * dt) + (once > 1.5) + releasing > 0.0
+    bridged = powered * sel(once > 0.0, state.bridged + time, np.fmax(0.0, state.bridged - limits.bridge_leak * time))
+    ended = (bridged > limits.bridge_time + 0.5 * dt) + (once >= 2.0) + releasing > 0.0
     reaction = powered * sel(ended, eventually, once)
 
     # the next mode
-    run = (observed.request == RUN) * (observed.preflight == 1.0) * (seen.enabled > 0.5) * (reaction < 0.5) > 0.0
+    run = (observed.request == RUN) * (observed.preflight == 1.0) * (seen.enabled > 0.0) * (reaction == 0.0) > 0.0
     passed = powered * sel(run, 1.0, state.passed)
-    going = sel(reaction > 0.5, BRIDGING, sel(passed > 0.5, RUNNING, PREFLIGHT))
-    going = sel((reaction > 1.5) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
-    released = lasting(sel(going == RELEASING, 1.0, 0.0), state.released, time)
-    light = limits.measures_current * (1.0 - outside(np.abs(observed.reading.current), 0.0, limits.released_current))
-    eased = lasting(light * sel(releasing, 1.0, 0.0), state.eased, time)
-    empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (seen.enabled < 0.5) > 0.0
+    going = sel(reaction > 0.0, BRIDGING, sel(passed > 0.0, RUNNING, PREFLIGHT))
+    going = sel((reaction >= 2.0) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
+    released = lasting(going == RELEASING, state.released, time)
+    light = limits.measures_current * (1.0 - beyond(np.abs(observed.reading.current), limits.released_current))
+    eased = lasting(light * releasing, state.eased, time)
+    empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (seen.enabled == 0.0) > 0.0
     for i in range(COUNT):
         kept = np.floor(state.latched / BIT[i]) - 2.0 * np.floor(state.latched / (2.0 * BIT[i]))
-        kept = np.fmax(kept, sel((reaction > 1.5) * (THEN[i] > 0.5), found[i], 0.0))
+        kept = np.fmax(kept, sel((reaction >= 2.0) * (THEN[i] >= 2.0), found[i], 0.0))
         latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
-    going = sel(releasing * empty, sel(latched > 0.5, LATCHED, STOPPED), going)
-    going = sel(reaction > 2.5, LATCHED, going)
-    arms = (observed.request == ARM) * (state.mode == STOPPED) * (faults == 0.0)
+    going = sel(releasing * empty, sel(latched > 0.0, LATCHED, STOPPED), going)
+    going = sel(reaction >= 3.0, LATCHED, going)
+    arms = (observed.request == ARM) * (state.mode == STOPPED) * (active == 0.0)
     rests = sel(arms, PREFLIGHT, sel((state.mode == LATCHED) * (observed.request != ACKNOWLEDGE), LATCHED, STOPPED))
-    mode = sel(powered > 0.5, going, rests)
+    mode = sel(powered > 0.0, going, rests)
 
     # the target: without power it follows the motor, so that nothing moves when power comes
     out = limits.slack_sign
     paid = out * (np.fmax(out * state.target, out * seen.motor) + limits.pay_out * np.fmin(time, 5.0 * dt))
     led = seen.enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
-    aim = sel(led > 0.5, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, seen.motor)))
+    aim = sel(led > 0.0, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, seen.motor)))
     step = most_step(limits, time, dt)
     aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
-    idle = (outside(mode, PREFLIGHT, RELEASING) > 0.5) + (mode == RELEASING) * (seen.enabled < 0.5) > 0.0
-    told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, np.fmax(2.0, reaction), reaction))
+    idle = (outside(mode, PREFLIGHT, RELEASING) > 0.0) + (mode == RELEASING) * (seen.enabled == 0.0) > 0.0
+    told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
     decided = (mode, passed, target, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
     return SupervisorState(*(decided + seen[8:])), Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, told, active)
