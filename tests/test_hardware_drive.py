@@ -319,23 +319,6 @@ def test_bad_drives_are_refused_in_a_line_and_never_enabled(
     assert "torque_on" not in [event for _, event, _ in bus.journal]
 
 
-def test_a_drive_under_torque_is_left_alone() -> None:
-    rig = Rig().up().on()
-    with pytest.raises(DriveError, match="operation enabled; expected a drive without torque"):
-        CanopenDrive(DRIVE, _Quiet(rig.bus)).bring_up()
-
-
-class _Quiet(TwinBus):
-    """The other master's drive, which does not obey our first order."""
-
-    def __init__(self, other: TwinBus) -> None:
-        self.__dict__ = other.__dict__
-
-    def send(self, msg: Any, timeout: float | None = None) -> None:
-        if msg.arbitration_id != frames.NMT:
-            super().send(msg, timeout)
-
-
 def test_bus_off_is_counted() -> None:
     rig = Rig().up().on()
     rig.inject("bus_off", lasting=0.2)
