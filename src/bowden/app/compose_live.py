@@ -36,6 +36,8 @@ class Asked:
     """[s]"""
     channel: str | None = None
     """Of the bus, in place of the rig's."""
+    interface: str | None = None
+    """Of that bus, in place of the rig's."""
     measure: bool = False
     """Move the motor through the excitation, in place of a law."""
 
@@ -89,8 +91,7 @@ def compose_live(asked: Asked) -> Live:
             expected="a joint angle that grows with the motor's",
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
-    drive = rig_drive.drive_parameters(rig, setup.bench)
-    drive = drive if asked.channel is None else drive._replace(channel=asked.channel)
+    drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench), asked.channel, asked.interface)
     limits = rig_drive.limits(rig, setup.bench)
     if asked.measure:
         law, moved = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time)

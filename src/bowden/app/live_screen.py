@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from bowden.core.units import RADIANS
+from bowden.hardware.emergencies import emergency_text
 from bowden.runtime.ring_status import RecorderState
 from bowden.safety import faults
 from bowden.safety.supervisor import Mode
@@ -43,6 +44,8 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {session.log}")
     for fault in faults.of(row["faults"]):
         table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
+    if session.watch.emergency:
+        table.add_row("[red]emergency[/red]", f"[red]{emergency_text(session.watch.emergency)}[/red]")
     table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
     return table
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from bowden.app import thermal_file
 from bowden.app.compose_live import Asked, Live
+from bowden.app.live_watch import Watch
 from bowden.core.errors import DriveError, OutputError
 from bowden.runtime import control_block
 from bowden.runtime.clock import SECOND, MonotonicClock, unix_seconds
@@ -69,6 +70,7 @@ class Session:
         create(self._ring, told)
         control_block.create(self._block)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
+        self.watch = Watch(self.rows, live.drive, now / SECOND)
         self.block.beat(now)
         threading.Thread(target=self._beat, daemon=True).start()
         recorder = ["bowden.runtime.recorder", str(self._ring), str(self.log), "--rig", str(self._asked.rig.parent)]
@@ -156,6 +158,7 @@ class Session:
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns; None before the first."""
+        self.watch.look()
         row = self.rows.last()
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
 
@@ -215,10 +218,12 @@ def _left_behind() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def own_twin(rig: Path, duration: float | None) -> Iterator[str]:
-    """A twin of the rig on a bus that nobody else knows; the bus' channel."""
+    """A twin of the rig on a bus of its own, whatever the rig's is; the channel of that `bowden_unix` bus."""
     from bowden.app.twin_process import running_twin
+    from bowden.hardware.buses import UNIX
 
     with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
-        options = [] if duration is None else ["--duration", str(duration)]
+        options = ["--interface", UNIX, *([] if duration is None else ["--duration", str(duration)])]
+        print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig} --channel {folder}", file=sys.stderr)
         with running_twin(rig, Path(folder), options) as twin:
             yield twin.channel

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import RADIANS
+from bowden.hardware.emergencies import emergency_text
 from bowden.runtime.cycle import Source
 from bowden.runtime.lateness import figures
 from bowden.runtime.mcap_read import read
@@ -23,6 +24,7 @@ def document(session: "Session") -> dict[str, Any]:
     led = log["source"] >= Source.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
+    codes = log["emergency"][np.isfinite(log["emergency"])]
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
     return {
@@ -32,6 +34,7 @@ def document(session: "Session") -> dict[str, Any]:
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
+        "emergencies": [emergency_text(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
         "preflight": ended.get("reason") or None,
         "cycles": ended.get("cycles"),
         "cycles_logged": len(log.rows),
@@ -64,6 +67,8 @@ def print_summary(found: dict[str, Any]) -> None:
         )
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
         print(f"ended by a fault: {meaning}; {remedy}")
+    for said in found["emergencies"]:
+        print(f"the drive's emergency: {said}")
     if found["preflight"]:
         print(f"preflight: {found['preflight']}")
     print(f"Log: {found['log']}  (bowden log info {found['log']})")

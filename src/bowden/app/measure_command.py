@@ -37,6 +37,7 @@ def measure(
     from bowden.app.live_summary import document, print_summary
     from bowden.app.operator import operate, refuse_without_keys
     from bowden.app.run_command import new_log
+    from bowden.hardware.buses import UNIX
     from bowden.runtime.preflight import require
 
     refuse_without_keys(auto, json)
@@ -47,7 +48,7 @@ def measure(
         print(f"bowden: note: {note}", file=sys.stderr)
     with contextlib.ExitStack() as stack:
         if twin:
-            asked = replace(asked, channel=stack.enter_context(own_twin(rig, None)))
+            asked = replace(asked, channel=stack.enter_context(own_twin(rig, None)), interface=UNIX)
             live = compose_live(asked)
         session = stack.enter_context(Session(asked, live, new_log(out, "measure")))
         operate(session, auto=auto, quiet=json)

@@ -39,6 +39,7 @@ def run(
     from bowden.app.live_summary import document, print_summary
     from bowden.app.operator import operate, refuse_without_keys
     from bowden.app.verdict import verdicts
+    from bowden.hardware.buses import UNIX
     from bowden.runtime.preflight import require
 
     refuse_without_keys(auto, json)
@@ -50,7 +51,7 @@ def run(
     require(live.limits, live.drive.sample_time, "little_margin" if force else checked[0].name or "little_margin")
     with contextlib.ExitStack() as stack:
         if twin:
-            asked = replace(asked, channel=stack.enter_context(own_twin(rig, duration)))
+            asked = replace(asked, channel=stack.enter_context(own_twin(rig, duration)), interface=UNIX)
             live = compose_live(asked)
         session = stack.enter_context(Session(asked, live, new_log(out, live.law.name)))
         operate(session, auto=auto, quiet=json)

@@ -35,10 +35,12 @@ def running_twin(rig: Path, channel: Path, options: Sequence[str] = ()) -> Itera
     """
     command = [sys.executable, "-c", "from bowden.app.main import main; main()", "twin", str(rig), "--json"]
     process = subprocess.Popen(
-        [*command, "--channel", str(channel), *options],
+        [*command, "--attached", "--channel", str(channel), *options],
+        stdin=subprocess.PIPE,  # closes when we die, however that is
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,  # Ctrl-C is ours: the drive is to be there until the cable has been let out
     )
     try:
         assert process.stdout is not None

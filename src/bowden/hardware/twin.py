@@ -70,6 +70,11 @@ class Twin:
         self._began, self._began_cpu = clock(), _cpu_time()
         self._stopping = False
 
+    @property
+    def syncs(self) -> int:
+        """SYNC frames that came so far."""
+        return self._node.syncs
+
     def stop(self) -> None:
         """Let `run` end; for signal handlers."""
         self._stopping = True
@@ -162,9 +167,11 @@ class Twin:
                 self._note(now, "clear", "")
                 return {"time": now}
             case "scenario":
-                self._node.bench.start_scenario(now)
-                self._note(now, "scenario", "")
-                return {"time": now}
+                at = now if request.get("at") is None else float(request["at"])
+                self._node.scenario_told = True
+                self._node.bench.start_scenario(at)
+                self._note(now, "scenario", f"{at:.6f}")
+                return {"time": at}
         raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, clear or scenario")
 
     def _status(self, now: float) -> dict[str, Any]:
