@@ -1,7 +1,9 @@
 """``bowden twin``: a digital twin of a rig's drive in a process of its own, and faults injected into a running one."""
 
+import os
 import signal
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +15,10 @@ from bowden.core.errors import ParameterError
 if TYPE_CHECKING:
     from bowden.app.compose import Setup
     from bowden.hardware.drive_parameters import DriveParameters
+    from bowden.hardware.twin import Twin
+
+_AFTER_PARENT = 5.0
+"""[s]"""
 
 
 def twin(
@@ -31,6 +37,7 @@ def twin(
         typer.Option("--object", help="An object that is otherwise: 6502:0=0x25, or 6502:0=none. May be repeated."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+    until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
     from bowden.app import compose
@@ -42,7 +49,7 @@ def twin(
     if inject or clear or status:
         _talk(drive, inject, after, lasting, clear, json)
     else:
-        _run(setup, drive, object_ or [], json)
+        _run(setup, drive, object_ or [], json, until_orphaned)
 
 
 def _talk(
@@ -70,7 +77,7 @@ def _talk(
         print(f"twin: {found['state'].lower().replace('_', ' ')}, motor {found['motor']:.4f} rad; faults: {faults}")
 
 
-def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool) -> None:
+def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool, until_orphaned: bool) -> None:
     from bowden.hardware.twin import Twin, raise_priority
     from bowden.hardware.twin_bench import TwinBench
     from bowden.runtime.clock import SECOND, MonotonicClock
@@ -85,6 +92,8 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: boo
     running = Twin(drive, bench, clock, overrides)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
+    if until_orphaned:
+        threading.Thread(target=_watch_parent, args=(os.getppid(), running), daemon=True).start()
     realtime = raise_priority()
     where = {"interface": drive.interface, "channel": drive.channel, "node": drive.node_id, "control": running.path}
     if json:
@@ -95,6 +104,15 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: boo
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
     running.run()
+
+
+def _watch_parent(parent: int, running: "Twin") -> None:
+    """End the twin some time after the process that started it: a loop that is left may still release its cable."""
+    forever = threading.Event()
+    while os.getppid() == parent:
+        forever.wait(0.5)
+    forever.wait(_AFTER_PARENT)
+    running.stop()
 
 
 def _override(text: str) -> tuple[tuple[int, int], int | None]:
