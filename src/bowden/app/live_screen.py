@@ -3,12 +3,15 @@
 import math
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
 from rich.table import Table
 
 from bowden.core.units import RADIANS
 from bowden.hardware.emergencies import emergency_text
+from bowden.runtime.preflight import REASONS, Reason
 from bowden.runtime.ring_status import RecorderState
 from bowden.safety import faults
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
 
 if TYPE_CHECKING:
@@ -30,22 +33,24 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
+    said = "" if auto else _NEXT.get(mode, "")
     if mode == Mode.PREFLIGHT and row["preflight"]:
         said = "passed; r to run" if row["preflight"] > 0.0 else "failed"
-        table.add_row("state", f"[bold]preflight[/bold]  {said}")
-    else:
-        table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {'' if auto else _NEXT.get(mode, '')}")
+    table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {said}")
     table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.winding']:.0f} °C")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
     table.add_row("estimates", ", ".join(f"{name} {value:.3g}" for name, value in laws[:_MOST_ESTIMATES]))
     table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
-    table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {session.log}")
-    for fault in faults.of(row["faults"]):
+    table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
+    shown = faults.of(row["faults"])
+    for fault in shown:
         table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
-    if session.watch.emergency:
-        table.add_row("[red]emergency[/red]", f"[red]{emergency_text(session.watch.emergency)}[/red]")
+    if session.emergency and not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
+        table.add_row("[red]drive[/red]", escape(emergency_text(session.emergency)))
+    if row["preflight_reason"]:
+        table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])
     table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
     return table
 

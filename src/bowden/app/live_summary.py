@@ -1,5 +1,6 @@
 """What a run came to, from its log."""
 
+import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -20,13 +21,13 @@ if TYPE_CHECKING:
 
 def document(session: "Session") -> dict[str, Any]:
     """The figures of a run that has ended, as JSON values."""
-    log = read(session.log)
+    log = read(session.log, _NEEDED)
     led = log["source"] >= Source.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
-    codes = log["emergency"][np.isfinite(log["emergency"])]
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
+    codes = log["emergency"]
     return {
         "law": session.live.law.name,
         "drive": session.ready["drive"],
@@ -34,8 +35,9 @@ def document(session: "Session") -> dict[str, Any]:
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
-        "emergencies": [emergency_text(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
         "preflight": ended.get("reason") or None,
+        "emergencies": [emergency_text(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+        "error": session.error or None,
         "cycles": ended.get("cycles"),
         "cycles_logged": len(log.rows),
         "seconds_led": round(len(error) * session.live.drive.sample_time, 6),
@@ -46,7 +48,12 @@ def document(session: "Session") -> dict[str, Any]:
         "overruns": ended.get("overruns"),
         "grants": session.ready["grants"],
         "log": str(session.log),
+        "log_whole": log.whole,
     }
+
+
+_NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
+"""Columns of the log that the figures come from."""
 
 
 def _median_us(values: NDArray[np.float64]) -> float | None:
@@ -66,9 +73,14 @@ def print_summary(found: dict[str, Any]) -> None:
             f"{found['overruns']} overruns in {found['cycles']} cycles"
         )
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
-        print(f"ended by a fault: {meaning}; {remedy}")
-    for said in found["emergencies"]:
-        print(f"the drive's emergency: {said}")
+        print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+    for text in found["emergencies"]:
+        print(f"emergency: {text}")
     if found["preflight"]:
         print(f"preflight: {found['preflight']}")
-    print(f"Log: {found['log']}  (bowden log info {found['log']})")
+    if found["error"]:
+        print(f"ended by an error: {found['error']}")
+    whole = found["log_whole"]
+    print(f"Log: {found['log']}  (bowden log {'info' if whole else 'recover'} {found['log']})")
+    if not whole:
+        print(f"bowden: note: {found['log']} was not closed properly", file=sys.stderr)

@@ -1,6 +1,5 @@
 """``bowden twin``: a digital twin of a rig's drive in a process of its own, and faults injected into a running one."""
 
-import contextlib
 import math
 import os
 import signal
@@ -18,7 +17,9 @@ if TYPE_CHECKING:
     from bowden.app.compose import Setup
     from bowden.hardware.drive_parameters import DriveParameters
     from bowden.hardware.twin import Twin
-    from bowden.runtime.clock import Clock
+
+_AFTER_PARENT = 5.0
+"""[s]"""
 
 
 def twin(
@@ -37,10 +38,8 @@ def twin(
         list[str] | None,
         typer.Option("--object", help="An object that is otherwise: 6502:0=0x25, or 6502:0=none. May be repeated."),
     ] = None,
-    attached: Annotated[
-        bool, typer.Option("--attached", help="End when standard input closes, after the last SYNC.")
-    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+    until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
     from bowden.app import compose
@@ -53,7 +52,7 @@ def twin(
     if inject or clear or status:
         _talk(drive, inject, after, lasting, clear, json)
     else:
-        _run(setup, drive, object_ or [], attached, json)
+        _run(setup, drive, object_ or [], json, until_orphaned)
 
 
 def _talk(
@@ -81,7 +80,7 @@ def _talk(
         print(f"twin: {found['state'].lower().replace('_', ' ')}, motor {found['motor']:.4f} rad; faults: {faults}")
 
 
-def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], attached: bool, json: bool) -> None:
+def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool, until_orphaned: bool) -> None:
     from bowden.hardware.twin import Twin, raise_priority
     from bowden.hardware.twin_bench import TwinBench
     from bowden.runtime.clock import SECOND, MonotonicClock
@@ -96,8 +95,8 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], attached:
     running = Twin(drive, bench, clock, overrides)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
-    if attached:
-        threading.Thread(target=_end_after_input, args=(running, monotonic), daemon=True).start()
+    if until_orphaned:
+        threading.Thread(target=_watch_parent, args=(os.getppid(), running), daemon=True).start()
     realtime = raise_priority()
     where = {"interface": drive.interface, "channel": drive.channel, "node": drive.node_id, "control": running.path}
     if json:
@@ -110,17 +109,12 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], attached:
     running.run()
 
 
-def _end_after_input(running: "Twin", clock: "Clock") -> None:
-    """End the twin when whoever holds our standard input is gone, and the loop that drives it as well."""
-    from bowden.runtime.clock import SECOND
-
-    with contextlib.suppress(OSError):
-        while os.read(0, 4096):
-            pass
-    syncs = -1
-    while syncs != running.syncs:
-        syncs = running.syncs
-        clock.sleep_until(clock.now() + SECOND)
+def _watch_parent(parent: int, running: "Twin") -> None:
+    """End the twin some time after the process that started it: a loop that is left may still release its cable."""
+    forever = threading.Event()
+    while os.getppid() == parent:
+        forever.wait(0.5)
+    forever.wait(_AFTER_PARENT)
     running.stop()
 
 

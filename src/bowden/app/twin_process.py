@@ -34,13 +34,13 @@ def running_twin(rig: Path, channel: Path, options: Sequence[str] = ()) -> Itera
         DriveError: it does not start; with what it said.
     """
     command = [sys.executable, "-c", "from bowden.app.main import main; main()", "twin", str(rig), "--json"]
+    command += ["--until-orphaned"]
     process = subprocess.Popen(
-        [*command, "--attached", "--channel", str(channel), *options],
-        stdin=subprocess.PIPE,  # closes when we die, however that is
+        [*command, "--channel", str(channel), *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        start_new_session=True,  # Ctrl-C is ours: the drive is to be there until the cable has been let out
+        start_new_session=True,  # Ctrl-C is for the run, which still needs a drive to release the cable
     )
     try:
         assert process.stdout is not None

@@ -70,11 +70,6 @@ class Twin:
         self._began, self._began_cpu = clock(), _cpu_time()
         self._stopping = False
 
-    @property
-    def syncs(self) -> int:
-        """SYNC frames that came so far."""
-        return self._node.syncs
-
     def stop(self) -> None:
         """Let `run` end; for signal handlers."""
         self._stopping = True
