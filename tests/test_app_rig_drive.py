@@ -93,9 +93,9 @@ def test_any_drive_that_is_taken_can_be_brought_up_or_says_why(tmp_path: Path, g
     ("text", "said"),
     [
         ("drive_heartbeat_ms = 30.0", "drive_heartbeat_ms is 30, and limits.heartbeat_age_s is 0.05"),
-        ('channel = "a\\u0000b"', "channel is a"),
-        ('channel = ".."', "channel is .."),
-        ('channel = ""', "channel is ;"),
+        ('channel = "a\\u0000b"', r"channel is 'a.x00b'"),
+        ('channel = ".."', r"channel is '\.\.'"),
+        ('channel = ""', "channel is ''"),
         ("heartbeat_ms = 10.0", "third of heartbeat_timeout"),
     ],
 )

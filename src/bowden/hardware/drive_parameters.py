@@ -110,7 +110,7 @@ def check_parameters(drive: DriveParameters) -> None:
     for name, fine, expected in rules:
         if not fine:
             raise ParameterError(
-                f"drive: {name} is {getattr(drive, name)}", expected=expected, do="correct it in the rig's [drive]"
+                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
             )
 
 
