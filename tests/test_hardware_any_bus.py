@@ -1,4 +1,4 @@
-"""Any bus of python-can will do: drive and twin on its `virtual` one, and every interface it knows fails in one line."""
+"""Any bus of python-can will do: drive and twin on its `virtual` one, and every interface fails in one line."""
 
 import threading
 import time
@@ -67,7 +67,11 @@ def test_an_interface_that_is_not_there_is_said_in_a_line(interface: str) -> Non
 
 
 def test_a_kernel_without_can_is_told_from_an_interface_that_is_down(monkeypatch: pytest.MonkeyPatch) -> None:
-    for number, said in ((97, "this kernel has no CAN"), (19, "try: ip link set can0 up"), (100, "ip link set can0 up")):
+    for number, said in (
+        (97, "this kernel has no CAN"),
+        (19, "try: ip link set can0 up"),
+        (100, "ip link set can0 up"),
+    ):
 
         def fail(*_: object, number: int = number, **__: object) -> None:
             raise OSError(number, "what the kernel says")
