@@ -179,6 +179,7 @@ class TwinNode:
         if self.nmt != frames.OPERATIONAL:
             return
         if self._pending is not None:
+            self._move(now)  # up to here under the target before: a new one acts on nothing that is past
             control, self._target = self._pending
             self._pending = None
             self._command(control, now)
