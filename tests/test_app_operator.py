@@ -17,6 +17,7 @@ from rich.console import Console
 
 from bowden.app import operator, thermal_file
 from bowden.app.live_screen import picture
+from bowden.app.live_summary import print_summary
 from bowden.control import LAWS
 from bowden.core.errors import SafetyError
 from bowden.hardware.drive_parameters import DriveParameters
@@ -115,6 +116,32 @@ def test_faults_stand_where_a_low_terminal_still_shows_them() -> None:
 
 def test_the_name_of_a_log_is_text_and_no_markup() -> None:
     assert "a[/b][red].mcap" in shown(row(reference=math.nan), log="a[/b][red].mcap")
+
+
+def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {
+        **dict.fromkeys(("rmse_deg", "lateness", "preflight")),
+        "ended_well": False,
+        "faults": ["drive in fault"],
+        "remedies": ["read the error code"],
+        "emergencies": ["0x4210: over-temperature of the power stage"],
+        "error": "the loop failed",
+        "cycles": 100,
+        "cycles_logged": 40,
+        "log": "a.mcap",
+        "log_whole": False,
+    }
+    print_summary(found)
+    said = capsys.readouterr()
+    for line in ("ended by a fault: drive in fault; read", "emergency: 0x4210", "ended by an error: the loop failed"):
+        assert line in said.out
+    assert "bowden log recover a.mcap" in said.out
+    assert "60 cycles of 100 are not in the log" in said.err
+    assert "not closed properly" in said.err
+    print_summary(found | {"ended_well": True, "cycles": 40, "log_whole": True})
+    said = capsys.readouterr()
+    assert "ended by a fault" not in said.out
+    assert said.err == ""
 
 
 @pytest.fixture
