@@ -17,6 +17,7 @@ from rich.console import Console
 
 from bowden.app import operator, thermal_file
 from bowden.app.live_screen import picture
+from bowden.app.live_summary import print_summary
 from bowden.control import LAWS
 from bowden.core.errors import SafetyError
 from bowden.hardware.drive_parameters import DriveParameters
@@ -43,6 +44,7 @@ class FakeSession:
     rows: list[dict[str, float]]
     asked: list[Request] = field(default_factory=list)
     seen: int = 0
+    ready: dict[str, str] = field(default_factory=lambda: {"drive": "EPOS4, node 1; in fault, 0x8130: heartbeat lost"})
 
     def last(self) -> dict[str, float]:
         self.seen += 1
@@ -79,13 +81,14 @@ def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin(
         next(steps)
     assert Request.ARM in session.asked
     session = FakeSession([row(time=20.0 + 0.05 * k, **missing) for k in range(100)])
-    with pytest.raises(SafetyError, match="the supervisor does not arm: motor angle is late"):
+    with pytest.raises(SafetyError, match=r"does not arm EPOS4, node 1; .*: motor angle is late"):
         for _ in operator._automatic(session):  # type: ignore[arg-type]
             pass
 
 
 def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -> str:
-    session: Any = SimpleNamespace(recorder=int(RecorderState.OK), log=Path(log), emergency=emergency)
+    ready = {"drive": "EPOS4, node 1"}
+    session: Any = SimpleNamespace(recorder=int(RecorderState.OK), log=Path(log), emergency=emergency, ready=ready)
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(picture(session, values, auto=False))
     return console.export_text()
@@ -100,10 +103,45 @@ def test_the_screen_tells_what_a_fault_refers_to() -> None:
     assert "the joint does not follow the motor" in text
     assert "k to acknowledge" in text
     assert "0x4210" not in shown(row(), emergency=0x4210)
+    found = shown(row(faults=2.0**Fault.DRIVE_FAULT))
+    assert "k to reset the drive" in found
+    assert "EPOS4, node 1" in found, "what bring-up says of a drive that is in fault already"
+    assert "cannot be armed" in shown(row(faults=2.0**Fault.RECORDER_LOST))
+
+
+def test_faults_stand_where_a_low_terminal_still_shows_them() -> None:
+    lines = shown(row(mode=float(Mode.LATCHED), faults=2.0**Fault.LATE)).splitlines()
+    assert [line.split()[0] for line in lines[:3]] == ["state", "fault", "keys"]
 
 
 def test_the_name_of_a_log_is_text_and_no_markup() -> None:
     assert "a[/b][red].mcap" in shown(row(reference=math.nan), log="a[/b][red].mcap")
+
+
+def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {
+        **dict.fromkeys(("rmse_deg", "lateness", "preflight")),
+        "ended_well": False,
+        "faults": ["drive in fault"],
+        "remedies": ["read the error code"],
+        "emergencies": ["0x4210: over-temperature of the power stage"],
+        "error": "the loop failed",
+        "cycles": 100,
+        "cycles_logged": 40,
+        "log": "a.mcap",
+        "log_whole": False,
+    }
+    print_summary(found)
+    said = capsys.readouterr()
+    for line in ("ended by a fault: drive in fault; read", "emergency: 0x4210", "ended by an error: the loop failed"):
+        assert line in said.out
+    assert "bowden log recover a.mcap" in said.out
+    assert "60 cycles of 100 are not in the log" in said.err
+    assert "not closed properly" in said.err
+    print_summary(found | {"ended_well": True, "cycles": 40, "log_whole": True})
+    said = capsys.readouterr()
+    assert "ended by a fault" not in said.out
+    assert said.err == ""
 
 
 @pytest.fixture

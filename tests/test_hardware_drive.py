@@ -128,6 +128,19 @@ def test_it_follows_and_measures_in_si() -> None:
     assert max(r.emergency for r in rig.readings) == 0.0
 
 
+def test_a_target_acts_from_its_sync_on_and_on_nothing_that_is_past() -> None:
+    rig = Rig().up().on()
+    rig.run(500, Power.ON, 0.1)
+    sampled = []
+    for _ in range(3):  # time passes and nothing else: the twin's process, too, is woken by the frames of a cycle
+        rig.bus.time += CYCLE
+        rig.drive.read(rig.bus.time)
+        rig.drive.write(0.3, Power.ON, rig.bus.time)
+        sampled.append(rig.bus.node.bench.motor)
+    assert sampled[0] == pytest.approx(0.1, abs=3e-5), "at its SYNC it is where it was, but for a sub-step or two"
+    assert sampled[1] > 0.1002, "a cycle later"
+
+
 def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     turned = DRIVE._replace(motor_direction=-1, joint_direction=-1, motor_home=0.7, joint_home=-0.3)
     reading = Rig(turned).up().run(5, Power.OFF)

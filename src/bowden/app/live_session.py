@@ -28,8 +28,10 @@ from bowden.runtime.row import AT, description
 from bowden.runtime.run_settings import run_settings
 from bowden.safety.supervisor import Request
 
-_START = 60.0
-"""A loop that has not said anything after this has failed; it compiles at first [s]."""
+_START = 900.0
+"""A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
+_TOLD_AFTER = 3.0
+"""A wait of so long is explained [s]."""
 _END = 10.0
 """From the wish to end to the process' end [s]."""
 _BEAT = 0.1
@@ -135,18 +137,23 @@ class Session:
         self._said.put(None)
 
     def _await_ready(self) -> dict[str, Any]:
-        try:
-            said = self._said.get(timeout=_START)
-        except queue.Empty:
-            raise DriveError(
-                f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor"
-            ) from None
+        said = self._answer()
         if said and "ready" in said:
             self._check_recorder()
             return dict(said["ready"])
         if said and "error" in said:
             raise DriveError(said["error"])
         raise DriveError(self._how_it_died())
+
+    def _answer(self) -> dict[str, Any] | None:
+        """The first thing that the loop's process says; None where it ended without a word."""
+        with contextlib.suppress(queue.Empty):
+            return self._said.get(timeout=_TOLD_AFTER)
+        if sys.stderr.isatty():
+            print("bowden: the loop is made ready; the first time it is compiled, for a minute", file=sys.stderr)
+        with contextlib.suppress(queue.Empty):
+            return self._said.get(timeout=_START)
+        raise DriveError(f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor")
 
     def _check_recorder(self) -> None:
         deadline = self.clock.now() + 10 * SECOND

@@ -82,5 +82,11 @@ def print_summary(found: dict[str, Any]) -> None:
         print(f"ended by an error: {found['error']}")
     whole = found["log_whole"]
     print(f"Log: {found['log']}  (bowden log {'info' if whole else 'recover'} {found['log']})")
+    lost = (found["cycles"] or 0) - found["cycles_logged"]
+    if lost > 0:
+        print(
+            f"bowden: note: {lost} cycles of {found['cycles']} are not in the log, nor in these figures",
+            file=sys.stderr,
+        )
     if not whole:
         print(f"bowden: note: {found['log']} was not closed properly", file=sys.stderr)

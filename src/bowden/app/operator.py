@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.safety import faults
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
 if TYPE_CHECKING:
@@ -115,8 +116,10 @@ def _automatic(session: "Session") -> Iterator[bool]:
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
                 return
             if row["faults"] and row["mode"] == Mode.STOPPED and row["time"] - begun > _PATIENCE:
-                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
-                raise SafetyError(f"the supervisor does not arm: {listed}")
+                found = faults.of(row["faults"])
+                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in found)
+                do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
+                raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
             session.ask(request)
             yield True
     while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):

@@ -31,6 +31,13 @@ def drive_parameters(rig: schema.Rig, bench: Bench) -> DriveParameters:
         ParameterError: values that make no sense together.
     """
     given, allowed = rig.drive, limits(rig, bench)
+    if not allowed.motor_low < allowed.motor_high:
+        low, high = (f"{angle / RADIANS:g}" for angle in (allowed.motor_low, allowed.motor_high))
+        raise ParameterError(
+            f"limits.motor_low_deg is {low} and motor_high_deg {high}",
+            expected="motor_low_deg below motor_high_deg",
+            do="correct them in rig.toml",
+        )
     parameters = DriveParameters(
         interface=given.interface,
         channel=given.channel,
