@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bowden.app import main
+from bowden.app.compose_live import Asked, compose_live
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
@@ -22,6 +23,7 @@ from bowden.runtime.cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters,
 from bowden.runtime.events import Changes
 from bowden.runtime.mcap_log import LogFile, about
 from bowden.runtime.mcap_read import read
+from bowden.runtime.preflight import Reason
 from bowden.runtime.row import CYCLE, description
 from bowden.runtime.run_settings import run_settings
 from bowden.safety.limits import Limits
@@ -58,7 +60,7 @@ def live_run() -> np.ndarray:
         rows.append(
             (
                 *(k * DT, *reference, *reading, *state.sample, wish),
-                *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 8e-5),
+                *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 0.0, 8e-5),
                 *(*state.law, *state.supervisor),
             )
         )
@@ -148,6 +150,25 @@ def test_an_export_is_a_trace_with_every_number(
     assert trace.settings["log"]["host"] == "rig"
 
 
+def test_some_of_the_columns_are_the_same_as_in_the_whole(rows: np.ndarray) -> None:
+    whole, some = read(Path("run.mcap")), read(Path("run.mcap"), ("joint", "time", "none"))
+    assert some.columns == ("time", "joint")
+    assert some.units == ("s", "rad")
+    for name in some.columns:
+        assert np.array_equal(some[name], whole[name], equal_nan=True)
+    assert (some.events, some.numbers.tolist()) == (whole.events, whole.numbers.tolist())
+
+
+def test_a_log_that_is_exported_in_parts_is_the_same(
+    rows: np.ndarray, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bowden.runtime.mcap_read._TRACE", 1000)
+    for kind in ("parquet", "csv"):
+        document(["export", "run.mcap", "--to", kind, "--out", f"a.{kind}"], capsys, "log_export")
+    for trace in (Trace.from_parquet("a.parquet"), Trace.from_csv("a.csv")):
+        assert np.array_equal(np.stack(list(trace.columns.values()), axis=1), rows, equal_nan=True)
+
+
 def test_identify_reads_an_export_of_a_run(rows: np.ndarray) -> None:
     assert main.run(["log", "export", "run.mcap", "--to", "csv"]) == 0
     with pytest.raises(BowdenError, match="joint is nan"):
@@ -190,6 +211,10 @@ def test_a_replay_shows_what_was_changed(rows: np.ndarray, capsys: pytest.Captur
     assert told["wish_largest"] == pytest.approx(1e-3)
     assert (told["first_difference"], told["first_other_verdict"]) == (2.0, 2.1)
     assert told["verdicts_differing"] == 1
+    changed[2000, columns.index("wish")] = math.nan
+    write(Path("nan.mcap"), changed, settings)
+    told = document(["replay", "nan.mcap"], capsys, "log_replay")
+    assert (told["wish_largest"], told["first_difference"]) == (0, 2.0)
     gains = settings["gains"] | {"feedback_gain": 5.0}
     write(Path("gains.mcap"), rows, settings | {"gains": gains})
     assert document(["replay", "gains.mcap"], capsys, "log_replay")["wish_largest"] > 1e-5
@@ -201,6 +226,33 @@ def test_another_law_is_fed_with_the_run(capsys: pytest.CaptureFixture[str]) -> 
     assert 1e-3 < told["wish_largest"] < 1.0
     assert main.run(["log", "replay", "run.mcap", "--law", "uncompensated"]) == 0
     assert "in place of the record's law" in capsys.readouterr().out
+
+
+def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
+    source = ["from dataclasses import replace", "from bowden.control import LAWS"]
+    Path("my_law.py").write_text("\n".join([*source, "MINE = replace(LAWS['adaptive'], name='mine')"]))
+    Path("rig.toml").write_text("[control]\nlaw = 'my_law.py:MINE'\n")
+    for asked in (Asked(Path("rig.toml")), Asked(Path("rig.toml"), law="my_law.py:MINE")):
+        assert compose_live(asked).told()["law_file"] == f"{Path.cwd()}/my_law.py:MINE"
+    told = compose_live(Asked(Path("rig.toml"))).told()
+    settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT) | {
+        "law": "mine",
+        "law_file": told["law_file"],
+    }
+    write(Path("mine.mcap"), rows, settings)
+    found = document(["replay", "mine.mcap"], capsys, "log_replay")
+    assert (found["law"], found["same_law"], found["wish_largest"]) == ("mine", True, 0)
+    assert "law_file" not in compose_live(Asked(Path("rig.toml"), law="observer")).told()
+
+
+def test_an_emergency_and_a_preflight_that_failed_are_events(rows: np.ndarray) -> None:
+    changed, names = rows[:100].copy(), list(read(Path("run.mcap")).columns)
+    changed[50, names.index("emergency")] = 0x4210
+    changed[60:, names.index("preflight_reason")] = float(Reason.JOINT_STILL)
+    write(Path("changed.mcap"), changed, run_settings(LAW_USED, Limits(), Filters(), DT))
+    events = {event.number: event.text for event in read(Path("changed.mcap")).events if event.number >= 50}
+    assert events[50] == "emergency: 0x4210"
+    assert events[60] == "preflight_reason: none → joint_still"
 
 
 def test_gaps_begin_a_replay_anew(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:

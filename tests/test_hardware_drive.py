@@ -128,6 +128,19 @@ def test_it_follows_and_measures_in_si() -> None:
     assert max(r.emergency for r in rig.readings) == 0.0
 
 
+def test_a_target_acts_from_its_sync_on_and_on_nothing_that_is_past() -> None:
+    rig = Rig().up().on()
+    rig.run(500, Power.ON, 0.1)
+    sampled = []
+    for _ in range(3):  # time passes and nothing else: the twin's process, too, is woken by the frames of a cycle
+        rig.bus.time += CYCLE
+        rig.drive.read(rig.bus.time)
+        rig.drive.write(0.3, Power.ON, rig.bus.time)
+        sampled.append(rig.bus.node.bench.motor)
+    assert sampled[0] == pytest.approx(0.1, abs=3e-5), "at its SYNC it is where it was, but for a sub-step or two"
+    assert sampled[1] > 0.1002, "a cycle later"
+
+
 def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     turned = DRIVE._replace(motor_direction=-1, joint_direction=-1, motor_home=0.7, joint_home=-0.3)
     reading = Rig(turned).up().run(5, Power.OFF)
@@ -317,23 +330,6 @@ def test_bad_drives_are_refused_in_a_line_and_never_enabled(
     bus.advance(0.1)
     assert bus.node.state is State.SWITCH_ON_DISABLED
     assert "torque_on" not in [event for _, event, _ in bus.journal]
-
-
-def test_a_drive_under_torque_is_left_alone() -> None:
-    rig = Rig().up().on()
-    with pytest.raises(DriveError, match="operation enabled; expected a drive without torque"):
-        CanopenDrive(DRIVE, _Quiet(rig.bus)).bring_up()
-
-
-class _Quiet(TwinBus):
-    """The other master's drive, which does not obey our first order."""
-
-    def __init__(self, other: TwinBus) -> None:
-        self.__dict__ = other.__dict__
-
-    def send(self, msg: Any, timeout: float | None = None) -> None:
-        if msg.arbitration_id != frames.NMT:
-            super().send(msg, timeout)
 
 
 def test_bus_off_is_counted() -> None:

@@ -21,7 +21,8 @@ from bowden.core.errors import BowdenError
 from bowden.runtime.events import Changes
 from bowden.runtime.mcap_layout import Event, topics
 from bowden.runtime.mcap_log import MAGIC, LogFile, about, checksum
-from bowden.runtime.mcap_read import Damage, read
+from bowden.runtime.mcap_read import read
+from bowden.runtime.mcap_reader import Damage
 from bowden.runtime.mcap_recover import recover
 from bowden.runtime.ring import Description
 

@@ -123,6 +123,15 @@ def test_contradictions_are_named_and_refuse_the_run(wrong: dict[str, float]) ->
         require(limits, DT, "holds")
 
 
+@pytest.mark.parametrize(
+    "wrong", [{"winding_capacity": 0.0}, {"housing_to_ambient": math.nan}, {"winding_capacity": 0.1}]
+)
+def test_a_motor_without_a_thermal_model_is_refused(wrong: dict[str, float]) -> None:
+    limits = Limits()._replace(thermal=Limits().thermal._replace(**wrong))
+    with pytest.raises(SafetyError, match="thermal"):
+        require(limits, DT, "holds")
+
+
 @pytest.mark.parametrize("verdict", ["does_not_hold", "", "unknown"])
 def test_gains_that_do_not_hold_are_refused(verdict: str) -> None:
     with pytest.raises(SafetyError, match="bowden check"):

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from mcap.stream_reader import StreamReader
 
+from bowden.core.errors import OutputError
 from bowden.runtime import recorder
 from bowden.runtime.clock import MonotonicClock
 from bowden.runtime.mcap_read import read
@@ -230,6 +231,19 @@ def test_no_place_for_the_file_is_told_to_the_loop(rig: Rig, tmp_path: Path) -> 
     assert "cannot record to" in said
     assert rig.writer.recorder.read().state == RecorderState.FULL
     assert recorder.main([str(tmp_path / "no.ring"), str(tmp_path / "b.mcap")]) == 2
+
+
+def test_a_disk_without_room_for_a_beginning_is_told_and_keeps_no_empty_file(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(recorder, "LogFile", full)
+    with pytest.raises(OutputError, match=r"cannot record to .*: No space left on device; choose another place"):
+        recorder.record(rig.ring, rig.file)
+    assert not rig.file.exists()
+    assert rig.writer.recorder.read().state == RecorderState.FULL
 
 
 class Unwilling:

@@ -151,6 +151,13 @@ def test_what_is_no_ring_is_refused(path: Path, tmp_path: Path) -> None:
         ring.RingWriter(path)
     with pytest.raises(BowdenError, match="exists"):
         ring.create(path, ABOUT)
+    path.unlink()
+    ring.create(path, ABOUT, 10)
+    with path.open("r+b") as file:
+        file.seek(512 + 5)
+        file.write(b"\0")
+    with pytest.raises(BowdenError, match="does not say what its rows are"):
+        ring.RingReader(path)
     with pytest.raises(BowdenError, match="cannot make"):
         ring.create(tmp_path / "none" / "a.ring", ABOUT)
     ring.remove(path)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowden.app import compose, excitation, rig_drive
 from bowden.app import rig_schema as schema
-from bowden.control import LAWS, Law
+from bowden.control import LAWS, Law, user_law
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.hardware.drive_parameters import DriveParameters
@@ -36,6 +36,8 @@ class Asked:
     """[s]"""
     channel: str | None = None
     """Of the bus, in place of the rig's."""
+    interface: str | None = None
+    """Of that bus, in place of the rig's."""
     measure: bool = False
     """Move the motor through the excitation, in place of a law."""
 
@@ -56,6 +58,8 @@ class Live:
     """Row of an excitation from which on it is meant for the servo; 0 for a law."""
     start: float
     """Motor angle at which the run begins [rad]."""
+    law_file: str = ""
+    """Where a user's own law came from, as ``FILE.py:NAME``."""
 
     def cycle(self) -> Cycle:
         """Law under supervisor."""
@@ -73,6 +77,7 @@ class Live:
             "reference": self.setup.reference.describe(),
             "seed": self.setup.seed,
             "rig": self.description.model_dump(mode="json"),
+            **({"law_file": self.law_file} if self.law_file else {}),
         }
 
 
@@ -89,15 +94,16 @@ def compose_live(asked: Asked) -> Live:
             expected="a joint angle that grows with the motor's",
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
-    drive = rig_drive.drive_parameters(rig, setup.bench)
-    drive = drive if asked.channel is None else drive._replace(channel=asked.channel)
-    limits = rig_drive.limits(rig, setup.bench)
+    drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench), asked.channel, asked.interface)
+    limits, source = rig_drive.limits(rig, setup.bench), ""
     if asked.measure:
         law, moved = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time)
         table, servo_from, start = moved.motor[:, None], moved.servo_from, float(moved.motor[0])
     else:
         folder = Path() if asked.law else asked.rig.parent
-        law = compose.law_for(asked.law or rig.control.law, rig, setup.bench, folder, asked.preset)
+        name = asked.law or rig.control.law
+        law = compose.law_for(name, rig, setup.bench, folder, asked.preset)
+        source = user_law.absolute(name, folder) if user_law.is_file(name) else ""
         time = np.arange(round(setup.duration / drive.sample_time), dtype=np.float64) * drive.sample_time
         table, servo_from, start = setup.reference.sample(time), 0, setup.initial_motor
-    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, servo_from, start)
+    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, servo_from, start, source)

@@ -1,5 +1,6 @@
 """``bowden identify-servo``: natural frequency, damping, delay and limits from a log of command and motor."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,9 @@ from bowden.app.console import folder_argument, output_folder, print_json, progr
 
 if TYPE_CHECKING:
     from bowden.identify.servo import Estimate, ServoFit
+
+_NO_CYCLE = 0.05
+"""Share of a cycle by which a measured delay may be beyond whole ones before it is rounded up [–]."""
 
 
 def identify_servo(
@@ -59,7 +63,7 @@ def _document(found: "ServoFit", sample_time_ms: float) -> dict[str, Any]:
         "natural_frequency_hz": _in(found.natural_frequency, HERTZ),
         "damping": _in(found.damping, 1.0),
         "delay_s": _in(found.delay, 1.0),
-        "delay_cycles": int(-(-delay_ms // sample_time_ms)) if delay_ms > 0.05 * sample_time_ms else 0,
+        "delay_cycles": max(0, math.ceil(delay_ms / sample_time_ms - _NO_CYCLE)),
         "sample_time_ms": sample_time_ms,
         "speed_limit_deg_per_s": _in(found.speed_limit, RADIANS),
         "acceleration_limit_deg_per_s2": _in(found.acceleration_limit, RADIANS),

@@ -3,11 +3,15 @@
 import math
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
 from rich.table import Table
 
 from bowden.core.units import RADIANS
+from bowden.hardware.emergencies import emergency_text
+from bowden.runtime.preflight import REASONS, Reason
 from bowden.runtime.ring_status import RecorderState
 from bowden.safety import faults
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
 
 if TYPE_CHECKING:
@@ -25,26 +29,39 @@ _NEXT = {
 
 def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     """One picture of a run from its newest row."""
-    mode = Mode(int(row["mode"]))
+    mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
-    if mode == Mode.PREFLIGHT and row["preflight"]:
-        said = "passed; r to run" if row["preflight"] > 0.0 else "failed"
-        table.add_row("state", f"[bold]preflight[/bold]  {said}")
-    else:
-        table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {'' if auto else _NEXT.get(mode, '')}")
+    said = "" if auto else _next(mode, row["preflight"], shown)
+    table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {said}")
+    for fault in shown:  # all that must be seen stands above: a low terminal cuts the end off
+        table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
+    if not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
+        code = emergency_text(session.emergency) if session.emergency else session.ready["drive"]
+        table.add_row("[red]drive[/red]", escape(code))
+    if row["preflight_reason"]:
+        table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])
+    table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
     table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.winding']:.0f} °C")
+    table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
+    table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
     table.add_row("estimates", ", ".join(f"{name} {value:.3g}" for name, value in laws[:_MOST_ESTIMATES]))
-    table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
-    table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {session.log}")
-    for fault in faults.of(row["faults"]):
-        table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
-    table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
     return table
+
+
+def _next(mode: Mode, preflight: float, shown: list[Fault]) -> str:
+    """What the operator may do."""
+    if mode == Mode.STOPPED and Fault.DRIVE_FAULT in shown:
+        return "mend the cause, then k to reset the drive"
+    if mode == Mode.STOPPED and shown:
+        return "cannot be armed"
+    if mode == Mode.PREFLIGHT and preflight:
+        return "passed; r to run" if preflight > 0.0 else "failed"
+    return _NEXT.get(mode, "")
 
 
 def _deg(angle: float) -> str:

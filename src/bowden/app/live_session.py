@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,18 +16,22 @@ from typing import Any
 
 from bowden.app import thermal_file
 from bowden.app.compose_live import Asked, Live
+from bowden.app.twin_scenario import TwinScenario
 from bowden.core.errors import DriveError, OutputError
+from bowden.models.thermal import cold
 from bowden.runtime import control_block
 from bowden.runtime.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.runtime.control_block import ControlBlock
-from bowden.runtime.ring import FOLDER, RingReader, create
+from bowden.runtime.ring import FOLDER, RingReader, Row, create
 from bowden.runtime.ring_status import RecorderState
-from bowden.runtime.row import description
+from bowden.runtime.row import AT, description
 from bowden.runtime.run_settings import run_settings
 from bowden.safety.supervisor import Request
 
-_START = 60.0
-"""A loop that has not said anything after this has failed; it compiles at first [s]."""
+_START = 900.0
+"""A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
+_TOLD_AFTER = 3.0
+"""A wait of so long is explained [s]."""
 _END = 10.0
 """From the wish to end to the process' end [s]."""
 _BEAT = 0.1
@@ -37,15 +42,25 @@ class Session:
     """A run that goes on; `begin` makes it.
 
     Use as a context: leaving it ends the run in a controlled release, whatever happened.
+
+    Args:
+        asked: what the command line asks for.
+        live: what was made of it.
+        log: the file to record to.
+        remembers: whether the motor's warmth is taken from the run before and kept for the next one.
     """
 
-    def __init__(self, asked: Asked, live: Live, log: Path) -> None:
-        self.live, self.log = live, log
+    def __init__(self, asked: Asked, live: Live, log: Path, *, remembers: bool = True) -> None:
+        self.live, self.log, self._remembers = live, log, remembers
         self.clock = MonotonicClock()
         self.ended: dict[str, Any] | None = None
         """What the loop said at its end."""
         self.error = ""
-        """What the loop said when it failed."""
+        """Why the loop ended without a word about how it ended; empty where it said that."""
+        self.emergency = 0
+        """Error code of the drive's last emergency; 0 where there was none."""
+        self._last: Row | None = None
+        self._not_kept = ""
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._stop = threading.Event()
         self._processes: list[subprocess.Popen[str]] = []
@@ -58,8 +73,16 @@ class Session:
             self._begin()
         except BaseException:
             self.__exit__()
+            self._leave_no_empty_log()
             raise
         return self
+
+    def _leave_no_empty_log(self) -> None:
+        """Remove the log of a run that did not begin, if it is known to be ours."""
+        if hasattr(self, "rows"):
+            said = self.rows.recorder.read()
+            if said.state == RecorderState.ENDED and not said.rows:
+                self.log.unlink(missing_ok=True)
 
     def _begin(self) -> None:
         live, now = self.live, self.clock.now()
@@ -69,12 +92,14 @@ class Session:
         create(self._ring, told)
         control_block.create(self._block)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
+        self._scenario = TwinScenario(live.drive, now / SECOND)
         self.block.beat(now)
         threading.Thread(target=self._beat, daemon=True).start()
         recorder = ["bowden.runtime.recorder", str(self._ring), str(self.log), "--rig", str(self._asked.rig.parent)]
         self._recorder = self._start(recorder)
         asked = asdict(self._asked) | {"rig": str(self._asked.rig)}
-        thermal = thermal_file.read(live.drive, live.limits.thermal)
+        warmth = live.limits.thermal
+        thermal = thermal_file.read(live.drive, warmth) if self._remembers else cold(warmth)
         given = {
             "asked": asked,
             "thermal": thermal,
@@ -112,19 +137,23 @@ class Session:
         self._said.put(None)
 
     def _await_ready(self) -> dict[str, Any]:
-        try:
-            said = self._said.get(timeout=_START)
-        except queue.Empty:
-            raise DriveError(
-                f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor"
-            ) from None
+        said = self._answer()
         if said and "ready" in said:
             self._check_recorder()
             return dict(said["ready"])
         if said and "error" in said:
             raise DriveError(said["error"])
-        assert self._loop.stderr is not None
-        raise DriveError(f"the loop's process ended: {self._loop.stderr.read().strip()[-300:]}")
+        raise DriveError(self._how_it_died())
+
+    def _answer(self) -> dict[str, Any] | None:
+        """The first thing that the loop's process says; None where it ended without a word."""
+        with contextlib.suppress(queue.Empty):
+            return self._said.get(timeout=_TOLD_AFTER)
+        if sys.stderr.isatty():
+            print("bowden: the loop is made ready; the first time it is compiled, for a minute", file=sys.stderr)
+        with contextlib.suppress(queue.Empty):
+            return self._said.get(timeout=_START)
+        raise DriveError(f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor")
 
     def _check_recorder(self) -> None:
         deadline = self.clock.now() + 10 * SECOND
@@ -143,20 +172,37 @@ class Session:
 
     @property
     def running(self) -> bool:
-        """Whether the loop cycles; afterwards `ended` or `error` has what it said."""
-        self._hear()
+        """Whether the loop cycles."""
         return self._loop.poll() is None
 
-    def _hear(self) -> None:
+    def _hear_the_end(self) -> None:
+        """Take what the loop's process said at its end, once it has ended."""
+        self._listener.join(1.0)
         with contextlib.suppress(queue.Empty):
             while True:
-                said = self._said.get_nowait()
-                if said is not None:
-                    self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
+                said = self._said.get_nowait() or {}
+                self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
+        if self.ended is None:
+            self.error = self.error or self._how_it_died()
+
+    def _how_it_died(self) -> str:
+        """Of a loop that did not say it itself."""
+        code, pipe = self._loop.wait(_END), self._loop.stderr
+        if code < 0:
+            how = f"was ended by {signal.Signals(-code).name}"
+            return f"the loop's process {how}; a drive that misses its heartbeat takes its torque off by itself"
+        said = pipe.read().strip().splitlines() if pipe is not None else []
+        return f"the loop's process ended by itself: {said[-1] if said else f'exit code {code}'}"
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns; None before the first."""
-        row = self.rows.last()
+        rows = self.rows.read().rows
+        if len(rows):
+            self._last = rows[-1]
+            self._scenario.see(rows)
+            codes = rows[:, AT["emergency"]]
+            self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
+        row = self._last
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
 
     def ask(self, request: Request) -> None:
@@ -166,8 +212,8 @@ class Session:
     def remember(self) -> None:
         """Keep how warm the motor is, for the next run."""
         row = self.last()
-        if row is not None:
-            thermal_file.write(self.live.drive, row)
+        if row is not None and self._remembers:
+            self._not_kept = thermal_file.write(self.live.drive, row)
 
     def wait(self, seconds: float) -> None:
         """Let time pass [s]."""
@@ -178,11 +224,16 @@ class Session:
         if hasattr(self, "block"):
             self.block.quit()
         if hasattr(self, "_loop"):
-            with contextlib.suppress(subprocess.TimeoutExpired):
+            try:
                 self._loop.wait(_END)
-            self._listener.join(1.0)
+            except subprocess.TimeoutExpired:
+                self._loop.kill()
+                self.error = f"the loop's process did not end within {_END:g} s and was killed"
             self.remember()
-            self._hear()
+            if self._not_kept:
+                what = f"how warm the motor is cannot be kept ({self._not_kept})"
+                print(f"bowden: note: {what}; the next run takes it for cold", file=sys.stderr)
+            self._hear_the_end()
         if hasattr(self, "_recorder"):
             self.rows.recorder.stop()
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -215,10 +266,12 @@ def _left_behind() -> Iterator[Path]:
 
 @contextlib.contextmanager
 def own_twin(rig: Path, duration: float | None) -> Iterator[str]:
-    """A twin of the rig on a bus that nobody else knows; the bus' channel."""
+    """A twin of the rig on a bus of its own, whatever the rig's is; the channel of that `bowden_unix` bus."""
     from bowden.app.twin_process import running_twin
+    from bowden.hardware.buses import UNIX
 
     with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
-        options = [] if duration is None else ["--duration", str(duration)]
+        options = ["--interface", UNIX, *([] if duration is None else ["--duration", str(duration)])]
+        print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig} --channel {folder}", file=sys.stderr)
         with running_twin(rig, Path(folder), options) as twin:
             yield twin.channel

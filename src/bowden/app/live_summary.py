@@ -1,5 +1,6 @@
 """What a run came to, from its log."""
 
+import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import RADIANS
+from bowden.hardware.emergencies import emergency_text
 from bowden.runtime.cycle import Source
 from bowden.runtime.lateness import figures
 from bowden.runtime.mcap_read import read
@@ -19,12 +21,13 @@ if TYPE_CHECKING:
 
 def document(session: "Session") -> dict[str, Any]:
     """The figures of a run that has ended, as JSON values."""
-    log = read(session.log)
+    log = read(session.log, _NEEDED)
     led = log["source"] >= Source.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
+    codes = log["emergency"]
     return {
         "law": session.live.law.name,
         "drive": session.ready["drive"],
@@ -33,6 +36,8 @@ def document(session: "Session") -> dict[str, Any]:
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
         "preflight": ended.get("reason") or None,
+        "emergencies": [emergency_text(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+        "error": session.error or None,
         "cycles": ended.get("cycles"),
         "cycles_logged": len(log.rows),
         "seconds_led": round(len(error) * session.live.drive.sample_time, 6),
@@ -43,7 +48,12 @@ def document(session: "Session") -> dict[str, Any]:
         "overruns": ended.get("overruns"),
         "grants": session.ready["grants"],
         "log": str(session.log),
+        "log_whole": log.whole,
     }
+
+
+_NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
+"""Columns of the log that the figures come from."""
 
 
 def _median_us(values: NDArray[np.float64]) -> float | None:
@@ -63,7 +73,20 @@ def print_summary(found: dict[str, Any]) -> None:
             f"{found['overruns']} overruns in {found['cycles']} cycles"
         )
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
-        print(f"ended by a fault: {meaning}; {remedy}")
+        print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+    for text in found["emergencies"]:
+        print(f"emergency: {text}")
     if found["preflight"]:
         print(f"preflight: {found['preflight']}")
-    print(f"Log: {found['log']}  (bowden log info {found['log']})")
+    if found["error"]:
+        print(f"ended by an error: {found['error']}")
+    whole = found["log_whole"]
+    print(f"Log: {found['log']}  (bowden log {'info' if whole else 'recover'} {found['log']})")
+    lost = (found["cycles"] or 0) - found["cycles_logged"]
+    if lost > 0:
+        print(
+            f"bowden: note: {lost} cycles of {found['cycles']} are not in the log, nor in these figures",
+            file=sys.stderr,
+        )
+    if not whole:
+        print(f"bowden: note: {found['log']} was not closed properly", file=sys.stderr)

@@ -12,6 +12,7 @@ from bowden.core.errors import OutputError
 
 if TYPE_CHECKING:
     from bowden.runtime.mcap_read import Recording
+    from bowden.runtime.mcap_reader import LogReader
 
 FileArgument = Annotated[Path, typer.Argument(help="A log, as bowden run writes it: NAME.mcap.", metavar="FILE")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
@@ -26,10 +27,10 @@ class Kind(StrEnum):
 
 def info(file: FileArgument, json: JsonOption = False) -> None:
     """Say what a log holds: duration, cycles, what is missing, lateness, events, settings."""
-    from bowden.app.log_facts import facts
+    from bowden.app.log_facts import NEEDED, facts
     from bowden.runtime.mcap_read import read
 
-    found = read(file)
+    found = read(file, NEEDED)
     document = facts(found)
     if json:
         print_json({"file": str(file), **document, "seconds": seconds()})
@@ -74,23 +75,22 @@ def export(
     json: JsonOption = False,
 ) -> None:
     """Write a log as a trace, with units and settings: bowden identify takes it, and so does pandas."""
-    from bowden.runtime.mcap_read import read
+    from bowden.core.trace import write_csv, write_parquet
+    from bowden.runtime.mcap_read import traces
+    from bowden.runtime.mcap_reader import LogReader
 
     target = out or file.with_suffix(f".{to}")
     if target.absolute() == file.absolute():
         raise OutputError(f"{target} is the log itself", do="choose another name with --out")
-    found = read(file)
-    trace = found.trace()
-    if to is Kind.PARQUET:
-        trace.to_parquet(target)
-    else:
-        trace.to_csv(target)
+    log = LogReader(file)
+    write = write_parquet if to is Kind.PARQUET else write_csv
+    write(traces(log), target)
     if json:
         files = [str(target)]
-        print_json({"files": files, "cycles": len(trace), "columns": list(trace.columns), "seconds": seconds()})
+        print_json({"files": files, "cycles": log.count, "columns": list(log.columns), "seconds": seconds()})
         return
-    print(f"{target}: {len(trace)} cycles of {len(trace.columns)} columns")
-    _warn(found, file)
+    print(f"{target}: {log.count} cycles of {len(log.columns)} columns")
+    _warn(log, file)
 
 
 def plot(
@@ -151,7 +151,7 @@ def replay(
     _warn(found, file)
 
 
-def _warn(found: "Recording", file: Path) -> None:
+def _warn(found: "Recording | LogReader", file: Path) -> None:
     """Say on standard error where a log is not what a run that ended well leaves."""
     if not found.whole:
         how = "was not closed properly" if found.closing is None else "is damaged"

@@ -1,5 +1,6 @@
 """The facts of a log, as ``bowden log info`` and its page tell them."""
 
+import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
@@ -8,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.runtime.mcap_read import Recording
+
+NEEDED = ("time", "lateness", "run_time", "overruns")
+"""Columns of the log that are looked at."""
 
 _MOST_EVENTS = 12  # printed; the JSON document has them all
 
@@ -35,7 +39,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
-        "columns": dict(zip(found.columns, found.units, strict=True)),
+        "columns": dict(zip(json.loads(found.about["columns"]), json.loads(found.about["units"]), strict=True)),
         "settings": _finite(settings),
     }
 

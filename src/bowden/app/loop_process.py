@@ -34,6 +34,7 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.runtime.clock import MonotonicClock
     from bowden.runtime.control_block import ControlBlock
     from bowden.runtime.loop import Loop
+    from bowden.runtime.preflight import REASONS, Reason
     from bowden.runtime.realtime import become_realtime
     from bowden.runtime.ring import RingWriter
     from bowden.runtime.row import NOTHING_READ
@@ -56,7 +57,7 @@ def _run(given: dict[str, Any]) -> int:
         ring.close()
         raise
     ended = loop.run()
-    _say("ended", asdict(ended) | {"reason": script.reason})
+    _say("ended", asdict(ended) | {"reason": REASONS[Reason(int(script.reason))]})
     return 0
 
 

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from bowden.core.errors import DriveError, ParameterError, SafetyError
+from bowden.core.errors import ParameterError, SafetyError
 from bowden.safety import faults
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
 if TYPE_CHECKING:
@@ -36,18 +37,53 @@ def refuse_without_keys(auto: bool, json: bool) -> None:
         raise ParameterError(why, do="add --auto, which arms and runs by itself")
 
 
-def operate(session: "Session", *, auto: bool, quiet: bool) -> None:
+class Ending:
+    """The signals that ask for the end.
+
+    While a run is being put together the first of them interrupts it; from `operate` on they are only noted, so that
+    nothing cuts an orderly end short.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        """Whether one has come."""
+        self._interrupts = True
+
+    def only_noted(self) -> None:
+        """From here on none of them interrupts anything."""
+        self._interrupts = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Take a signal."""
+        interrupts, self.asked, self._interrupts = self._interrupts, True, False
+        if interrupts:
+            raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def ending_signals() -> Iterator[Ending]:
+    """Take Ctrl-C, SIGTERM and a closed terminal as `Ending` says, and give them back afterwards."""
+    ending = Ending()
+    before = {number: signal.signal(number, ending) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield ending
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> None:
     """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
 
     Raises:
-        DriveError: the loop's process failed.
         SafetyError: with `auto`, the supervisor or the preflight did not let it run.
     """
+    ending.only_noted()
     _tell_grants(session)
-    with _signals() as ending, _keys() as key, _screen(session, auto, quiet) as show:
+    with _keys() as key, _screen(session, auto, quiet) as show:
         steps = _automatic(session) if auto else None
         looks = 0
-        while session.running and not ending:
+        while session.running and not ending.asked:
             row = session.last()
             if row is not None:
                 show(row)
@@ -62,16 +98,16 @@ def operate(session: "Session", *, auto: bool, quiet: bool) -> None:
             if looks % _REMEMBER == 0:
                 session.remember()
             session.wait(0.5 * _LOOK if auto else 0.0)
-    if session.error:
-        raise DriveError(session.error)
 
 
 def _automatic(session: "Session") -> Iterator[bool]:
     """Arm, run and wait for the end, one look at a time; ends when the run has ended."""
+    begun = None
     for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
         while True:
             row = session.last()
             assert row is not None
+            begun = row["time"] if begun is None else begun
             if request == Request.RUN and row["mode"] == Mode.PREFLIGHT and row["preflight"] == 0.0:
                 yield True
                 continue
@@ -79,9 +115,11 @@ def _automatic(session: "Session") -> Iterator[bool]:
                 break
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
                 return
-            if row["faults"] and row["mode"] == Mode.STOPPED and row["time"] > _PATIENCE:
-                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
-                raise SafetyError(f"the supervisor does not arm: {listed}")
+            if row["faults"] and row["mode"] == Mode.STOPPED and row["time"] - begun > _PATIENCE:
+                found = faults.of(row["faults"])
+                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in found)
+                do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
+                raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
             session.ask(request)
             yield True
     while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
@@ -99,22 +137,6 @@ def _tell_grants(session: "Session") -> None:
 
 
 @contextlib.contextmanager
-def _signals() -> Iterator[list[int]]:
-    """A list that holds the signals which asked for the end."""
-    came: list[int] = []
-
-    def note(number: int, _: FrameType | None) -> None:
-        came.append(number)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextlib.contextmanager
 def _keys() -> Iterator[Callable[..., Any]]:
     """A function that waits a little for a key and gives it; the empty text for none."""
     if not sys.stdin.isatty():
@@ -125,8 +147,10 @@ def _keys() -> Iterator[Callable[..., Any]]:
 
     def key() -> str:
         ready, _, _ = select.select([handle], [], [], _LOOK)
-        pressed = os.read(handle, 1).decode(errors="replace") if ready else ""
-        return "q" if ready and not pressed else pressed  # nothing to read: the terminal is gone
+        pressed = b""
+        with contextlib.suppress(OSError):
+            pressed = os.read(handle, 1) if ready else b""
+        return "q" if ready and not pressed else pressed.decode(errors="replace")  # the terminal is gone
 
     try:
         tty.setcbreak(handle)
@@ -146,5 +170,15 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
 
     from bowden.app.live_screen import picture
 
-    with Live(auto_refresh=False, transient=True) as live:
-        yield lambda row: live.update(picture(session, row, auto), refresh=True)
+    live = Live(auto_refresh=False, transient=True)
+
+    def show(row: dict[str, float]) -> None:
+        with contextlib.suppress(OSError):  # the terminal is gone: the run ends in its own way
+            live.update(picture(session, row, auto), refresh=True)
+
+    live.start()
+    try:
+        yield show
+    finally:
+        with contextlib.suppress(OSError):
+            live.stop()

@@ -31,6 +31,13 @@ def drive_parameters(rig: schema.Rig, bench: Bench) -> DriveParameters:
         ParameterError: values that make no sense together.
     """
     given, allowed = rig.drive, limits(rig, bench)
+    if not allowed.motor_low < allowed.motor_high:
+        low, high = (f"{angle / RADIANS:g}" for angle in (allowed.motor_low, allowed.motor_high))
+        raise ParameterError(
+            f"limits.motor_low_deg is {low} and motor_high_deg {high}",
+            expected="motor_low_deg below motor_high_deg",
+            do="correct them in rig.toml",
+        )
     parameters = DriveParameters(
         interface=given.interface,
         channel=given.channel,
@@ -60,7 +67,28 @@ def drive_parameters(rig: schema.Rig, bench: Bench) -> DriveParameters:
         answer_timeout=given.answer_timeout_ms * schema.MILLISECONDS,
     )
     check_parameters(parameters)
+    if 2.0 * parameters.drive_heartbeat_time > allowed.heartbeat_age:
+        raise ParameterError(
+            f"drive.drive_heartbeat_ms is {given.drive_heartbeat_ms:g}, and limits.heartbeat_age_s is "
+            f"{allowed.heartbeat_age:g}",
+            expected="two of the drive's heartbeats within that age, so that one lost frame is none",
+            do="correct one of them",
+        )
     return parameters
+
+
+def on_bus(drive: DriveParameters, channel: str | None, interface: str | None) -> DriveParameters:
+    """The drive on another bus than the rig's, where one is given.
+
+    Raises:
+        ParameterError: a channel that is none.
+    """
+    moved = drive._replace(
+        channel=drive.channel if channel is None else channel,
+        interface=drive.interface if interface is None else interface,
+    )
+    check_parameters(moved)
+    return moved
 
 
 def settings(rig: schema.Rig) -> Settings:

@@ -32,13 +32,14 @@ def run(
 ) -> None:
     """Run a law live: starts stopped; keys arm, run, stop and acknowledge; ends in a controlled release.
 
-    Exit code 0 when the run ended as asked, 1 when a fault ended it, 2 when it could not begin.
+    Exit code 0 when the run ended as asked, 1 when a fault or an error ended it, 2 when it could not begin.
     """
     from bowden.app.compose_live import Asked, compose_live
     from bowden.app.live_session import Session, own_twin
     from bowden.app.live_summary import document, print_summary
-    from bowden.app.operator import operate, refuse_without_keys
+    from bowden.app.operator import ending_signals, operate, refuse_without_keys
     from bowden.app.verdict import verdicts
+    from bowden.hardware.buses import UNIX
     from bowden.runtime.preflight import require
 
     refuse_without_keys(auto, json)
@@ -49,11 +50,12 @@ def run(
         print(f"bowden: note: {note}", file=sys.stderr)
     require(live.limits, live.drive.sample_time, "little_margin" if force else checked[0].name or "little_margin")
     with contextlib.ExitStack() as stack:
+        ending = stack.enter_context(ending_signals())
         if twin:
-            asked = replace(asked, channel=stack.enter_context(own_twin(rig, duration)))
+            asked = replace(asked, channel=stack.enter_context(own_twin(rig, duration)), interface=UNIX)
             live = compose_live(asked)
-        session = stack.enter_context(Session(asked, live, new_log(out, live.law.name)))
-        operate(session, auto=auto, quiet=json)
+        session = stack.enter_context(Session(asked, live, new_log(out, live.law.name), remembers=not twin))
+        operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     if json:
         print_json(found | {"seconds": seconds()})

@@ -1,7 +1,10 @@
 """``bowden twin``: a digital twin of a rig's drive in a process of its own, and faults injected into a running one."""
 
+import math
+import os
 import signal
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +16,10 @@ from bowden.core.errors import ParameterError
 if TYPE_CHECKING:
     from bowden.app.compose import Setup
     from bowden.hardware.drive_parameters import DriveParameters
+    from bowden.hardware.twin import Twin
+
+_AFTER_PARENT = 5.0
+"""[s]"""
 
 
 def twin(
@@ -25,24 +32,27 @@ def twin(
     clear: Annotated[bool, typer.Option("--clear", help="End all faults of the twin that runs.")] = False,
     status: Annotated[bool, typer.Option("--status", help="Show where the twin that runs is.")] = False,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
+    interface: Annotated[str | None, typer.Option(help="python-can's name of that bus, in place of the rig's.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the scenario's sheath motion in seconds.")] = None,
     object_: Annotated[
         list[str] | None,
         typer.Option("--object", help="An object that is otherwise: 6502:0=0x25, or 6502:0=none. May be repeated."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+    until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
     from bowden.app import compose
-    from bowden.app.rig_drive import drive_parameters
+    from bowden.app.rig_drive import drive_parameters, on_bus
 
     setup, description = compose.setup(rig, duration)
-    drive = drive_parameters(description, setup.bench)
-    drive = drive if channel is None else drive._replace(channel=channel)
+    drive = on_bus(drive_parameters(description, setup.bench), channel, interface)
+    if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
+        raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
     if inject or clear or status:
         _talk(drive, inject, after, lasting, clear, json)
     else:
-        _run(setup, drive, object_ or [], json)
+        _run(setup, drive, object_ or [], json, until_orphaned)
 
 
 def _talk(
@@ -70,7 +80,7 @@ def _talk(
         print(f"twin: {found['state'].lower().replace('_', ' ')}, motor {found['motor']:.4f} rad; faults: {faults}")
 
 
-def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool) -> None:
+def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool, until_orphaned: bool) -> None:
     from bowden.hardware.twin import Twin, raise_priority
     from bowden.hardware.twin_bench import TwinBench
     from bowden.runtime.clock import SECOND, MonotonicClock
@@ -85,6 +95,8 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: boo
     running = Twin(drive, bench, clock, overrides)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
+    if until_orphaned:
+        threading.Thread(target=_watch_parent, args=(os.getppid(), running), daemon=True).start()
     realtime = raise_priority()
     where = {"interface": drive.interface, "channel": drive.channel, "node": drive.node_id, "control": running.path}
     if json:
@@ -95,6 +107,15 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: boo
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
     running.run()
+
+
+def _watch_parent(parent: int, running: "Twin") -> None:
+    """End the twin some time after the process that started it: a loop that is left may still release its cable."""
+    forever = threading.Event()
+    while os.getppid() == parent:
+        forever.wait(0.5)
+    forever.wait(_AFTER_PARENT)
+    running.stop()
 
 
 def _override(text: str) -> tuple[tuple[int, int], int | None]:

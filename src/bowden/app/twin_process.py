@@ -34,11 +34,13 @@ def running_twin(rig: Path, channel: Path, options: Sequence[str] = ()) -> Itera
         DriveError: it does not start; with what it said.
     """
     command = [sys.executable, "-c", "from bowden.app.main import main; main()", "twin", str(rig), "--json"]
+    command += ["--until-orphaned"]
     process = subprocess.Popen(
         [*command, "--channel", str(channel), *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,  # Ctrl-C is for the run, which still needs a drive to release the cable
     )
     try:
         assert process.stdout is not None

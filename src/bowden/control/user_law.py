@@ -33,6 +33,13 @@ def is_file(name: str) -> bool:
     return _split(name)[0].endswith(".py")
 
 
+def absolute(name: str, folder: Path | None = None) -> str:
+    """``FILE.py:NAME`` with the whole path of its file, as a log keeps it."""
+    file, attribute = _split(name)
+    path = ((folder or Path()) / file).absolute()
+    return f"{path}:{attribute}" if attribute else str(path)
+
+
 def load(name: str, folder: Path | None = None) -> Law:
     """The law that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
 

@@ -124,10 +124,7 @@ class Trace:
         Raises:
             OutputError: the file cannot be written.
         """
-        import pyarrow.parquet as pq
-
-        with whole_file(path) as part, part.open("wb") as file:
-            pq.write_table(self._table(), file)
+        write_parquet(iter([self]), path)
 
     def to_csv(self, path: Path | str) -> None:
         """Write the trace as text: a comment with units, settings and seed, a header, shortest exact decimals.
@@ -135,11 +132,7 @@ class Trace:
         Raises:
             OutputError: the file cannot be written.
         """
-        from pyarrow import csv
-
-        with whole_file(path) as part, part.open("wb") as file:
-            file.write((_MAGIC + json.dumps(self._metadata()) + "\n").encode())
-            csv.write_csv(self._table(), file)
+        write_csv(iter([self]), path)
 
     @classmethod
     def from_parquet(cls, path: Path | str) -> "Trace":
@@ -188,6 +181,40 @@ class Trace:
         if list(columns) != list(metadata["units"]) or not len(table):
             raise ValueError(f"{len(table)} rows of {list(columns)}, declared as {list(metadata['units'])}")
         return cls(columns, metadata["units"], metadata["settings"], metadata["seed"])
+
+
+def write_parquet(traces: Iterator[Trace], path: Path | str) -> None:
+    """Write traces, one or more that go on in one another, as one trace: what is too long for the memory.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    import pyarrow.parquet as pq
+
+    with whole_file(path) as part, part.open("wb") as file:
+        first = next(traces)._table()
+        with pq.ParquetWriter(file, first.schema) as writer:
+            writer.write_table(first)
+            for trace in traces:
+                writer.write_table(trace._table())
+
+
+def write_csv(traces: Iterator[Trace], path: Path | str) -> None:
+    """The same as text.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    from pyarrow import csv
+
+    with whole_file(path) as part, part.open("wb") as file:
+        first = next(traces)
+        file.write((_MAGIC + json.dumps(first._metadata()) + "\n").encode())
+        table = first._table()
+        with csv.CSVWriter(file, table.schema) as writer:
+            writer.write_table(table)
+            for trace in traces:
+                writer.write_table(trace._table())
 
 
 @contextlib.contextmanager

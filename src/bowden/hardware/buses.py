@@ -1,5 +1,6 @@
 """Opening a CAN bus by name, and seeing to it that it has one master."""
 
+import errno
 import hashlib
 import logging
 import os
@@ -92,11 +93,18 @@ def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -
         if interface == UNIX:
             return UnixBus(channel, create=create)
         return can.Bus(channel, interface=interface, bitrate=bitrate)
-    except NotImplementedError as error:
-        raise DriveError(
-            f"there is no CAN interface {interface!r}", expected="socketcan or bowden_unix", do="correct [drive]"
-        ) from error
-    except (can.CanError, OSError, ValueError, ImportError) as error:
-        do = "start bowden twin, or correct [drive]" if interface == UNIX else f"try: ip link set {channel} up"
-        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+    except Exception as error:  # python-can's interfaces raise whatever their makers' libraries do
+        if interface not in can.VALID_INTERFACES and interface != UNIX:
+            raise DriveError(
+                f"there is no CAN interface {interface!r}", expected="socketcan or bowden_unix", do="correct [drive]"
+            ) from error
+        number = getattr(error, "errno", None)
+        do = _REMEDIES.get(interface, "see to its adapter and driver, or correct [drive]").format(channel=channel)
+        if number == errno.EAFNOSUPPORT:
+            do = "this kernel has no CAN: load its module can_raw, or use bowden_unix"
+        reason = os.strerror(number) if isinstance(error, OSError) and number else str(error)
         raise DriveError(f"cannot open the bus {channel} ({interface}): {reason}", do=do) from error
+
+
+_REMEDIES = {UNIX: "start bowden twin, or correct [drive]", "socketcan": "try: ip link set {channel} up"}
+"""Interface → what to do when its bus cannot be opened."""

@@ -1,6 +1,8 @@
 """Questions and answers with one CANopen node over SDO, by the `canopen` library; each failure is said in one line."""
 
 import contextlib
+import struct
+import threading
 from collections.abc import Iterator
 
 import can
@@ -13,7 +15,11 @@ from bowden.hardware import canopen_frames as frames
 NOT_THERE = (0x0602_0000, 0x0609_0011)
 """SDO abort codes: no such object, no such sub-index (CiA 301)."""
 
-_FAILURES = (SdoError, can.CanError, OSError)
+_FAILURES = (SdoError, can.CanError, OSError, struct.error)
+"""What the library raises where nobody answers, or answers with what is none (`struct.error`)."""
+
+_GLANCE = 5e-3
+"""Between two looks at an object that is to change [s]."""
 
 
 class Dialogue:
@@ -45,6 +51,22 @@ class Dialogue:
             raise DriveError(
                 f"nobody is on the bus: {error}", do="switch the drive on, or start bowden twin; see to cable and ends"
             ) from error
+
+    def answers(self) -> bool:
+        """Whether the node answers at all; one that NMT has stopped, or that is not there, does not."""
+        try:
+            self._node.sdo.upload(0x1000, 0)
+        except canopen.SdoAbortedError:
+            return True
+        except _FAILURES:
+            return False
+        return True
+
+    def hears(self, number: int, span: float) -> bool:
+        """Whether a node of that number says anything within `span` [s]."""
+        self._network.scanner.nodes.clear()
+        threading.Event().wait(span)
+        return number in self._network.scanner.nodes
 
     def read_if_there(self, index: int, sub: int = 0, *, signed: bool = False) -> int | None:
         """A number; None where the drive has no such object.
@@ -97,6 +119,18 @@ class Dialogue:
         kept = self.read(index, sub)
         if (kept ^ written) & mask:
             raise DriveError(f"{self.name} keeps {index:04X}h:{sub} at {kept}", expected=f"{written}, as written")
+
+    def becomes(self, index: int, sub: int, value: int) -> bool:
+        """Whether a signed object has a value, or takes it within the time of an answer.
+
+        Raises:
+            DriveError: no answer, a refusal, or no such object.
+        """
+        for _ in range(1 + int(self._timeout / _GLANCE)):
+            if self.read(index, sub, signed=True) == value:
+                return True
+            threading.Event().wait(_GLANCE)
+        return False
 
     def others(self) -> list[int]:
         """The numbers of the other nodes that answer."""

@@ -115,7 +115,7 @@ class CanopenDrive:
                 self._heartbeat_heard = now
                 self._operational = self._operational and told == frames.OPERATIONAL
             elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
-                emergency = float(code)
+                emergency = emergency or float(code)  # of several in a cycle the first is the cause
         self._before, self._state = self._state, self._statusword_state if self._operational else State(0)
         if math.isnan(self._heartbeat_heard):
             self._heartbeat_heard = now  # of the first cycle: from here on it can be late
@@ -129,13 +129,16 @@ class CanopenDrive:
         """See `runtime.ports.Drive.write`.
 
         Until operation is enabled the target sent is the position itself, so that enabling moves nothing. A target
-        that is no number, or beyond the drive's counts, is never sent: the torque goes off. A drive that has left
+        that is no number, or beyond the drive's counts, is never sent: the torque goes off. There is none before the
+        drive has told its position. A drive that has left
         operation by itself is not switched on again before `Power.OFF` has been wanted.
         """
         if self._bus is None or self._found is None:
             return
         self._fell = fell(self._before, self._state, self._sent, self._fell, power)
         counts = self._found.motor.counts(target)
+        if math.isnan(self._values.motor):
+            power = min(power, Power.READY)
         if not -frames.INT32 <= counts <= frames.INT32 - 1:
             power, counts = Power.OFF, float(self._counts)
         wanted = Power.OFF if self._fell else power
@@ -164,6 +167,8 @@ class CanopenDrive:
         values, drive = self._values, self._drive
         if not (math.isfinite(values.motor) and math.isfinite(values.joint)):
             raise DriveError("the drive has told no position yet", do="read a few cycles first")
+        if drive.home_here:  # the next bring-up finds the present position by itself
+            return drive._replace(motor_home=motor, joint_home=joint)
         return drive._replace(
             motor_home=drive.motor_home + motor - values.motor, joint_home=drive.joint_home + joint - values.joint
         )
@@ -179,28 +184,31 @@ class CanopenDrive:
                 self._send(self._rpdo)
                 self._send(self._sync)
                 with contextlib.suppress(can.CanError, OSError):
-                    self._wait_for_status(0.002)
+                    status = self._wait_for(frames.TPDO1, 0.002)
+                    motion = frames.unpack_tpdo1(status) if status is not None else None
+                    self._statusword_state = decode(motion.statusword) if motion else self._statusword_state
                 if self._statusword_state not in WITH_TORQUE:
                     node = self._drive.node_id
                     unwatched = _frame(frames.SDO_REQUEST + node, 8)
                     unwatched.data = bytearray(frames.pack_sdo_write(0x1016, 1, 0, 4))
                     self._send(unwatched)
+                    with contextlib.suppress(can.CanError, OSError):  # a node that NMT has stopped takes no SDO
+                        self._wait_for(frames.SDO_ANSWER, self._drive.answer_timeout)
                     break
             stop = _frame(frames.NMT, 2)
             stop.data = bytearray((frames.NMT_STOP, self._drive.node_id))
             self._send(stop)
         self._leave()
 
-    def _wait_for_status(self, timeout: float) -> None:
-        """Take in the drive's answer to the last SYNC, or nothing."""
+    def _wait_for(self, cob_id: int, timeout: float) -> bytes | None:
+        """The data of the drive's next frame of that kind; None where it does not come."""
         for _ in range(MOST_FRAMES):
             message = self._bus.recv(timeout) if self._bus else None
             if message is None:
-                return
-            if message.arbitration_id == frames.TPDO1 + self._drive.node_id:
-                motion = frames.unpack_tpdo1(message.data)
-                self._statusword_state = decode(motion.statusword) if motion else self._statusword_state
-                return
+                return None
+            if message.arbitration_id == cob_id + self._drive.node_id:
+                return bytes(message.data)
+        return None
 
     def _leave(self) -> None:
         if self._bus is not None and self._bus is not self._given:

@@ -30,7 +30,13 @@ COB_ID_BITS = PDO_OFF | 0x7FF
 SYNCHRONOUS = 1
 """Transmission type: at every SYNC."""
 RPM = 2.0 * math.pi / 60.0
-"""rad/s in one turn a minute, the unit of 6080h."""
+"""rad/s in one turn a minute, the unit of 607Fh and 6080h unless 60A9h has a power of ten of it."""
+TURNS_A_MINUTE = 0xB44700
+"""That unit in 60A9h, below the byte with the power of ten (CiA 303-2)."""
+LISTENING = 0.03
+"""Time in which another host, whose heartbeats come every 13 ms at most, is heard [s]."""
+UNCHANGED = 1
+"""1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still tells its state."""
 
 
 class Found(NamedTuple):
@@ -57,9 +63,17 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
             torque, or the rig's limits are beyond its own.
     """
     with dialogue(bus, drive.node_id, drive.answer_timeout) as node:
-        node.command(frames.NMT_PRE_OPERATIONAL)
+        if node.hears(drive.host_id, LISTENING):
+            raise DriveError(
+                f"a node {drive.host_id}, which is our own number, is on the bus already",
+                expected="one host",
+                do="end the other run first, or correct host_id in [drive]",
+            )
+        if not node.answers():  # an end of ours has stopped it: only then may it be told anything before it is known
+            node.command(frames.NMT_PRE_OPERATIONAL)
         _check_profile(node)
         state = _check_torque_free(node)
+        node.command(frames.NMT_PRE_OPERATIONAL)
         _check_mode(node)
         motor, joint = motor_scale(drive), joint_scale(drive)
         if drive.home_here:
@@ -140,16 +154,18 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale) -> None:
         )
 
     low, high = node.read_if_there(0x607D, 1, signed=True), node.read_if_there(0x607D, 2, signed=True)
-    if low is not None and high is not None and low < high:
-        ends = sorted((motor.angle(low), motor.angle(high)))
-        if math.isfinite(drive.lowest_motor) and drive.lowest_motor < ends[0]:
-            refuse("lowest motor angle", drive.lowest_motor, ends[0], "rad")
-        if math.isfinite(drive.highest_motor) and drive.highest_motor > ends[1]:
-            refuse("highest motor angle", drive.highest_motor, ends[1], "rad")
+    if low is None or high is None or low >= high:
+        low, high = -frames.INT32, frames.INT32 - 1  # its counter's own
+    ends = sorted((motor.angle(low), motor.angle(high)))
+    if math.isfinite(drive.lowest_motor) and drive.lowest_motor < ends[0]:
+        refuse("lowest motor angle", drive.lowest_motor, ends[0], "rad")
+    if math.isfinite(drive.highest_motor) and drive.highest_motor > ends[1]:
+        refuse("highest motor angle", drive.highest_motor, ends[1], "rad")
+    unit = _speed_unit(node) / drive.gear
     for index in (0x6080, 0x607F):
         speed = node.read_if_there(index)
-        if speed is not None and drive.speed_limit > speed * RPM / drive.gear:
-            refuse(f"speed limit ({index:04X}h)", drive.speed_limit, speed * RPM / drive.gear, "rad/s")
+        if speed is not None and drive.speed_limit > speed * unit:
+            refuse(f"speed limit ({index:04X}h)", drive.speed_limit, speed * unit, "rad/s")
     window = node.read_if_there(0x6065)
     if window is not None and drive.following_error > window * abs(motor.step):
         refuse("following error", drive.following_error, window * abs(motor.step), "rad")
@@ -158,15 +174,38 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale) -> None:
         refuse("current limit", drive.current_limit, 1e-3 * current, "A")
 
 
+def _speed_unit(node: Dialogue) -> float:
+    """One unit of 607Fh and 6080h [rad/s], by 60A9h where the drive has it."""
+    unit = node.read_if_there(0x60A9)
+    if unit is None:
+        return RPM
+    if unit & 0xFF_FFFF != TURNS_A_MINUTE:
+        raise DriveError(
+            f"{node.name} has speeds in a unit that is not known here (60A9h is 0x{unit:08X})",
+            expected="turns a minute, 0x00B44700, or a power of ten of it",
+            do="set 60A9h with its maker's tool",
+        )
+    power = unit >> 24
+    return RPM * 10.0 ** (power - 256 if power > 127 else power)
+
+
 def _configure(node: Dialogue, drive: DriveParameters) -> None:
     """Mode, reactions, PDOs and both heartbeats; the last, so that the drive watches us only once all is set."""
     node.write(0x6060, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION, 1)
+    if not node.becomes(0x6061, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION):
+        raise DriveError(
+            f"{node.name} stays in mode {node.read(0x6061, signed=True)} (6061h)",
+            expected=f"{Mode.CYCLIC_SYNCHRONOUS_POSITION:d}, cyclic synchronous position, as written to 6060h",
+            do="see with its maker's tool what holds it there",
+        )
     node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)
     node.write(0x60C2, 2, -3, 1)
     try:
         node.write(0x6007, 0, FAULT_SIGNAL, 2)
     except DriveError:
         node.write(0x6007, 0, DISABLE_VOLTAGE, 2)
+    if node.read_if_there(0x1029, 1) is not None:
+        node.write(0x1029, 1, UNCHANGED, 1)
     node.write(0x605A, 0, SLOW_DOWN_AND_DISABLE, 2)
     for index in (0x605B, 0x605C, 0x605E):
         node.write(index, 0, DISABLE, 2)

@@ -76,8 +76,10 @@ def check_parameters(drive: DriveParameters) -> None:
     Raises:
         ParameterError: a value out of its range, with its name and what was expected.
     """
+    named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
     whole_ms = 1.0 <= round(1e3 * drive.sample_time, 9) <= 255.0 and round(1e3 * drive.sample_time, 9) % 1.0 == 0.0
     rules = (
+        ("channel", named, "the name of a bus"),
         ("node_id", 1 <= drive.node_id <= 126, "a number from 1 to 126"),
         ("host_id", 1 <= drive.host_id <= 127 and drive.host_id != drive.node_id, "1 to 127, not the drive's node_id"),
         ("motor_counts_per_turn", 0.0 < drive.motor_counts_per_turn < 1e9, "a number above 0"),
@@ -94,8 +96,9 @@ def check_parameters(drive: DriveParameters) -> None:
         ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= LONGEST_TIMEOUT, "above 0, at most 0.04 s"),
         (
             "heartbeat_time",
-            0.0 < drive.heartbeat_time <= drive.heartbeat_timeout / 3.0,
-            "a third of heartbeat_timeout at most, so that one lost frame is none",
+            drive.heartbeat_time > 0.0
+            and max(drive.heartbeat_time, drive.sample_time) <= drive.heartbeat_timeout / 3.0,
+            "a third of heartbeat_timeout at most, like sample_time, so that one lost frame is none",
         ),
         ("drive_heartbeat_time", 1e-3 <= drive.drive_heartbeat_time <= 1.0, "from 0.001 to 1 s"),
         ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
@@ -107,7 +110,7 @@ def check_parameters(drive: DriveParameters) -> None:
     for name, fine, expected in rules:
         if not fine:
             raise ParameterError(
-                f"drive: {name} is {getattr(drive, name)}", expected=expected, do="correct it in the rig's [drive]"
+                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
             )
 
 

@@ -17,26 +17,32 @@ class Kind(NamedTuple):
     unit: str = ""
     moment: bool = False
     """Whether it happens once, rather than lasting."""
+    least: float = 0.0
+    """Smallest amount."""
+    most: float = 1e6
+    """Largest amount."""
 
 
 KINDS: dict[str, Kind] = {
     "silence": Kind("the drive sends nothing"),
     "deaf": Kind("the drive hears nothing"),
     "late_pdos": Kind("the drive's PDOs arrive late", amount=5.0, unit="ms"),
-    "dropped_pdos": Kind("a share of the drive's PDOs is lost", amount=0.3, unit="1"),
+    "dropped_pdos": Kind("a share of the drive's PDOs is lost", amount=0.3, unit="1", most=1.0),
     "bus_off": Kind("the drive's controller has left the bus"),
     "delayed_readings": Kind("the drive's PDOs carry what was measured before", amount=10.0, unit="cycles"),
-    "drive_fault": Kind("the drive goes into fault with this error code", amount=0x2310, unit="code", moment=True),
+    "drive_fault": Kind(
+        "the drive goes into fault with this error code", amount=0x2310, unit="code", moment=True, least=1, most=0xFFFF
+    ),
     "reboot": Kind("the drive loses its supply for a moment", moment=True),
     "encoder_frozen": Kind("an encoder stays where it is", side=True),
-    "encoder_spike": Kind("an encoder jumps for one cycle in ten", side=True, amount=10.0, unit="deg"),
-    "encoder_offset": Kind("an encoder is off by an angle", side=True, amount=400.0, unit="deg"),
+    "encoder_spike": Kind("an encoder jumps for one cycle in ten", side=True, amount=10.0, unit="deg", least=-1e6),
+    "encoder_offset": Kind("an encoder is off by an angle", side=True, amount=400.0, unit="deg", least=-1e6),
     "encoder_flipped": Kind("an encoder counts the wrong way from here on", side=True),
     "encoder_nan": Kind("an encoder gives the number that stands for none, −2³¹", side=True),
     "broken_cable": Kind("the cable is torn: the joint goes where its spring pulls it"),
     "slack_cable": Kind("the cable has slack, at the spool", amount=20.0, unit="deg"),
-    "over_temperature": Kind("the power stage is this hot", amount=95.0, unit="°C"),
-    "over_current": Kind("the motor draws this current", amount=30.0, unit="A"),
+    "over_temperature": Kind("the power stage is this hot", amount=95.0, unit="°C", least=-273.15),
+    "over_current": Kind("the motor draws this current", amount=30.0, unit="A", least=-1e6),
 }
 
 SIDES = ("joint", "motor")
@@ -69,7 +75,7 @@ def parse(text: str) -> Injection:
     True
 
     Raises:
-        ParameterError: an unknown fault, a word too many or too few, or an amount that is no number.
+        ParameterError: an unknown fault, a word too many or too few, an amount that is none or out of its range.
     """
     name, *words = text.split() or [""]
     kind = KINDS.get(name)
@@ -87,8 +93,9 @@ def parse(text: str) -> Injection:
             amount = float(int(word, 16)) if word.lower().startswith("0x") else float(word)
         except ValueError:
             amount = math.nan
-        if not math.isfinite(amount):
-            raise ParameterError(f"{name}: {word!r} is no amount", expected=f"a number ({kind.unit})")
+        if not kind.least <= amount <= kind.most:
+            expected = f"a number from {kind.least:g} to {kind.most:g} ({kind.unit})"
+            raise ParameterError(f"{name}: {word!r} is no amount", expected=expected)
     if words:
         raise ParameterError(f"{name}: {' '.join(words)!r} is too much", expected=f"like {name} {side}".rstrip())
     return Injection(name, side, amount)

@@ -162,9 +162,11 @@ class Twin:
                 self._note(now, "clear", "")
                 return {"time": now}
             case "scenario":
-                self._node.bench.start_scenario(now)
-                self._note(now, "scenario", "")
-                return {"time": now}
+                at = now if request.get("at") is None else float(request["at"])
+                self._node.scenario_told = True
+                self._node.bench.start_scenario(at)
+                self._note(now, "scenario", f"{at:.6f}")
+                return {"time": at}
         raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, clear or scenario")
 
     def _status(self, now: float) -> dict[str, Any]:

@@ -167,7 +167,7 @@ class TwinBench:
         self.advance(now + 2.0 * self._substep)  # compiles
 
     def start_scenario(self, now: float) -> None:
-        """From now on the sheath's bend changes as the scenario has it."""
+        """From `now` on the sheath's bend changes as the scenario has it; before it is as at its start."""
         self._began = now
 
     def advance(self, now: float) -> None:

@@ -163,6 +163,10 @@ class TwinControl:
         """End all faults that last."""
         self.ask(do="clear")
 
-    def start_scenario(self) -> None:
-        """Let the sheath's bend begin its course now."""
-        self.ask(do="scenario")
+    def start_scenario(self, at: float | None = None) -> None:
+        """Let the sheath's bend begin its course; until then it is as at the scenario's start.
+
+        Args:
+            at: on the monotonic clock, also in the past; infinity for not yet; now where it is not given [s].
+        """
+        self.ask(do="scenario", at=at)

@@ -61,7 +61,8 @@ class TwinNode:
         self.syncs = 0
         self.host_heard = -math.inf
         """When the host's heartbeat came last [s]."""
-        self._scenario_began = False
+        self.scenario_told = False
+        """Whether the sheath's motion has begun, or somebody has said when it does."""
         self._moved = -math.inf
         self._power_up(-math.inf)
 
@@ -90,7 +91,8 @@ class TwinNode:
                 entries.pop(key, None)
             else:
                 entries[key] = entries.get(key, Entry(4, 0))._replace(value=value)
-        self.objects = Objects(entries, self._written, self._current_values())
+        current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
+        self.objects = Objects(entries, self._written, current)
         self._sdo = SdoServer(self.objects)
 
     def _current_values(self) -> dict[Key, Callable[[], int]]:
@@ -167,6 +169,8 @@ class TwinNode:
         if self._watching and now - self.host_heard >= limit:
             self._watching = False
             option = self.objects[0x6007, 0]
+            if self.objects[0x1029, 1] == 0 and self.nmt == frames.OPERATIONAL:
+                self.nmt, self._pending = frames.PRE_OPERATIONAL, None
             if option == 1:
                 self._fail(HEARTBEAT_LOST, now)
             elif option:  # 2, disable voltage; 3, quick stop
@@ -178,11 +182,11 @@ class TwinNode:
         self.syncs += 1
         if self.nmt != frames.OPERATIONAL:
             return
+        self._move(now)  # up to here under the target of the SYNC before
         if self._pending is not None:
             control, self._target = self._pending
             self._pending = None
             self._command(control, now)
-        self._move(now)
         self._history.append(self._sampler.sample(now))
         back = self.faults.active("delayed_readings", now)
         motion, sensors = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
@@ -210,8 +214,8 @@ class TwinNode:
             self.error = 0
             self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(0, 0), now)
         if state is State.OPERATION_ENABLED:
-            if not self._scenario_began:
-                self._scenario_began = True
+            if not self.scenario_told:
+                self.scenario_told = True
                 self.bench.start_scenario(now)
             self._journal(now, "torque_on", "")
         elif before in WITH_TORQUE and state not in WITH_TORQUE:

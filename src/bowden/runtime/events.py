@@ -1,4 +1,4 @@
-"""What changed from row to row, in words: modes, reactions, faults that come and go, rows that are missing."""
+"""What changed from row to row, in words: modes, reactions, faults that come and go, emergencies, missing rows."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from bowden.runtime.mcap_layout import Event
 from bowden.runtime.ring import Description
 
-WATCHED = ("mode", "reaction", "power", "source")
+WATCHED = ("mode", "reaction", "power", "source", "preflight_reason")
 """Columns that hold the number of a state."""
 FAULTS = "faults"
 """Column that holds a set of faults, fault i as the bit 2^i."""
+EMERGENCY = "emergency"
+"""Column that holds the error code of the drive in the cycle in which it comes, otherwise 0."""
 
 
 class Changes:
@@ -29,7 +31,7 @@ class Changes:
         self._description, self._last = description, last
         columns = list(description.columns)
         self._time = columns.index("time")
-        self._watched = [(name, columns.index(name)) for name in (*WATCHED, FAULTS) if name in columns]
+        self._watched = [(name, columns.index(name)) for name in (*WATCHED, FAULTS, EMERGENCY) if name in columns]
         self._names: Mapping[str, Any] = description.settings.get("names", {})
 
     def find(self, numbers: NDArray[np.int64], rows: NDArray[np.float64]) -> tuple[list[Event], "Changes"]:
@@ -48,11 +50,16 @@ class Changes:
         for name, at in self._watched:
             old, new = before[:, at], rows[:, at]
             for i in np.flatnonzero((old != new) & ~(np.isnan(old) & np.isnan(new))).tolist():
-                text = self._faults(old[i], new[i]) if name == FAULTS else self._state(name, old[i], new[i])
+                text = self._text(name, old[i], new[i])
                 if text:
                     events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
         events.sort(key=lambda event: event.number)
         return events, Changes(self._description, (int(numbers[-1]), rows[-1].copy()))
+
+    def _text(self, column: str, old: float, new: float) -> str:
+        if column == EMERGENCY:
+            return f"emergency: 0x{int(new):04X}" if 0.0 < new < 2.0**16 else ""
+        return self._faults(old, new) if column == FAULTS else self._state(column, old, new)
 
     def _state(self, column: str, old: float, new: float) -> str:
         names = self._names.get(column, ())

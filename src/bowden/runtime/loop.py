@@ -105,7 +105,8 @@ class Loop:
             row, state = ring.next_row(), cycle.state
             row[:] = (
                 *((woke - self._start) * 1e-9, *plan.reference, *reading, *state.sample, wish),
-                *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder, script.outcome, 0.0),
+                *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
+                *(script.outcome, script.reason, 0.0),
                 *(*state.law, *state.supervisor),
             )
             finished = clock.now()

@@ -1,41 +1,19 @@
-"""Reading the log of a run, whole or as a kill, a full disk or a flipped bit left it."""
+"""The log of a run in memory: whole, some of its columns, or as traces of a part of its rows."""
 
-import json
-import mmap
-import struct
-import zlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Metadata
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.core.trace import Trace
-from bowden.runtime.mcap_layout import Event, Packing, topics
-from bowden.runtime.mcap_log import ABOUT, CLOSING, MAGIC, checksum
-from bowden.runtime.ring import Description
+from bowden.runtime.mcap_layout import Event
+from bowden.runtime.mcap_reader import Damage, LogReader
 
-_HEAD = 9  # of a record: opcode and length
-_CHUNK_HEAD = 40  # of an uncompressed chunk: two times, size, CRC-32, no compression, size
-_DO = "give a log that bowden run wrote"
-
-
-class Damage(NamedTuple):
-    """What could not be read of a file."""
-
-    chunks: int
-    """Chunks that are there but changed: their checksum is wrong."""
-    skipped: int
-    """Bytes that are no records, between others [bytes]."""
-    torn: int
-    """Bytes at the end that are no whole row or record [bytes]."""
+_TRACE = 50_000  # rows
 
 
 @dataclass(frozen=True)
@@ -75,166 +53,53 @@ class Recording:
         Raises:
             LogError: there is no row.
         """
-        if not len(self.rows):
-            raise LogError("the log has no row", do="nothing can be made of it")
-        kept = ("columns", "units", "settings", "crc32")
-        log = {name: value for name, value in self.about.items() if name not in kept}
-        columns = {name: np.ascontiguousarray(self.rows[:, i]) for i, name in enumerate(self.columns)}
-        units = dict(zip(self.columns, self.units, strict=True))
-        return Trace(columns, units, {**self.settings, "log": log}, self.settings.get("seed"))
+        return _trace(self, self.rows)
 
 
-def read(path: Path) -> Recording:
+def read(path: Path, only: Sequence[str] | None = None) -> Recording:
     """Everything that can be read of a log; what is damaged is left out and counted, never guessed.
+
+    Args:
+        path: of the log.
+        only: the columns to keep of those that it has, so that the log of hours fits into memory; all by default.
 
     Raises:
         LogError: no such file, none that bowden wrote, or its beginning is damaged.
     """
-    try:
-        with path.open("rb") as file:
-            start = file.read(len(MAGIC))
-            if not start:
-                raise LogError(f"{path} is empty", do=_DO)
-            if start != MAGIC:
-                raise LogError(f"{path} is no MCAP file", do=_DO)
-            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise LogError(f"cannot read {path}: {reason.lower()}", do=_DO) from error
-    about, at = _about(data, path)
-    try:
-        columns, units = tuple(json.loads(about["columns"])), tuple(json.loads(about["units"]))
-        settings = dict(json.loads(about["settings"]))
-        Description(columns, units, settings, int(about["start_utc_ns"]))
-    except (KeyError, TypeError, ValueError) as error:
-        raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
-    found = _Finds(Packing(topics(columns, units)))
-    found.walk(data, at)
-    numbers = np.concatenate([np.empty(0, np.int64), *found.numbers])
-    rows = np.concatenate([np.empty((0, len(columns))), *found.rows])
-    damage = Damage(found.chunks, found.skipped, found.torn)
-    return Recording(about, found.closing, columns, units, numbers, rows, found.events, damage, settings)
+    log = LogReader(path, only)
+    numbers, rows = np.empty(log.most, np.int64), np.empty((log.most, len(log.columns)))
+    n = 0
+    events: list[Event] = []
+    for piece in log:
+        end = n + len(piece.numbers)
+        numbers[n:end], rows[n:end] = piece.numbers, piece.rows
+        n = end
+        events += piece.events
+    numbers, rows = numbers[:n], rows[:n]
+    return Recording(log.about, log.closing, log.columns, log.units, numbers, rows, events, log.damage, log.settings)
 
 
-def _about(data: memoryview, path: Path) -> tuple[dict[str, str], int]:
-    """The first metadata record, and where it ends."""
-    at = len(MAGIC)
-    while at + _HEAD <= len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        end = at + _HEAD + length
-        if opcode in (Opcode.CHUNK, Opcode.DATA_END, Opcode.FOOTER) or end > len(data):
-            break
-        if opcode == Opcode.METADATA:
-            record = _metadata(data[at + _HEAD : end])
-            if record is not None and record.name == ABOUT:
-                if record.metadata.get("crc32") != checksum(record.metadata):
-                    break
-                return record.metadata, end
-        at = end
-    raise LogError(f"{path} does not say what its rows are: another program's, or its beginning is damaged", do=_DO)
+def traces(log: LogReader) -> Iterator[Trace]:
+    """All rows of a log as traces of some ten thousand rows, each as `Recording.trace` has them all.
+
+    Raises:
+        LogError: there is no row.
+    """
+    waiting: list[NDArray[np.float64]] = []
+    for piece in log:
+        waiting.append(piece.rows)
+        if sum(map(len, waiting)) >= _TRACE:
+            yield _trace(log, np.concatenate(waiting))
+            waiting = []
+    if waiting or not log.count:
+        yield _trace(log, np.concatenate([np.empty((0, len(log.columns))), *waiting]))
 
 
-def _metadata(data: memoryview) -> Metadata | None:
-    try:
-        return Metadata.read(ReadDataStream(BytesIO(data)))
-    except (McapError, ValueError, struct.error, MemoryError, OverflowError):
-        return None
-
-
-class _Finds:
-    """What a walk through a file has found."""
-
-    def __init__(self, packing: Packing) -> None:
-        self._packing = packing
-        self.numbers: list[NDArray[np.int64]] = []
-        self.rows: list[NDArray[np.float64]] = []
-        self.events: list[Event] = []
-        self.closing: dict[str, str] | None = None
-        self.chunks = self.skipped = self.torn = 0
-
-    def walk(self, data: memoryview, at: int) -> None:
-        """Take every record from `at` on; where something is no record, go on at the next whole chunk."""
-        ended = False
-        while at < len(data) and not ended:
-            size = self._take(data, at)
-            if size:
-                ended = data[at] == Opcode.FOOTER
-                at += size
-                continue
-            following = _next_chunk(data, at + 1)
-            if following is None:
-                self.torn = self._take_torn(data[at:])
-                self.closing = None
-                return
-            self.skipped += following - at
-            at = following
-        if bytes(data[at:]) != MAGIC:
-            self.torn, self.closing = len(data) - at, None
-
-    def _take(self, data: memoryview, at: int) -> int:
-        """Take the record that begins at `at`, and say how long it is; 0 where there is no whole one."""
-        if at + _HEAD > len(data):
-            return 0
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        end = at + _HEAD + length
-        if not Opcode.HEADER <= opcode <= Opcode.DATA_END or end > len(data):
-            return 0
-        body = data[at + _HEAD : end]
-        if opcode == Opcode.CHUNK:
-            if not self._take_chunk(body):
-                self.chunks += 1
-        elif opcode == Opcode.METADATA:
-            record = _metadata(body)
-            if record is not None and record.name == CLOSING:
-                self.closing = record.metadata
-        return end - at
-
-    def _take_chunk(self, body: memoryview) -> bool:
-        """Take the rows of a chunk if it is as it was written."""
-        if not _sound(body):
-            return False
-        data = body[_CHUNK_HEAD:]
-        numbers, rows, _, rest = self._packing.unpack(data)
-        self.numbers.append(numbers)
-        self.rows.append(rows)
-        self.events += self._packing.unpack_events(rest)
-        return True
-
-    def _take_torn(self, data: memoryview) -> int:
-        """Take the whole rows of a chunk that was cut; how many bytes are left over.
-
-        Its checksum says nothing now; but what a kill leaves is cut, not changed, and the row numbers must go on.
-        """
-        start = _HEAD + _CHUNK_HEAD
-        if len(data) <= start or data[0] != Opcode.CHUNK:
-            return len(data)
-        numbers, rows, _, rest = self._packing.unpack(data[start:])
-        last = int(self.numbers[-1][-1]) if self.numbers and len(self.numbers[-1]) else -1
-        if not (np.diff(numbers, prepend=last) > 0).all():
-            return len(data)
-        self.numbers.append(numbers)
-        self.rows.append(rows)
-        self.events += self._packing.unpack_events(rest)
-        return len(data) - start - len(numbers) * self._packing.dtype.itemsize
-
-
-def _sound(body: memoryview) -> bool:
-    """Whether a chunk's length and checksum are right, and it is not compressed."""
-    if len(body) < _CHUNK_HEAD:
-        return False
-    _, _, size, crc, compression, again = struct.unpack_from("<QQQIIQ", body)
-    fits = compression == 0 and size == again == len(body) - _CHUNK_HEAD
-    return fits and zlib.crc32(body[_CHUNK_HEAD:]) == crc
-
-
-def _next_chunk(data: memoryview, at: int) -> int | None:
-    """Where the next chunk that is as it was written begins, at `at` or later."""
-    buffer = data.obj
-    assert isinstance(buffer, mmap.mmap)
-    while (at := buffer.find(bytes([Opcode.CHUNK]), at)) >= 0:
-        if at + _HEAD + _CHUNK_HEAD <= len(data):
-            (length,) = struct.unpack_from("<Q", data, at + 1)
-            if length <= len(data) - at - _HEAD and _sound(data[at + _HEAD : at + _HEAD + length]):
-                return at
-        at += 1
-    return None
+def _trace(log: Recording | LogReader, rows: NDArray[np.float64]) -> Trace:
+    if not len(rows):
+        raise LogError("the log has no row", do="nothing can be made of it")
+    kept = ("columns", "units", "settings", "crc32")
+    told = {name: value for name, value in log.about.items() if name not in kept}
+    columns = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(log.columns)}
+    units = dict(zip(log.columns, log.units, strict=True))
+    return Trace(columns, units, {**log.settings, "log": told}, log.settings.get("seed"))

@@ -9,11 +9,11 @@ import numpy as np
 from bowden.core.errors import OutputError
 from bowden.core.files import whole_file
 from bowden.runtime.mcap_log import LogFile
-from bowden.runtime.mcap_read import Damage, Recording, read
+from bowden.runtime.mcap_reader import Damage, LogReader
 
 TAIL = 0.2
 """Most that a recorder on a healthy disk can have had in its hands when it was killed, not yet in the file [s]."""
-_CHUNK = 1000  # rows
+_ENOUGH = 10  # cycles from which the length of one is known
 
 
 class Recovery(NamedTuple):
@@ -39,31 +39,26 @@ def recover(path: Path, out: Path) -> Recovery:
     """
     if os.path.lexists(out):
         raise OutputError(f"{out} exists", expected="the name of a new file", do="choose another with --out")
-    found = read(path)
+    log = LogReader(path)
     with whole_file(out) as part:
         handle = os.open(part, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
         try:
-            _write(handle, found, path.name)
+            saved = _copy(handle, log, path.name)
             os.fsync(handle)
         finally:
             os.close(handle)
-    return loss(found)
+    return saved
 
 
-def loss(found: Recording) -> Recovery:
-    """What is known to be lost of a log."""
-    time = found["time"]
-    cycle = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    tail = 0.0 if found.closing is not None else TAIL
-    return Recovery(len(time), found.missing, found.missing * cycle, tail, found.damage)
-
-
-def _write(handle: int, found: Recording, name: str) -> None:
-    file = LogFile(handle, found.about)
-    numbers = found.numbers
-    for first in range(0, len(numbers), _CHUNK):
-        stretch = numbers[first : first + _CHUNK]
-        kept = [event for event in found.events if stretch[0] <= event.number <= stretch[-1]]
-        file.write(stretch, found.rows[first : first + _CHUNK], [e for e in kept if e.number in stretch])
-    closing = found.closing or {}
-    file.finish({**closing, "recovered_from": name})
+def _copy(handle: int, log: LogReader, name: str) -> Recovery:
+    """Write every piece of a log, and say what is missing of it."""
+    file, time = LogFile(handle, log.about), log.columns.index("time")
+    steps = np.empty(0)
+    for piece in log:
+        numbers = piece.numbers
+        if len(numbers):
+            file.write(numbers, piece.rows, [event for event in piece.events if event.number in numbers])
+            steps = np.diff(piece.rows[:, time]) if len(steps) < _ENOUGH else steps
+    file.finish({**(log.closing or {}), "recovered_from": name})
+    cycle, tail = float(np.median(steps)) if len(steps) else 0.0, 0.0 if log.closing is not None else TAIL
+    return Recovery(log.count, log.missing, log.missing * cycle, tail, log.damage)

@@ -196,6 +196,11 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         for name, value in limits._asdict().items()
         if name in _POSITIVE and not 0.0 < value < np.inf
     ]
+    found += [
+        f"thermal.{name} is {value!r}, and must be a number above 0"
+        for name, value in limits.thermal._asdict().items()
+        if name != "ambient" and not 0.0 < value < np.inf
+    ]
     if not limits.motor_low < limits.motor_high:
         found.append("motor_low is not below motor_high")
     if not limits.joint_low < limits.joint_high:
@@ -233,6 +238,8 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         found.append("continuous_current is not below current_peak")
     if not limits.thermal.ambient < limits.housing_limit < limits.winding_limit:
         found.append("housing_limit is not between ambient and winding_limit")
+    if limits.thermal.winding_capacity * limits.thermal.winding_to_housing < _QUICKEST:
+        found.append(f"the winding would cool within {_QUICKEST:g} s: capacity × thermal resistance is too small")
     if limits.slack_sign not in (-1.0, 1.0):
         found.append("slack_sign is neither −1 nor 1")
     measured = {name: value for name, value in limits._asdict().items() if name.startswith("measures_")}
@@ -257,6 +264,9 @@ def require(limits: Limits, dt: float, verdict: str) -> None:
     if verdict not in ("holds", "little_margin"):
         raise SafetyError(f"`bowden check` says {verdict!r}", expected="gains that hold", do="run `bowden tune`")
 
+
+_QUICKEST = 1.0
+"""Shortest thermal time constant: `models.thermal.rested` goes in steps of a second, and none is so small [s]."""
 
 _POSITIVE = (
     *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),

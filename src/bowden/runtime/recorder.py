@@ -176,11 +176,14 @@ def record(ring: Path, target: Path, rig: Path | None = None) -> int:
     try:
         handle = os.open(target, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
     except OSError as error:
-        _give_up(reader, clock)
-        raise OutputError(f"cannot record to {target}: {error.strerror}", do="choose another place") from error
+        raise _refused(reader, clock, target, error) from error
     try:
-        _sync_name(target)
-        disk = Disk(handle, reader.description, provenance(rig), clock)
+        try:
+            _sync_name(target)
+            disk = Disk(handle, reader.description, provenance(rig), clock)
+        except OSError as error:
+            target.unlink(missing_ok=True)
+            raise _refused(reader, clock, target, error) from error
         _drain(reader, disk, clock)
         missing = disk.finish(reader.lost)
         now = clock.now()
@@ -217,6 +220,11 @@ def _sync_name(path: Path) -> None:
         os.fsync(folder)
     finally:
         os.close(folder)
+
+
+def _refused(reader: RingReader, clock: Clock, target: Path, error: OSError) -> OutputError:
+    _give_up(reader, clock)
+    return OutputError(f"cannot record to {target}: {error.strerror}", do="choose another place, or make room there")
 
 
 def _give_up(reader: RingReader, clock: Clock) -> None:

@@ -30,7 +30,7 @@ class Replay(NamedTuple):
     law_cycles: int
     """Those of them in which the law had the motor."""
     wish_largest: float | None
-    """Largest difference of the law's wish from the one recorded; None where the law never had the motor [rad]."""
+    """Largest difference of the wish from the one recorded, where both are numbers; None where they never are [rad]."""
     wish_rms: float | None
     """Its root mean square [rad]."""
     first_difference: float | None
@@ -103,8 +103,10 @@ def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any) ->
     wish = found["wish"]
     equal = (wishes == wish) | (np.isnan(wishes) & np.isnan(wish))
     difference = np.where(equal, 0.0, wishes - wish)[law_had]
+    difference = difference[np.isfinite(difference)]
     other = ~gaps & (said[:, 1:] != told[:, 1:]).any(axis=1)
     command = np.abs(said[:, 0] - told[:, 0])[~gaps]
+    command = command[np.isfinite(command)]
     time = found["time"]
 
     def first(where: Any) -> float | None:

@@ -136,9 +136,12 @@ class _Mapped:
             or offset + capacity * 8 * (width + 1) > size
         ):
             raise LogError(f"{path} is no ring of this version of bowden", do="remove it")
-        given: dict[str, Any] = json.loads(memory[_HEADER : _HEADER + length])
-        given |= {"columns": tuple(given["columns"]), "units": tuple(given["units"])}
-        self.description = Description(**given)
+        try:
+            given: dict[str, Any] = json.loads(memory[_HEADER : _HEADER + length])
+            given |= {"columns": tuple(given["columns"]), "units": tuple(given["units"])}
+            self.description = Description(**given)
+        except (KeyError, TypeError, ValueError) as error:
+            raise LogError(f"{path} does not say what its rows are: {error}", do="remove it") from error
         self.capacity: int = capacity
         self._slots = np.frombuffer(memory, np.float64, capacity * (width + 1), offset).reshape(capacity, width + 1)
         self._numbers = self._slots.view(np.int64)[:, 0]

@@ -40,6 +40,7 @@ CYCLE: Mapping[str, str] = {
     "operator_age": "s",
     "recorder": "1",
     "preflight": "1",
+    "preflight_reason": "1",
     "run_time": "s",
 }
 """Column → unit of what every run has; the law's state follows, and the supervisor's.

@@ -8,6 +8,7 @@ from bowden.core.errors import LogError
 from bowden.models.thermal import Thermal
 from bowden.runtime.cycle import Filters, Source
 from bowden.runtime.ports import Power
+from bowden.runtime.preflight import Reason
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
@@ -17,6 +18,7 @@ NAMES: Mapping[str, list[str]] = {
     "reaction": ["none", "R1", "R2", "R3"],
     "power": [power.name.lower() for power in Power],
     "source": [source.name.lower() for source in Source],
+    "preflight_reason": [reason.name.lower() for reason in Reason],
     "faults": [fault.name.lower() for fault in Fault],
 }
 """Column → the name of each of its numbers, or of each bit of `faults`."""

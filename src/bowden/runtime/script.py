@@ -34,8 +34,8 @@ class Script:
     def __init__(
         self, table: NDArray[np.float64], start: float, speed: float, checks: preflight.Preflight, period: float
     ) -> None:
-        self._rows: list[tuple[float, ...]] = list(map(tuple, table.tolist()))  # no array is indexed in the loop
-        self._led = table.shape[1] == 3
+        self._table, self._width = np.ascontiguousarray(table, dtype=np.float64).reshape(-1).data, table.shape[1]
+        self._last = len(table) - 1
         self._start, self._speed, self._checks, self._period = start, speed, checks, period
         self._checked = preflight.begin(checks, NOTHING_READ)
         self._mode = float(Mode.STOPPED)
@@ -70,9 +70,10 @@ class Script:
         if at < self._approach:
             return Plan(MOTION, float(minimum_jerk(self._from, self._start, self._approach, at).position), NOWHERE)
         row = round((at - self._approach) / self._period)
-        self.done = row >= len(self._rows) - 1
-        values = self._rows[min(row, len(self._rows) - 1)]
-        if not self._led:
+        self.done = row >= self._last
+        place = self._width * min(row, self._last)
+        values = self._table[place : place + self._width]  # no array is indexed in the loop
+        if self._width == 1:
             return Plan(MOTION, values[0], NOWHERE)
         if not self._begun:
             aside = reading.joint - values[0]
@@ -92,9 +93,9 @@ class Script:
         self._mode = mode
 
     @property
-    def reason(self) -> str:
-        """Why the preflight failed; empty where it has not."""
-        return preflight.REASONS[preflight.Reason(int(self._checked.reason))]
+    def reason(self) -> float:
+        """Number of the `preflight.Reason` for which the preflight failed; 0 where it has not."""
+        return self._checked.reason
 
 
 _BLEND = 1.0

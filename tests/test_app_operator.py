@@ -1,0 +1,206 @@
+"""What the operator sees and how a run is ended, without a run: signals, `--auto`, the screen, the motor's warmth."""
+
+import io
+import json
+import math
+import os
+import pwd
+import signal
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from bowden.app import operator, thermal_file
+from bowden.app.live_screen import picture
+from bowden.app.live_summary import print_summary
+from bowden.control import LAWS
+from bowden.core.errors import SafetyError
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.models.thermal import Thermal, cold
+from bowden.runtime.preflight import Reason
+from bowden.runtime.ring_status import RecorderState
+from bowden.runtime.row import columns
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode, Request
+
+DRIVE = DriveParameters()
+WARM = {"supervisor.winding": 80.0, "supervisor.housing": 60.0, "supervisor.i2t": 12.0}
+
+
+def row(**values: float) -> dict[str, float]:
+    """A row in which all is zero but what is given; ``_`` in a name is as it stands."""
+    return {**dict.fromkeys(columns(LAWS["adaptive"]), 0.0), **values}
+
+
+@dataclass
+class FakeSession:
+    """Rows that come one a look, the last of them for ever; what was asked for."""
+
+    rows: list[dict[str, float]]
+    asked: list[Request] = field(default_factory=list)
+    seen: int = 0
+    ready: dict[str, str] = field(default_factory=lambda: {"drive": "EPOS4, node 1; in fault, 0x8130: heartbeat lost"})
+
+    def last(self) -> dict[str, float]:
+        self.seen += 1
+        return self.rows[min(self.seen, len(self.rows)) - 1]
+
+    def ask(self, request: Request) -> None:
+        self.asked.append(request)
+
+
+def test_a_signal_interrupts_once_while_a_run_is_put_together_and_is_noted_afterwards() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with operator.ending_signals() as ending:
+        for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+            if number == signal.SIGTERM:
+                with pytest.raises(KeyboardInterrupt):
+                    os.kill(os.getpid(), number)
+            else:
+                os.kill(os.getpid(), number)
+        assert ending.asked
+    with operator.ending_signals() as ending:
+        ending.only_noted()
+        assert not ending.asked
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert ending.asked
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin() -> None:
+    missing = {"mode": float(Mode.STOPPED), "faults": 2.0**Fault.MOTOR_STALE}
+    late = [row(time=20.0 + 0.05 * k, **missing) for k in range(40)]
+    session = FakeSession([*late, row(time=22.0), row(time=22.1, mode=float(Mode.PREFLIGHT))])
+    steps = operator._automatic(session)  # type: ignore[arg-type]
+    for _ in range(50):
+        next(steps)
+    assert Request.ARM in session.asked
+    session = FakeSession([row(time=20.0 + 0.05 * k, **missing) for k in range(100)])
+    with pytest.raises(SafetyError, match=r"does not arm EPOS4, node 1; .*: motor angle is late"):
+        for _ in operator._automatic(session):  # type: ignore[arg-type]
+            pass
+
+
+def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -> str:
+    ready = {"drive": "EPOS4, node 1"}
+    session: Any = SimpleNamespace(recorder=int(RecorderState.OK), log=Path(log), emergency=emergency, ready=ready)
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(picture(session, values, auto=False))
+    return console.export_text()
+
+
+def test_the_screen_tells_what_a_fault_refers_to() -> None:
+    faults = 2.0**Fault.EMERGENCY + 2.0**Fault.PREFLIGHT_FAILED
+    values = row(mode=float(Mode.LATCHED), faults=faults, preflight_reason=float(Reason.JOINT_STILL))
+    text = shown(values, emergency=0x4210)
+    assert "read the text of the code" in text
+    assert "0x4210: " in text
+    assert "the joint does not follow the motor" in text
+    assert "k to acknowledge" in text
+    assert "0x4210" not in shown(row(), emergency=0x4210)
+    found = shown(row(faults=2.0**Fault.DRIVE_FAULT))
+    assert "k to reset the drive" in found
+    assert "EPOS4, node 1" in found, "what bring-up says of a drive that is in fault already"
+    assert "cannot be armed" in shown(row(faults=2.0**Fault.RECORDER_LOST))
+
+
+def test_faults_stand_where_a_low_terminal_still_shows_them() -> None:
+    lines = shown(row(mode=float(Mode.LATCHED), faults=2.0**Fault.LATE)).splitlines()
+    assert [line.split()[0] for line in lines[:3]] == ["state", "fault", "keys"]
+
+
+def test_the_name_of_a_log_is_text_and_no_markup() -> None:
+    assert "a[/b][red].mcap" in shown(row(reference=math.nan), log="a[/b][red].mcap")
+
+
+def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {
+        **dict.fromkeys(("rmse_deg", "lateness", "preflight")),
+        "ended_well": False,
+        "faults": ["drive in fault"],
+        "remedies": ["read the error code"],
+        "emergencies": ["0x4210: over-temperature of the power stage"],
+        "error": "the loop failed",
+        "cycles": 100,
+        "cycles_logged": 40,
+        "log": "a.mcap",
+        "log_whole": False,
+    }
+    print_summary(found)
+    said = capsys.readouterr()
+    for line in ("ended by a fault: drive in fault; read", "emergency: 0x4210", "ended by an error: the loop failed"):
+        assert line in said.out
+    assert "bowden log recover a.mcap" in said.out
+    assert "60 cycles of 100 are not in the log" in said.err
+    assert "not closed properly" in said.err
+    print_summary(found | {"ended_well": True, "cycles": 40, "log_whole": True})
+    said = capsys.readouterr()
+    assert "ended by a fault" not in said.out
+    assert said.err == ""
+
+
+@pytest.fixture
+def state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    return tmp_path / "bowden"
+
+
+def test_a_warm_motor_is_warm_after_a_restart_and_another_rigs_is_not(state: Path) -> None:
+    thermal_file.write(DRIVE, WARM)
+    again = thermal_file.read(DRIVE, Thermal())
+    assert again.winding == pytest.approx(80.0, abs=2.0)
+    assert again.housing == pytest.approx(60.0, abs=1.0)
+    assert thermal_file.read(DRIVE._replace(node_id=2), Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE._replace(channel="another"), Thermal()) == cold(Thermal())
+    assert len(list(state.iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{", "null", '{"winding": 1}', '{"winding": NaN, "housing": 1, "i2t": 0, "unix_s": 0}', "\0", '"x"'],
+)
+def test_a_file_that_says_nothing_is_a_cold_motor_and_is_told(
+    text: str, state: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert capsys.readouterr().err == "", "the first run"
+    thermal_file.write(DRIVE, WARM)
+    next(state.iterdir()).write_text(text)
+    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert "it is taken for cold" in capsys.readouterr().err
+
+
+def test_nothing_is_colder_than_its_surroundings(state: Path) -> None:
+    thermal_file.write(DRIVE, dict.fromkeys(WARM, -1000.0))
+    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+
+
+def test_a_clock_that_was_set_back_cools_nothing_and_a_long_rest_cools_all(state: Path) -> None:
+    thermal_file.write(DRIVE, WARM)
+    path = next(state.iterdir())
+    kept = json.loads(path.read_text())
+    path.write_text(json.dumps(kept | {"unix_s": kept["unix_s"] + 1e9}))
+    assert thermal_file.read(DRIVE, Thermal())[:] == (80.0, 60.0, 12.0)
+    path.write_text(json.dumps(kept | {"unix_s": 0.0}))
+    assert thermal_file.read(DRIVE, Thermal())[:] == pytest.approx(cold(Thermal())[:], abs=0.1)
+
+
+def test_a_place_that_cannot_be_written_is_told(state: Path) -> None:
+    state.write_text("a file where the folder should be")
+    assert str(state) in thermal_file.write(DRIVE, WARM)
+
+
+def test_who_has_no_home_begins_cold_and_is_not_stopped_by_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(_: int) -> Any:
+        raise KeyError("no such user")
+
+    monkeypatch.delenv("XDG_STATE_HOME", raising=False)
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setattr(pwd, "getpwuid", nobody)
+    assert "home" in thermal_file.write(DRIVE, WARM)
+    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())

@@ -1,0 +1,126 @@
+"""The [drive] section of a rig.toml: whatever is in it, there is a drive, or one clear line."""
+
+import contextlib
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bowden.app.config import read_rig
+from bowden.app.live_schema import DriveSection
+from bowden.app.rig_drive import drive_parameters, limits, on_bus
+from bowden.core.errors import BowdenError, DriveError, ParameterError
+from bowden.hardware.canopen_drive import CanopenDrive
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.hardware.twin_bench import TwinBench
+from bowden.hardware.twin_bus import TwinBus
+from bowden.paper.bench import default_bench
+from bowden.runtime.ports import Power
+from bowden.runtime.preflight import contradictions
+from bowden.sim.scenario import constant_bend
+
+BENCH = default_bench()
+
+
+def parameters(text: str, folder: Path) -> DriveParameters:
+    rig = folder / "rig.toml"
+    rig.write_text(text, encoding="utf-8")
+    return drive_parameters(read_rig(rig), BENCH)
+
+
+def toml(value: object) -> str:
+    if isinstance(value, float) and not math.isfinite(value):
+        return "nan" if math.isnan(value) else "inf" if value > 0.0 else "-inf"
+    return json.dumps(value, ensure_ascii=True).replace("\\u007f", "\\u007F")
+
+
+NUMBERS = st.floats() | st.integers(-(2**70), 2**70) | st.sampled_from([0, 1, -1, 1e-300, 1e300, 0.5, 127, 1e9 - 1])
+VALUES = NUMBERS | st.booleans() | st.text(st.characters(codec="utf-8"), max_size=12) | st.lists(NUMBERS, max_size=2)
+LIKELY = {
+    "node_id": st.integers(1, 126),
+    "motor_counts_per_turn": st.floats(1e-3, 1e9, exclude_max=True),
+    "joint_counts_per_turn": st.floats(1e-3, 1e9, exclude_max=True),
+    "motor_direction": st.sampled_from([1, -1]),
+    "joint_direction": st.sampled_from([1, -1]),
+    "home": st.sampled_from(["counts", "here"]),
+    "motor_home_deg": st.floats(-720.0, 720.0),
+    "joint_home_deg": st.floats(-720.0, 720.0),
+    "tension_n_per_mv": st.floats(-10.0, 10.0),
+    "tension_zero_mv": st.floats(-1e4, 1e4),
+    "heartbeat_ms": st.floats(0.1, 13.0),
+    "heartbeat_timeout_ms": st.floats(0.1, 40.0),
+    "drive_heartbeat_ms": st.floats(1.0, 30.0),
+}
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.dictionaries(st.sampled_from(sorted(DriveSection.model_fields)), VALUES, max_size=4))
+def test_any_values_give_a_drive_or_a_line(tmp_path: Path, given_: dict[str, object]) -> None:
+    text = "[drive]\n" + "".join(f"{name} = {toml(value)}\n" for name, value in given_.items())
+    with contextlib.suppress(BowdenError):
+        CanopenDrive(parameters(text, tmp_path)).close()
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.fixed_dictionaries({}, optional=LIKELY))
+def test_any_drive_that_is_taken_can_be_brought_up_or_says_why(tmp_path: Path, given_: dict[str, object]) -> None:
+    text = "[drive]\nanswer_timeout_ms = 50.0\n" + "".join(
+        f"{name} = {toml(value)}\n" for name, value in given_.items()
+    )
+    try:
+        drive = parameters(text, tmp_path)
+    except ParameterError:
+        return
+    bus = TwinBus(drive, lambda now: TwinBench(BENCH, constant_bend(BENCH.sheath.bend), 1.0, 0, 0.1, now))
+    host = CanopenDrive(drive, bus)
+    try:
+        host.bring_up()
+    except DriveError:
+        return
+    for _ in range(12):
+        reading = host.read(bus.time)
+        host.write(reading.motor, Power.ON, bus.time)
+        bus.advance(1e-3)
+    assert all(math.isfinite(value) or math.isnan(value) for value in (reading.motor, reading.joint, reading.current))
+    assert abs(bus.node.bench.motor - 0.1) < 0.02, "enabling moves nothing"
+    host.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("drive_heartbeat_ms = 30.0", "drive_heartbeat_ms is 30, and limits.heartbeat_age_s is 0.05"),
+        ('channel = "a\\u0000b"', r"channel is 'a.x00b'"),
+        ('channel = ".."', r"channel is '\.\.'"),
+        ('channel = ""', "channel is ''"),
+        ("heartbeat_ms = 10.0", "third of heartbeat_timeout"),
+    ],
+)
+def test_what_cannot_go_together_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=said):
+        parameters("[drive]\n" + text, tmp_path)
+
+
+def test_slow_cycles_need_a_longer_watch(tmp_path: Path) -> None:
+    text = "[bench]\nsample_time_ms = 5.0\n[drive]\nheartbeat_ms = 2.0\nheartbeat_timeout_ms = 6.0\n"
+    rig = tmp_path / "rig.toml"
+    rig.write_text(text)
+    with pytest.raises(ParameterError, match="heartbeat_time"):
+        drive_parameters(read_rig(rig), BENCH._replace(sample_time=5e-3))
+
+
+def test_another_bus_is_taken_or_refused(tmp_path: Path) -> None:
+    drive = parameters("", tmp_path)
+    assert on_bus(drive, None, None) == drive
+    assert on_bus(drive, "can1", "socketcan")[:2] == ("socketcan", "can1")
+    with pytest.raises(ParameterError, match="channel"):
+        on_bus(drive, "", None)
+
+
+def test_the_default_limits_go_together(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text("")
+    assert not contradictions(limits(read_rig(rig), BENCH), BENCH.sample_time)

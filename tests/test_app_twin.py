@@ -1,0 +1,130 @@
+"""`bowden run` against a twin apart: bad drives are refused, faults end it, the sheath moves with the law."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from bowden.app.main import run
+from bowden.app.twin_process import running_twin
+from bowden.runtime.cycle import Source
+from bowden.runtime.mcap_read import read
+
+pytestmark = pytest.mark.live
+
+RIG = """
+[reference]
+kind = 'periodic_minimum_jerk'
+low_deg = 0.0
+high_deg = 50.0
+period_s = 4.0
+[scenario]
+duration_s = 4.0
+[scenario.bend]
+kind = 'scripted'
+times_s = [0.0, 4.0]
+bends_deg = [180.0, 200.0]
+[limits]
+reading_age = 10.0  # a computer shared with others stalls for longer than a rig's may
+"""
+COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]
+TRIES = 4
+
+
+@pytest.fixture(autouse=True)
+def _state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+@pytest.mark.parametrize(
+    ("objects", "text", "said"),
+    [
+        ([], "[drive]\nnode_id = 5\n", "no drive answers as node 5; there is node 1"),
+        (["1000:0=0x00030191"], "", "device profile 401"),
+        (["6061:0=1"], "", "stays in mode 1"),
+        (["607D:1=-1000", "607D:2=1000", "6502:0=0x3A5"], "", "lowest motor angle is -0.3"),
+    ],
+)
+def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
+    objects: list[str], text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(RIG)
+    options = [word for one in objects for word in ("--object", one)]
+    with running_twin(rig, tmp_path / "b", options) as twin:
+        rig.write_text(RIG + text)
+        assert run(["run", str(rig), "--channel", twin.channel, "--out", str(tmp_path / "out"), "--auto"]) == 2
+        assert "torque_on" not in [entry["event"] for entry in twin.control.journal()]
+    errors = capsys.readouterr().err
+    assert said in errors
+    assert len(errors.strip().splitlines()) == 1
+    assert not list((tmp_path / "b").glob("*.node"))
+
+
+@pytest.mark.parametrize(
+    ("fault", "meaning", "emergency"),
+    [
+        ("drive_fault 0x8A88", "emergency from the drive", "0x8A88: safe torque off"),
+        ("bus_off", "bus fails", None),
+    ],
+)
+def test_a_fault_injected_by_the_command_line_ends_the_run_and_is_told(
+    fault: str, meaning: str, emergency: str | None, tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(RIG)
+    words = [*COMMAND, "run", str(rig), "--auto", "--json", "--duration", "30", "--channel", str(tmp_path / "b")]
+    inject = [*COMMAND, "twin", str(rig), "--channel", str(tmp_path / "b"), "--inject", fault]
+    told: list[object] = []
+    for number in range(TRIES):  # a machine that is busy with other things stops a run by right
+        with running_twin(rig, tmp_path / "b") as twin:
+            process = subprocess.Popen(
+                [*words, "--out", str(tmp_path / str(number))],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            while process.poll() is None and not (twin.control.status()["torque"]):
+                time.sleep(0.02)
+            since = twin.control.status()["time"]
+            subprocess.run(inject, check=True, capture_output=True, timeout=60)
+            out, errors = process.communicate(timeout=60.0)
+            found = json.loads(out) if out else {"faults": []}
+            assert process.returncode != 0
+            events = [entry["event"] for entry in twin.control.journal(since)]
+        told.append((found, errors))
+        if events.count("inject") and meaning in found["faults"]:
+            assert process.returncode == 1
+            assert len(found["remedies"]) == len(found["faults"])
+            assert emergency is None or emergency in found["emergencies"]
+            return
+    pytest.fail(f"no run was ended by it: {told}")
+
+
+def test_the_sheath_begins_to_move_with_the_law_in_every_run(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(RIG)
+    with running_twin(rig, tmp_path / "b") as twin:
+        for number in range(2):
+            since = twin.control.status()["time"]
+            out = tmp_path / str(number)
+            words = ["run", str(rig), "--auto", "--json", "--duration", "1", "--channel", twin.channel]
+            subprocess.run([*COMMAND, *words, "--out", str(out)], check=False, capture_output=True, timeout=60)
+            log = read(next(out.glob("*.mcap")))
+            led = log["source"] >= Source.LAW_BEGINS
+            told = [float(entry["detail"]) for entry in twin.control.journal(since) if entry["event"] == "scenario"]
+            assert told[0] == float("inf")
+            if led.any():
+                begun = int(log.about["start_monotonic_ns"]) * 1e-9 + float(log["time"][led][0])
+                assert told[1:] == [pytest.approx(begun, abs=1e-5)]
+
+
+def test_times_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(RIG)
+    for words in (["--after", "nan"], ["--after", "-1"], ["--for", "0"], ["--for", "inf"]):
+        assert run(["twin", str(rig), "--inject", "silence", *words, "--channel", str(tmp_path / "b")]) == 2
+        assert "expected a time from now" in capsys.readouterr().err

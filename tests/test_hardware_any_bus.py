@@ -1,0 +1,81 @@
+"""Any bus of python-can will do: drive and twin on its `virtual` one, and every interface fails in one line."""
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from bowden.core.errors import DriveError
+from bowden.hardware.buses import open_bus
+from bowden.hardware.canopen_drive import CanopenDrive
+from bowden.hardware.cia402 import State
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.hardware.twin import Twin
+from bowden.hardware.twin_bench import TwinBench
+from bowden.hardware.twin_control import TwinControl
+from bowden.paper.bench import bench
+from bowden.runtime.ports import Power
+from bowden.sim.scenario import constant_bend
+
+DRIVE = DriveParameters(interface="virtual", channel="any-bus", bitrate=500_000)
+
+
+@pytest.fixture
+def twin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Twin]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    rig = bench()
+    behind = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, time.monotonic())
+    running = Twin(DRIVE, behind, time.monotonic)
+    thread = threading.Thread(target=running.run)
+    thread.start()
+    yield running
+    running.stop()
+    thread.join(10.0)
+    assert not thread.is_alive()
+
+
+@pytest.mark.live
+def test_a_drive_on_another_bus_than_ours(twin: Twin) -> None:
+    drive = CanopenDrive(DRIVE)
+    assert "bowden digital twin" in drive.bring_up()
+    with TwinControl(twin.path) as control:
+        states = set()
+        for _ in range(2000):
+            now = time.monotonic()
+            reading = drive.read(now)
+            states.add(int(reading.drive_state))
+            if State.OPERATION_ENABLED in states:
+                break
+            drive.write(0.1, Power.ON, now)
+            time.sleep(1e-3)
+        assert State.OPERATION_ENABLED in states
+        assert abs(reading.motor - 0.1) < 0.01
+        assert reading.bus_errors == 0.0
+        drive.close()
+        assert not control.status()["torque"]
+        assert control.status()["nmt"] == 4
+
+
+@pytest.mark.parametrize("interface", sorted(can.VALID_INTERFACES - {"virtual", "udp_multicast", "bowden_unix"}))
+def test_an_interface_that_is_not_there_is_said_in_a_line(interface: str) -> None:
+    with pytest.raises(DriveError, match=f"cannot open the bus nothing7 .{interface}.: .+; ") as refused:
+        open_bus(interface, "nothing7", 1_000_000)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_kernel_without_can_is_told_from_an_interface_that_is_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, said in (
+        (97, "this kernel has no CAN"),
+        (19, "try: ip link set can0 up"),
+        (100, "ip link set can0 up"),
+    ):
+
+        def fail(*_: object, number: int = number, **__: object) -> None:
+            raise OSError(number, "what the kernel says")
+
+        monkeypatch.setattr(can, "Bus", fail)
+        with pytest.raises(DriveError, match=said):
+            open_bus("socketcan", "can0", 1_000_000)

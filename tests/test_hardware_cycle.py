@@ -1,0 +1,259 @@
+"""One cycle between host and drive: what acts when, what is told of it, and how it ends."""
+
+import math
+from collections import deque
+
+import can
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bowden.hardware import canopen_frames as frames
+from bowden.hardware.canopen_drive import CanopenDrive
+from bowden.hardware.cia402 import Control, State
+from bowden.hardware.drive_parameters import DriveParameters
+from bowden.hardware.injection import parse
+from bowden.hardware.twin_bench import TwinBench
+from bowden.hardware.twin_bus import TwinBus
+from bowden.identify.servo import identify_servo
+from bowden.models.encoder import Encoder
+from bowden.models.servo import ServoState, prepare, servo_step
+from bowden.paper.bench import bench
+from bowden.runtime.ports import Power
+from bowden.sim.scenario import constant_bend
+
+DRIVE = DriveParameters(answer_timeout=0.05)
+CYCLE = 1e-3
+
+
+def make_bench(now: float) -> TwinBench:
+    rig = bench()._replace(motor_encoder=Encoder(0.0, 0.0))
+    return TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, now)
+
+
+class SyncBus(TwinBus):
+    """A bus on which the drive's time comes with the frames alone: it is late with everything else."""
+
+    def pass_time(self) -> None:
+        self.time += CYCLE
+
+
+def enabled() -> tuple[CanopenDrive, SyncBus]:
+    bus = SyncBus(DRIVE, make_bench)
+    drive = CanopenDrive(DRIVE, bus)
+    drive.bring_up()
+    for _ in range(10):
+        drive.read(bus.time)
+        drive.write(0.1, Power.ON, bus.time)
+        bus.advance(CYCLE)
+    assert bus.node.state is State.OPERATION_ENABLED
+    return drive, bus
+
+
+@pytest.mark.parametrize("ticks", [True, False])
+def test_a_target_acts_from_its_sync_on_and_not_before(ticks: bool) -> None:
+    drive, bus = enabled()
+    servo = bus.node.bench.bench.servo
+    seen = []
+    for target in (0.1, 0.1, 0.3, 0.3, 0.3):
+        seen.append(drive.read(bus.time).motor)
+        drive.write(target, Power.ON, bus.time)
+        bus.advance(CYCLE) if ticks else bus.pass_time()
+    count = abs(2.0 * math.pi / (DRIVE.motor_counts_per_turn * DRIVE.gear))
+    sent = round(0.3 / count) * count
+    state, step = ServoState(seen[3], 0.0, 0.0), prepare(servo, 1e-4)
+    for _ in range(10):
+        state = servo_step(state, sent, step)
+    assert seen[3] == pytest.approx(seen[2], abs=count), "sampled at the very SYNC at which the target is taken"
+    assert seen[4] == pytest.approx(state.position, abs=2.0 * count)
+    assert seen[4] - seen[3] > 3.0 * count
+
+
+@pytest.mark.parametrize("ticks", [True, False])
+def test_a_recorded_motion_shows_the_delay_of_one_cycle(ticks: bool) -> None:
+    drive, bus = enabled()
+    rows = []
+    for k in range(3000):
+        reading = drive.read(bus.time)
+        t = k * CYCLE
+        target = 0.1 + 0.1 * math.sin(2.0 * math.pi * (0.5 + 2.0 * t) * t)
+        drive.write(target, Power.ON, bus.time)
+        rows.append((t, target, reading.motor))
+        bus.advance(CYCLE) if ticks else bus.pass_time()
+    found = identify_servo(*np.array(rows).T)
+    assert found.delay.value == pytest.approx(CYCLE, abs=0.1 * CYCLE)
+
+
+def test_of_several_emergencies_in_a_cycle_the_first_is_told() -> None:
+    drive, bus = enabled()
+    drive.read(bus.time)
+    for code in (0x4210, 0x8130, 0):
+        bus._take(frames.EMERGENCY + 1, frames.pack_emergency(code, 1))
+    assert drive.read(bus.time).emergency == 0x4210
+    bus._take(frames.EMERGENCY + 1, frames.pack_emergency(0, 0))
+    assert drive.read(bus.time).emergency == 0.0
+    bus._take(frames.EMERGENCY + 2, frames.pack_emergency(0x4210, 1))
+    assert drive.read(bus.time).emergency == 0.0, "another node's"
+
+
+def test_no_power_before_a_position_is_known() -> None:
+    bus = TwinBus(DRIVE, make_bench)
+    bus.node.state = State.SWITCHED_ON  # as another master has left it
+    drive = CanopenDrive(DRIVE, bus)
+    drive.bring_up()
+    for _ in range(5):
+        drive.write(0.1, Power.ON, bus.time)
+        bus.advance(CYCLE)
+        assert bus.node.state is not State.OPERATION_ENABLED
+
+
+class SlowServer(TwinBus):
+    """A drive whose SDO server takes some milliseconds."""
+
+    def __init__(self, drive: DriveParameters) -> None:
+        self._asked: deque[tuple[float, int, bytes]] = deque()
+        super().__init__(drive, make_bench)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if msg.arbitration_id == frames.SDO_REQUEST + 1:
+            self._asked.append((self.time + 5e-3, msg.arbitration_id, bytes(msg.data)))
+        else:
+            super().send(msg, timeout)
+
+    def advance(self, span: float) -> None:
+        super().advance(span)
+        while self._asked and self._asked[0][0] <= self.time:
+            _, cob_id, data = self._asked.popleft()
+            self.node.receive(cob_id, data, self.time)
+
+
+def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
+    bus = SlowServer(DRIVE._replace(answer_timeout=0.2))
+    drive = CanopenDrive(DRIVE._replace(answer_timeout=0.2), bus)
+    drive.bring_up()
+    for _ in range(20):
+        drive.read(bus.time)
+        drive.write(0.1, Power.ON, bus.time)
+        bus.advance(CYCLE)
+    drive.close()
+    bus.advance(1.0)
+    assert bus.node.objects[0x1016, 1] == 0
+    assert bus.node.nmt == frames.STOPPED
+    assert bus.node.state is State.SWITCH_ON_DISABLED
+    assert "fault" not in [event for _, event, _ in bus.journal]
+
+
+def test_homing_by_hand_holds_where_home_is_wherever_the_rig_is_found() -> None:
+    here = DRIVE._replace(home_here=True, motor_home=1.0, joint_home=2.0)
+    bus = TwinBus(here, make_bench)
+    drive = CanopenDrive(here, bus)
+    drive.bring_up()
+    for k in range(300):
+        drive.read(bus.time)
+        drive.write(1.0 + min(k, 200) * 1e-3, Power.ON if k < 280 else Power.OFF, bus.time)
+        bus.advance(CYCLE)
+    assert drive.read(bus.time).motor == pytest.approx(1.2, abs=0.01)
+    again = CanopenDrive(drive.zeroed(motor=0.25, joint=0.5), bus)
+    again.bring_up()
+    again.write(0.0, Power.OFF, bus.time)
+    bus.advance(CYCLE)
+    reading = again.read(bus.time)
+    assert (reading.motor, reading.joint) == pytest.approx((0.25, 0.5), abs=2e-3)
+
+
+class Tap(TwinBus):
+    """What the host sends is kept."""
+
+    sent: list[tuple[int, bytes]]
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.sent.append((msg.arbitration_id, bytes(msg.data)))
+        super().send(msg, timeout)
+
+
+_TAPPED: list[tuple[CanopenDrive, Tap]] = []
+
+
+def tapped() -> tuple[CanopenDrive, Tap]:
+    if not _TAPPED:
+        Tap.sent = []
+        bus = Tap(DRIVE, make_bench)
+        drive = CanopenDrive(DRIVE, bus)
+        drive.bring_up()
+        _TAPPED.append((drive, bus))
+    return _TAPPED[0]
+
+
+COB_IDS = st.sampled_from([0x081, 0x181, 0x281, 0x701, 0x080, 0x082, 0x581]) | st.integers(0, 0x7FF)
+ANGLES = st.floats(-10.0, 10.0) | st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 1e5, 5e-324])
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.lists(st.tuples(COB_IDS, st.binary(max_size=8)), max_size=20),
+    ANGLES,
+    st.sampled_from(Power),
+    st.booleans(),
+)
+def test_whatever_comes_what_goes_out_is_whole_and_no_more_than_was_wanted(
+    foreign: list[tuple[int, bytes]], target: float, power: Power, reset: bool
+) -> None:
+    drive, bus = tapped()
+    for cob_id, data in foreign:
+        bus._take(cob_id, data)
+    reading = drive.read(bus.time)
+    assert all(isinstance(value, float) for value in reading)
+    assert math.isnan(reading.motor) or abs(reading.motor) <= 2**31 * 1e-4
+    assert 0.0 <= reading.emergency <= 0xFFFF
+    assert reading.drive_state in set(State)
+    if reset:
+        drive.reset_fault()
+    bus.sent.clear()
+    drive.write(target, power, bus.time)
+    assert [cob_id for cob_id, _ in bus.sent][:2] == [0x201, 0x080]
+    control, _ = frames.unpack_rpdo1(bus.sent[0][1]) or (None, None)
+    assert control in set(Control)
+    if power is not Power.ON or not math.isfinite(target):
+        assert control != Control.ENABLE_OPERATION
+    if control == Control.FAULT_RESET:
+        assert reading.drive_state == State.FAULT
+    if control == Control.ENABLE_OPERATION:
+        assert reading.drive_state in (State.SWITCHED_ON, State.OPERATION_ENABLED)
+    bus.advance(CYCLE)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.text(max_size=30)
+    | st.builds(
+        "{} {}".format,
+        st.sampled_from(
+            [
+                "late_pdos",
+                "delayed_readings",
+                "dropped_pdos",
+                "over_temperature",
+                "over_current",
+                "slack_cable",
+                "encoder_offset motor",
+                "encoder_spike joint",
+            ]
+        ),
+        st.floats(),
+    )
+)
+def test_any_fault_that_is_taken_leaves_the_twin_alive(text: str) -> None:
+    from bowden.core.errors import ParameterError
+
+    _, bus = _TAPPED[0] if _TAPPED else tapped()
+    try:
+        injection = parse(text)
+    except ParameterError:
+        return
+    bus.node.faults.inject(injection._replace(start=bus.time))
+    for _ in range(3):
+        bus.node.receive(frames.SYNC, b"", bus.time)
+        bus.advance(CYCLE)
+    bus.node.faults.clear()
+    bus._frames.clear()
