@@ -173,6 +173,14 @@ def test_identify_reads_an_export_of_a_run(rows: np.ndarray) -> None:
     assert main.run(["log", "export", "run.mcap", "--to", "csv"]) == 0
     with pytest.raises(BowdenError, match="joint is nan"):
         read_log(Path("run.csv"))
+    beginning = rows[:1500].copy()
+    joint = list(read(Path("run.mcap")).columns).index("joint")
+    beginning[:2, joint - 1 : joint + 1] = math.nan  # a live run begins before the drive's first answer
+    write(Path("begins.mcap"), beginning, {"law": "adaptive"})
+    assert main.run(["log", "export", "begins.mcap", "--to", "csv"]) == 0
+    log = read_log(Path("begins.csv"))
+    assert np.array_equal(log.joint, rows[2:1500, joint])
+    assert "the first 2 rows, in which no angle had been read yet, were left out" in log.warnings
     write(Path("clean.mcap"), rows[:1500], {"law": "adaptive"})
     assert main.run(["log", "export", "clean.mcap", "--to", "csv"]) == 0
     log = read_log(Path("clean.csv"))

@@ -92,7 +92,7 @@ def read_log(
 
 
 def _in_radians(raw: RawLog, unit: str | None, name: str) -> Log:
-    warnings: list[str] = []
+    raw, warnings = _from_the_first_reading(raw)
     for role, values in raw.values.items():
         checks.check_finite(raw.columns[role].name, values, raw.place)
     own = {role: raw.columns[role].unit for role in ("motor", "joint")}
@@ -111,6 +111,17 @@ def _in_radians(raw: RawLog, unit: str | None, name: str) -> Log:
     seconds = raw.values["time"] * FACTORS.get(raw.columns["time"].unit or "s", 1.0)
     checked = prepare(seconds, angles["motor"], angles["joint"], name, raw.place)
     return Log(checked.time, checked.motor, checked.joint, name, (*warnings, *checked.warnings))
+
+
+def _from_the_first_reading(raw: RawLog) -> tuple[RawLog, list[str]]:
+    """The log without the rows at its beginning in which no angle had been read yet, as that of a live run has them."""
+    there = np.isfinite(raw.values["motor"]) & np.isfinite(raw.values["joint"])
+    first = int(there.argmax()) if there.any() else 0
+    if first == 0:
+        return raw, []
+    values = {role: part[first:] for role, part in raw.values.items()}
+    said = f"the first {first} rows, in which no angle had been read yet, were left out"
+    return RawLog(raw.columns, values, lambda i: raw.place(i + first)), [said]
 
 
 def prepare(time: Array, motor: Array, joint: Array, name: str, place: Callable[[int], str], unit: str = "rad") -> Log:
