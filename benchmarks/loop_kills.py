@@ -18,7 +18,7 @@ from kept import Kept
 from measure import Figure
 
 KILLS, MOST = 200, 0.050
-LATEST = 6.0
+LATEST = 3.0
 """After the torque came on, at most: preflight, approach and law have begun by then [s]."""
 RIG = "[scenario]\nduration_s = 60.0\n[limits]\nreading_age = 10.0\n"
 COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()", "run"]
