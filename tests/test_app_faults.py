@@ -127,7 +127,7 @@ def test_a_disk_that_is_full_leaves_nothing_of_a_simulation(
     def no_room(*_: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("pyarrow.csv.write_csv", no_room)  # the Parquet file before it fits
+    monkeypatch.setattr("pyarrow.csv.CSVWriter", no_room)  # the Parquet file before it fits
     before = tree()
     assert run(["simulate", "rig.toml", "--csv", "--out", "deep/er"]) == 2
     assert "cannot write deep/er/adaptive.csv: No space left on device; choose another place" in one_line(capsys)

@@ -73,8 +73,8 @@ def intent_start(position: float) -> IntentState:
 def least_jerk(begin: Reference, end: float, lasts: float, gone: float) -> Reference:
     """The quintic from `begin` to rest at `end` [rad] in a time `lasts` > 0, after a time `gone`; at rest afterwards.
 
-    >>> least_jerk(Reference(0.0, 0.0, 0.0), 1.0, 2.0, 1.0)
-    Reference(position=0.5, velocity=0.9375, acceleration=0.0)
+    >>> [float(value) for value in least_jerk(Reference(0.0, 0.0, 0.0), 1.0, 2.0, 1.0)]
+    [0.5, 0.9375, 0.0]
     """
     s = np.fmax(0.0, np.fmin(1.0, gone / lasts))
     way, speed, bend = begin.position - end, begin.velocity * lasts, begin.acceleration * lasts * lasts
