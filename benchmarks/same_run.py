@@ -1,0 +1,49 @@
+"""A live run without processes, bus or clock: script, supervisor and law on the twin's bench in simulated time."""
+
+from pathlib import Path
+
+import numpy as np
+
+from bowden.app.compose_live import Asked, compose_live
+from bowden.core.units import DEGREES
+from bowden.hardware.simulated import SimulatedDrive
+from bowden.hardware.twin_bench import TwinBench
+from bowden.models.thermal import cold
+from bowden.runtime.cycle import Source
+from bowden.runtime.ports import Power
+from bowden.runtime.row import NOTHING_READ
+from bowden.safety.supervisor import Mode, Observed, Request
+
+LONGEST = 60.0
+"""Preflight and approach are over by then [s]."""
+
+
+def rmse_deg(rig: Path, law: str, seconds: float) -> float:
+    """The joint's measured error under the law, root mean square, of a run from arming to the end of its reference [°].
+
+    Args:
+        rig: the rig.toml.
+        law: name.
+        seconds: how long the law leads.
+    """
+    live = compose_live(Asked(rig, law, duration=seconds))
+    setup, cycle, script = live.setup, live.cycle(), live.script()
+    drive = SimulatedDrive(TwinBench(setup.bench, setup.bend, setup.duration, setup.seed, setup.initial_motor, 0.0))
+    cycle.begin(NOTHING_READ, cold(live.limits.thermal))
+    mode, target, errors = float(Mode.STOPPED), cycle.state.supervisor.target, []
+    for k in range(1, round((LONGEST + seconds) / cycle.period)):
+        now = k * cycle.period
+        reading = drive.read(now)
+        ready = mode == Mode.PREFLIGHT and script.outcome == 1.0
+        request = Request.ARM if k == 20 else Request.RUN if ready else Request.NONE
+        plan = script.plan(mode, target, reading, 1)
+        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome)
+        _, verdict = cycle.step(observed, plan)
+        mode, target = verdict.mode, verdict.target
+        drive.write(target, Power(int(verdict.power)), now)
+        if plan.source >= Source.LAW_BEGINS:
+            errors.append(reading.joint - plan.reference.position)
+        if script.done:
+            break
+    assert script.done, "the run came to no end"
+    return float(np.sqrt(np.mean(np.square(errors)))) * DEGREES
