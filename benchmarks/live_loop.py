@@ -37,6 +37,7 @@ STALL = 1e-3
 """Lateness that no program of ours causes: it is counted apart where the bare loop sees it too [s]."""
 RIG = """[scenario]
 duration_s = {seconds}
+seed = {seed}
 [limits]
 reading_age = 10.0
 lateness_s = 0.03
@@ -47,15 +48,15 @@ cpu = {cpu}
 """
 
 
-def one(law: str, seconds: float) -> dict[str, Any]:
+def one(law: str, seconds: float, seed: int) -> dict[str, Any]:
     """One run of one law; its figures."""
     with tempfile.TemporaryDirectory() as folder:
-        return _one(law, seconds, Path(folder), max(os.sched_getaffinity(0)))
+        return _one(law, seconds, seed, Path(folder), max(os.sched_getaffinity(0)))
 
 
-def _one(law: str, seconds: float, folder: Path, cpu: int) -> dict[str, Any]:
+def _one(law: str, seconds: float, seed: int, folder: Path, cpu: int) -> dict[str, Any]:
     rig = folder / "rig.toml"
-    rig.write_text(RIG.format(seconds=seconds, cpu=cpu))
+    rig.write_text(RIG.format(seconds=seconds, seed=seed, cpu=cpu))
     settings = Settings(cpu=cpu)
     before, _ = bare_loop_apart(BARE, 1e-3, settings)
     words = ["run", str(rig), "--twin", "--auto", "--json", "--law", law, "--out", str(folder)]
@@ -118,7 +119,7 @@ def figures(minutes: float) -> tuple[list[Figure], str]:
 def _missing(found: dict[str, list[dict[str, Any]]], wanted: int, seconds: float) -> Iterator[list[Any]]:
     for law, runs in found.items():
         while sum(run["ended_well"] for run in runs) < wanted and len(runs) < TRIES * wanted:
-            runs.append(one(law, seconds))
+            runs.append(one(law, seconds, len(runs) + 1))
             yield [runs[-1]]
 
 
@@ -126,8 +127,8 @@ def _of_a_law(law: str, runs: list[dict[str, Any]], wanted: int) -> list[Figure]
     well = [run for run in runs if run["ended_well"]]
     cycles, logged = (sum(run[key] for run in runs) for key in ("cycles", "cycles_logged"))
     unlogged = cycles - logged
-    rmse = np.array([run["rmse_deg"] / run["rmse_same_run_deg"] for run in well])
-    off = [100.0 * (ratio - 1.0) for ratio in (rmse.min(), np.median(rmse), rmse.max())] if well else [np.inf] * 3
+    rmse, same = (np.array([run[key] for run in well]) for key in ("rmse_deg", "rmse_same_run_deg"))
+    off = 100.0 * (float(np.sqrt(np.mean(rmse**2) / np.mean(same**2))) - 1.0) if well else np.inf
     half, rare = (
         float(np.median([run["loop"][key] / run["bare"][key] for run in runs])) for key in ("p50_us", "p99_us")
     )
@@ -139,10 +140,11 @@ def _of_a_law(law: str, runs: list[dict[str, Any]], wanted: int) -> list[Figure]
             f"{law}: runs to their end, of {len(runs)}", f"{len(well)}, {led:.0f} s", f"≥ {wanted}", len(well) >= wanted
         ),
         Figure(
-            f"{law}: RMSE over that of the same run in simulated time, least, median, most",
-            ", ".join(f"{one:+.1f} %" for one in off),
+            f"{law}: RMSE of all, over that of the same runs in simulated time",
+            f"{off:+.1f} % (runs from {rmse.min():.4f}° to {rmse.max():.4f}°, simulated {same.min():.4f}° to "
+            f"{same.max():.4f}°)",
             "± 10 %",
-            max(map(abs, off)) <= 10.0,
+            abs(off) <= 10.0,
         ),
         Figure(f"{law}: cycles that are not in the log", f"{unlogged} of {cycles}", "0", not unlogged),
         Figure(f"{law}: lateness over the bare loop's, p50, median of the runs", f"{half:.2f}", "≤ 1.5", half <= 1.5),
