@@ -1,5 +1,6 @@
 """The loop's process killed or stopped at random moments while the motor has torque: how soon the twin takes it off."""
 
+import contextlib
 import os
 import random
 import signal
@@ -60,7 +61,8 @@ def _kill(rig: Path, twin: RunningTwin, end: signal.Signals, moment: float) -> t
         return off - status["last_heartbeat"], status["longest_wait"]
     finally:
         for pid in filter(None, (loop, run.pid)):
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):  # it has ended by itself
+                os.kill(pid, signal.SIGKILL)
         run.wait()
 
 
