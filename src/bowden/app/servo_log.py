@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
 from bowden.identify.columns import FACTORS, split_name
+from bowden.identify.table import read_table
 
 Array = NDArray[np.float64]
 
@@ -56,14 +57,8 @@ def read_servo_log(path: Path, given: Mapping[str, str | None], unit: str | None
 
 def _read(path: Path) -> dict[str, Array]:
     import pyarrow as pa
-    from pyarrow import csv, parquet
 
-    try:
-        table = parquet.read_table(path) if path.suffix == ".parquet" else csv.read_csv(path)
-    except OSError as error:
-        raise LogError(f"cannot read {path}: {error.strerror or error}", expected="a CSV or Parquet file") from error
-    except pa.ArrowInvalid as error:
-        raise LogError(f"{path} is not a table: {error}", expected="CSV or Parquet with a row of names") from error
+    table = read_table(path)
     return {
         name: np.asarray(column.to_numpy(), dtype=np.float64)
         for name, column in zip(table.column_names, table.columns, strict=True)

@@ -17,10 +17,23 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 State = Any  # a NamedTuple of floats, one type a law
+
+
+@kernel
+def law_start(gains: Any, sample: Sample) -> Any:
+    """Stand-in for a law's ``start`` in a loop's source; `specialise` puts the law's own in its place."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
+    """Stand-in for a law's ``step``."""
+    raise NotImplementedError  # never compiled: always replaced
 
 
 @dataclass(frozen=True)

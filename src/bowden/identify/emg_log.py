@@ -1,6 +1,8 @@
 """Reading and checking recordings of EMG, and labels of contractions."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError
 from bowden.identify.checks import check_finite, even_time
 from bowden.identify.columns import FACTORS, split_name
+from bowden.identify.table import read_table
 from bowden.sensing.onset import QUICKEST, SLOWEST
 
 Array = NDArray[np.float64]
@@ -78,9 +81,10 @@ def read_emg(path: Path, channel: str | None = None) -> EmgLog:
         )
     if len(values) < _SHORTEST * rate:
         raise LogError(f"{path}: {len(values) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
-    more = f"; {len(others)} channels, {name!r} is taken" if channel is None and len(others) > 1 else ""
+    if channel is None and len(others) > 1:
+        warnings = [*warnings, f"{len(others)} channels, {name!r} is taken"]
     _check_signal(name, values, path)
-    return EmgLog(values, rate, float(even[0]), name, (*warnings, *([more[2:]] if more else [])))
+    return EmgLog(values, rate, float(even[0]), name, tuple(warnings))
 
 
 def read_labels(path: Path) -> list[tuple[float, float]]:
@@ -117,17 +121,7 @@ def _check_signal(name: str, values: Array, path: Path) -> None:
 
 
 def _read(path: Path) -> dict[str, Array]:
-    import pyarrow as pa
-    from pyarrow import csv, parquet
-
-    try:
-        table = parquet.read_table(path) if path.suffix == ".parquet" else csv.read_csv(path)
-    except OSError as error:
-        raise LogError(f"cannot read {path}: {error.strerror or error}", expected="a CSV or Parquet file") from error
-    except pa.ArrowInvalid as error:
-        raise LogError(
-            f"{path} is not a table: {' '.join(str(error).split())}", expected="CSV or Parquet with a row of names"
-        ) from error
+    table = read_table(path)
     return dict(zip(table.column_names, (column.to_numpy() for column in table.columns), strict=True))
 
 
@@ -143,6 +137,5 @@ def _numbers(table: dict[str, Array], name: str, path: Path) -> Array:
     return np.asarray(column, dtype=np.float64)
 
 
-def _listed(names: object) -> str:
-    found = list(names)  # type: ignore[call-overload]
-    return ", ".join(repr(name) for name in found[:12]) or "none"
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(repr(name) for name in islice(names, 12)) or "none"

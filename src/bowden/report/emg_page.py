@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.identify.emg_log import EmgLog
-from bowden.identify.emg_score import Findings, Score, Spans
+from bowden.identify.emg_score import Findings, Score, Spans, spans
 from bowden.report.page import Page
 from bowden.report.style import COLOURS, CYCLE, legend, new_figure
 from bowden.sensing.envelope import PLAIN_THRESHOLD
@@ -72,16 +72,15 @@ def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure
     middle.plot(*_outline(time, found.envelope), color=COLOURS["joint"], linewidth=1.0, label="envelope")
     threshold = PLAIN_THRESHOLD * found.mvc
     middle.axhline(threshold, color=COLOURS["error"], linewidth=1.0, linestyle="--", label="20 % of MVC")
-    trouble = np.flatnonzero(np.diff(found.detected.trouble > 0.5, prepend=False, append=False)).reshape(-1, 2)
     rows: list[tuple[str, Sequence[tuple[float, float]], str]] = [
         ("plain", found.plain, COLOURS["error"]),
         ("ours", found.found, COLOURS["bowden"]),
-        ("trouble", [(first / log.rate, end / log.rate) for first, end in trouble], COLOURS["limit"]),
+        ("trouble", spans(found.detected.trouble, log.rate), COLOURS["limit"]),
     ]
     if labels is not None:
         rows.append(("labels", [(on - log.start, off - log.start) for on, off in labels], CYCLE[5]))
-    for i, (_, spans, colour) in enumerate(rows):
-        _bars(below, i, [(on + log.start, off + log.start) for on, off in spans], colour)
+    for i, (_, stretches, colour) in enumerate(rows):
+        _bars(below, i, [(on + log.start, off + log.start) for on, off in stretches], colour)
     below.set_yticks(range(len(rows)), [name for name, _, _ in rows])
     below.set(xlabel="time [s]", ylim=(-0.6, len(rows) - 0.4))
     below.grid(False, axis="y")
@@ -91,8 +90,8 @@ def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure
     return figure
 
 
-def _bars(axes: "Axes", row: int, spans: Sequence[tuple[float, float]], colour: str) -> None:
-    axes.broken_barh([(on, off - on) for on, off in spans], (row - 0.35, 0.7), color=colour, linewidth=0.0)
+def _bars(axes: "Axes", row: int, stretches: Sequence[tuple[float, float]], colour: str) -> None:
+    axes.broken_barh([(on, off - on) for on, off in stretches], (row - 0.35, 0.7), color=colour, linewidth=0.0)
 
 
 def _outline(time: Array, values: Array) -> tuple[Array, Array]:

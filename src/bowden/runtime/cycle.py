@@ -9,7 +9,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from bowden.control.law import Law
+from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.thermal import ThermalState
@@ -60,18 +60,6 @@ class CycleState(NamedTuple):
     law: Any
     """The law's own state, a flat NamedTuple of floats."""
     supervisor: SupervisorState
-
-
-@kernel
-def law_start(gains: Any, sample: Sample) -> Any:
-    """Stand-in for the law's ``start``; `specialise` puts the law's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
-
-
-@kernel
-def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    """Stand-in for the law's ``step``."""
-    raise NotImplementedError  # never compiled: always replaced
 
 
 @kernel

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.control.law import Law
+from bowden.control.law import Law, law_start, law_step
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
@@ -19,7 +19,7 @@ from bowden.models.servo import ServoState, servo_step
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
 from bowden.sim.cable_plant import CablePlant, Seen, lagged, prepare_servo
-from bowden.sim.closed_loop import RUNAWAY, UNITS, law_start, law_step
+from bowden.sim.closed_loop import RUNAWAY, UNITS
 from bowden.sim.scenario import BendPath
 
 _RECORDED = ["joint", "motor", "joint_measured", "motor_measured", "command", "motor_velocity", "motor_acceleration"]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.control.law import Law
+from bowden.control.law import Law, law_start, law_step
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
@@ -48,18 +48,6 @@ _RECORDED = list(UNITS)[3:11]
 
 RUNAWAY = 1e3
 """A command beyond this [rad] ends the run: the loop is unstable and the rest of the record stays NaN."""
-
-
-@kernel
-def law_start(gains: Any, sample: Sample) -> Any:
-    """Stand-in for the law's ``start`` in the loop's source; `specialise` puts the law's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
-
-
-@kernel
-def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    """Stand-in for the law's ``step``."""
-    raise NotImplementedError  # never compiled: always replaced
 
 
 @kernel

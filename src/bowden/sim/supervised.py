@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.law import Law
+from bowden.control.law import Law, law_start, law_step
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
@@ -18,7 +18,7 @@ from bowden.models.servo import ServoState, servo_step
 from bowden.models.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
-from bowden.sim.closed_loop import inputs_of, law_start, law_step
+from bowden.sim.closed_loop import inputs_of
 from bowden.sim.injected import Around, Injected, asleep, disturbed, misled, misread
 from bowden.sim.plant import Bench, bench_at, bench_start, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
