@@ -29,5 +29,9 @@ class DriveError(BowdenError):
     """A bus or a drive that cannot be used, or does not do what is asked of it."""
 
 
+class StreamError(BowdenError):
+    """A live stream of signals that is not there, is not what was asked for, or cannot be made."""
+
+
 class SafetyError(BowdenError):
     """A run that must not begin: a preflight that failed, or limits that contradict one another."""

@@ -1,7 +1,10 @@
-"""What the live loop needs of a drive."""
+"""What a live run needs of a drive, and of a stream of EMG."""
 
 from enum import IntEnum
-from typing import Protocol
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bowden.core.signals import DriveReading
 
@@ -47,4 +50,44 @@ class Drive(Protocol):
 
     def close(self) -> None:
         """Power off, NMT stop, and let go of the bus; safe to call twice."""
+        ...
+
+
+class EmgChunk(NamedTuple):
+    """What a stream has brought since the last look."""
+
+    values: NDArray[np.float64]
+    """In the stream's unit, NaN where a sample is missing (n, channels)."""
+    times: NDArray[np.float64]
+    """When each sample was taken, on this computer's monotonic clock; increasing (n,) [s]."""
+
+
+class EmgStream(Protocol):
+    """A source of EMG in real time: Lab Streaming Layer, a Trigno base station, a recording that is played back."""
+
+    rate: float
+    """Nominal samples a second and channel; known once it is open [Hz]."""
+    channels: tuple[str, ...]
+    """Names of the channels; known once it is open."""
+    unit: str
+    """Of the values, such as ``mV``; known once it is open."""
+
+    def open(self) -> str:
+        """Find, check and start the stream; what it is, in one line.
+
+        Raises:
+            StreamError: no such stream, more than one, or one that is not what was asked for.
+        """
+        ...
+
+    def read(self, now: float) -> EmgChunk:
+        """All that has arrived by `now` [s]; never waits, never raises."""
+        ...
+
+    def lost(self) -> str:
+        """Why nothing comes any more; empty while the stream is alive. It may come to life again."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the stream; safe to call twice."""
         ...
