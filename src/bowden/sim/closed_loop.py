@@ -14,12 +14,10 @@ from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.models import motor as motor_model
-from bowden.models.bouc_wen import advance_prepared
 from bowden.models.encoder import reading
-from bowden.models.servo import ServoState, servo_approach
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
-from bowden.sim.plant import Bench, bench_at, bench_start, prepare_bench
+from bowden.sim.plant import Bench, bench_moved, bench_start, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
 
 if TYPE_CHECKING:
@@ -69,9 +67,7 @@ def run_loop(
     """One run; fills `record` (8, n) and `states` (m, n) and returns the number of cycles that it lasted.
 
     Each cycle reads the encoders, steps the law, and moves the plant by one sample time under the command that was
-    computed `delay` cycles before. The sheath's width and slope are linear between cycles. The cable does not know
-    time, so that its travel is gathered over the sub-steps while the motor goes one way, and h advanced where it turns
-    and at the end of the cycle.
+    computed `delay` cycles before. The sheath's width and slope are linear between cycles.
     """
     cycles = references.shape[1]
     plant = bench_start(bench, initial_motor, widths[0], slope_factors[0])
@@ -100,23 +96,7 @@ def run_loop(
         if not abs(command) < RUNAWAY:
             return k
         applied = record[4, k - delay] if k >= delay else initial_motor
-        offset, velocity = plant.motor.position - applied, plant.motor.velocity
-        before, h, travel = velocity, plant.h, 0.0
-        widening = (widths[k + 1] - widths[k]) / substeps
-        inverse_width = 1.0 / widths[k]
-        for i in range(substeps):
-            before = velocity
-            moved, velocity = servo_approach(offset, velocity, bench.servo)
-            if widening != 0.0:  # spares a still sheath the division
-                inverse_width = 1.0 / (widths[k] + (i + 1.0) * widening)
-            piece = (moved - offset) * inverse_width
-            if piece * travel < 0.0:
-                h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
-            travel += piece
-            offset = moved
-        h = advance_prepared(h, travel, bench.hysteresis)
-        motor = ServoState(offset + applied, velocity, (velocity - before) / bench.servo.dt)
-        plant = bench_at(bench, motor, h, widths[k + 1], slope_factors[k + 1])
+        plant = bench_moved(bench, plant, applied, widths[k], widths[k + 1], slope_factors[k + 1], substeps)
     return cycles
 
 

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 from bowden.core.kernel import kernel
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen, PreparedCable, prepare_cable
+from bowden.models.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor, acceleration_limit
-from bowden.models.servo import Servo, ServoState, ServoStep, prepare
+from bowden.models.servo import Servo, ServoState, ServoStep, prepare, servo_approach
 from bowden.models.sheath import Sheath, joint_in_sheath
 
 
@@ -63,6 +63,34 @@ def bench_start(bench: BenchStep, motor: float, width: float, slope_factor: floa
 def bench_at(bench: BenchStep, motor: ServoState, h: float, width: float, slope_factor: float) -> BenchState:
     """The bench with its motor and its cable's h where they are, in a sheath of that width and slope factor."""
     return BenchState(motor, h, joint_in_sheath(motor.position, h, width, slope_factor, bench.cable))
+
+
+@kernel
+def bench_moved(
+    bench: BenchStep, plant: BenchState, applied: float, width: float, next_width: float, factor: float, substeps: int
+) -> BenchState:
+    """The bench one cycle later under the command `applied` [rad], in a sheath whose width goes straight to the next.
+
+    The cable does not know time, so that its travel is gathered over the sub-steps while the motor goes one way, and h
+    advanced where it turns and at the end of the cycle. `factor` is the slope's at the end of the cycle.
+    """
+    offset, velocity = plant.motor.position - applied, plant.motor.velocity
+    before, h, travel = velocity, plant.h, 0.0
+    widening = (next_width - width) / substeps
+    inverse_width = 1.0 / width
+    for i in range(substeps):
+        before = velocity
+        moved, velocity = servo_approach(offset, velocity, bench.servo)
+        if widening != 0.0:  # spares a still sheath the division
+            inverse_width = 1.0 / (width + (i + 1.0) * widening)
+        piece = (moved - offset) * inverse_width
+        if piece * travel < 0.0:
+            h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
+        travel += piece
+        offset = moved
+    h = advance_prepared(h, travel, bench.hysteresis)
+    motor = ServoState(offset + applied, velocity, (velocity - before) / bench.servo.dt)
+    return bench_at(bench, motor, h, next_width, factor)
 
 
 PAPER_ENCODER = Encoder(resolution=360.0 / 16384 * RADIANS, noise=0.01 * RADIANS)
