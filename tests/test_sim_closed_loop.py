@@ -8,6 +8,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from bowden.control import LAWS
 from bowden.control.adaptive import AdaptiveState
@@ -17,7 +18,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen, advance, joint_angle
+from bowden.models.bouc_wen import BoucWen, advance
 from bowden.models.encoder import Encoder
 from bowden.models.servo import Servo, ServoState, prepare, servo_step
 from bowden.models.sheath import Sheath, joint_in_sheath
@@ -153,18 +154,36 @@ def test_four_times_as_many_sub_steps_change_little(name: str) -> None:
     assert np.abs(coarse["joint"] - fine["joint"]).max() < 0.01 * rmse
 
 
-def test_a_still_sheath_is_bouc_wen_alone() -> None:
-    """With one sub-step a cycle the motor's samples are its whole path; the joint follows from them."""
-    cable, move = BoucWen(offset=0.05), compiled(advance)
-    bench = Bench(cable=cable, substeps=1)
-    trace = simulate(bench, LAWS["adaptive"], STROKE, duration=12.0, bend=constant_bend(bench.sheath.bend))
-    h, joints = 0.0, []
-    for travel, motor in zip(np.diff(trace["motor"], prepend=0.0).tolist(), trace["motor"].tolist(), strict=True):
-        h = move(h, travel, cable)
-        joints.append(joint_angle(motor, h, cable))
-    np.testing.assert_allclose(trace["joint"], joints, atol=1e-9)
-    assert (trace["width"] == 1.0).all()
-    assert (trace["slope"] == cable.slope).all()
+def tight(bench: Bench, trace: Trace, bend: Any) -> np.ndarray:
+    """Oracle: joint angles of the plant under the trace's commands, its differential equations integrated tightly."""
+    cable, servo, dt = bench.cable, bench.servo, bench.sample_time
+    omega, zeta = servo.natural_frequency, servo.damping
+    power, shape = cable.exponent, cable.shape
+    commands = np.concatenate(([0.0] * bench.delay, trace["command"])).tolist()
+    bends, y, joints = bend(np.arange(len(trace) + 1) * dt) / bench.sheath.bend, np.zeros(3), []
+    for k in range(len(trace)):
+        slope = cable.slope * (1.0 - bench.sheath.loss * (bends[k] - 1.0))
+        joints.append(slope * y[0] + bends[k] * cable.hysteresis_gain * y[2] + cable.offset)
+
+        def rates(t: float, y: np.ndarray, k: int = k) -> list[float]:
+            u = y[1] / (bends[k] + (bends[k + 1] - bends[k]) * t / dt)
+            h, size = y[2], abs(y[2])
+            bent = shape * abs(u) * size ** (power - 1.0) * h + (shape - 1.0) * u * size**power
+            return [y[1], omega**2 * (commands[k] - y[0]) - 2.0 * zeta * omega * y[1], cable.rate * (u - bent)]
+
+        y = solve_ivp(rates, (0.0, dt), y, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    return np.array(joints)
+
+
+@pytest.mark.parametrize("damping", [0.4, 1.0, 1.7])
+@pytest.mark.parametrize("sheath", ["still", "moved"])
+def test_against_a_tight_solution_of_the_differential_equations(damping: float, sheath: str) -> None:
+    """Through turns in mid-cycle and with a sheath that doubles its bend in a second: 1e-9 rad."""
+    bench = Bench(cable=BoucWen(offset=0.05), servo=Servo(54.4, damping), sheath=Sheath(bend=1.0, loss=0.2))
+    bend = constant_bend(1.0) if sheath == "still" else scripted_bend([0.0, 1.0], [1.0, 2.0])
+    trace = simulate(bench, LAWS["adaptive"], PeriodicMinimumJerk(0.0, 0.5, 0.4), duration=0.8, bend=bend)
+    assert (np.diff(np.sign(trace["motor_velocity"][50:])) != 0.0).sum() >= 3
+    np.testing.assert_allclose(trace["joint"], tight(bench, trace, bend), rtol=0.0, atol=1e-9)
 
 
 def test_every_sub_step_counts() -> None:

@@ -1,7 +1,8 @@
 /* The adaptive law against the bench, written by hand: the yardstick for the package's compiled loop.
  *
- * The arithmetic is the package's own (servo, series of the cable, law, encoders, reference, current), the parameters are
- * known at run time only, and the same columns are stored. The encoders' normal numbers are handed in: they must be
+ * The arithmetic is the package's own (servo, series of the cable, law, encoders, reference, current), or, where `whole`
+ * is 0, with the motor and its turns in sub-steps and powers by the library, as such a loop is commonly written. The parameters are known at run
+ * time only, and the same columns are stored. The encoders' normal numbers are handed in: they must be
  * NumPy's for the two to agree.
  */
 #include <math.h>
@@ -17,15 +18,16 @@ struct parameters { /* SI and radians */
     double derivative_time;                                                   /* the last of the law's gains */
     double low, high, period;                                                 /* reference */
     double initial_motor;
-    long delay, substeps, cycles;
+    long delay, substeps, cycles, whole;
 };
 
 struct cable {
     double rate, exponent, growth, bound, piece, near_zero;
+    int cubic;
 };
 
 struct servo {
-    double xx, xv, vx, vv, dt, speed_limit, change;
+    double xx, xv, vx, vv, dt, speed_limit, change, stiffness, drag, reach;
 };
 
 static double smaller(double a, double b) { return b < a ? b : a; }
@@ -40,22 +42,48 @@ static struct cable prepare_cable(const struct parameters *p)
     c.bound = pow(c.growth, -1.0 / p->exponent);
     c.piece = 0.03 / (1.0 + p->exponent / c.bound * larger(1.0, 1.0 / c.growth));
     c.near_zero = 0.5 * pow(0.01 / larger(1.0, c.growth), 1.0 / p->exponent);
+    c.cubic = p->whole && p->exponent == 3.0;
     return c;
 }
 
-static struct servo prepare_servo(const struct parameters *p)
+static struct servo prepare_servo(const struct parameters *p, double dt)
 {
-    double dt = p->sample_time / (double)p->substeps, omega = p->natural_frequency, sigma = p->damping * omega;
+    double omega = p->natural_frequency, sigma = p->damping * omega;
     double disc = (p->damping * p->damping - 1.0) * omega * omega, root = sqrt(fabs(disc));
     double cosine = 1.0, sine = dt, decay = exp(-sigma * dt);
     if (root * dt >= 1e-6) {
         cosine = disc < 0.0 ? cos(root * dt) : cosh(root * dt);
         sine = (disc < 0.0 ? sin(root * dt) : sinh(root * dt)) / root;
     }
-    struct servo s = {decay * (cosine + sigma * sine), decay * sine,   -decay * omega * omega * sine,
-                      decay * (cosine - sigma * sine), dt,             p->speed_limit,
-                      p->acceleration_limit * dt};
+    struct servo s = {decay * (cosine + sigma * sine), decay * sine, -decay * omega * omega * sine,
+                      decay * (cosine - sigma * sine), dt,           p->speed_limit,
+                      p->acceleration_limit * dt,      omega * omega, 2.0 * sigma,
+                      smaller(p->acceleration_limit, omega * p->speed_limit) * exp(-(omega + 2.0 * sigma) * dt)};
     return s;
+}
+
+static double turn(double offset, double velocity, const struct servo *s, double *time)
+{
+    double sigma = 0.5 * s->drag, q = velocity / (s->stiffness * offset + sigma * velocity);
+    double square = s->stiffness - sigma * sigma, z = sqrt(fabs(square)) * q;
+    if (fabs(z) < 1e-4)
+        *time = q * (1.0 - square * q * q / 3.0);
+    else
+        *time = q * (square > 0.0 ? atan(z) : atanh(z)) / z;
+    return exp(-sigma * *time) * ((1.0 + sigma * q) * offset + q * velocity) / sqrt(1.0 + square * q * q);
+}
+
+static double travel_of(double way, double faster, double time, double width, double next_width)
+{
+    if (next_width == width)
+        return way / width;
+    double middle = 0.5 * (width + next_width), growth = (next_width - width) / middle;
+    return (way * (1.0 + growth * growth / 12.0) - growth * faster * time / 12.0) / middle;
+}
+
+static double power(double size, const struct cable *c)
+{
+    return c->cubic ? size * size * size : pow(size, c->exponent);
 }
 
 static double through_zero(double y, double z, double q, const struct cable *c)
@@ -63,7 +91,7 @@ static double through_zero(double y, double z, double q, const struct cable *c)
     double n = c->exponent;
     double i1 = 1.0 / (n + 1.0), i2 = 1.0 / (2.0 * n + 1.0), i3 = 1.0 / (3.0 * n + 1.0), i4 = 1.0 / (4.0 * n + 1.0);
     double t = z + y * (1.0 + q * (i1 + q * (i2 + q * (i3 + q * i4))));
-    q = (t > 0.0 ? c->growth : -1.0) * pow(fabs(t), n);
+    q = (t > 0.0 ? c->growth : -1.0) * power(fabs(t), c);
     double b1 = -i1;
     double b2 = -n * b1 * i2;
     double b3 = -n * (b2 + 0.5 * (n - 1.0) * b1 * b1) * i3;
@@ -92,7 +120,7 @@ static double advance(double h, double travel, const struct cable *c)
         return h;
     double direction = copysign(1.0, travel), left = c->rate * fabs(travel), y = direction * h;
     while (left > 0.0 && !(fabs(c->bound - y) < 1e-12 * c->bound)) {
-        double size = fabs(y), q = (y > 0.0 ? c->growth : -1.0) * pow(size, c->exponent), z;
+        double size = fabs(y), q = (y > 0.0 ? c->growth : -1.0) * power(size, c), z;
         if (size < c->near_zero) {
             z = smaller(left, c->near_zero);
             y = through_zero(y, z, q, c);
@@ -116,7 +144,9 @@ long loop(const struct parameters *p, const double *references, const double *wi
           const double *normals, double *record, double *states)
 {
     const struct cable cable = prepare_cable(p);
-    const struct servo servo = prepare_servo(p);
+    const struct servo servo = prepare_servo(p, p->sample_time / (double)p->substeps);
+    const struct servo cycle = prepare_servo(p, p->sample_time);
+    const double reach = p->whole && p->natural_frequency * p->sample_time <= 0.25 ? cycle.reach : -1.0;
     const long n = p->cycles;
     const double dt = p->sample_time;
     double position = p->initial_motor, velocity = 0.0, acceleration = 0.0, h = 0.0;
@@ -159,31 +189,47 @@ long loop(const struct parameters *p, const double *references, const double *wi
             return k;
 
         double applied = k >= p->delay ? record[4 * n + k - p->delay] : p->initial_motor;
-        double offset = position - applied, before = velocity, travel = 0.0;
-        double widening = (widths[k + 1] - widths[k]) / (double)p->substeps, inverse_width = 1.0 / widths[k];
-        for (long i = 0; i < p->substeps; i++) {
-            double moved, free = servo.vx * offset + servo.vv * velocity;
-            before = velocity;
-            if (fabs(free - velocity) <= servo.change && fabs(free) <= servo.speed_limit) {
-                moved = servo.xx * offset + servo.xv * velocity;
-                velocity = free;
+        double offset = position - applied, travel = 0.0;
+        if (fabs(-cycle.stiffness * offset - cycle.drag * velocity) + sqrt(cycle.stiffness) * fabs(velocity) <= reach) {
+            double moved = cycle.xx * offset + cycle.xv * velocity, speed = cycle.vx * offset + cycle.vv * velocity;
+            if (speed * velocity < 0.0) {
+                double time, still = turn(offset, velocity, &cycle, &time);
+                double width = widths[k] + (widths[k + 1] - widths[k]) * time / cycle.dt;
+                h = advance(h, travel_of(still - offset, -velocity, time, widths[k], width), &cable);
+                travel = travel_of(moved - still, speed, cycle.dt - time, width, widths[k + 1]);
             } else {
-                velocity = larger(before - servo.change, smaller(before + servo.change, free));
-                velocity = larger(-servo.speed_limit, smaller(servo.speed_limit, velocity));
-                moved = offset + 0.5 * servo.dt * (before + velocity);
+                travel = travel_of(moved - offset, speed - velocity, cycle.dt, widths[k], widths[k + 1]);
             }
-            if (widening != 0.0)
-                inverse_width = 1.0 / (widths[k] + ((double)i + 1.0) * widening);
-            double piece = (moved - offset) * inverse_width;
-            if (piece * travel < 0.0) {
-                h = advance(h, travel, &cable);
-                travel = 0.0;
+            velocity = speed;
+            position = moved + applied;
+            acceleration = -cycle.stiffness * moved - cycle.drag * speed;
+        } else {
+            double before = velocity, widening = (widths[k + 1] - widths[k]) / (double)p->substeps;
+            double inverse_width = 1.0 / widths[k];
+            for (long i = 0; i < p->substeps; i++) {
+                double moved, free = servo.vx * offset + servo.vv * velocity;
+                before = velocity;
+                if (fabs(free - velocity) <= servo.change && fabs(free) <= servo.speed_limit) {
+                    moved = servo.xx * offset + servo.xv * velocity;
+                    velocity = free;
+                } else {
+                    velocity = larger(before - servo.change, smaller(before + servo.change, free));
+                    velocity = larger(-servo.speed_limit, smaller(servo.speed_limit, velocity));
+                    moved = offset + 0.5 * servo.dt * (before + velocity);
+                }
+                if (widening != 0.0)
+                    inverse_width = 1.0 / (widths[k] + ((double)i + 1.0) * widening);
+                double piece = (moved - offset) * inverse_width;
+                if (piece * travel < 0.0) {
+                    h = advance(h, travel, &cable);
+                    travel = 0.0;
+                }
+                travel += piece;
+                offset = moved;
             }
-            travel += piece;
-            offset = moved;
+            position = offset + applied;
+            acceleration = (velocity - before) / servo.dt;
         }
-        position = offset + applied;
-        acceleration = (velocity - before) / servo.dt;
         h = advance(h, travel, &cable);
         joint = slopes[k + 1] * p->slope * position + widths[k + 1] * p->hysteresis_gain * h + p->offset;
     }

@@ -23,7 +23,7 @@ from typing import Any, TypeGuard, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_NUMBA_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
+_NUMBA_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": True}
 
 
 def kernel(function: F) -> F:

@@ -36,11 +36,11 @@ class ServoState(NamedTuple):
     velocity: float
     """[rad/s]"""
     acceleration: float
-    """Mean acceleration of the last sub-step [rad/s²]."""
+    """Now, or its mean over the last sub-step [rad/s²]."""
 
 
 class ServoStep(NamedTuple):
-    """A servo prepared for one length of sub-step: (x, v) relative to the command after `dt`."""
+    """A servo prepared for one length of step: (x, v) relative to the command after `dt`."""
 
     xx: float
     xv: float
@@ -49,6 +49,12 @@ class ServoStep(NamedTuple):
     dt: float
     speed_limit: float
     acceleration_limit: float
+    stiffness: float
+    """ω² [1/s²]."""
+    drag: float
+    """2ζω [1/s]."""
+    reach: float
+    """|acceleration| + ω·|velocity| below which no limit is met within `dt` [rad/s²]; see `servo_is_free`."""
 
 
 def prepare(servo: Servo, dt: float) -> ServoStep:
@@ -78,6 +84,9 @@ def prepare(servo: Servo, dt: float) -> ServoStep:
         dt=dt,
         speed_limit=servo.speed_limit,
         acceleration_limit=servo.acceleration_limit,
+        stiffness=omega * omega,
+        drag=2.0 * sigma,
+        reach=min(servo.acceleration_limit, omega * servo.speed_limit) * math.exp(-(omega + 2.0 * sigma) * dt),
     )
 
 
@@ -91,6 +100,46 @@ def servo_approach(offset: float, velocity: float, servo: ServoStep) -> tuple[fl
     limited = max(velocity - change, min(velocity + change, free))
     limited = max(-servo.speed_limit, min(servo.speed_limit, limited))
     return offset + 0.5 * dt * (velocity + limited), limited
+
+
+@kernel
+def servo_acceleration(offset: float, velocity: float, servo: ServoStep) -> float:
+    """Acceleration of the unlimited servo [rad/s²] at an offset from its command [rad] and a velocity."""
+    return -servo.stiffness * offset - servo.drag * velocity
+
+
+@kernel
+def servo_is_free(offset: float, velocity: float, servo: ServoStep) -> bool:
+    """Whether the servo surely meets neither of its limits within `dt`.
+
+    Of the unlimited servo |a| + ω·|v| grows at most by the factor exp((1 + 2ζ)·ω·t), since its derivative is at most
+    2ζω·|a| + ω²·|v| + ω·|a|.
+    """
+    return (
+        np.abs(servo_acceleration(offset, velocity, servo)) + np.sqrt(servo.stiffness) * np.abs(velocity) <= servo.reach
+    )
+
+
+@kernel
+def servo_turn(offset: float, velocity: float, servo: ServoStep) -> tuple[float, float]:
+    """Offset [rad] at which the unlimited servo next comes to a stop, before half a swing has passed, and when [s].
+
+    v = 0 where sin(rt)/(r·cos(rt)) = q with q = v/(ω²x + ζωv) and r² = (1 − ζ²)·ω², and with sinh and cosh where r² < 0:
+
+        offset = e^(−ζωt)·((1 + ζωq)·x + q·v)/√(1 + r²q²),   t = atan(rq)/r, atanh(|r|q)/|r|, or q where r = 0
+    """
+    sigma = 0.5 * servo.drag
+    q = velocity / (servo.stiffness * offset + sigma * velocity)
+    square = servo.stiffness - sigma * sigma
+    z = np.sqrt(np.abs(square)) * q
+    if np.abs(z) < 1e-4:
+        time = q * (1.0 - square * q * q / 3.0)
+    elif square > 0.0:
+        time = q * math.atan(z) / z
+    else:
+        time = q * math.atanh(z) / z
+    still = math.exp(-sigma * time) * ((1.0 + sigma * q) * offset + q * velocity) / np.sqrt(1.0 + square * q * q)
+    return still, time
 
 
 @kernel

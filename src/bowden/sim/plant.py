@@ -7,7 +7,16 @@ from bowden.core.units import RADIANS
 from bowden.models.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor, acceleration_limit
-from bowden.models.servo import Servo, ServoState, ServoStep, prepare, servo_approach
+from bowden.models.servo import (
+    Servo,
+    ServoState,
+    ServoStep,
+    prepare,
+    servo_acceleration,
+    servo_approach,
+    servo_is_free,
+    servo_turn,
+)
 from bowden.models.sheath import Sheath, joint_in_sheath
 
 
@@ -25,15 +34,18 @@ class Bench(NamedTuple):
     delay: int = 1
     """Cycles between a sample and the moment its command reaches the servo [–]."""
     substeps: int = 10
-    """Plant sub-steps in one cycle [–]."""
+    """Plant sub-steps in one cycle, where one exact step will not do [–]."""
 
 
 class BenchStep(NamedTuple):
-    """A bench prepared for one length of sub-step."""
+    """A bench prepared for one length of cycle and of sub-step."""
 
     cable: BoucWen
     hysteresis: PreparedCable
     servo: ServoStep
+    """Over one sub-step."""
+    cycle: ServoStep
+    """Over one cycle; its `reach` is below zero where a cycle is too long for the servo to be taken in one step."""
 
 
 class BenchState(NamedTuple):
@@ -46,11 +58,19 @@ class BenchState(NamedTuple):
     """Joint angle [rad]."""
 
 
+LONGEST_CYCLE = 0.25
+"""ω·Ts up to which a cycle is one exact step: far less than half a swing, in which the motor could turn twice [rad]."""
+
+
 def prepare_bench(bench: Bench) -> BenchStep:
-    """The bench ready for sub-steps; the servo's acceleration limit is the motor's current limit if that is lower."""
+    """The bench ready to be moved; the servo's acceleration limit is the motor's current limit if that is lower."""
     limit = min(bench.servo.acceleration_limit, acceleration_limit(bench.motor))
     servo = bench.servo._replace(acceleration_limit=limit)
-    return BenchStep(bench.cable, prepare_cable(bench.cable), prepare(servo, bench.sample_time / bench.substeps))
+    cycle = prepare(servo, bench.sample_time)
+    if servo.natural_frequency * bench.sample_time > LONGEST_CYCLE:
+        cycle = cycle._replace(reach=-1.0)
+    substep = prepare(servo, bench.sample_time / bench.substeps)
+    return BenchStep(bench.cable, prepare_cable(bench.cable), substep, cycle)
 
 
 @kernel
@@ -71,9 +91,46 @@ def bench_moved(
 ) -> BenchState:
     """The bench one cycle later under the command `applied` [rad], in a sheath whose width goes straight to the next.
 
-    The cable does not know time, so that its travel is gathered over the sub-steps while the motor goes one way, and h
-    advanced where it turns and at the end of the cycle. `factor` is the slope's at the end of the cycle.
+    The cable does not know time: only where the motor turns has its travel to be cut. A servo that meets no limit is
+    taken through the whole cycle in one exact step, and through its turn, if there is one. `factor` is the slope's at
+    the end of the cycle.
     """
+    offset, velocity = plant.motor.position - applied, plant.motor.velocity
+    if not servo_is_free(offset, velocity, bench.cycle):
+        return _bench_in_substeps(bench, plant, applied, width, next_width, factor, substeps)
+    servo, h = bench.cycle, plant.h
+    moved = servo.xx * offset + servo.xv * velocity
+    speed = servo.vx * offset + servo.vv * velocity
+    if speed * velocity < 0.0:
+        turn, time = servo_turn(offset, velocity, servo)
+        turn_width = width + (next_width - width) * time / servo.dt
+        h = advance_prepared(h, _travel(turn - offset, -velocity, time, width, turn_width), bench.hysteresis)
+        travel = _travel(moved - turn, speed, servo.dt - time, turn_width, next_width)
+    else:
+        travel = _travel(moved - offset, speed - velocity, servo.dt, width, next_width)
+    h = advance_prepared(h, travel, bench.hysteresis)
+    motor = ServoState(moved + applied, speed, servo_acceleration(moved, speed, servo))
+    return bench_at(bench, motor, h, next_width, factor)
+
+
+@kernel
+def _travel(way: float, faster: float, time: float, width: float, next_width: float) -> float:
+    """∫dm/w over a `way` [rad] in which the motor gains speed evenly, `faster` in all [rad/s], while w goes straight.
+
+    About the middle of the time 1/w = (1 − x + x²)/w_m with x = w'·(t − t_m)/w_m; what is left out is of third order.
+    """
+    if next_width == width:  # a still sheath is spared all this
+        return way / width
+    middle = 0.5 * (width + next_width)
+    growth = (next_width - width) / middle
+    return (way * (1.0 + growth * growth / 12.0) - growth * faster * time / 12.0) / middle
+
+
+@kernel
+def _bench_in_substeps(
+    bench: BenchStep, plant: BenchState, applied: float, width: float, next_width: float, factor: float, substeps: int
+) -> BenchState:
+    """`bench_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps."""
     offset, velocity = plant.motor.position - applied, plant.motor.velocity
     before, h, travel = velocity, plant.h, 0.0
     widening = (next_width - width) / substeps
