@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tight
 from numpy.typing import NDArray
 
+import tight
 from bowden.control import LAWS
 from bowden.core.trace import Trace
 from bowden.models.encoder import Encoder

@@ -124,7 +124,7 @@ def servo_is_free(offset: float, velocity: float, servo: ServoStep) -> bool:
 def servo_turn(offset: float, velocity: float, servo: ServoStep) -> tuple[float, float]:
     """Offset [rad] at which the unlimited servo next comes to a stop, before half a swing has passed, and when [s].
 
-    v = 0 where sin(rt)/(r·cos(rt)) = q with q = v/(ω²x + ζωv) and r² = (1 − ζ²)·ω², and with sinh and cosh where r² < 0:
+    v = 0 where sin(rt)/(r·cos(rt)) = q = v/(ω²x + ζωv) with r² = (1 − ζ²)·ω²; sinh and cosh where r² < 0:
 
         offset = e^(−ζωt)·((1 + ζωq)·x + q·v)/√(1 + r²q²),   t = atan(rq)/r, atanh(|r|q)/|r|, or q where r = 0
     """
