@@ -63,7 +63,7 @@ class BenchSection(Section):
     delay_cycles: int = _key(
         _BENCH.delay, "cycles between a sample and the moment its command reaches the servo", ge=0, le=1000
     )
-    substeps: int = _key(_BENCH.substeps, "plant sub-steps in one cycle", ge=1, le=1000)
+    substeps: int = _key(_BENCH.substeps, "plant sub-steps in a cycle in which the servo meets a limit", ge=1, le=1000)
 
 
 class ServoSection(Section):
