@@ -47,6 +47,7 @@ docs: .venv/dev
 	$(BIN)/python -c 'from pathlib import Path; from bowden.app.safety_page import write_docs; write_docs(Path("docs"))'
 
 bench: .venv/dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python benchmarks/run.py
 
 soak: .venv/dev

@@ -1,7 +1,7 @@
 """All benchmarks in one run: ``make bench``.
 
 Prints tables and writes each to its section of ``benchmarks/RESULTS.md``. Of speed it is the ratios that count: the
-times are this machine's. With the names of parts (``c control genetic start study plants``) only these are run, and
+times are this machine's. With the names of parts (``c control scipy jax genetic start study plants``) only these are run, and
 only sections that were run whole are written anew. The last two take minutes and keep what is done in ``out/bench``, so
 that they can be interrupted; with ``--count`` they run on fewer rigs (of another seed) or plants, and write nothing.
 """
@@ -34,6 +34,20 @@ def control(count: int | None) -> Found:
     return peer_control.rows()
 
 
+def scipy(count: int | None) -> Found:
+    """The closed loop against SciPy's solve_ivp."""
+    import peer_scipy
+
+    return peer_scipy.rows()
+
+
+def jax(count: int | None) -> Found:
+    """The closed loop against JAX and diffrax."""
+    import peer_jax
+
+    return peer_jax.rows()
+
+
 def genetic(count: int | None) -> Found:
     """Identification against a genetic algorithm."""
     import peer_genetic
@@ -63,7 +77,7 @@ def plants(count: int | None) -> Found:
 
 
 SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
-    "Speed": (c, control, genetic, start),
+    "Speed": (c, control, scipy, jax, genetic, start),
     "How far `bowden check` can be trusted": (study,),
     "Our law on random plants": (plants,),
 }
