@@ -32,8 +32,8 @@ def rows(rounds: int = 5) -> tuple[list[Row], list[str]]:
     timings = by_turns(rounds, ours=_ours, peer=lambda: loop(references).block_until_ready())
     ours = Timing(tuple(seconds / REPEATS for seconds in timings["ours"].seconds))
     note = (
-        f"JAX {version('jax')}, diffrax {version('diffrax')}, on the processor, float64: `lax.scan` over the cycles, "
-        f"one step of Tsit5 for the three states of the plant in each, compiled beforehand; it records the joint alone. "
+        f"JAX {version('jax')}, diffrax {version('diffrax')}, on the processor: `lax.scan` over the cycles, "
+        "one step of Tsit5 for the three states of the plant in each, compiled beforehand; it records the joint alone. "
         f"RMSE {100 * difference:+.2f} % of ours."
     )
     return [Row(WHAT, ours, timings["peer"], timings["peer"].over(ours), "× faster", "–")], [note]

@@ -54,8 +54,8 @@ def rows(rounds: int = 3) -> tuple[list[Row], list[str]]:
     ours = Timing(tuple(seconds / REPEATS for seconds in timings["ours"].seconds))
     peer = Timing(tuple(seconds * DURATION / PIECE for seconds in timings["peer"].seconds))
     note = (
-        f"SciPy: one call of `solve_ivp` for the three states of the plant between two samples, the interpreted law in "
-        f"between; {PIECE:g} s of the minute, times {DURATION / PIECE:g}. {method}, rtol {tolerance:g} is the fastest of "
+        "SciPy: one call of `solve_ivp` for the three states of the plant from sample to sample, the law interpreted; "
+        f"{PIECE:g} s of the minute, times {DURATION / PIECE:g}. {method}, rtol {tolerance:g} is the fastest of "
         f"{', '.join(METHODS)} at rtol 1e-3 and 1e-5 that comes within {100 * AGREEMENT:g} % of our RMSE "
         f"({100 * difference:+.1f} %)."
     )

@@ -1,9 +1,9 @@
 """All benchmarks in one run: ``make bench``.
 
 Prints tables and writes each to its section of ``benchmarks/RESULTS.md``. Of speed it is the ratios that count: the
-times are this machine's. With the names of parts (``c control scipy jax genetic start study plants``) only these are run, and
-only sections that were run whole are written anew. The last two take minutes and keep what is done in ``out/bench``, so
-that they can be interrupted; with ``--count`` they run on fewer rigs (of another seed) or plants, and write nothing.
+times are this machine's. With the names of parts (functions of this file) only these are run, and only sections that
+were run whole are written anew. `study` and `plants` take minutes and keep what is done in ``out/bench``, so that they
+can be interrupted; with ``--count`` they run on fewer rigs (of another seed) or plants, and write nothing.
 """
 
 import argparse
