@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bowden.core.errors import StreamError
+from bowden.hardware.trigno_dialogue import Address
 from bowden.runtime.clock import Clock
 from bowden.runtime.ports import EmgStream
 
-FORMS = "lsl:NAME, lsl:NAME#SOURCE_ID, trigno:HOST or file:PATH"
+FORMS = "lsl:NAME, lsl:NAME#SOURCE_ID, trigno:HOST, trigno:HOST:COMMAND_PORT:EMG_PORT or file:PATH"
 """What can be written."""
 
 
@@ -30,8 +31,20 @@ def open_source(text: str, wanted: Sequence[str] = (), clock: Clock | None = Non
 
         name, _, source = rest.rpartition("#") if "#" in rest else (rest, "", "")
         return LslStream(name, source, wanted, clock=clock)
+    if kind == "trigno":
+        from bowden.hardware.emg_trigno import TrignoStream
+
+        return TrignoStream(_address(text, rest), wanted, clock)
     if kind == "file":
         from bowden.hardware.emg_playback import Playback
 
         return Playback(Path(rest), wanted)
     raise StreamError(f"{text!r} is no source of EMG", expected=FORMS)
+
+
+def _address(text: str, rest: str) -> Address:
+    """Host and ports of a Trigno server."""
+    host, *ports = rest.split(":")
+    if not host or len(ports) > 2 or not all(port.isdecimal() and 0 < int(port) < 65536 for port in ports):
+        raise StreamError(f"{text!r} is no source of EMG", expected=FORMS)
+    return Address(host, *map(int, ports))

@@ -74,8 +74,8 @@ class SampleTimes:
             start = max(min(latest, now) - count * self._nominal, self.last)
             self._until = latest + 0.1 * _WINDOW
         else:
-            start = self.last
             self._look(latest - (self.last + count * self._slope), latest)
+            start = self.last
         end = start + count * self._slope
         if end > now:
             end = max(now, start + _SLOWEST * count * self._period)
