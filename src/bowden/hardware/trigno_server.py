@@ -110,7 +110,8 @@ class TrignoServer:
         self._clock = MonotonicClock() if clock is None else clock
         self._random = Random(1)
         self._selector = selectors.DefaultSelector()
-        self._started: int | None = None
+        self.started: int | None = None
+        """When the samples began [ns]; None while there are none."""
         self._sent = 0
         self._free = 0
         """When the last frame that was held back is free [ns]."""
@@ -144,15 +145,15 @@ class TrignoServer:
                 elif not self._hear(key.data):
                     self._drop(key.data)
             self._play()
-            progress(self._sent * self._size / self._rate if self._started is not None else 0.0)
+            progress(self._sent * self._size / self._rate if self.started is not None else 0.0)
 
     def _due(self) -> int:
         """When the next frame is complete [ns]."""
-        assert self._started is not None
-        return self._started + round((self._sent + 1) * self._size / self._rate * SECOND)
+        assert self.started is not None
+        return self.started + round((self._sent + 1) * self._size / self._rate * SECOND)
 
     def _pause(self) -> float:
-        if self._started is None:
+        if self.started is None:
             return 0.02
         return min(0.02, max(0.0, (max(self._due(), self._free) - self._clock.now()) / SECOND))
 
@@ -181,12 +182,12 @@ class TrignoServer:
         """The answer to one command, which may start or stop the samples."""
         words, refuse = command.upper().split(), self._faults.refuse
         if words == ["START"]:
-            if refuse == "START" or self._started is not None:
+            if refuse == "START" or self.started is not None:
                 return REFUSED
-            self._started, self._sent, self._free = self._clock.now(), 0, 0
+            self.started, self._sent, self._free = self._clock.now(), 0, 0
             return "OK"
         if words == ["STOP"]:
-            running, self._started = self._started is not None, None
+            running, self.started = self.started is not None, None
             return "OK" if running else REFUSED
         if words == ["QUIT"]:
             return "BYE"
@@ -225,12 +226,12 @@ class TrignoServer:
     def _play(self) -> None:
         """Send the frames that are due."""
         now = self._clock.now()
-        while self._started is not None and max(self._due(), self._free) <= now:
+        while self.started is not None and max(self._due(), self._free) <= now:
             if self._sent >= len(self._frames) and not self._loop:
-                self._started = None
+                self.started = None
                 self._tell(b"STOPPED" + 2 * END, False)
                 return
-            self._send(self._frames[self._sent % len(self._frames)], (now - self._started) / SECOND)
+            self._send(self._frames[self._sent % len(self._frames)], (now - self.started) / SECOND)
             self._sent += 1
             if self._random.random() < 0.05:
                 self._free = self._due() + int(self._random.uniform(0.0, self._faults.late) * SECOND)
@@ -238,7 +239,7 @@ class TrignoServer:
     def _send(self, frame: bytes, since: float) -> None:
         faults, random = self._faults, self._random
         if faults.disconnect and since > faults.disconnect:
-            self._started = None
+            self.started = None
             for client in tuple(self._clients):
                 self._drop(client)
         if random.random() < faults.missing or (faults.silent and since > faults.silent):
