@@ -23,6 +23,8 @@ SILENCE = 0.25
 """A stream that has sent nothing for so long is lost, and a gap in its stamps of more is filled [s]."""
 _OTHERS = 0.6
 """How long others of the same name are looked for [s]."""
+_ANSWER = 5.0
+"""How long a stream that was found may take to tell of itself and of its clock [s]."""
 _TRIAL = 0.5
 """What comes in this time after opening shows whether the rate is what was said [s]."""
 _RATE_ERROR = 0.1
@@ -69,13 +71,13 @@ class LslStream:
         self._gone = lsl.util.LostError
         self._inlet = lsl.StreamInlet(found, max_buflen=_BUFFER, recover=bool(found.source_id()))
         try:
-            info = self._inlet.info(self._wait)
+            info = self._inlet.info(_ANSWER)
             check_info(info, self._name)
             self.channels = channel_names(info, self._wanted)
             self.rate, self.unit = info.nominal_srate(), unit_of(info)
             self._times = SampleTimes(self.rate)
-            self._inlet.open_stream(self._wait)
-            self._correction = self._inlet.time_correction(self._wait)
+            self._inlet.open_stream(_ANSWER)
+            self._correction = self._inlet.time_correction(_ANSWER)
             ours, theirs = min((self._now(), lsl.local_clock()) for _ in range(3))
             self._offset = ours - theirs
             self._listen()

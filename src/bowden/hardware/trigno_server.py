@@ -231,17 +231,19 @@ class TrignoServer:
                 self.started = None
                 self._tell(b"STOPPED" + 2 * END, False)
                 return
-            self._send(self._frames[self._sent % len(self._frames)], (now - self.started) / SECOND)
+            since = (now - self.started) / SECOND
+            if self._faults.disconnect and since > self._faults.disconnect:
+                self.started = None
+                for client in tuple(self._clients):
+                    self._drop(client)
+                return
+            self._send(self._frames[self._sent % len(self._frames)], since)
             self._sent += 1
             if self._random.random() < 0.05:
                 self._free = self._due() + int(self._random.uniform(0.0, self._faults.late) * SECOND)
 
     def _send(self, frame: bytes, since: float) -> None:
         faults, random = self._faults, self._random
-        if faults.disconnect and since > faults.disconnect:
-            self.started = None
-            for client in tuple(self._clients):
-                self._drop(client)
         if random.random() < faults.missing or (faults.silent and since > faults.silent):
             return
         if faults.garbage == "data" and 1.0 < since < 3.0:
