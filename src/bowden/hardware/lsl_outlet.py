@@ -1,15 +1,18 @@
 """A stream of EMG on the network by the Lab Streaming Layer, as our own inlet and anybody's reads it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import StreamError
 from bowden.hardware.lsl_library import library
+from bowden.runtime.clock import SECOND, Clock, MonotonicClock
 
 Array = NDArray[np.float64]
 
+_TICK = SECOND // 250
+"""How often a replay sends [ns]."""
 _LSL_UNITS = {"µV": "microvolts", "mV": "millivolts", "V": "volts"}
 """As LSL's description of EMG spells them."""
 
@@ -59,3 +62,43 @@ class LslOutlet:
     def close(self) -> None:
         """End the stream; safe to call twice."""
         self._outlet = None
+
+
+def replay(
+    outlet: LslOutlet,
+    values: Array,
+    rate: float,
+    loop: bool,
+    until: Callable[[], bool],
+    progress: Callable[[float], None],
+    wait: bool = False,
+    clock: Clock | None = None,
+) -> int:
+    """Send samples in real time, each stamped with its place in time; how many were sent.
+
+    Args:
+        outlet: where to.
+        values: (n, channels).
+        rate: samples a second [Hz].
+        loop: whether it begins again at its end.
+        until: whether to end now.
+        progress: told how much was sent [s].
+        wait: whether to begin when somebody reads.
+        clock: the pace.
+    """
+    clock = MonotonicClock() if clock is None else clock
+    while wait and not outlet.has_readers() and not until():
+        clock.sleep_until(clock.now() + _TICK)
+    begin, sent = clock.now(), 0
+    while not until() and (loop or sent < len(values)):
+        since = (clock.now() - begin) / SECOND
+        due = int(since * rate) + 1
+        due = due if loop else min(due, len(values))
+        while sent < due:
+            first = sent % len(values)
+            piece = values[first : first + due - sent]
+            sent += len(piece)
+            outlet.push(piece, since - (sent - 1) / rate)
+        progress(sent / rate)
+        clock.sleep_until(clock.now() + _TICK)
+    return sent

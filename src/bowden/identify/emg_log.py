@@ -149,7 +149,7 @@ def _recording(table: dict[str, Array], names: tuple[str, ...], declared: float 
     if len(even) < _SHORTEST * rate:
         raise LogError(f"{path}: {len(even) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
     for name, values in zip(names, columns, strict=True):
-        _check_signal(name, values, path)
+        check_signal(name, values, str(path))
     units = {suffix[1] if (suffix := _UNIT.search(name)) else "" for name in names}
     unit = units.pop() if len(units) == 1 else ""
     return EmgRecording(np.column_stack(columns), rate, float(even[0]), names, unit, tuple(warnings))
@@ -175,14 +175,26 @@ def read_labels(path: Path) -> list[tuple[float, float]]:
     return [(float(first), float(last)) for first, last in zip(onset, end, strict=True)]
 
 
-def _check_signal(name: str, values: Array, path: Path) -> None:
+def check_signal(name: str, values: Array, where: str) -> None:
+    """Refuse a signal that no electrode gives.
+
+    Args:
+        name: of the channel.
+        values: finite (n,).
+        where: the recording or stream, for messages.
+
+    Raises:
+        LogError: flat, or clipped.
+    """
     low, high = float(values.min()), float(values.max())
     if not high > low:
-        raise LogError(f"{path}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain")
+        raise LogError(
+            f"{where}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain"
+        )
     clipped = float(np.mean((values == low) | (values == high)))
     if clipped > _CLIPPED and len(np.unique(values)) > 16:
         raise LogError(
-            f"{path}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
+            f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
             expected=f"at most {100 * _CLIPPED:g} %",
             do="lower the amplifier's gain and record again",
         )
