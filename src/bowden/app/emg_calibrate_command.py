@@ -10,7 +10,7 @@ from bowden.app.console import print_json, progress_bar
 from bowden.app.emg_command import ChannelOption, JsonOption, RateOption, checked_rate, warn
 from bowden.app.wearer_file import Wearer
 
-_READY = 2.0
+_READY = 1.0
 """Time to make ready for what comes next [s]."""
 
 
@@ -88,12 +88,13 @@ def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) 
         name = stream.channels[0] if channel is None else channel
         _tell(f"{said}; {name!r} is taken")
         with progress_bar(quiet) as progress:
+            listen(stream, name, _READY, lambda share: progress("make ready", 0.2 * share), check=False)
             _tell("REST: let the arm lie, and do nothing")
-            calm = listen(stream, name, lasting, lambda share: progress("rest", 0.4 * share))
+            calm = listen(stream, name, lasting, lambda share: progress("rest", 0.2 + 0.3 * share))
             _tell("make ready to contract as hard as you can")
-            listen(stream, name, _READY, lambda share: progress("make ready", 0.4 + 0.2 * share), check=False)
+            listen(stream, name, _READY, lambda share: progress("make ready", 0.5 + 0.2 * share), check=False)
             _tell("CONTRACT, as hard as you can, and hold")
-            hard = listen(stream, name, lasting, lambda share: progress("contract", 0.6 + 0.4 * share))
+            hard = listen(stream, name, lasting, lambda share: progress("contract", 0.7 + 0.3 * share))
             _tell("done, let go")
     finally:
         stream.close()

@@ -36,9 +36,9 @@ def listen(
         LogError: flat or clipped.
     """
     clock = MonotonicClock() if clock is None else clock
-    begin, values = clock.now() / SECOND, [np.empty(0)]
+    begin, values, count = clock.now() / SECOND, [np.empty(0)], 0
     column, wanted = stream.channels.index(channel), round(lasting * stream.rate)
-    while (count := sum(map(len, values))) < wanted:
+    while count < wanted:
         now = clock.now() / SECOND
         if stream.lost() or now - begin > 2.0 * lasting + 1.0:
             raise StreamError(
@@ -46,6 +46,7 @@ def listen(
                 do="look at its sender, and begin anew",
             )
         values.append(stream.read(now).values[:, column])
+        count += len(values[-1])
         progress(min(1.0, count / wanted))
         clock.sleep_until(clock.now() + SECOND // 100)
     heard = np.concatenate(values)
