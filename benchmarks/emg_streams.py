@@ -128,14 +128,16 @@ def receive(kind: str, seconds: float) -> dict[str, Any]:
 def _read(source: Any, seconds: float) -> dict[str, Any]:
     detectors = [OnsetDetector(RATE) for _ in range(2)]
     clock = MonotonicClock()
-    counters, times, done, onsets = [], [], [], 0
+    counters, times, done, looks, onsets = [], [], [], [], 0
     lost, before = "", np.zeros(2)
     tick, begin, busy = clock.now(), clock.now(), time.process_time()
     last = round(seconds * RATE) - 1
     while clock.now() - begin < (seconds + 20.0) * SECOND:
         tick = max(tick + SECOND // 1000, clock.now() - SECOND // 1000)
         clock.sleep_until(tick)
-        chunk = source.read(clock.now() / SECOND)
+        looked = clock.now()
+        chunk = source.read(looked / SECOND)
+        looks.append((clock.now() - looked) / 1e6)
         if not len(chunk.times):
             lost = lost or source.lost()
             continue
@@ -160,6 +162,7 @@ def _read(source: Any, seconds: float) -> dict[str, Any]:
         "begin": begin / SECOND,
         "in_order": ordered,
         "onsets": onsets,
+        "look_ms": [float(np.quantile(looks, q)) for q in (0.5, 0.99, 1.0)],
         "lost_said": lost,
         "processor_share": busy / wall,
         "seconds": wall,
@@ -184,6 +187,7 @@ def figures(minutes: float, kinds: list[str]) -> tuple[list[Figure], str]:
                 f"{early:.2f}, {middle:.2f}, {late:.2f} ms",
                 "–",
             ),
+            Figure(f"{name}: one look, p50, p99, max", "{:.3f}, {:.3f}, {:.1f} ms".format(*found["look_ms"]), "–"),
             Figure(
                 f"{name}: the reader's share of a processor, two detectors included",
                 f"{100.0 * found['processor_share']:.0f} %",

@@ -160,6 +160,19 @@ def test_streams_that_cannot_be_used_are_one_line(lsl: Any) -> None:
         stream = LslStream(name, "two")
         with pytest.raises(StreamError, match=r"declares 1000 Hz and sends .* samples a second"):
             stream.open()
+    old = LslOutlet(f"old-{name}", RATE, ["a"], "mV", "old")
+
+    def stamp_with_another_clock() -> None:
+        while not old.has_readers():
+            time.sleep(0.01)
+        old.push(np.zeros((10, 1)), 1e5)
+
+    thread = threading.Thread(target=stamp_with_another_clock)
+    thread.start()
+    with pytest.raises(StreamError, match=r"are -1e\+05 s off this computer's clock; expected stamps of LSL's"):
+        LslStream(f"old-{name}").open()
+    thread.join()
+    old.close()
     with pytest.raises(StreamError, match="a name without quotes"):
         LslStream("it's").open()
     first.close()

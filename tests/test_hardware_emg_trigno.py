@@ -269,6 +269,21 @@ def test_an_older_server_that_knows_few_questions_will_do() -> None:
 
 
 @pytest.mark.live
+def test_where_the_emg_port_refuses_the_legacy_one_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    with serving(counter(channels=2)) as address, socket.create_server(("127.0.0.1", 0)) as other:
+        monkeypatch.setattr(trigno_dialogue, "EMG_PORT", other.getsockname()[1])
+        other.close()
+        monkeypatch.setattr(trigno_dialogue, "LEGACY_EMG_PORT", address.emg)
+        stream = TrignoStream(address._replace(emg=None))
+        assert "legacy EMG port" in stream.open()
+        assert np.array_equal(counted(drained(stream, 500)[0])[:500], np.arange(1, 501))
+        stream.close()
+        monkeypatch.setattr(trigno_dialogue, "LEGACY_EMG_PORT", trigno_dialogue.EMG_PORT)
+        with pytest.raises(StreamError, match=f"no EMG port {trigno_dialogue.EMG_PORT} at 127.0.0.1"):
+            TrignoStream(address._replace(emg=None)).open()
+
+
+@pytest.mark.live
 def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
     with (
         serving(counter(channels=2)) as address,

@@ -76,5 +76,12 @@ def test_a_gap_is_filled_to_its_end_and_at_most_a_second_of_it() -> None:
     assert times.next(4, 60.0, 60.0)[-1] <= 60.0
 
 
+def test_a_clock_that_is_turned_back_leaves_times_increasing_at_the_nominal_rate() -> None:
+    times = SampleTimes(RATE)
+    found = [times.next(20, 100.0 + 0.01 * k) for k in range(50)]
+    found += [times.next(20, 40.0 + 0.01 * k) for k in range(500)]
+    assert np.diff(np.concatenate(found)) == pytest.approx(1.0 / RATE, rel=1e-6)
+
+
 def test_nothing_is_filled_before_the_first_sample() -> None:
     assert len(SampleTimes(RATE).gap(3.0)) == 0

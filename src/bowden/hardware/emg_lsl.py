@@ -29,6 +29,8 @@ _TRIAL = 0.5
 """What comes in this time after opening shows whether the rate is what was said [s]."""
 _RATE_ERROR = 0.1
 """How far it may be off."""
+_OFF = 10.0
+"""Stamps that are further off when the stream is opened are of another clock [s]."""
 _BUFFER = 10
 """What liblsl keeps of samples that are not read [s]."""
 _MOST = 8192
@@ -130,6 +132,7 @@ class LslStream:
         while self._now() < min(limit, until):
             chunk = self.read(self._now())
             if len(chunk.times):
+                self._check_clock()
                 self._kept.append(chunk)
                 until = min(until, self._now() + _TRIAL)
             self._clock.sleep_until(self._clock.now() + SECOND // 100)
@@ -145,6 +148,16 @@ class LslStream:
             raise StreamError(
                 f"the LSL stream {self._name!r} declares {self.rate:g} Hz and sends {measured:.4g} samples a second",
                 expected="a stream that keeps its rate",
+            )
+
+    def _check_clock(self) -> None:
+        """See that stamps are of LSL's clock, as its senders agree on."""
+        off = self._first + self._correction + self._offset - self._now()
+        if abs(off) > _OFF:
+            raise StreamError(
+                f"the stamps of the LSL stream {self._name!r} are {off:.3g} s off this computer's clock",
+                expected="stamps of LSL's local_clock",
+                do="let its sender stamp with it, or not at all",
             )
 
     def read(self, now: float) -> EmgChunk:

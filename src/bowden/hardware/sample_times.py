@@ -18,6 +18,8 @@ _PHASE, _RATE = 0.3, 0.04
 """Shares of a window's least delay that go into phase and rate: nearly critical damping."""
 _MISSED = 0.03
 """Delays of more throughout a window are samples that never came [s]."""
+_TURNED = 0.5
+"""Times so much too early are of a clock that was turned back: the count goes on from the last time [s]."""
 _SLOWEST = 0.5
 """Times of samples that would lie in the future are packed, down to this share of a period."""
 LONGEST_FILL = 1.0
@@ -38,6 +40,8 @@ class SampleTimes:
         self._nominal = 1.0 / rate
         self.missed = 0.0
         """Time in which samples were taken that never came, as far as it shows [s]."""
+        self.last = -math.inf
+        """Time of the last sample [s]."""
         self.restart()
 
     def restart(self) -> None:
@@ -47,8 +51,6 @@ class SampleTimes:
         self._windows = 0
         self._least, self._until = math.inf, -math.inf
         self._locked = False
-        if not hasattr(self, "last"):
-            self.last = -math.inf
 
     def gap(self, first: float) -> Array:
         """Times of missing samples before one that was taken at `first` [s], after a silence; then `restart`."""
@@ -69,12 +71,15 @@ class SampleTimes:
             latest: when the last of them was taken, or later [s].
             now: the time that it is [s]; none of them was taken later.
         """
+        late = latest - (self.last + count * self._slope)
+        if self._locked and late < -_TURNED:
+            self.restart()
         if not self._locked:
             self._locked = True
             start = max(min(latest, now) - count * self._nominal, self.last)
             self._until = latest + 0.1 * _WINDOW
         else:
-            self._look(latest - (self.last + count * self._slope), latest)
+            self._look(late, latest)
             start = self.last
         end = start + count * self._slope
         if end > now:

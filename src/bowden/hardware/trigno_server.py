@@ -268,6 +268,8 @@ class TrignoServer:
         self._clients.remove(client)
         self._selector.unregister(client.socket)
         client.socket.close()
+        if not self._clients:  # whoever started it is gone without a word
+            self.started = None
 
     def close(self) -> None:
         """End it; safe to call twice."""
