@@ -99,7 +99,16 @@ def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) 
     finally:
         stream.close()
     levels = [envelope_levels(values, stream.rate) for values in (calm, hard)]
-    return Wearer(levels[0].middle, levels[1].high, name, source)
+    return Wearer(levels[0].middle, levels[1].high, with_unit(name, stream.unit), source)
+
+
+def with_unit(channel: str, unit: str) -> str:
+    """A channel's name with its unit at its end, as recordings' columns have it.
+
+    >>> with_unit("sensor1", "mV"), with_unit("biceps_mV", "mV"), with_unit("a", "")
+    ('sensor1_mV', 'biceps_mV', 'a')
+    """
+    return channel if not unit or channel.endswith(unit) else f"{channel}_{unit}"
 
 
 def _tell(text: str) -> None:
