@@ -192,7 +192,10 @@ def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: t
         (["calibrate", "--source", "file:a.csv", "--rest", "a.csv"], "--rest and --rate are of recordings"),
         (["calibrate", "--source", "file:a.csv", "--seconds", "0"], "--seconds is 0; expected a number from 2 to 60"),
         (["calibrate", "--source", "usb:1"], "'usb:1' is no source of EMG; expected lsl:NAME"),
-        (["calibrate", "--source", "file:a.csv", "--channel", "c"], "no channel 'c' among 'biceps_mV', 'triceps_mV'"),
+        (
+            ["calibrate", "--source", "file:a.csv", "--channel", "c"],
+            "has no channel 'c'; expected one of 'biceps_mV'",
+        ),
         (["calibrate", "a.csv", "--rate", "2000"], "2000 Hz are declared, and the times in 'time_s' are of 1000 Hz"),
         (["score", "a.csv", "--rate", "900"], "900 Hz are declared"),
         (["score", "bare.csv"], "no column of times among 'biceps_mV', 'triceps_mV'; expected a column such as time_s"),

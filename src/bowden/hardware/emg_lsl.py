@@ -7,6 +7,7 @@ samples (NaN), at most a second of them. liblsl finds a stream that has died aga
 
 import contextlib
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -29,6 +30,8 @@ _TRIAL = 0.5
 """What comes in this time after opening shows whether the rate is what was said [s]."""
 _RATE_ERROR = 0.1
 """How far it may be off."""
+_CORRECTIONS = 5
+"""The median of so many of liblsl's estimates of the sender's clock is taken: a busy computer spoils single ones."""
 _OFF = 10.0
 """Stamps that are further off when the stream is opened are of another clock [s]."""
 _BUFFER = 10
@@ -62,6 +65,7 @@ class LslStream:
         self._inlet: Any = None
         self._gone: type[Exception] = RuntimeError
         self._lost = "it is not open"
+        self._corrections: deque[float] = deque(maxlen=_CORRECTIONS)
         self._offset = self._correction = 0.0
         self._first = self._stamp = self._heard = -math.inf
         self._kept: list[EmgChunk] = []
@@ -79,7 +83,7 @@ class LslStream:
             self.rate, self.unit = info.nominal_srate(), unit_of(info)
             self._times = SampleTimes(self.rate)
             self._inlet.open_stream(_ANSWER)
-            self._correction = self._inlet.time_correction(_ANSWER)
+            self._correct(self._inlet.time_correction(_ANSWER))
             ours, theirs = min((self._now(), lsl.local_clock()) for _ in range(3))
             self._offset = ours - theirs
             self._listen()
@@ -150,6 +154,12 @@ class LslStream:
                 expected="a stream that keeps its rate",
             )
 
+    def _correct(self, estimate: float) -> None:
+        """Take liblsl's latest estimate of the sender's clock into account."""
+        if not self._corrections or estimate != self._corrections[-1]:
+            self._corrections.append(estimate)
+            self._correction = float(np.median(self._corrections))
+
     def _check_clock(self) -> None:
         """See that stamps are of LSL's clock, as its senders agree on."""
         off = self._first + self._correction + self._offset - self._now()
@@ -177,7 +187,7 @@ class LslStream:
             self._inlet = None
             return []
         with contextlib.suppress(RuntimeError):  # there is none for a moment after a stream has come back
-            self._correction = self._inlet.time_correction(0.0)
+            self._correct(self._inlet.time_correction(0.0))
         if not len(stamps):
             if now - self._heard > SILENCE:
                 self._lost = f"nothing from the LSL stream {self._name!r} for {1e3 * SILENCE:g} ms"
@@ -185,12 +195,13 @@ class LslStream:
         if not math.isfinite(self._stamp):
             self._first = float(stamps[0])
         chunks, begin = [], 0
-        for after in [*np.flatnonzero(np.diff(stamps, prepend=self._stamp) > SILENCE), len(stamps)]:
+        for after in [*np.flatnonzero(np.abs(np.diff(stamps, prepend=self._stamp)) > SILENCE), len(stamps)]:
             if after > begin:
                 latest = float(stamps[after - 1]) + self._correction + self._offset
                 times = self._times.next(int(after) - begin, latest, now)
                 chunks.append(EmgChunk(values[begin:after].astype(np.float64), times))
             if after < len(stamps) and math.isfinite(self._stamp):
+                self._corrections.clear()  # it may be another sender, of another clock
                 missing = self._times.gap(float(stamps[after]) + self._correction + self._offset)
                 chunks.append(EmgChunk(np.full((len(missing), values.shape[1]), np.nan), missing))
             begin = int(after)

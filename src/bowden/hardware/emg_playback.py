@@ -7,7 +7,7 @@ import numpy as np
 
 from bowden.core.errors import LogError, StreamError
 from bowden.hardware.lsl_info import check_wanted
-from bowden.identify.emg_log import read_channels
+from bowden.identify.emg_log import EmgRecording, read_channels
 from bowden.runtime.ports import EmgChunk
 
 
@@ -16,7 +16,7 @@ class Playback:
 
     Args:
         path: of the recording, as `bowden.identify.emg_log.read_channels` takes it.
-        wanted: names of channels that it must have; all of them are played.
+        wanted: names of channels that it must have. All are played, or these alone where another one is unfit.
         speed: times real time.
     """
 
@@ -31,7 +31,7 @@ class Playback:
     def open(self) -> str:
         """See `EmgStream.open`."""
         try:
-            found = read_channels(self._path, self._wanted)
+            found = self._read()
         except LogError as error:
             raise StreamError(error.what, expected=error.expected, do=error.do) from error
         check_wanted(found.channels, self._wanted, str(self._path))
@@ -42,6 +42,14 @@ class Playback:
             f"recording {self._path.name}: {len(self.channels)} channels, {self.rate:g} Hz, "
             f"{len(self._values) / self.rate:.1f} s"
         )
+
+    def _read(self) -> EmgRecording:
+        try:
+            return read_channels(self._path)
+        except LogError:
+            if not self._wanted:
+                raise
+            return read_channels(self._path, self._wanted)
 
     def read(self, now: float) -> EmgChunk:
         """See `EmgStream.read`; the first sample was taken at the first call's `now`."""
