@@ -21,7 +21,9 @@ _MISSED = 0.03
 _TURNED = 0.5
 """Times so much too early are of a clock that was turned back: the count goes on from the last time [s]."""
 _SLOWEST = 0.5
-"""Times of samples that would lie in the future are packed, down to this share of a period."""
+"""Least period that the loop may take to get back, as a share of it."""
+_CLOSEST = 1e-9
+"""Least time between two samples, where those that would lie in the future are packed [s]."""
 LONGEST_FILL = 1.0
 """Of a gap, at most its last so many seconds are filled with missing samples [s]."""
 
@@ -51,6 +53,8 @@ class SampleTimes:
         self._windows = 0
         self._least, self._until = math.inf, -math.inf
         self._locked = False
+        self._time = self.last
+        """Where the loop has the last sample, if it is in the future as well [s]."""
 
     def gap(self, first: float) -> Array:
         """Times of missing samples before one that was taken at `first` [s], after a silence; then `restart`."""
@@ -71,21 +75,18 @@ class SampleTimes:
             latest: when the last of them was taken, or later [s].
             now: the time that it is [s]; none of them was taken later.
         """
-        late = latest - (self.last + count * self._slope)
+        late = latest - (self._time + count * self._slope)
         if self._locked and late < -_TURNED:
             self.restart()
         if not self._locked:
             self._locked = True
-            start = max(min(latest, now) - count * self._nominal, self.last)
+            self._time = max(min(latest, now) - count * self._nominal, self.last)
             self._until = latest + 0.1 * _WINDOW
         else:
             self._look(late, latest)
-            start = self.last
-        end = start + count * self._slope
-        if end > now:
-            end = max(now, start + _SLOWEST * count * self._period)
-        if not end > start:
-            end = start + count * _SLOWEST * self._period
+        start = max(self.last, min(self._time, now))
+        self._time += count * self._slope
+        end = max(min(self._time, now), start + count * _CLOSEST)
         self.last = end
         times: Array = start + (end - start) / count * np.arange(1, count + 1, dtype=np.float64)
         return times
@@ -99,7 +100,7 @@ class SampleTimes:
         window = min(_WINDOW, 0.1 * _WINDOW * 2**self._windows)
         if self._least > _MISSED:
             self.missed += self._least
-            self.last += self._least
+            self._time += self._least
             self._slope = self._period
         else:
             phase = max(_PHASE, 1.0 / self._windows)
