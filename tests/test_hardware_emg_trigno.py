@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -152,7 +153,7 @@ def drained(stream: TrignoStream, count: int = 10**9, seconds: float = 20.0) -> 
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("faults", [[], ["torn", "late=0.15"]], ids=["well", "torn and late"])
+@pytest.mark.parametrize("faults", [[], ["torn", "late=0.5"]], ids=["well", "torn and late"])
 def test_every_sample_comes_once_in_its_column_with_increasing_times(faults: list[str]) -> None:
     begin = time.monotonic()
     with serving(counter(), faults=faults) as address:
@@ -189,13 +190,26 @@ def test_a_recording_through_the_server_decides_as_the_file_does(shared_data: Pa
     assert np.array_equal(live, offline)
 
 
+@pytest.fixture(scope="module")
+def faulty() -> dict[str, tuple[EmgChunk, list[str]]]:
+    """Some seconds of servers with one fault each, at the same time: what came, and what was said of loss."""
+
+    def one(fault: str) -> tuple[EmgChunk, list[str]]:
+        with serving(counter(), faults=[fault]) as address:
+            stream = TrignoStream(address)
+            stream.open()
+            found = drained(stream, seconds=3.5)
+            stream.close()
+            return found
+
+    faults = ("missing=0.03", "disconnect=0.8", "silent=0.8", "garbage=data", "garbage=values")
+    with ThreadPoolExecutor(len(faults)) as pool:
+        return dict(zip(faults, pool.map(one, faults), strict=True))
+
+
 @pytest.mark.live
-def test_frames_that_are_missing_show_in_the_times() -> None:
-    with serving(counter(), faults=["missing=0.03"]) as address:
-        stream = TrignoStream(address)
-        stream.open()
-        found, _ = drained(stream, seconds=4.0)
-        stream.close()
+def test_frames_that_are_missing_show_in_the_times(faulty: dict[str, tuple[EmgChunk, list[str]]]) -> None:
+    found, _ = faulty["missing=0.03"]
     counts = counted(found)
     gone = counts[-1] - counts[0] + 1 - len(counts)
     assert gone > 0
@@ -213,12 +227,10 @@ def test_frames_that_are_missing_show_in_the_times() -> None:
         ("garbage=data", "what comes from Trigno server .* is no EMG"),
     ],
 )
-def test_a_server_that_fails_is_lost_and_connected_anew_with_missing_samples_between(fault: str, said: str) -> None:
-    with serving(counter(), faults=[fault]) as address:
-        stream = TrignoStream(address)
-        stream.open()
-        found, losses = drained(stream, seconds=3.0)
-        stream.close()
+def test_a_server_that_fails_is_lost_and_connected_anew_with_missing_samples_between(
+    fault: str, said: str, faulty: dict[str, tuple[EmgChunk, list[str]]]
+) -> None:
+    found, losses = faulty[fault]
     assert any(re.search(said, loss) for loss in losses)
     assert losses[2] == ""
     missing = np.isnan(found.values[:, 0])
@@ -230,16 +242,14 @@ def test_a_server_that_fails_is_lost_and_connected_anew_with_missing_samples_bet
 
 
 @pytest.mark.live
-def test_single_values_that_no_electrode_gives_are_missing_samples() -> None:
-    with serving(counter(), faults=["garbage=values"]) as address:
-        stream = TrignoStream(address)
-        stream.open()
-        found, losses = drained(stream, 2000)
-        stream.close()
+def test_single_values_that_no_electrode_gives_are_missing_samples(
+    faulty: dict[str, tuple[EmgChunk, list[str]]],
+) -> None:
+    found, losses = faulty["garbage=values"]
     missing = np.isnan(found.values[:, 0])
-    assert missing.mean() == pytest.approx(3 / 27, abs=0.03)
+    assert missing.mean() == pytest.approx(3 / 27, abs=0.01)
     assert np.array_equal(counted(found)[~missing], np.arange(1, len(found.times) + 1)[~missing])
-    assert losses == [""]
+    assert not any("no EMG" in loss for loss in losses)
 
 
 @pytest.mark.live

@@ -26,8 +26,8 @@ _OTHERS = 0.6
 """How long others of the same name are looked for [s]."""
 _ANSWER = 5.0
 """How long a stream that was found may take to tell of itself and of its clock [s]."""
-_TRIAL = 0.5
-"""What comes in this time after opening shows whether the rate is what was said [s]."""
+_TRIAL, _LONGEST_TRIAL = 0.5, 3.0
+"""What comes in this time shows whether the rate is what was said; the longer one where it does not at first [s]."""
 _RATE_ERROR = 0.1
 """How far it may be off."""
 _CORRECTIONS = 5
@@ -69,6 +69,7 @@ class LslStream:
         self._offset = self._correction = 0.0
         self._first = self._stamp = self._heard = -math.inf
         self._kept: list[EmgChunk] = []
+        self._counted = 0
 
     def open(self) -> str:
         """See `EmgStream.open`."""
@@ -131,28 +132,34 @@ class LslStream:
 
     def _listen(self) -> None:
         """Wait for the first samples, and see whether they come at the rate that was said; they are kept."""
-        limit = self._now() + self._wait
-        until = math.inf
-        while self._now() < min(limit, until):
+        until, trial = self._now() + self._wait, math.inf
+        while self._now() < until and not (self._now() > trial and self._keeps_rate()):
             chunk = self.read(self._now())
             if len(chunk.times):
                 self._check_clock()
-                self._kept.append(chunk)
-                until = min(until, self._now() + _TRIAL)
+                if trial == math.inf:
+                    trial, until = self._now() + _TRIAL, self._now() + _LONGEST_TRIAL
+                self._kept, self._counted = [chunk], len(chunk.times)
             self._clock.sleep_until(self._clock.now() + SECOND // 100)
         if not self._kept:
             raise StreamError(
                 f"the LSL stream {self._name!r} is there, but sends nothing in {self._wait:g} s",
                 do="start its recording",
             )
-        count = sum(len(chunk.times) for chunk in self._kept)
-        span = self._stamp - self._first
-        measured = (count - 1) / span if span > 0.0 and count > 1 else 0.0
-        if abs(measured / self.rate - 1.0) > _RATE_ERROR:
+        if not self._keeps_rate():
             raise StreamError(
-                f"the LSL stream {self._name!r} declares {self.rate:g} Hz and sends {measured:.4g} samples a second",
+                f"the LSL stream {self._name!r} declares {self.rate:g} Hz and sends {self._measured():.4g} samples a "
+                "second",
                 expected="a stream that keeps its rate",
             )
+
+    def _measured(self) -> float:
+        """Samples a second since the first, by their stamps [Hz]."""
+        span = self._stamp - self._first
+        return (self._counted - 1) / span if span > 0.0 else 0.0
+
+    def _keeps_rate(self) -> bool:
+        return abs(self._measured() / self.rate - 1.0) <= _RATE_ERROR
 
     def _correct(self, estimate: float) -> None:
         """Take liblsl's latest estimate of the sender's clock into account."""

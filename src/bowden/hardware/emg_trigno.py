@@ -31,8 +31,8 @@ _GIVE_UP = 1.0
 """After so long a loss the connection is made anew, and once in so long tried again [s]."""
 _WAIT = 5.0
 """How long the first samples may take [s]."""
-_TRIAL = 0.5
-"""What comes in this time after the first samples shows whether the rate is what was said [s]."""
+_TRIAL, _LONGEST_TRIAL = 0.5, 3.0
+"""What comes in this time shows whether the rate is what was said; the longer one where it does not at first [s]."""
 _RATE_ERROR = 0.2
 """How far it may be off; frames of 13.5 ms are counted whole."""
 _BUFFER = 10.0
@@ -113,8 +113,10 @@ class TrignoStream:
             said = self._lost or f"{self._address.said()} has started, and sends nothing"
             raise StreamError(f"{said}, in {_WAIT:g} s", do="look whether the sensors are on and in reach")
         first, begin = self._held, self._heard
-        self._clock.sleep_until(self._clock.now() + int(_TRIAL * SECOND))
-        measured = (self._held - first) / max(self._heard - begin, 1e-3)
+        measured, until = 0.0, self._now() + _LONGEST_TRIAL
+        while abs(measured / self.rate - 1.0) > _RATE_ERROR and self._now() < until:  # a computer may stall meanwhile
+            self._clock.sleep_until(self._clock.now() + int(_TRIAL * SECOND))
+            measured = (self._held - first) / max(self._heard - begin, 1e-3)
         if abs(measured / self.rate - 1.0) > _RATE_ERROR:
             raise StreamError(
                 f"{self._address.said()} announces {self.rate:.6g} Hz and sends {measured:.4g} samples a second",
@@ -194,9 +196,8 @@ class TrignoStream:
         self._sense += (float(known.mean()) - self._sense) * min(1.0, known.size / _JUDGED)
         good = self._sense > 0.5
         values[~(size <= LARGEST) | (not good)] = np.nan
-        first = now - (len(sent) - 1) / self.rate
-        if math.isfinite(self._times.last) and (self._anew or first - self._times.last > SILENCE):
-            missing = self._times.gap(first)
+        if self._anew:  # a silence within a connection is lateness, as far as anybody can know: TCP loses nothing
+            missing = self._times.gap(now - (len(sent) - 1) / self.rate)
             self._keep(EmgChunk(np.full((len(missing), len(self.channels)), np.nan), missing))
         self._anew = False
         self._keep(EmgChunk(values, self._times.next(len(sent), now, now)))
