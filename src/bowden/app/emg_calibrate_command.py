@@ -2,13 +2,15 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bowden.app.console import print_json, progress_bar
 from bowden.app.emg_command import ChannelOption, JsonOption, RateOption, checked_rate, warn
-from bowden.app.wearer_file import Wearer
+
+if TYPE_CHECKING:
+    from bowden.app.wearer_file import Wearer
 
 _READY = 1.0
 """Time to make ready for what comes next [s]."""
@@ -59,7 +61,8 @@ def calibrate(
 
 def _from_recordings(
     recording: Path, rest: Path | None, channel: str | None, rate: float | None, quiet: bool
-) -> Wearer:
+) -> "Wearer":
+    from bowden.app.wearer_file import Wearer
     from bowden.identify.emg_log import read_emg
     from bowden.identify.emg_score import envelope_levels
 
@@ -74,8 +77,9 @@ def _from_recordings(
     return Wearer(level, levels.high, log.channel, f"{recording.name} and {rest.name}")
 
 
-def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) -> Wearer:
+def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) -> "Wearer":
     from bowden.app.emg_listen import listen
+    from bowden.app.wearer_file import Wearer
     from bowden.core.errors import ParameterError
     from bowden.hardware.emg_sources import open_source
     from bowden.identify.emg_score import envelope_levels
