@@ -1,12 +1,13 @@
 """The long tests, each of which can be interrupted and goes on where it was left: ``make soak``.
 
-    python benchmarks/soak.py [live kills recorder faults hours] [--minutes 10] [--share 1]
+    python benchmarks/soak.py [live kills recorder faults hours streams] [--minutes 10] [--share 1]
 
 `live`: the loop against the twin for so many minutes a law, beside a loop that only sleeps and cyclictest. `kills`: the
 loop killed or stopped 200 times. `recorder`: the recorder killed 500 times, and a log cut at every byte. `faults`: the
 whole matrix of faults, every two of them, and ten million inputs of every kind. `hours`: ten hours without a fault.
-What is done is kept in ``out/bench`` until the package changes. Each part that was run whole writes its section of
-``benchmarks/RESULTS.md``; a `--share` below 1 is a try, and writes nothing. Exit code 1 if a target is missed.
+`streams`: EMG over LSL and the Trigno protocol for five minutes each. What is done of the others is kept in
+``out/bench`` until the package changes. Each part that was run whole writes its section of ``benchmarks/RESULTS.md``; a
+`--share` below 1 is a try, and writes nothing. Exit code 1 if a target is missed.
 """
 
 import argparse
@@ -39,12 +40,19 @@ def hours(given: argparse.Namespace) -> Found:
     return import_module("soak_supervisor").figures(given.share)
 
 
+def streams(given: argparse.Namespace) -> Found:
+    module = import_module("emg_streams")
+    found: Found = module.figures(5.0 * given.share, list(module.KINDS))
+    return found
+
+
 PARTS: dict[str, tuple[str, Callable[[argparse.Namespace], Found]]] = {
     "live": ("The live loop", live),
     "kills": ("Loss of the loop", kills),
     "recorder": ("Loss of the recorder", recorder),
     "faults": ("Faults", faults),
     "hours": ("Hours without a fault", hours),
+    "streams": ("EMG streams", streams),
 }
 
 

@@ -1,11 +1,13 @@
 """What the tests share."""
 
+import os
 import signal
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+os.environ["LSLAPICFG"] = str(Path(__file__).parent / "lsl_api.cfg")  # liblsl reads it once, when it is first used
 settings.register_profile("bowden", deadline=None, derandomize=True)  # compilation is slow, and a run repeats another
 settings.load_profile("bowden")
 

@@ -93,6 +93,18 @@ def test_of_several_channels_one_is_chosen(capsys: pytest.CaptureFixture[str]) -
     assert "no channel 'deltoid' among 'biceps_mV', 'triceps_mV'" in capsys.readouterr().err
 
 
+def test_rest_is_of_the_channel_of_the_contraction(capsys: pytest.CaptureFixture[str]) -> None:
+    quiet, loud = background(1000.0, 8000, np.random.default_rng(3)), signal()
+    write("mvc.csv", [loud, quiet], head="time_s,biceps_mV,triceps_mV")
+    write("rest.csv", [0.1 * loud + 0.5 * np.sin(np.arange(8000)), quiet], head="time_s,triceps_mV,biceps_mV")
+    assert run(["emg", "calibrate", "mvc.csv", "--rest", "rest.csv"]) == 0
+    assert wearer_file.read(Path("wearer.toml")).rest < 0.006
+    write("rest.csv", quiet, head="time_s,triceps_mV")
+    assert run(["emg", "calibrate", "mvc.csv", "--rest", "rest.csv", "--out", "b.toml"]) == 2
+    assert "rest.csv: no channel 'biceps_mV' among 'triceps_mV'" in capsys.readouterr().err
+    assert not Path("b.toml").exists()
+
+
 def bad(name: str) -> Path:
     values = signal()
     if name == "nan":

@@ -2,13 +2,12 @@
 
 import shutil
 from dataclasses import asdict
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from bowden.app.console import print_json, seconds
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, StreamError
 
 if TYPE_CHECKING:
     from bowden.runtime.lateness import Lateness
@@ -38,7 +37,7 @@ def doctor(
     late, grants = bare_loop_apart(time, _PERIOD, Settings(priority=priority, cpu=cpu))
     measured, other = figures(late), machine.cyclictest(time, _PERIOD, priority, cpu)
     here = machine.look()
-    document = {
+    document: dict[str, Any] = {
         "kernel": {"release": here.release, "preemption": here.preemption, "real_time": here.real_time},
         "clock_source": here.clock_source,
         "processors": here.processors,
@@ -55,6 +54,9 @@ def doctor(
         "emg": _emg(),
     }
     advice = _advice(here, measured, [*privileges(), *grants])
+    names = [one["name"] for one in document["emg"]["streams"]]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        advice.append(f"{names.count(name)} LSL streams are named {name!r}: name one by its source id as well")
     if json:
         print_json(document | {"advice": advice, "seconds": seconds()})
     else:
@@ -63,13 +65,31 @@ def doctor(
 
 def _emg() -> dict[str, Any]:
     """Streams of EMG on the network by the Lab Streaming Layer."""
-    if find_spec("pylsl") is None:
-        return {"installed": False, "streams": []}
-    import pylsl
+    from bowden.hardware.lsl_info import check_info
+    from bowden.hardware.lsl_library import library
 
-    found = pylsl.resolve_byprop("type", "EMG", 0, _EMG_WAIT)
-    streams = [{"name": s.name(), "channels": s.channel_count(), "rate_hz": s.nominal_srate()} for s in found]
-    return {"installed": True, "streams": streams}
+    try:
+        found = library().resolve_byprop("type", "EMG", 0, _EMG_WAIT)
+    except StreamError as error:
+        return {"installed": False, "streams": [], "problem": str(error)}
+    streams = []
+    for info in sorted(found, key=lambda one: (one.name(), one.source_id())):
+        problem = ""
+        try:
+            check_info(info, info.name())
+        except StreamError as error:
+            problem = str(error)
+        streams.append(
+            {
+                "name": info.name(),
+                "source_id": info.source_id(),
+                "host": info.hostname(),
+                "channels": info.channel_count(),
+                "rate_hz": info.nominal_srate(),
+                "problem": problem,
+            }
+        )
+    return {"installed": True, "streams": streams, "problem": ""}
 
 
 def _advice(here: "Machine", measured: "Lateness", grants: list[Any]) -> list[str]:
@@ -115,8 +135,11 @@ def _print(document: dict[str, Any], advice: list[str]) -> None:
             print(f"  {edge:>7} µs {bucket['cycles']:8d} {'█' * max(1, round(40 * bucket['cycles'] / most))}")
     can, emg = document["can"], document["emg"]
     print(f"\nCAN         {', '.join(f'{name} ({state})' for name, state in can['interfaces'].items()) or 'none'}")
-    streams = ", ".join(f"{s['name']} ({s['channels']} channels)" for s in emg["streams"])
-    print(f"EMG         {streams or ('no stream' if emg['installed'] else 'pylsl is not installed')}")
+    count = len(emg["streams"])
+    print(f"EMG         {emg['problem'] or ('no stream' if not count else f'{count} of LSL')}")
+    for one in emg["streams"]:
+        said = one["problem"] or f"{one['channels']} channels, {one['rate_hz']:g} Hz"
+        print(f"            lsl:{one['name']}#{one['source_id']} of {one['host']}: {said}")
     print("\nWhat to change:" if advice else "\nNothing to change.")
     for line in advice:
         print(f"- {line}")

@@ -1,4 +1,4 @@
-"""``bowden emg``: a wearer's rest and MVC, and how well contractions are found in a recording."""
+"""``bowden emg score``: how well contractions are found in a recording."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -13,38 +13,10 @@ if TYPE_CHECKING:
     from bowden.identify.emg_score import Findings, Score
 
 ChannelOption = Annotated[str | None, typer.Option(help="Column of the signal; the first one by default.")]
+RateOption = Annotated[
+    float | None, typer.Option(help="Samples a second, where the recording has no times, or to check those it has.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
-
-
-def calibrate(
-    recording: Annotated[Path, typer.Argument(help="CSV, csv.gz or Parquet: rest, and at least one contraction.")],
-    rest: Annotated[
-        Path | None, typer.Option(help="Recording of rest; by default the calmest tenth of RECORDING.")
-    ] = None,
-    channel: ChannelOption = None,
-    out: Annotated[Path, typer.Option(help="File to write.")] = Path("wearer.toml"),
-    json: JsonOption = False,
-) -> None:
-    """Measure a wearer's rest and maximum voluntary contraction (MVC), and save both.
-
-    MVC is the largest envelope in RECORDING. A recording without a maximum contraction gives its largest one, which
-    stands in for MVC.
-    """
-    from bowden.app import wearer_file
-    from bowden.identify.emg_log import read_emg
-    from bowden.identify.emg_score import envelope_levels
-
-    logs = [read_emg(path, channel) for path in (recording, rest or recording)]
-    levels = [envelope_levels(log.values, log.rate) for log in logs]
-    source = recording.name if rest is None else f"{recording.name} and {rest.name}"
-    level = levels[1].low if rest is None else levels[1].middle
-    wearer = wearer_file.check(wearer_file.Wearer(level, levels[0].high, logs[0].channel, source), source)
-    wearer_file.write(out, wearer)
-    if json:
-        print_json({"rest": wearer.rest, "mvc": wearer.mvc, "channel": wearer.channel, "files": [str(out)]})
-        return
-    _warn(logs[0])
-    print(f"rest {wearer.rest:.4g}, MVC {wearer.mvc:.4g} (envelopes, in the unit of {wearer.channel}) → {out}")
 
 
 def score(
@@ -52,6 +24,7 @@ def score(
     labels: Annotated[Path | None, typer.Option(help="CSV of contractions: onset_s, offset_s.")] = None,
     wearer: Annotated[Path | None, typer.Option(help="Of bowden emg calibrate, for the plain threshold's MVC.")] = None,
     channel: ChannelOption = None,
+    rate: RateOption = None,
     shortest_ms: Annotated[
         float, typer.Option(help="Do not tell contractions shorter than this; all others are told so much later.")
     ] = 0.0,
@@ -75,7 +48,7 @@ def score(
 
     if not 0.0 <= shortest_ms <= 5000.0:
         raise ParameterError(f"--shortest-ms is {shortest_ms:g}", expected="a number from 0 to 5000")
-    log = read_emg(recording, channel)
+    log = read_emg(recording, channel, checked_rate(rate))
     known = None if labels is None else read_labels(labels)
     _check_labels(known, log, labels)
     mvc = None if wearer is None else wearer_file.read(wearer).mvc
@@ -90,7 +63,7 @@ def score(
     if json:
         print_json(document)
         return
-    _warn(log)
+    warn(log)
     _print(found, shortest_ms, source)
     print(f"\nPage: {out / 'emg.html'}  ({seconds():.1f} s)")
 
@@ -122,7 +95,21 @@ def _document(log: "EmgLog", found: "Findings", shortest_ms: float, source: str)
     }
 
 
-def _warn(log: "EmgLog") -> None:
+def checked_rate(rate: float | None) -> float | None:
+    """The value of ``--rate``.
+
+    Raises:
+        ParameterError: it is no rate.
+    """
+    from bowden.core.errors import ParameterError
+
+    if rate is not None and not 0.0 < rate < 1e6:
+        raise ParameterError(f"--rate is {rate:g}", expected="samples a second, such as 1000")
+    return rate
+
+
+def warn(log: "EmgLog") -> None:
+    """Say on standard error what is odd about a recording."""
     import sys
 
     for warning in log.warnings:

@@ -14,7 +14,9 @@ from bowden import __version__
 from bowden.app.check_command import check
 from bowden.app.console import InterruptedPartway
 from bowden.app.doctor_command import doctor
-from bowden.app.emg_command import calibrate, score
+from bowden.app.emg_calibrate_command import calibrate
+from bowden.app.emg_command import score
+from bowden.app.emg_stream_command import serve, stream
 from bowden.app.identify_command import identify
 from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
@@ -142,12 +144,26 @@ _EMG_COMMANDS = [
     _Entry(
         calibrate,
         "Measure a wearer's rest and maximum contraction.",
-        ["bowden emg calibrate mvc.csv", "bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml"],
+        [
+            "bowden emg calibrate mvc.csv",
+            "bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml",
+            "bowden emg calibrate --source lsl:EMG --channel biceps --seconds 5 --out anna.toml",
+        ],
     ),
     _Entry(
         score,
         "Say how well contractions are found in a recording.",
         ["bowden emg score biceps.csv", "bowden emg score biceps.csv --labels biceps.labels.csv --json"],
+    ),
+    _Entry(
+        stream,
+        "Play a recording in real time as a stream of LSL.",
+        ["bowden emg stream biceps.csv", "bowden emg stream biceps.csv --name EMG --loop --wait"],
+    ),
+    _Entry(
+        serve,
+        "Play a recording in real time as a Trigno base station.",
+        ["bowden emg serve biceps.csv", "bowden emg serve biceps.csv --loop --fault late=0.1 --fault torn"],
     ),
 ]
 
@@ -216,7 +232,7 @@ def _fail(message: str, code: int) -> int:
 
 def main() -> None:
     """Entry point of the command ``bowden``."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal without Greek letters is no reason to fail
+    for output in (sys.stdout, sys.stderr):
+        if isinstance(output, io.TextIOWrapper):
+            output.reconfigure(errors="backslashreplace")  # a terminal without Greek letters is no reason to fail
     sys.exit(run(sys.argv[1:]))

@@ -1,6 +1,7 @@
 """Reading and checking recordings of EMG, and labels of contractions."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -19,6 +20,10 @@ Array = NDArray[np.float64]
 _TIMES = ("time", "t", "timestamp", "seconds", "sec", "clock")
 _SHORTEST = 2.0
 """A recording of less has no rest to speak of [s]."""
+_RATE_ERROR = 0.01
+"""How far the times may be from a declared rate."""
+_UNIT = re.compile(r"[_\s(\[]([mµu]?V)[)\]]?$")
+"""At the end of a column's name."""
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
 
@@ -38,53 +43,116 @@ class EmgLog:
     warnings: tuple[str, ...]
 
 
-def read_emg(path: Path, channel: str | None = None) -> EmgLog:
+@dataclass(frozen=True)
+class EmgRecording:
+    """Channels of a recording, each fit to be looked at."""
+
+    values: Array
+    """In the file's unit (n, channels)."""
+    rate: float
+    """Samples a second and channel [Hz]."""
+    start: float
+    """Time of the first sample [s]."""
+    channels: tuple[str, ...]
+    """Names of the columns."""
+    unit: str
+    """That all channels' names end in, such as ``mV``; empty where they do not."""
+    warnings: tuple[str, ...]
+
+
+def read_emg(path: Path, channel: str | None = None, rate: float | None = None) -> EmgLog:
     """Read one channel of a recording.
 
     Args:
         path: ``.csv``, ``.csv.gz`` or ``.parquet`` with a column of times and one or more of EMG.
         channel: name of the column; the first that is not the time where it is not given.
+        rate: samples a second, as they are declared elsewhere; a file without times needs it [Hz].
 
     Raises:
-        LogError: no such file or column, text or NaN in it, an uneven clock, a rate that the detector does not take,
-            too short, flat, or clipped; one line that says where.
+        LogError: no such file or column, text or NaN in it, an uneven clock, a rate that the detector does not take or
+            that is not the declared one, too short, flat, or clipped; one line that says where.
     """
     table = _read(path)
-    times = [name for name in table if split_name(name)[0] in _TIMES]
-    if not times:
-        raise LogError(f"{path}: no column of times among {_listed(table)}", expected="a column such as time_s")
-    time_name, others = times[0], [name for name in table if name not in times]
-    if channel is not None and channel not in others:
-        raise LogError(f"{path}: no channel {channel!r} among {_listed(others)}", do="name one of them with --channel")
-    if not others:
-        raise LogError(f"{path}: no channel beside {time_name!r}", expected="a column such as emg_mV")
-    name = channel if channel is not None else others[0]
+    others = _signals(table, path)
+    name = others[0] if channel is None else channel
+    found = _recording(table, (name,), rate, path)
+    warnings = found.warnings
+    if channel is None and len(others) > 1:
+        warnings = (*warnings, f"{len(others)} channels, {name!r} is taken")
+    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings)
 
+
+def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None = None) -> EmgRecording:
+    """Read several channels of a recording, all of them where none is named; see `read_emg`.
+
+    Raises:
+        LogError: as `read_emg`, for each channel.
+    """
+    table = _read(path)
+    return _recording(table, tuple(channels) or tuple(_signals(table, path)), rate, path)
+
+
+def _times(table: dict[str, Array]) -> list[str]:
+    return [name for name in table if split_name(name)[0] in _TIMES]
+
+
+def _signals(table: dict[str, Array], path: Path) -> list[str]:
+    """Columns that are no times."""
+    times = _times(table)
+    others = [name for name in table if name not in times]
+    if not others:
+        raise LogError(f"{path}: no channel beside {', '.join(map(repr, times))}", expected="a column such as emg_mV")
+    return others
+
+
+def _recording(table: dict[str, Array], names: tuple[str, ...], declared: float | None, path: Path) -> EmgRecording:
     def where(sample: int) -> str:
         return f"{path}, row {sample + 1}"
 
-    time = _numbers(table, time_name, path) * FACTORS.get(split_name(time_name)[1] or "s", 1.0)
-    values = _numbers(table, name, path)
+    times = _times(table)
+    if not times and declared is None:
+        raise LogError(
+            f"{path}: no column of times among {_listed(table)}",
+            expected="a column such as time_s",
+            do="or say how many samples a second it has with --rate",
+        )
+    for name in names:
+        if name not in table or name in times:
+            others = _listed(_signals(table, path))
+            raise LogError(f"{path}: no channel {name!r} among {others}", do="name one of them with --channel")
+    columns = [_numbers(table, name, path) for name in names]
+    if times:
+        time = _numbers(table, times[0], path) * FACTORS.get(split_name(times[0])[1] or "s", 1.0)
+    else:
+        time = np.arange(len(columns[0])) / (declared or 1.0)
     if len(time) < 2:
         raise LogError(f"{path} has {len(time)} samples", expected=f"at least {_SHORTEST:g} s of EMG")
-    check_finite(time_name, time, where)
-    check_finite(name, values, where)
+    check_finite(times[0] if times else "time", time, where)
+    for name, values in zip(names, columns, strict=True):
+        check_finite(name, values, where)
     even, warnings = even_time(time, where)
     if even is not time:
-        values = np.interp(even, time, values)
+        columns = [np.interp(even, time, values) for values in columns]
     rate = (len(even) - 1) / float(even[-1] - even[0])
+    if declared is not None and not abs(rate / declared - 1.0) <= _RATE_ERROR:
+        raise LogError(
+            f"{path}: {declared:g} Hz are declared, and the times in {times[0]!r} are of {rate:.4g} Hz",
+            expected=f"the same, within {100 * _RATE_ERROR:g} %",
+            do="correct --rate, or the unit of the time (time_s, time_ms)",
+        )
     if not SLOWEST <= rate <= QUICKEST:
         raise LogError(
             f"{path}: {rate:.4g} samples a second",
             expected=f"{SLOWEST:g} to {QUICKEST:g} Hz",
             do="look at the unit of the time (time_s, time_ms), or resample",
         )
-    if len(values) < _SHORTEST * rate:
-        raise LogError(f"{path}: {len(values) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
-    if channel is None and len(others) > 1:
-        warnings = [*warnings, f"{len(others)} channels, {name!r} is taken"]
-    _check_signal(name, values, path)
-    return EmgLog(values, rate, float(even[0]), name, tuple(warnings))
+    if len(even) < _SHORTEST * rate:
+        raise LogError(f"{path}: {len(even) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
+    for name, values in zip(names, columns, strict=True):
+        check_signal(name, values, str(path))
+    units = {suffix[1] if (suffix := _UNIT.search(name)) else "" for name in names}
+    unit = units.pop() if len(units) == 1 else ""
+    return EmgRecording(np.column_stack(columns), rate, float(even[0]), names, unit, tuple(warnings))
 
 
 def read_labels(path: Path) -> list[tuple[float, float]]:
@@ -107,14 +175,26 @@ def read_labels(path: Path) -> list[tuple[float, float]]:
     return [(float(first), float(last)) for first, last in zip(onset, end, strict=True)]
 
 
-def _check_signal(name: str, values: Array, path: Path) -> None:
+def check_signal(name: str, values: Array, where: str) -> None:
+    """Refuse a signal that no electrode gives.
+
+    Args:
+        name: of the channel.
+        values: finite (n,).
+        where: the recording or stream, for messages.
+
+    Raises:
+        LogError: flat, or clipped.
+    """
     low, high = float(values.min()), float(values.max())
     if not high > low:
-        raise LogError(f"{path}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain")
+        raise LogError(
+            f"{where}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain"
+        )
     clipped = float(np.mean((values == low) | (values == high)))
     if clipped > _CLIPPED and len(np.unique(values)) > 16:
         raise LogError(
-            f"{path}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
+            f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
             expected=f"at most {100 * _CLIPPED:g} %",
             do="lower the amplifier's gain and record again",
         )

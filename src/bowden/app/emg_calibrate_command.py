@@ -1,0 +1,119 @@
+"""``bowden emg calibrate``: a wearer's rest and MVC, from recordings or from a stream."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bowden.app.console import print_json, progress_bar
+from bowden.app.emg_command import ChannelOption, JsonOption, RateOption, checked_rate, warn
+
+if TYPE_CHECKING:
+    from bowden.app.wearer_file import Wearer
+
+_READY = 1.0
+"""Time to make ready for what comes next [s]."""
+
+
+def calibrate(
+    recording: Annotated[
+        Path | None, typer.Argument(help="CSV, csv.gz or Parquet: rest, and at least one contraction.")
+    ] = None,
+    rest: Annotated[
+        Path | None, typer.Option(help="Recording of rest; by default the calmest tenth of RECORDING.")
+    ] = None,
+    source: Annotated[
+        str | None, typer.Option(help="A stream in place of RECORDING: lsl:NAME, trigno:HOST or file:PATH.")
+    ] = None,
+    lasting: Annotated[float, typer.Option("--seconds", help="Of a stream: of rest, and of contraction.")] = 5.0,
+    channel: ChannelOption = None,
+    rate: RateOption = None,
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("wearer.toml"),
+    json: JsonOption = False,
+) -> None:
+    """Measure a wearer's rest and maximum voluntary contraction (MVC), and save both.
+
+    MVC is the largest envelope in RECORDING. A recording without a maximum contraction gives its largest one, which
+    stands in for MVC. From a stream the wearer is told on standard error when to rest and when to contract.
+    """
+    from bowden.app import wearer_file
+    from bowden.core.errors import ParameterError
+
+    if (recording is None) == (source is None):
+        raise ParameterError(
+            "there are a recording and a --source" if source else "there is no recording and no --source",
+            expected="one of them",
+        )
+    if source is not None:
+        if rest is not None or rate is not None:
+            raise ParameterError("--rest and --rate are of recordings", do="leave them out with --source")
+        wearer = _from_stream(source, channel, lasting, json)
+    else:
+        assert recording is not None
+        wearer = _from_recordings(recording, rest, channel, rate, json)
+    wearer_file.write(out, wearer_file.check(wearer, wearer.source))
+    if json:
+        print_json({"rest": wearer.rest, "mvc": wearer.mvc, "channel": wearer.channel, "files": [str(out)]})
+        return
+    print(f"rest {wearer.rest:.4g}, MVC {wearer.mvc:.4g} (envelopes, in the unit of {wearer.channel}) → {out}")
+
+
+def _from_recordings(
+    recording: Path, rest: Path | None, channel: str | None, rate: float | None, quiet: bool
+) -> "Wearer":
+    from bowden.app.wearer_file import Wearer
+    from bowden.identify.emg_log import read_emg
+    from bowden.identify.emg_score import envelope_levels
+
+    log = read_emg(recording, channel, checked_rate(rate))
+    levels = envelope_levels(log.values, log.rate)
+    if not quiet:
+        warn(log)
+    if rest is None:
+        return Wearer(levels.low, levels.high, log.channel, recording.name)
+    calm = read_emg(rest, log.channel, rate)
+    level = envelope_levels(calm.values, calm.rate).middle
+    return Wearer(level, levels.high, log.channel, f"{recording.name} and {rest.name}")
+
+
+def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) -> "Wearer":
+    from bowden.app.emg_listen import listen
+    from bowden.app.wearer_file import Wearer
+    from bowden.core.errors import ParameterError
+    from bowden.hardware.emg_sources import open_source
+    from bowden.identify.emg_score import envelope_levels
+
+    if not 2.0 <= lasting <= 60.0:
+        raise ParameterError(f"--seconds is {lasting:g}", expected="a number from 2 to 60")
+    stream = open_source(source, [] if channel is None else [channel])
+    try:
+        said = stream.open()
+        name = stream.channels[0] if channel is None else channel
+        _tell(f"{said}; {name!r} is taken")
+        with progress_bar(quiet) as progress:
+            listen(stream, name, _READY, lambda share: progress("make ready", 0.2 * share), check=False)
+            _tell("REST: let the arm lie, and do nothing")
+            calm = listen(stream, name, lasting, lambda share: progress("rest", 0.2 + 0.3 * share))
+            _tell("make ready to contract as hard as you can")
+            listen(stream, name, _READY, lambda share: progress("make ready", 0.5 + 0.2 * share), check=False)
+            _tell("CONTRACT, as hard as you can, and hold")
+            hard = listen(stream, name, lasting, lambda share: progress("contract", 0.7 + 0.3 * share))
+            _tell("done, let go")
+    finally:
+        stream.close()
+    levels = [envelope_levels(values, stream.rate) for values in (calm, hard)]
+    return Wearer(levels[0].middle, levels[1].high, with_unit(name, stream.unit), source)
+
+
+def with_unit(channel: str, unit: str) -> str:
+    """A channel's name with its unit at its end, as recordings' columns have it.
+
+    >>> with_unit("sensor1", "mV"), with_unit("biceps_mV", "mV"), with_unit("a", "")
+    ('sensor1_mV', 'biceps_mV', 'a')
+    """
+    return channel if not unit or channel.endswith(unit) else f"{channel}_{unit}"
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,58 @@
+"""Listening to one channel of a stream for a while."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import StreamError
+from bowden.identify.emg_log import check_signal
+from bowden.runtime.clock import SECOND, Clock, MonotonicClock
+from bowden.runtime.ports import EmgStream
+
+Array = NDArray[np.float64]
+
+
+def listen(
+    stream: EmgStream,
+    channel: str,
+    lasting: float,
+    progress: Callable[[float], None],
+    check: bool = True,
+    clock: Clock | None = None,
+) -> Array:
+    """The samples of `channel` that come in `lasting` seconds.
+
+    Args:
+        stream: open.
+        channel: one of its channels.
+        lasting: time, and the time's worth of samples that is wanted [s].
+        progress: told the share that is done.
+        check: whether a loss, missing samples, and a signal that no electrode gives are refused.
+        clock: to wait by.
+
+    Raises:
+        StreamError: lost, or samples are missing.
+        LogError: flat or clipped.
+    """
+    clock = MonotonicClock() if clock is None else clock
+    begin, values, count = clock.now() / SECOND, [np.empty(0)], 0
+    column, wanted = stream.channels.index(channel), round(lasting * stream.rate)
+    while count < wanted:
+        now = clock.now() / SECOND
+        if stream.lost() or now - begin > 2.0 * lasting + 1.0:
+            raise StreamError(
+                f"the stream was lost: {stream.lost() or 'too few samples come'}",
+                do="look at its sender, and begin anew",
+            )
+        values.append(stream.read(now).values[:, column])
+        count += len(values[-1])
+        progress(min(1.0, count / wanted))
+        clock.sleep_until(clock.now() + SECOND // 100)
+    heard = np.concatenate(values)
+    if check:
+        missing = int(np.sum(~np.isfinite(heard)))
+        if missing:
+            raise StreamError(f"{missing} of {len(heard)} samples of {channel!r} did not come", do="begin anew")
+        check_signal(channel, heard, "the stream")
+    return heard

@@ -1,0 +1,87 @@
+"""What an LSL stream says of itself, read and checked: numbers, rate, names of channels, unit."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from bowden.core.errors import StreamError
+from bowden.sensing.onset import QUICKEST, SLOWEST
+
+TYPES = ("EMG", "SEMG", "EXG")
+"""Content types of streams that hold EMG, in capitals."""
+_STRING = 3
+"""LSL's channel format of text."""
+_UNITS = {
+    **dict.fromkeys(("microvolts", "microvolt", "uv", "µv", "μv"), "µV"),
+    **dict.fromkeys(("millivolts", "millivolt", "mv"), "mV"),
+    **dict.fromkeys(("volts", "volt", "v"), "V"),
+}
+
+
+def check_info(info: Any, name: str) -> None:
+    """See that a stream is EMG at a rate that the detector takes.
+
+    Raises:
+        StreamError: another content, text in place of numbers, an irregular rate or one that is out of range.
+    """
+    if info.channel_format() == _STRING:
+        raise StreamError(f"the LSL stream {name!r} ({info.type() or 'no type'}) holds text", expected="numbers")
+    if info.type().upper() not in TYPES:
+        raise StreamError(
+            f"the LSL stream {name!r} has the type {info.type()!r}", expected="EMG", do="let its sender declare it"
+        )
+    rate = info.nominal_srate()
+    if rate == 0.0:
+        raise StreamError(
+            f"the LSL stream {name!r} has an irregular rate", expected="a rate that it declares and keeps"
+        )
+    if not SLOWEST <= rate <= QUICKEST:
+        raise StreamError(
+            f"the LSL stream {name!r} has {rate:g} samples a second", expected=f"{SLOWEST:g} to {QUICKEST:g} Hz"
+        )
+
+
+def channel_names(info: Any, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of the channels; ``ch1``, ``ch2`` … where the stream does not describe them.
+
+    Raises:
+        StreamError: it describes another number of channels than it has, leaves one without a name, gives two the same,
+            or has none of a name that is `wanted`.
+    """
+    name, count = info.name(), info.channel_count()
+    labels = _described(info, "label")
+    if labels and len(labels) != count:
+        raise StreamError(f"the LSL stream {name!r} has {count} channels and describes {len(labels)}")
+    names = tuple(labels) or tuple(f"ch{k}" for k in range(1, count + 1))
+    if "" in names:
+        raise StreamError(f"channel {names.index('') + 1} of the LSL stream {name!r} has no name")
+    twice = next((one for one in names if names.count(one) > 1), None)
+    if twice is not None:
+        raise StreamError(f"two channels of the LSL stream {name!r} are named {twice!r}", expected="a name for each")
+    check_wanted(names, wanted, f"the LSL stream {name!r}")
+    return names
+
+
+def check_wanted(names: Sequence[str], wanted: Sequence[str], where: str) -> None:
+    """See that channels are there.
+
+    Raises:
+        StreamError: one is not.
+    """
+    for one in wanted:
+        if one not in names:
+            raise StreamError(f"{where} has no channel {one!r}", expected=f"one of {', '.join(map(repr, names))}")
+
+
+def unit_of(info: Any) -> str:
+    """The channels' unit, where all have the same; empty otherwise."""
+    units = {_UNITS.get(unit.lower(), unit) for unit in _described(info, "unit")}
+    return units.pop() if len(units) == 1 else ""
+
+
+def _described(info: Any, what: str) -> list[str]:
+    """One entry of each channel's description; none where channels are not described."""
+    found, channel = [], info.desc().child("channels").child("channel")
+    while not channel.empty():
+        found.append(str(channel.child_value(what)).strip())
+        channel = channel.next_sibling("channel")
+    return found if any(found) else []

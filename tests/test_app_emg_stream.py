@@ -1,0 +1,249 @@
+"""`bowden emg stream`, `serve` and `calibrate --source`, in processes of their own; the doctor's list of streams."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from bowden.app import wearer_file
+from bowden.app.emg_listen import listen
+from bowden.app.main import run
+from bowden.core.errors import LogError, StreamError
+from bowden.hardware.emg_sources import open_source
+from bowden.hardware.lsl_library import library
+from bowden.hardware.lsl_outlet import LslOutlet
+from bowden.runtime.ports import EmgChunk
+from bowden.sim.emg import background, contractions
+
+ROOT = Path(__file__).parents[1]
+RATE = 1000.0
+NAME = f"app-{os.getpid()}"
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def lsl() -> Any:
+    """The library, where it loads and streams are found on this machine."""
+    try:
+        found = library()
+    except StreamError as error:
+        pytest.skip(str(error))
+    outlet = LslOutlet(f"probe-{NAME}", RATE, ["a"], "mV", f"probe-{NAME}")
+    if not found.resolve_byprop("name", f"probe-{NAME}", 1, 5.0):
+        pytest.skip("LSL finds no stream on this machine: no multicast and no unicast on 127.0.0.1")
+    outlet.close()
+    return found
+
+
+def recording(path: str = "a.csv", seconds: float = 12.0, times: bool = True) -> np.ndarray:
+    """Rest, and a contraction from 3.6 s on; three columns are written: time, biceps, triceps."""
+    count = round(seconds * RATE)
+    random = np.random.default_rng(1)
+    biceps = background(RATE, count, random) + contractions(RATE, [(3.6, seconds - 0.1, 0.4)], count, 1)
+    values = np.column_stack([biceps, background(RATE, count, random)])
+    table = np.column_stack([np.arange(count) / RATE, values]) if times else values
+    head = "time_s,biceps_mV,triceps_mV" if times else "biceps_mV,triceps_mV"
+    np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.17g")
+    return values
+
+
+@contextlib.contextmanager
+def playing(schema: str, *words: str) -> Iterator[tuple[dict[str, Any], subprocess.Popen[str]]]:
+    """A command that plays until it is told to end; its document, of that schema."""
+    command = [sys.executable, "-c", "from bowden.app.main import main; main()", "emg", *words, "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        text = ""
+        for line in process.stdout:
+            text += line
+            if line.startswith("}"):
+                break
+        document = json.loads(text)
+        jsonschema.validate(document, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
+        yield document, process
+    finally:
+        if process.poll() is None:
+            process.terminate()
+        process.communicate(timeout=20)
+
+
+def received(source: str, count: int) -> EmgChunk:
+    stream = open_source(source)
+    stream.open()
+    until, chunks = time.monotonic() + 20.0, []
+    while sum(len(chunk.times) for chunk in chunks) < count and time.monotonic() < until:
+        chunks.append(stream.read(time.monotonic()))
+        time.sleep(0.005)
+    stream.close()
+    return EmgChunk(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
+
+
+@pytest.mark.live
+def test_a_recording_is_played_as_a_stream_and_again_and_ends_at_ctrl_c(lsl: Any) -> None:
+    values = recording(seconds=2.5)
+    with playing("emg_stream", "stream", "a.csv", "--name", NAME, "--loop", "--wait") as (document, process):
+        assert document["source"] == f"lsl:{NAME}#bowden-{NAME}"
+        assert (document["channels"], document["unit"]) == (["biceps_mV", "triceps_mV"], "mV")
+        found = received(document["source"], 3000)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
+    twice = np.concatenate([values, values, values])
+    assert len(found.values) >= 3000
+    assert np.array_equal(found.values, twice[: len(found.values)])
+
+
+@pytest.mark.live
+def test_speed_is_declared_and_one_channel_may_be_chosen(lsl: Any) -> None:
+    values = recording(seconds=4.0)
+    words = ("a.csv", "--name", NAME, "--speed", "2.5", "--channel", "triceps_mV", "--wait")
+    with playing("emg_stream", "stream", *words) as (document, process):
+        assert (document["rate_hz"], document["duration_s"]) == (2500.0, 1.6)
+        found = received(document["source"], 4000)
+        assert process.wait(10) == 0
+    assert np.array_equal(found.values[:, 0], values[:, 1])
+
+
+@pytest.mark.live
+def test_a_recording_is_served_as_a_base_station(capsys: pytest.CaptureFixture[str]) -> None:
+    values = recording()
+    with playing("emg_serve", "serve", "a.csv", "--port", "0", "--emg-port", "0") as (document, process):
+        found = received(document["source"], 1000)
+        assert run(["emg", "serve", "a.csv", "--port", document["source"].split(":")[2]]) == 2
+        assert "cannot listen at 127.0.0.1" in capsys.readouterr().err
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
+    assert found.values == pytest.approx(values[: len(found.values)], rel=1e-6)
+
+
+@pytest.mark.live
+def test_a_wearer_is_calibrated_from_a_stream_and_told_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
+    """A second to make ready, two of rest, a second, two of contraction: the recording contracts from 3.6 s on."""
+    recording()
+    words = ["emg", "calibrate", "--source", "file:a.csv", "--seconds", "2", "--out", "b.toml", "--json"]
+    assert run(words) == 0
+    said = capsys.readouterr()
+    document = json.loads(said.out)
+    jsonschema.validate(document, json.loads((ROOT / "docs" / "json" / "emg_calibrate.schema.json").read_text()))
+    wearer = wearer_file.read(Path("b.toml"))
+    assert (wearer.channel, wearer.source) == ("biceps_mV", "file:a.csv")
+    assert 0.002 < wearer.rest < 0.006
+    assert 0.3 < wearer.mvc < 0.6
+    assert said.err.index("REST") < said.err.index("make ready") < said.err.index("CONTRACT") < said.err.index("let go")
+    assert run([*words[:-1], "--channel", "triceps_mV"]) == 2
+    assert "expected at least 3 times as much" in capsys.readouterr().err
+
+
+class Fake:
+    """A stream that brings what it is given, and is lost then."""
+
+    rate, channels, unit = RATE, ("a",), "mV"
+
+    def __init__(self, values: np.ndarray) -> None:
+        self._values = values
+
+    def open(self) -> str:
+        return "fake"
+
+    def read(self, now: float) -> EmgChunk:
+        values, self._values = self._values[:100], self._values[100:]
+        return EmgChunk(values[:, None], now + np.arange(len(values)) / RATE)
+
+    def lost(self) -> str:
+        return "" if len(self._values) else "it is over"
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "said"),
+    [
+        (np.ones(200), StreamError, "the stream was lost: it is over; look at its sender"),
+        (np.full(600, 0.25), LogError, "the stream: a is 0.25 in every sample"),
+        (np.where(np.arange(600) == 99, np.nan, np.arange(600.0)), StreamError, "1 of 500 samples of 'a' did not come"),
+        (np.clip(np.arange(600.0), 50.0, 300.0), LogError, "stand at an end of its range"),
+    ],
+)
+def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: type[Exception], said: str) -> None:
+    with pytest.raises(error, match=said):
+        listen(Fake(values), "a", 0.5, lambda share: None)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["calibrate"], "no recording and no --source; expected one of them"),
+        (["calibrate", "a.csv", "--source", "file:a.csv"], "a recording and a --source; expected one of them"),
+        (["calibrate", "--source", "file:a.csv", "--rest", "a.csv"], "--rest and --rate are of recordings"),
+        (["calibrate", "--source", "file:a.csv", "--seconds", "0"], "--seconds is 0; expected a number from 2 to 60"),
+        (["calibrate", "--source", "usb:1"], "'usb:1' is no source of EMG; expected lsl:NAME"),
+        (
+            ["calibrate", "--source", "file:a.csv", "--channel", "c"],
+            "has no channel 'c'; expected one of 'biceps_mV'",
+        ),
+        (["calibrate", "a.csv", "--rate", "2000"], "2000 Hz are declared, and the times in 'time_s' are of 1000 Hz"),
+        (["score", "a.csv", "--rate", "900"], "900 Hz are declared"),
+        (["score", "bare.csv"], "no column of times among 'biceps_mV', 'triceps_mV'; expected a column such as time_s"),
+        (["score", "a.csv", "--rate", "-1"], "--rate is -1"),
+        (["stream", "none.csv"], "cannot read none.csv"),
+        (["stream", "a.csv", "--speed", "0"], "--speed is 0"),
+        (["stream", "a.csv", "--name", "it's"], "expected a name without quotes"),
+        (["stream", "a.csv", "--channel", "c"], "no channel 'c'"),
+        (["stream", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
+        (["serve", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
+        (["serve", "a.csv", "--fault", "spam"], "--fault is 'spam'"),
+        (["serve", "a.csv", "--port", "70000"], "a port is 70000"),
+    ],
+)
+def test_what_makes_no_sense_is_one_line(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    recording(seconds=3.0)
+    recording("bare.csv", 3.0, times=False)
+    lines = Path("a.csv").read_text().splitlines()
+    lines[2001] = lines[2001].rpartition(",")[0] + ",nan"
+    Path("nan.csv").write_text("\n".join(lines))
+    assert run(["emg", *words]) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+    assert not Path("wearer.toml").exists()
+
+
+def test_a_recording_without_times_has_a_declared_rate(capsys: pytest.CaptureFixture[str]) -> None:
+    recording("bare.csv", 6.0, times=False)
+    assert run(["emg", "score", "bare.csv", "--rate", "1000", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["rate_hz"], found["detections"]) == (1000.0, 1)
+    assert found["contractions_s"][0][0] == pytest.approx(3.65, abs=0.1)
+
+
+@pytest.mark.live
+def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    outlets = [
+        LslOutlet(NAME, RATE, ["a", "b"], "mV", "one"),
+        LslOutlet(NAME, RATE, ["a"], "mV", "two"),
+        LslOutlet(f"slow-{NAME}", 10.0, ["a"], "mV", "three"),
+    ]
+    assert run(["doctor", "--seconds", "0.2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / "doctor.schema.json").read_text()))
+    ours = {one["source_id"]: one for one in found["emg"]["streams"] if NAME in one["name"]}
+    assert (ours["one"]["channels"], ours["one"]["rate_hz"], ours["one"]["problem"]) == (2, 1000.0, "")
+    assert "10 samples a second; expected 400 to 5000 Hz" in ours["three"]["problem"]
+    assert any(f"2 LSL streams are named '{NAME}'" in advice for advice in found["advice"])
+    for outlet in outlets:
+        outlet.close()
