@@ -21,6 +21,8 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeGuard, TypeVar
 
+from bowden.core.refill import compiled_refilled, refilled
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 _NUMBA_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": True}
@@ -66,23 +68,26 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
     Args:
         template: a kernel.
         name: what to call this variant, for whoever reads a profile or the cache folder.
-        replacements: global name in the template's module → kernel to put there.
+        replacements: global name → kernel to put there, in the template and in the kernels that it calls.
     """
     assert isinstance(template, FunctionType)
     parts = tuple(sorted(replacements.items()))
+    return _compile(template, f"{template.__qualname__}_{name}_{_digest(parts)}", parts, frozenset())
+
+
+def _digest(parts: "_Parts") -> str:
     told_apart = "|".join(f"{key}={part.__module__}.{part.__qualname__}" for key, part in parts)
-    digest = hashlib.sha256(told_apart.encode()).hexdigest()[:8]
-    return _compile(template, f"{template.__qualname__}_{name}_{digest}", parts, frozenset())
+    return hashlib.sha256(told_apart.encode()).hexdigest()[:8]
 
 
+_Parts = tuple[tuple[str, Callable[..., Any]], ...]
+"""Global names, and what to put there."""
 _Files = frozenset[Path | None]
 """Files outside the package that compiled code depends on; None among them stands for code that no file tells."""
 
 
 @cache
-def _compile(
-    function: FunctionType, name: str, replacements: tuple[tuple[str, Callable[..., Any]], ...], caller: _Files
-) -> Callable[..., Any]:
+def _compile(function: FunctionType, name: str, replacements: _Parts, caller: _Files) -> Callable[..., Any]:
     """`caller`: the files of the code that calls this; its types may come in, so the two are cached together."""
     import numba
 
@@ -91,7 +96,9 @@ def _compile(
     for key in function.__code__.co_names:
         value = namespace.get(key)
         if _is_kernel(value):
-            namespace[key] = _compile(value, value.__qualname__, (), files)
+            inner = _reaching(value, replacements)
+            told_apart = f"_{_digest(inner)}" if inner else ""
+            namespace[key] = _compile(value, value.__qualname__ + told_apart, inner, files)
         elif callable(value) and value in _PRIMITIVES:
             namespace[key] = _primitive(value)
     twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
@@ -110,20 +117,38 @@ def _outside(function: Callable[..., Any]) -> _Files:
     whose types have another identity in each process.
     """
     files: set[Path | None] = set()
-    seen, todo = {function}, [function]
-    while todo:
-        part = todo.pop()
-        assert isinstance(part, FunctionType)
+    for part in _called(function):
         file = Path(part.__code__.co_filename)
         local = bool(part.__closure__) or "<locals>" in part.__qualname__
-        if file.is_relative_to(Path(__file__).parents[1]) and not local:
-            continue
-        files.add(None if local or part.__module__ == "__main__" or not file.is_file() else file)
+        if not file.is_relative_to(Path(__file__).parents[1]) or local:
+            files.add(None if local or part.__module__ == "__main__" or not file.is_file() else file)
+    return frozenset(files)
+
+
+@cache
+def _called(function: Callable[..., Any]) -> frozenset[FunctionType]:
+    """A kernel and the kernels that it calls, and these call."""
+    assert isinstance(function, FunctionType)
+    seen: set[FunctionType] = {function}
+    todo: list[FunctionType] = [function]
+    while todo:
+        part = todo.pop()
         named = [part.__globals__.get(key) for key in part.__code__.co_names]
-        called = {value for value in named if _is_kernel(value)} - seen
+        called: set[FunctionType] = {value for value in named if _is_kernel(value)} - seen
         todo += called
         seen |= called
-    return frozenset(files)
+    return frozenset(seen)
+
+
+def _reaching(function: FunctionType, replacements: _Parts) -> _Parts:
+    """Those replacements that a kernel names, or that the kernels name which it calls, replaced ones among them."""
+    named: set[str] = set()
+    todo: list[Callable[..., Any]] = [function]
+    while todo:
+        new = {key for part in _called(todo.pop()) for key in part.__code__.co_names} - named
+        todo += [part for key, part in replacements if key in new]
+        named |= new
+    return tuple(part for part in replacements if part[0] in named)
 
 
 @contextlib.contextmanager
@@ -215,7 +240,7 @@ cos = _libm("cos")
 log = _libm("log")
 power = _libm("power")
 
-_PRIMITIVES: set[Callable[..., Any]] = {sel, tanh, exp, sin, cos, log, power}
+_PRIMITIVES: set[Callable[..., Any]] = {sel, tanh, exp, sin, cos, log, power, refilled}
 
 
 @cache
@@ -224,6 +249,8 @@ def _primitive(function: Callable[..., Any]) -> Callable[..., Any]:
 
     if function is sel:
         return numba.njit(**_NUMBA_OPTIONS)(_choose)
+    if function is refilled:
+        return compiled_refilled()
     if function is power:
         return numba.njit(**_NUMBA_OPTIONS)(_pow)
     return getattr(math, function.__name__)

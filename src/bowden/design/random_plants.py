@@ -6,6 +6,8 @@ encoders of 0.02–0.2°, a load that lags by up to 30 ms.
 """
 
 import math
+from collections.abc import Iterable, Iterator
+from itertools import tee
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +21,7 @@ from bowden.models.servo import Servo
 from bowden.models.sheath import Sheath
 from bowden.sim.cable_plant import CablePlant
 from bowden.sim.cables import bouc_wen
-from bowden.sim.closed_loop import simulate
+from bowden.sim.many import Case, simulate_many
 from bowden.sim.scenario import BendPath, scripted_bend
 
 
@@ -89,13 +91,24 @@ def random_plant(number: int, duration: float) -> RandomPlant:
     )
 
 
+def run_random_plants(law: Law, numbers: Iterable[int], duration: float = 40.0) -> Iterator[Outcome]:
+    """One run of a law on each of these plants; it is told `servo_frequency` and `delay` if it has such gains."""
+    numbers, again = tee(numbers)
+    cases = (_case(law, number, duration) for number in again)
+    for number, (found,) in zip(numbers, simulate_many(cases, duration), strict=True):
+        if found.ended:
+            yield Outcome(number, True, found.rmse * DEGREES, found.peak * DEGREES)
+        else:
+            yield Outcome(number, False, math.nan, math.nan)
+
+
 def run_random_plant(law: Law, number: int, duration: float = 40.0) -> Outcome:
-    """One run of a law, which is told `servo_frequency` and `delay` if it has such gains."""
+    """`run_random_plants` for one of them."""
+    return next(run_random_plants(law, [number], duration))
+
+
+def _case(law: Law, number: int, duration: float) -> Case:
     drawn = random_plant(number, duration)
     told = {"servo_frequency": drawn.servo_frequency, "delay": drawn.delay}
     known = law.with_gains(**{name: value for name, value in told.items() if name in law.gains._fields})
-    trace = simulate(drawn.plant, known, drawn.reference, duration=duration, bend=drawn.bend, seed=number)
-    if not trace.stable:
-        return Outcome(number, False, math.nan, math.nan)
-    error = trace.error * DEGREES
-    return Outcome(number, True, float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))
+    return Case(drawn.plant, (known,), drawn.reference, drawn.bend, number, 0.0)

@@ -1,7 +1,7 @@
 """The closed loop round any cable: a law and a cable, compiled together as one function."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,9 @@ from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.models import motor as motor_model
 from bowden.models.encoder import reading
-from bowden.models.servo import ServoState, servo_step
-from bowden.models.sheath import slope_factor as slope_factor_at
-from bowden.models.sheath import width as width_at
+from bowden.models.servo import ServoState, ServoStep, servo_step
 from bowden.sim.cable_plant import CablePlant, Seen, lagged, prepare_servo
-from bowden.sim.closed_loop import RUNAWAY, UNITS
+from bowden.sim.closed_loop import RUNAWAY, UNITS, edges_of, sheath_over
 from bowden.sim.scenario import BendPath
 
 _RECORDED = ["joint", "motor", "joint_measured", "motor_measured", "command", "motor_velocity", "motor_acceleration"]
@@ -47,6 +45,70 @@ def cable_look(cable: Any, memory: Any, motor: float, width: float, slope_factor
     raise NotImplementedError  # never compiled: always replaced
 
 
+class Moving(NamedTuple):
+    """What a plant round a cable is made of while it moves."""
+
+    cable: Any
+    """`Cable.prepared`."""
+    servo: ServoStep
+    dt: float
+    """One control cycle [s]."""
+    load_lag: float
+    """[s]"""
+
+
+class Body(NamedTuple):
+    """Where everything is."""
+
+    motor: ServoState
+    memory: Any
+    """The cable's."""
+    seen: Seen
+    """The cable as it is."""
+    joint: float
+    """Joint angle, behind the load's lag [rad]."""
+
+
+@kernel
+def cable_rest(plant: Moving, motor: float, width: float, slope_factor: float) -> Body:
+    """At rest at a `motor` angle [rad]."""
+    memory = cable_start(plant.cable, motor, width, slope_factor)
+    seen = cable_look(plant.cable, memory, motor, width, slope_factor)
+    return Body(ServoState(motor, 0.0, 0.0), memory, seen, seen.joint)
+
+
+@kernel
+def cable_moved(
+    plant: Moving,
+    body: Body,
+    applied: float,
+    width: float,
+    next_width: float,
+    factor: float,
+    next_factor: float,
+    substeps: int,
+) -> Body:
+    """One cycle later under the command `applied` [rad], while the sheath's width and slope factor go to the next.
+
+    The cable is advanced where the motor turns and at the end of the cycle, with the time since it last was; the load's
+    lag is solved exactly between cycles.
+    """
+    motor, memory, dt = body.motor, body.memory, plant.dt
+    turned, done = motor.position, 0
+    for i in range(substeps):
+        moved = servo_step(motor, applied, plant.servo)
+        if (moved.position - motor.position) * (motor.position - turned) < 0.0:
+            part = i / substeps
+            here, at = width + part * (next_width - width), factor + part * (next_factor - factor)
+            memory = cable_advance(plant.cable, memory, turned, motor.position, here, at, (i - done) / substeps * dt)
+            turned, done = motor.position, i
+        motor = moved
+    part = (substeps - done) / substeps
+    memory = cable_advance(plant.cable, memory, turned, motor.position, next_width, next_factor, part * dt)
+    seen = cable_look(plant.cable, memory, motor.position, next_width, next_factor)
+    return Body(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))
+
+
 @kernel
 def run_cable_loop(
     gains: Any,
@@ -67,16 +129,14 @@ def run_cable_loop(
 ) -> int:
     """One run; fills `record` (9, n) and `states` (m, n) and returns the number of cycles that it lasted.
 
-    A cycle is `bowden.sim.closed_loop.run_loop`'s. The cable is advanced where the motor turns and at the end of the
-    cycle, with the time since it last was; the load's lag is solved exactly between cycles.
+    A cycle is `bowden.sim.closed_loop.run_loop`'s.
     """
-    motor = ServoState(initial_motor, 0.0, 0.0)
-    memory = cable_start(cable, initial_motor, widths[0], slope_factors[0])
-    seen = cable_look(cable, memory, initial_motor, widths[0], slope_factors[0])
-    joint = seen.joint
-    sample = Sample(reading(joint, normals[0, 0], encoders[0]), reading(initial_motor, normals[0, 1], encoders[1]))
+    plant = Moving(cable, servo, dt, load_lag)
+    body = cable_rest(plant, initial_motor, widths[0], slope_factors[0])
+    sample = Sample(reading(body.joint, normals[0, 0], encoders[0]), reading(initial_motor, normals[0, 1], encoders[1]))
     state = law_start(gains, sample)
     for k in range(references.shape[1]):
+        joint, motor = body.joint, body.motor
         sample = Sample(reading(joint, normals[k, 0], encoders[0]), reading(motor.position, normals[k, 1], encoders[1]))
         reference = Reference(references[0, k], references[1, k], references[2, k])
         state, command = law_step(gains, state, sample, reference, dt)
@@ -87,28 +147,15 @@ def run_cable_loop(
         record[4, k] = command
         record[5, k] = motor.velocity
         record[6, k] = motor.acceleration
-        record[7, k] = seen.h
-        record[8, k] = seen.torque
+        record[7, k] = body.seen.h
+        record[8, k] = body.seen.torque
         for j in range(len(state)):
             states[j, k] = state[j]
         if not abs(command) < RUNAWAY:
             return k
         applied = record[4, k - delay] if k >= delay else initial_motor
-        turned, done = motor.position, 0
-        for i in range(substeps):
-            moved = servo_step(motor, applied, servo)
-            if (moved.position - motor.position) * (motor.position - turned) < 0.0:
-                part = i / substeps
-                width = widths[k] + part * (widths[k + 1] - widths[k])
-                factor = slope_factors[k] + part * (slope_factors[k + 1] - slope_factors[k])
-                memory = cable_advance(cable, memory, turned, motor.position, width, factor, (i - done) / substeps * dt)
-                turned, done = motor.position, i
-            motor = moved
-        factor, part = slope_factors[k + 1], (substeps - done) / substeps
-        memory = cable_advance(cable, memory, turned, motor.position, widths[k + 1], factor, part * dt)
-        before = seen.joint
-        seen = cable_look(cable, memory, motor.position, widths[k + 1], factor)
-        joint = lagged(joint, before, seen.joint, dt, load_lag)
+        width, factor = widths[k], slope_factors[k]
+        body = cable_moved(plant, body, applied, width, widths[k + 1], factor, slope_factors[k + 1], substeps)
     return references.shape[1]
 
 
@@ -130,7 +177,9 @@ def simulate_cable(
     Raises:
         ParameterError: a duration or setting that cannot be.
     """
-    time, widths, slope_factors = _clock(plant, duration, bend)
+    edges = edges_of(plant, duration)
+    check_cable(plant)
+    time, (widths, slope_factors) = edges[:-1], sheath_over(plant, edges, bend)
     references = np.ascontiguousarray(reference.sample(time).T)
     noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0
     shape = (len(time), 2)
@@ -186,30 +235,22 @@ def compiled_cable_loop(plant: CablePlant, law: Law) -> Callable[..., int]:
     )
 
 
-_Array = NDArray[np.float64]
+def check_cable(plant: CablePlant) -> None:
+    """Refuse a load's lag that cannot be, and a sheath that loses what the cable itself loses.
 
-
-def _clock(plant: CablePlant, duration: float, bend: BendPath) -> tuple[_Array, _Array, _Array]:
-    """Time (n,), and the sheath's width and slope factor at the edges of the cycles (n + 1,)."""
-    dt, loss = plant.sample_time, plant.sheath.loss
-    for name, value, fine in (
-        ("sample_time", dt, dt > 0.0),
-        ("duration", duration, 2.0 * dt <= duration < 1e9 * dt),
-        ("delay", plant.delay, plant.delay >= 0),
-        ("substeps", plant.substeps, plant.substeps >= 1),
-        ("load_lag", plant.load_lag, 0.0 <= plant.load_lag < float("inf")),
-    ):
-        if not fine:
-            raise ParameterError(f"simulate: {name} is {value}", expected="a positive number that makes sense here")
+    Raises:
+        ParameterError: one of these.
+    """
+    loss = plant.sheath.loss
+    if not 0.0 <= plant.load_lag < float("inf"):
+        raise ParameterError(
+            f"simulate: load_lag is {plant.load_lag}", expected="a positive number that makes sense here"
+        )
     if plant.cable.physical and loss != 0.0:
         raise ParameterError(
             f"simulate: the sheath's loss is {loss} with a cable of the kind {plant.cable.name!r}",
             expected="0, since that cable computes what its sheath loses",
         )
-    edges = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
-    angles: Any = bend(edges)  # the sheath's kernels are made of ufuncs, and so take arrays
-    widths, factors = width_at(angles, plant.sheath), slope_factor_at(angles, plant.sheath)
-    return edges[:-1], np.asarray(widths, dtype=np.float64), np.asarray(factors, dtype=np.float64)
 
 
 def _settings(plant: CablePlant, law: Law, reference: Trajectory) -> dict[str, Any]:

@@ -185,8 +185,12 @@ def compiled_loop(law: Law) -> Callable[..., int]:
     return specialise(run_loop, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
 
 
-def inputs_of(plant: Bench, reference: Trajectory, duration: float, bend: BendPath, seed: int) -> Inputs:
-    """The reference, the sheath and the noise of a run; the arguments are those of `simulate`."""
+def edges_of(plant: "Bench | CablePlant", duration: float) -> NDArray[np.float64]:
+    """The edges of a run's cycles (n + 1,) [s].
+
+    Raises:
+        ParameterError: a duration or setting that cannot be.
+    """
     dt = plant.sample_time
     for name, value, fine in (
         ("sample_time", dt, dt > 0.0),
@@ -196,17 +200,30 @@ def inputs_of(plant: Bench, reference: Trajectory, duration: float, bend: BendPa
     ):
         if not fine:
             raise ParameterError(f"simulate: {name} is {value}", expected="a positive number that makes sense here")
-    cycles = round(duration / dt)
-    edges = np.arange(cycles + 1, dtype=np.float64) * dt
-    angles = bend(edges)
+    return np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
+
+
+def inputs_of(plant: Bench, reference: Trajectory, duration: float, bend: BendPath, seed: int) -> Inputs:
+    """The reference, the sheath and the noise of a run; the arguments are those of `simulate`."""
+    edges = edges_of(plant, duration)
+    cycles = len(edges) - 1
+    widths, slope_factors = sheath_over(plant, edges, bend)
     noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0
     return Inputs(
         time=edges[:-1],
         references=np.ascontiguousarray(reference.sample(edges[:-1]).T),
-        widths=_spread(width_at, angles, plant.sheath),
-        slope_factors=_spread(slope_factor_at, angles, plant.sheath),
+        widths=widths,
+        slope_factors=slope_factors,
         normals=np.random.default_rng(seed).standard_normal((cycles, 2)) if noisy else np.zeros((cycles, 2)),
     )
+
+
+def sheath_over(
+    plant: "Bench | CablePlant", edges: NDArray[np.float64], bend: BendPath
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Width and slope factor of the sheath at the `edges` of the cycles [s]."""
+    angles = bend(edges)
+    return _spread(width_at, angles, plant.sheath), _spread(slope_factor_at, angles, plant.sheath)
 
 
 def _settings(plant: Bench, law: Law, reference: Trajectory) -> dict[str, Any]:

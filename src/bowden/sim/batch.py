@@ -1,0 +1,259 @@
+"""Many closed loops in one compiled call: figures of merit, and nothing else kept.
+
+A run here is the run of `bowden.sim.closed_loop.simulate` to the last bit, made of the same kernels, and its figures
+are those of `bowden.core.metrics`: their sums are taken in NumPy's order. A handful of rows as long as one run are
+filled again by each run, so that memory does not grow with their number.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.law import law_start, law_step
+from bowden.core.kernel import kernel
+from bowden.core.pairwise import pairwise_sum
+from bowden.core.refill import refilled
+from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.models.encoder import reading
+from bowden.models.motor import Motor, current
+from bowden.sim.closed_loop import RUNAWAY
+from bowden.sim.injected import misread
+from bowden.sim.plant import BenchState, BenchStep, bench_moved, bench_start
+
+Array = NDArray[np.float64]
+
+LATE = 10.0
+"""From when on the second RMSE counts [s]."""
+FIGURES = {
+    "cycles": "1",
+    "ended": "1",
+    "stable": "1",
+    "rmse": "rad",
+    "rmse_after_10s": "rad",
+    "peak": "rad",
+    "lag": "s",
+    "command_travel": "rad",
+    "largest_command": "rad",
+    "mechanical_energy": "J",
+    "electrical_energy": "J",
+}
+"""Name → unit of what is kept of a run; see `bowden.sim.many.Outcome`."""
+ROWS = 6
+"""Of the scratch memory."""
+
+
+class Fault(NamedTuple):
+    """A sensor that goes wrong for a while."""
+
+    kind: float = 0.0
+    """A `bowden.sim.injected.Injected` of the joint's or the motor's angle; 0 for none."""
+    begin: float = 0.0
+    """First cycle."""
+    end: float = 0.0
+    """The cycle after the last."""
+
+
+class One(NamedTuple):
+    """The numbers of one run."""
+
+    gains: Any
+    plant: Any
+    """What `plant_rest` and `plant_moved` take."""
+    encoders: Any
+    """Of joint and motor."""
+    motor: Motor
+    slope: float
+    """Of the cable at the identified bend [rad/rad]."""
+    initial_motor: float
+    """[rad]"""
+    dt: float
+    """[s]"""
+    delay: int
+    """[cycles]"""
+    substeps: int
+    stroke: float
+    """An error larger than this counts as unstable [rad]."""
+    fault: Fault
+
+
+class Inputs(NamedTuple):
+    """What the runs of a batch are given over time; each run names its row."""
+
+    references: Array  # (p, 3, n)
+    widths: Array  # (q, n + 1)
+    slope_factors: Array  # (q, n + 1)
+    normals: Array  # (b, n, 2)
+
+
+@kernel
+def plant_rest(plant: Any, motor: float, width: float, slope_factor: float) -> Any:
+    """Stand-in for how a plant begins; `specialise` puts its own in its place."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def plant_moved(
+    plant: Any, body: Any, applied: float, width: float, after: float, factor: float, factor_after: float, substeps: int
+) -> Any:
+    """Stand-in for a plant's motion over one cycle."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def plant_current(one: Any, body: Any, factor: float) -> float:
+    """Stand-in for the motor's current [A]."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def bench_step(
+    plant: BenchStep,
+    body: BenchState,
+    applied: float,
+    width: float,
+    after: float,
+    factor: float,
+    factor_after: float,
+    substeps: int,
+) -> BenchState:
+    """`bench_moved`, called as `plant_moved` is."""
+    return bench_moved(plant, body, applied, width, after, factor_after, substeps)
+
+
+@kernel
+def spring_current(one: One, body: Any, factor: float) -> float:
+    """The current that holds the bench's spring through a cable that knows no forces [A]."""
+    return current(body.motor.acceleration, body.joint, factor * one.slope, one.motor)
+
+
+@kernel
+def torque_current(one: One, body: Any, factor: float) -> float:
+    """The current against the torque of a cable that knows it [A]."""
+    motor = one.motor
+    return (motor.inertia * body.motor.acceleration + body.seen.torque) / (motor.gear * motor.torque_constant)
+
+
+BENCH: dict[str, Callable[..., Any]] = {
+    "plant_rest": bench_start,
+    "plant_moved": bench_step,
+    "plant_current": spring_current,
+}
+"""What stands for the stand-ins on the bench."""
+
+
+@kernel
+def run_batch(
+    like: One,
+    numbers: Array,
+    rows: NDArray[np.int64],
+    inputs: Inputs,
+    scratch: Array,
+    figures: Array,
+) -> None:
+    """Run after run; fills `figures` (b, `FIGURES`).
+
+    Args:
+        like: an example of a run's numbers.
+        numbers: those of each run (b, m), see `bowden.core.refill`.
+        rows: cycles, row of the references, of the sheath's and of the normal numbers for each run (b, 4).
+        inputs: see there.
+        scratch: (`ROWS`, n).
+        figures: to be filled.
+    """
+    for r in range(numbers.shape[0]):
+        one = refilled(like, numbers[r])
+        cycles, p, q, b = rows[r, 0], rows[r, 1], rows[r, 2], rows[r, 3]
+        figures[r, :] = np.nan
+        lasted = run_one(
+            one, cycles, inputs.references[p], inputs.widths[q], inputs.slope_factors[q], inputs.normals[b], scratch
+        )
+        figures[r, 0] = lasted
+        judge(one, cycles, lasted, inputs.references[p], scratch, figures[r])
+
+
+@kernel
+def run_one(
+    one: Any, cycles: int, references: Array, widths: Array, factors: Array, normals: Array, scratch: Array
+) -> int:
+    """One run, cycle by cycle as `bowden.sim.closed_loop.run_loop`; returns how many it lasted.
+
+    Scratch rows: commands, joint angles, mechanical and electrical power, readings of joint and motor.
+    """
+    motor, constant = one.motor, one.motor.torque_constant * one.motor.gear
+    joint_encoder, motor_encoder = one.encoders
+    body = plant_rest(one.plant, one.initial_motor, widths[0], factors[0])
+    sample = Sample(
+        reading(body.joint, normals[0, 0], joint_encoder), reading(body.motor.position, normals[0, 1], motor_encoder)
+    )
+    state = law_start(one.gains, sample)
+    for k in range(cycles):
+        sample = Sample(
+            reading(body.joint, normals[k, 0], joint_encoder),
+            reading(body.motor.position, normals[k, 1], motor_encoder),
+        )
+        if one.fault.kind > 0.0:
+            sample = faulty(one.fault, sample, scratch, k)
+        state, command = law_step(
+            one.gains, state, sample, Reference(references[0, k], references[1, k], references[2, k]), one.dt
+        )
+        scratch[0, k], scratch[1, k] = command, body.joint
+        amperes = plant_current(one, body, factors[k])
+        power = body.motor.velocity * constant * amperes
+        scratch[2, k], scratch[3, k] = power, power + motor.resistance * (amperes * amperes)
+        if not abs(command) < RUNAWAY:
+            return k
+        applied = scratch[0, k - one.delay] if k >= one.delay else one.initial_motor
+        body = plant_moved(one.plant, body, applied, widths[k], widths[k + 1], factors[k], factors[k + 1], one.substeps)
+    return cycles
+
+
+@kernel
+def faulty(fault: Fault, sample: Sample, scratch: Array, k: int) -> Sample:
+    """What the law is shown of a sample [rad, rad]; it keeps the true readings for faults that look back."""
+    scratch[4, k], scratch[5, k] = sample.joint, sample.motor
+    if not fault.begin <= k < fault.end:
+        return sample
+    true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    told = misread(int(fault.kind), k - int(fault.begin), true, scratch[4], scratch[5], k)
+    return Sample(told.joint, told.motor)
+
+
+@kernel
+def judge(one: Any, cycles: int, lasted: int, references: Array, scratch: Array, figures: Array) -> None:
+    """The figures of a run whose scratch rows are filled; of one that ran away only that."""
+    figures[1], figures[2] = 0.0, 0.0
+    peak, along, moved = 0.0, 0.0, 0.0
+    for k in range(lasted):
+        error = scratch[1, k] - references[0, k]
+        if not abs(error) < np.inf:
+            return
+        peak = max(peak, abs(error))
+        along += error * references[1, k]
+        moved += references[1, k] * references[1, k]
+    if lasted < cycles:
+        return
+    figures[1] = 1.0
+    figures[2] = 1.0 if peak <= one.stroke else 0.0
+    figures[5], largest, late = peak, 0.0, cycles
+    if moved > 0.0:
+        figures[6] = -along / moved
+    before = one.initial_motor
+    for k in range(cycles):
+        if late == cycles and k * one.dt >= LATE:
+            late = k
+        command = scratch[0, k]
+        largest = max(largest, abs(command))
+        error = scratch[1, k] - references[0, k]
+        scratch[0, k], scratch[1, k] = abs(command - before), error * error
+        before = command
+    figures[3] = np.sqrt(pairwise_sum(scratch[1], 0, cycles) / cycles)
+    if late < cycles:
+        figures[4] = np.sqrt(pairwise_sum(scratch[1], late, cycles) / (cycles - late))
+    figures[7], figures[8] = pairwise_sum(scratch[0], 0, cycles), largest
+    for row in (2, 3):
+        for k in range(cycles - 1):
+            step = (k + 1) * one.dt - k * one.dt
+            scratch[row, k] = step * (scratch[row, k + 1] + scratch[row, k]) / 2.0
+        figures[row + 7] = pairwise_sum(scratch[row], 0, cycles - 1)
