@@ -19,6 +19,7 @@ from bowden.core.trace import Trace
 from bowden.models.encoder import Encoder
 from bowden.paper import bench as paper
 from bowden.sim.closed_loop import compiled_loop, simulate
+from bowden.sim.faulty import Fault
 from bowden.sim.plant import prepare_bench
 from measure import Row, by_turns
 
@@ -117,7 +118,7 @@ def _rows(library: ctypes.CDLL, rounds: int, cc: str) -> tuple[list[Row], list[s
         simulate=package,
         c_program=lambda: c_program(noise),
         c_with_noise=lambda: c_program(np.random.default_rng(SEED).standard_normal((CYCLES, 2))),
-        loop=lambda: _lasted(loop(LAW.gains, STEP, *arguments, *settings, record, states)),
+        loop=lambda: _lasted(loop(LAW.gains, STEP, *arguments, *settings, record, states, Fault(), np.empty((2, 0)))),
         c_loop=lambda: _lasted(library.loop(pointer, *c_arguments)),
     )
 

@@ -17,8 +17,8 @@ from bowden.design.random_plants import random_plant, run_random_plants
 from bowden.models.bouc_wen import BoucWen
 from bowden.models.servo import Servo
 from bowden.sim import many
-from bowden.sim.batch import Fault
 from bowden.sim.closed_loop import simulate
+from bowden.sim.faulty import Fault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
 from bowden.sim.plant import PAPER_ENCODER, Bench
@@ -44,6 +44,7 @@ def alone(one: Case, law: Law, duration: float) -> tuple[float | None, ...]:
         bend=one.bend,
         seed=one.seed,
         initial_motor=one.initial_motor,
+        fault=one.fault,
     )
     found = trace.metrics()
     if not trace.stable:
@@ -170,6 +171,7 @@ def test_a_sensor_that_fails() -> None:
     cases = [case(1, fault=Fault(float(kind), 3000.0, 4000.0)) for kind in kinds]
     none, joint, motor, lost = (outcome for (outcome,) in simulate_many(cases, 6.0))
     assert together(none) == together(motor) == alone(case(1), ADAPTIVE, 6.0)  # the law does not look at the motor
+    assert together(joint) == alone(cases[1], ADAPTIVE, 6.0)
     assert joint.peak > 2.0 * none.peak
     assert joint.cycles == 6000.0
     assert (lost.cycles, lost.ended, lost.stable) == (3000.0, 0.0, 0.0)

@@ -57,6 +57,30 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         ParameterError: a file, key or value that cannot be used.
     """
     rig = read_rig(path)
+    return setup_of(rig, path, duration, seed), rig
+
+
+def setup_of(
+    rig: schema.Rig,
+    path: Path,
+    duration: float | None = None,
+    seed: int | None = None,
+    reference: Trajectory | None = None,
+    bend: BendPath | None = None,
+) -> Setup:
+    """`setup` for a rig that is read already; `path` says where from.
+
+    Args:
+        rig: the file's contents.
+        path: for messages, and to find the files that it names.
+        duration: in place of the file's [s].
+        seed: in place of the file's.
+        reference: one made before, in place of the file's.
+        bend: likewise.
+
+    Raises:
+        ParameterError: a value that cannot be used.
+    """
     scenario = rig.scenario
     duration = scenario.duration_s if duration is None else duration
     seed = scenario.seed if seed is None else seed
@@ -75,11 +99,12 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         )
     if not 0 <= seed < 2**63:
         raise ParameterError(f"the seed is {seed}", expected="a whole number from 0 to 2⁶³ − 1", do="change --seed")
-    with _asked_for_by(f"{path}: reference"):
-        reference = _reference(rig.reference, path.parent)
-    bend = _bend(scenario.bend, bench.sheath, duration, seed)
+    if reference is None:
+        with _asked_for_by(f"{path}: reference"):
+            reference = _reference(rig.reference, path.parent)
+    bend = bend or _bend(scenario.bend, bench.sheath, duration, seed)
     initial = scenario.initial_motor_deg
-    built = Setup(
+    return Setup(
         bench=bench,
         reference=reference,
         bend=bend,
@@ -91,7 +116,6 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         notes=tuple(notes),
         turned=turned,
     )
-    return built, rig
 
 
 def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str | None = None) -> Law:
@@ -111,19 +135,36 @@ def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str 
     Raises:
         ParameterError: an unknown law, preset or gain, or a user's file that cannot be used.
     """
+    return fitted(law_named(name, folder), rig, bench, preset, rigs_own=name == rig.control.law)
+
+
+def law_named(name: str, folder: Path) -> Law:
+    """A law with its own gains; `name` and `folder` are those of `law_for`.
+
+    Raises:
+        ParameterError: an unknown law, or a user's file that cannot be used.
+    """
     if user_law.is_file(name):
-        law = user_law.load(name, folder)
-    elif name in KNOWN:
-        law = KNOWN[name]
-    else:
-        raise ParameterError(
-            f"there is no law {name!r}", expected=near(name, KNOWN), do="or name a file: my_law.py:NAME"
-        )
+        return user_law.load(name, folder)
+    if name in KNOWN:
+        return KNOWN[name]
+    raise ParameterError(f"there is no law {name!r}", expected=near(name, KNOWN), do="or name a file: my_law.py:NAME")
+
+
+def fitted(law: Law, rig: schema.Rig, bench: Bench, preset: str | None = None, *, rigs_own: bool) -> Law:
+    """A law with its own gains, given those that the rig gives it; see `law_for`.
+
+    Args:
+        law: as it comes.
+        rig: the file's contents.
+        bench: with the cable as the laws know it.
+        preset: in place of the rig's.
+        rigs_own: whether it is the law that the rig names.
+    """
     if set(BoucWen._fields) <= set(law.gains._fields):
         law = law.with_gains(**bench.cable._asdict())
     elif isinstance(law.gains, UncompensatedGains):
         law = law.with_gains(motor_zero=0.0 - bench.cable.offset / bench.cable.slope)
-    rigs_own = name == rig.control.law
     chosen = preset or (rig.control.preset if rigs_own else None)
     if chosen is not None:
         law = law.preset(chosen)

@@ -5,7 +5,7 @@ import itertools
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -24,7 +24,7 @@ def read_rig(path: Path) -> Rig:
     try:
         rig = Rig.model_validate(read_toml(path))
     except ValidationError as error:
-        raise _explain(error.errors()[0], path) from error
+        raise explained(error, path) from error
     given = sorted(rig.cable.model_fields_set - {"model"})
     if rig.cable.model is not None and given:
         raise ParameterError(
@@ -32,12 +32,16 @@ def read_rig(path: Path) -> Rig:
         )
     if rig.cable.slope == 0.0:
         raise ParameterError(f"{path}: cable.slope is 0", expected="a number above or below 0", do=_CORRECT)
-    _check_points(rig, path)
+    check_points(rig, path)
     return rig
 
 
-def _check_points(rig: Rig, path: Path) -> None:
-    """Refuse lists, and ends of a range, that do not fit one another."""
+def check_points(rig: Rig, path: Path) -> None:
+    """Refuse lists, and ends of a range, that do not fit one another.
+
+    Raises:
+        ParameterError: some of these.
+    """
     reference, bend = rig.reference, rig.scenario.bend
     if isinstance(reference, schema.PointToPointSection):
         _check_course(path, "reference", "positions_deg", reference.times_s, reference.positions_deg)
@@ -72,8 +76,8 @@ def _check_course(path: Path, section: str, name: str, times: list[float], value
         )
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """A TOML file as it stands.
+def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, Any]:
+    """A TOML file as it stands; `do` is what to do where there is none.
 
     Raises:
         ParameterError: no such file, or not TOML.
@@ -81,7 +85,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        do = "write one with: bowden init" if isinstance(error, FileNotFoundError) else "give the path of a TOML file"
+        do = do if isinstance(error, FileNotFoundError) else "give the path of a TOML file"
         raise ParameterError(f"cannot read {path}: {(error.strerror or str(error)).lower()}", do=do) from error
     except UnicodeDecodeError as error:
         raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from error
@@ -124,9 +128,13 @@ _WANTED = {
 """Kind of pydantic's error → what would have been right."""
 
 
-def _explain(error: ErrorDetails, path: Path) -> ParameterError:
-    """One line for one thing that pydantic found wrong."""
-    keys, section = _place(error["loc"])
+def explained(error: ValidationError, path: Path, root: type[BaseModel] = Rig) -> ParameterError:
+    """One line for the first thing that pydantic found wrong in a file whose keys are those of `root`."""
+    return _explain(error.errors()[0], path, root)
+
+
+def _explain(error: ErrorDetails, path: Path, root: type[BaseModel]) -> ParameterError:
+    keys, section = _place(error["loc"], root)
     name, last, kind, context = ".".join(keys), keys[-1], error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         where = f"key {last!r} in [{'.'.join(keys[:-1])}]" if keys[1:] else f"key or section {last!r}"
@@ -144,22 +152,28 @@ def _explain(error: ErrorDetails, path: Path) -> ParameterError:
     return ParameterError(f"{path}: {name} is {_as_written(error['input'])}", expected=wanted, do=_CORRECT)
 
 
-def _place(location: tuple[int | str, ...]) -> tuple[list[str], type[BaseModel]]:
+def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> tuple[list[str], type[BaseModel]]:
     """Where an error is, as the keys of the file, and the class of the section that it is in.
 
     In pydantic's location the kind of a reference or a bend stands between the keys.
     """
     keys: list[str] = []
-    section: type[BaseModel] = Rig
+    section = root
     for key in map(str, location):
         if (kinds := _KINDS.get(".".join(keys), {})) and key in kinds:
             section = kinds[key]
             continue
         field = section.model_fields.get(keys[-1]) if keys else None
-        if field is not None and isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            section = field.annotation
+        inner = _section_in(field.annotation) if field is not None else None
+        section = inner or section
         keys.append(key)
     return keys, section
+
+
+def _section_in(annotation: Any) -> type[BaseModel] | None:
+    """The section that a key may hold: itself, or one that may be left out."""
+    kinds = [kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type)]
+    return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
 
 
 def _as_written(value: Any) -> str:

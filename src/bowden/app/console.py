@@ -18,6 +18,14 @@ def seconds() -> float:
     return round(time.perf_counter() - STARTED, 3)
 
 
+def clock_in(wait: float) -> str:
+    """What a clock on the wall shows after so many seconds, for a person who waits."""
+    from bowden.runtime.clock import unix_seconds
+
+    there = time.localtime(unix_seconds() + wait)
+    return time.strftime("%H:%M:%S" if wait < 600.0 else "%H:%M" if wait < 43_200.0 else "on %d %b, %H:%M", there)
+
+
 def print_json(document: dict[str, Any]) -> None:
     """The one JSON document of a command; a number that does not exist must be None, never NaN."""
     print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
@@ -32,7 +40,7 @@ def progress_bar(quiet: bool = False) -> Iterator[Callable[[str, float], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description:30}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:36}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
         yield lambda what, share: bar.update(task, description=what, completed=share)

@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from bowden import __version__
+from bowden.app.campaign_command import campaign
 from bowden.app.check_command import check
 from bowden.app.console import InterruptedPartway
 from bowden.app.doctor_command import doctor
@@ -97,6 +98,16 @@ _COMMANDS = [
             "bowden league",
             "bowden league --laws adaptive --laws bowden --plants bench --plants play",
             "bowden league --law my_law.py:MINE --scenarios periodic,fast --json",
+        ],
+    ),
+    _Entry(
+        campaign,
+        "Run thousands of closed loops with random plants, gains and faults.",
+        [
+            "bowden campaign study.toml",
+            "bowden campaign study.toml --out out/study --workers 2 --json",
+            "bowden campaign study.toml --cluster tcp://127.0.0.1:8786",
+            "bowden campaign study.toml --run 17",
         ],
     ),
     _Entry(

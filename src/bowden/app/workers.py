@@ -28,7 +28,7 @@ def two_workers(law: str, folder: Path) -> Iterator[Mapper]:
     try:
         context = multiprocessing.get_context("spawn")  # a fork would copy the compiler's threads and locks half-way
         pool = ProcessPoolExecutor(2, context, initializer=_prepare, initargs=(law, folder.absolute()))
-        with _another_main():
+        with another_main():
             for _ in range(2):
                 pool.submit(os.getpid)  # starts a process
     except (OSError, ImportError, NotImplementedError):  # no semaphores or no pipes here
@@ -41,7 +41,7 @@ def two_workers(law: str, folder: Path) -> Iterator[Mapper]:
 
 
 @contextlib.contextmanager
-def _another_main() -> Iterator[None]:
+def another_main() -> Iterator[None]:
     """An empty main module meanwhile: a new process runs its parent's again, and that script may not be guarded."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")

@@ -14,6 +14,7 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, Scenario
 from bowden.design.league_exact import exact_travel
+from bowden.models.servo import Servo
 from bowden.sim.cable_plant import CablePlant, resting_motor
 from bowden.sim.closed_loop import simulate
 
@@ -88,8 +89,12 @@ def told(law: Law, plant: CablePlant) -> Law:
     with it ``lead_square`` = 1/ω² + (2ζ/ω)·τ + τ²/2. τ = (d + ½)·Ts reaches to the middle of the time for which a
     command is held.
     """
-    omega, zeta = plant.servo.natural_frequency, plant.servo.damping
-    tau = (plant.delay + 0.5) * plant.sample_time
+    return told_of(law, plant.servo, (plant.delay + 0.5) * plant.sample_time)
+
+
+def told_of(law: Law, servo: Servo, tau: float) -> Law:
+    """`told` of a servo and of the delay τ [s] as they are believed to be."""
+    omega, zeta = servo.natural_frequency, servo.damping
     lag = 2.0 * zeta / omega
     known = {"servo_frequency": omega, "servo_damping": zeta, "delay": tau}
     if {"lead", "lead_square"} <= set(law.gains._fields):

@@ -63,5 +63,5 @@ def next_deadline(deadline: int, now: int, period: int) -> tuple[int, int]:
 
 
 def unix_seconds() -> float:
-    """Wall-clock time [s since 1970], for the names of files and nothing else: it may jump."""
+    """Wall-clock time [s since 1970], for the names of files and what a person is shown: it may jump."""
     return time.time()

@@ -15,11 +15,11 @@ from bowden.control.law import law_start, law_step
 from bowden.core.kernel import kernel
 from bowden.core.pairwise import pairwise_sum
 from bowden.core.refill import refilled
-from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.core.signals import Reference, Sample
 from bowden.models.encoder import reading
 from bowden.models.motor import Motor, current
 from bowden.sim.closed_loop import RUNAWAY
-from bowden.sim.injected import misread
+from bowden.sim.faulty import Fault, faulty
 from bowden.sim.plant import BenchState, BenchStep, bench_moved, bench_start
 
 Array = NDArray[np.float64]
@@ -42,17 +42,6 @@ FIGURES = {
 """Name → unit of what is kept of a run; see `bowden.sim.many.Outcome`."""
 ROWS = 6
 """Of the scratch memory."""
-
-
-class Fault(NamedTuple):
-    """A sensor that goes wrong for a while."""
-
-    kind: float = 0.0
-    """A `bowden.sim.injected.Injected` of the joint's or the motor's angle; 0 for none."""
-    begin: float = 0.0
-    """First cycle."""
-    end: float = 0.0
-    """The cycle after the last."""
 
 
 class One(NamedTuple):
@@ -194,7 +183,7 @@ def run_one(
             reading(body.motor.position, normals[k, 1], motor_encoder),
         )
         if one.fault.kind > 0.0:
-            sample = faulty(one.fault, sample, scratch, k)
+            sample = faulty(one.fault, sample, scratch[4:6], k)
         state, command = law_step(
             one.gains, state, sample, Reference(references[0, k], references[1, k], references[2, k]), one.dt
         )
@@ -207,17 +196,6 @@ def run_one(
         applied = scratch[0, k - one.delay] if k >= one.delay else one.initial_motor
         body = plant_moved(one.plant, body, applied, widths[k], widths[k + 1], factors[k], factors[k + 1], one.substeps)
     return cycles
-
-
-@kernel
-def faulty(fault: Fault, sample: Sample, scratch: Array, k: int) -> Sample:
-    """What the law is shown of a sample [rad, rad]; it keeps the true readings for faults that look back."""
-    scratch[4, k], scratch[5, k] = sample.joint, sample.motor
-    if not fault.begin <= k < fault.end:
-        return sample
-    true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    told = misread(int(fault.kind), k - int(fault.begin), true, scratch[4], scratch[5], k)
-    return Sample(told.joint, told.motor)
 
 
 @kernel

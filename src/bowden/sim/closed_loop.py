@@ -17,6 +17,7 @@ from bowden.models import motor as motor_model
 from bowden.models.encoder import reading
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
+from bowden.sim.faulty import Fault, as_it_is, faulty
 from bowden.sim.plant import Bench, bench_moved, bench_start, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
 
@@ -63,6 +64,8 @@ def run_loop(
     substeps: int,
     record: NDArray[np.float64],
     states: NDArray[np.float64],
+    fault: Fault,
+    kept: NDArray[np.float64],
 ) -> int:
     """One run; fills `record` (8, n) and `states` (m, n) and returns the number of cycles that it lasted.
 
@@ -81,6 +84,7 @@ def run_loop(
             reading(plant.joint, normals[k, 0], encoders[0]),
             reading(plant.motor.position, normals[k, 1], encoders[1]),
         )
+        sample = as_it_is(fault, sample, kept, k)
         reference = Reference(references[0, k], references[1, k], references[2, k])
         state, command = law_step(gains, state, sample, reference, dt)
         record[0, k] = plant.joint
@@ -119,6 +123,7 @@ def simulate(
     bend: BendPath | None = None,
     seed: int = 0,
     initial_motor: float = 0.0,
+    fault: Fault | None = None,
 ) -> Trace:
     """Run a law against the bench, or against any other cable.
 
@@ -130,6 +135,7 @@ def simulate(
         bend: the sheath's total bend over time; constant at the identified bend where it is not given.
         seed: of the encoders' noise.
         initial_motor: motor angle at rest before the start [rad].
+        fault: of a sensor of the bench; the measured columns have what the law was shown.
 
     Returns:
         The trace; of a run that ran away (a command beyond 1000 rad or not a number) the rest is NaN.
@@ -139,6 +145,8 @@ def simulate(
     """
     bend = bend or constant_bend(plant.sheath.bend)
     if not isinstance(plant, Bench):
+        if fault is not None:
+            raise ParameterError("simulate: a sensor's fault round another cable", expected="it on the bench alone")
         from bowden.sim.cable_loop import simulate_cable  # which takes the law's stand-ins from here
 
         return simulate_cable(
@@ -149,7 +157,8 @@ def simulate(
     # one block: a system hands out a large piece of memory far faster than many small ones
     block = np.empty((len(_RECORDED) + len(fields), len(inputs.time)))
     record, states = block[: len(_RECORDED)], block[len(_RECORDED) :]
-    lasted = compiled_loop(law)(
+    fault = fault or Fault()
+    lasted = compiled_loop(law, fails=fault.kind > 0.0)(
         law.gains,
         prepare_bench(plant),
         inputs.references,
@@ -163,6 +172,8 @@ def simulate(
         plant.substeps,
         record,
         states,
+        fault,
+        np.empty((2, len(inputs.time))) if fault.kind > 0.0 else np.empty((2, 0)),
     )
     block[:, lasted:] = np.nan
     values = {"time": inputs.time, "reference": inputs.references[0], "reference_velocity": inputs.references[1]}
@@ -180,9 +191,15 @@ def simulate(
     )
 
 
-def compiled_loop(law: Law) -> Callable[..., int]:
-    """`run_loop` with the law's kernels in it, compiled at the first call and cached on disk."""
-    return specialise(run_loop, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
+def compiled_loop(law: Law, *, fails: bool = False) -> Callable[..., int]:
+    """`run_loop` with the law's kernels in it, compiled at the first call and cached on disk.
+
+    Args:
+        law: whose.
+        fails: whether a sensor may go wrong in it.
+    """
+    parts: dict[str, Callable[..., Any]] = {"law_start": law.start_kernel, "law_step": law.step_kernel}
+    return specialise(run_loop, law.name, **parts | ({"as_it_is": faulty} if fails else {}))
 
 
 def edges_of(plant: "Bench | CablePlant", duration: float) -> NDArray[np.float64]:

@@ -10,10 +10,11 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import specialise
 from bowden.core.refill import numbers_of
-from bowden.sim.batch import BENCH, FIGURES, ROWS, Fault, Inputs, One, run_batch, spring_current, torque_current
+from bowden.sim.batch import BENCH, FIGURES, ROWS, Inputs, One, run_batch, spring_current, torque_current
 from bowden.sim.cable_loop import Moving, cable_moved, cable_rest, check_cable
 from bowden.sim.cable_plant import CablePlant, prepare_servo
 from bowden.sim.closed_loop import edges_of, sheath_over
+from bowden.sim.faulty import Fault
 from bowden.sim.plant import Bench, prepare_bench
 from bowden.sim.scenario import BendPath
 

@@ -1,0 +1,70 @@
+"""The runs of a chunk as a table: number, law, what was drawn, and the figures."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bowden.app.study import Study
+from bowden.core.units import DEGREES
+from bowden.sim.many import Outcome, simulate_many
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+FIGURES: dict[str, tuple[str, str]] = {
+    "cycles": ("1", "how many control cycles the run lasted"),
+    "ended": ("1", "whether it reached its end: no command beyond 1000 rad, nothing that is no number"),
+    "stable": ("1", "whether, too, the joint was never further from the reference than its whole stroke (5° at least)"),
+    "rmse_deg": ("deg", "root of the mean square of joint − reference, from rest"),
+    "rmse_after_10s_deg": ("deg", "the same without the first ten seconds"),
+    "peak_deg": ("deg", "largest |joint − reference|"),
+    "lag_s": ("s", "−∫e·v dt / ∫v² dt with the reference's velocity v: the delay that explains most of a small error"),
+    "command_travel_deg": ("deg", "total variation of the command"),
+    "largest_command_deg": ("deg", "largest |command|"),
+    "mechanical_energy_j": ("J", "∫Pm dt of the motor, Eq. 18"),
+    "electrical_energy_j": ("J", "∫Pe dt of the motor, Eq. 18"),
+}
+"""Column → unit and meaning."""
+_WORTH = 15_000.0
+"""Simulated seconds of one law in a chunk: a few seconds of work."""
+
+
+def chunks(study: Study) -> list[range]:
+    """The numbers of the runs of each chunk; they do not depend on who computes them."""
+    size = max(1, min(5000, round(_WORTH / study.duration / len(study.laws))))
+    return [range(first, min(first + size, study.file.runs)) for first in range(0, study.file.runs, size)]
+
+
+def table_of(study: Study, numbers: Iterable[int]) -> "pa.Table":
+    """The rows of these runs, one for each law.
+
+    Raises:
+        ParameterError: a run whose values do not fit one another.
+    """
+    import pyarrow as pa
+
+    rows: list[list[Any]] = []
+    kept = list(numbers)
+    for number, outcomes in zip(kept, simulate_many(study.cases(kept), study.duration), strict=True):
+        drawn = study.drawn(number)
+        for law, outcome in zip(study.laws, outcomes, strict=True):
+            rows.append([number, law.name, drawn.seed, *drawn.values.values(), *_figures(outcome)])
+    fields = [("number", pa.int64(), "1"), ("law", pa.string(), "1"), ("seed", pa.int64(), "1")]
+    for column in study.columns:
+        ends = column.spread.ends
+        words, whole = any(isinstance(end, str) for end in ends), all(isinstance(end, int) for end in ends)
+        fields.append((column.name, pa.string() if words else pa.int64() if whole else pa.float64(), column.unit))
+    kinds = {"cycles": pa.int64(), "ended": pa.bool_(), "stable": pa.bool_()}
+    fields += [(name, kinds.get(name, pa.float64()), unit) for name, (unit, _) in FIGURES.items()]
+    schema = pa.schema([pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in fields])
+    return pa.table([list(values) for values in zip(*rows, strict=True)], schema=schema)
+
+
+def _figures(found: Outcome) -> list[Any]:
+    angles = {"rmse", "rmse_after_10s", "peak", "command_travel", "largest_command"}
+    values: list[Any] = [int(found.cycles), bool(found.ended), bool(found.stable)]
+    for name, value in list(found._asdict().items())[3:]:
+        scaled = value * DEGREES if name in angles else value
+        values.append(None if np.isnan(scaled) else scaled)
+    return values

@@ -1,0 +1,197 @@
+"""The results of a campaign on disk: one Parquet file a chunk of runs, each written whole, together one data set.
+
+FOLDER/study.json               what the rows depend on
+FOLDER/runs/part-000000.parquet the runs of a chunk, by number and law; units and a digest of the rows in its schema
+FOLDER/aside/                   chunks that could not be read, or are not what they say
+"""
+
+import contextlib
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bowden.core.errors import OutputError, ParameterError
+from bowden.core.files import whole_file, whole_files
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_KEY = b"bowden"
+
+
+class Store:
+    """A folder with the results of one study.
+
+    Args:
+        folder: made when the study is first written there.
+        identity: all that the rows depend on, as JSON values.
+        rows: how many rows each chunk has, in their order.
+    """
+
+    def __init__(self, folder: Path, identity: Mapping[str, Any], rows: list[int]) -> None:
+        self.folder, self._identity, self._rows = folder, dict(identity), rows
+        text = json.dumps(self._identity, sort_keys=True, ensure_ascii=False)
+        self.study_hash = hashlib.sha256(text.encode()).hexdigest()[:16]
+        """A short name of the identity."""
+
+    def open(self) -> list[str]:
+        """Begin, or go on; returns notes on chunks that were set aside because they are damaged.
+
+        Raises:
+            ParameterError: the folder has the results of another study.
+            OutputError: it cannot be written.
+        """
+        file = self.folder / "study.json"
+        if file.is_file():
+            self._compare(file)
+        else:
+            with whole_files(self.folder) as stage:
+                (stage / "study.json").write_text(json.dumps(self._identity, ensure_ascii=False, indent=2) + "\n")
+        with whole_files(self.folder / "runs"):
+            pass  # makes the folder
+        for rest in (self.folder / "runs").glob(".bowden-*"):  # of a process that was killed while it wrote
+            shutil.rmtree(rest, ignore_errors=True)
+        return [note for chunk in range(len(self._rows)) if (note := self._checked(chunk))]
+
+    def missing(self) -> list[int]:
+        """The chunks that are not there."""
+        return [chunk for chunk in range(len(self._rows)) if not self.path(chunk).is_file()]
+
+    def path(self, chunk: int) -> Path:
+        """The file of a chunk."""
+        return self.folder / "runs" / f"part-{chunk:06d}.parquet"
+
+    def write(self, chunk: int, table: "pa.Table") -> None:
+        """Write a chunk, whole or not at all.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        import pyarrow.parquet as pq
+
+        about = {"study": self.study_hash, "chunk": chunk, "sha256": hashlib.sha256(row_bytes(table)).hexdigest()}
+        held = dict(table.schema.metadata or {}) | {_KEY: json.dumps(about).encode()}
+        with whole_file(self.path(chunk)) as part, part.open("wb") as file:
+            pq.write_table(table.replace_schema_metadata(held), file)
+
+    def tables(self) -> Iterator["pa.Table"]:
+        """The chunks that are there, in their order.
+
+        Raises:
+            OutputError: one of them cannot be read.
+        """
+        for chunk in range(len(self._rows)):
+            if self.path(chunk).is_file():
+                yield self._read(chunk)
+
+    def columns(self, names: Sequence[str]) -> "pa.Table":
+        """Some columns of all chunks, in their order; unlike `tables` it trusts the files."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        files = [self.path(chunk) for chunk in range(len(self._rows))]
+        parts = [pq.read_table(file, columns=list(names), partitioning=None) for file in files if file.is_file()]
+        return pa.concat_tables([part.replace_schema_metadata() for part in parts]).combine_chunks()
+
+    def digest(self) -> str:
+        """SHA-256 of all rows, by number and law; it does not depend on how the runs are cut into chunks."""
+        found = hashlib.sha256()
+        for table in self.tables():
+            found.update(row_bytes(table))
+        return found.hexdigest()
+
+    def _read(self, chunk: int) -> "pa.Table":
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        path = self.path(chunk)
+        try:
+            with path.open("rb") as file:
+                table = pq.read_table(file)
+            about = json.loads((table.schema.metadata or {})[_KEY])
+            right = (self.study_hash, chunk, hashlib.sha256(row_bytes(table)).hexdigest())
+            if (about["study"], about["chunk"], about["sha256"]) != right:
+                raise ValueError("its rows are not those that were written")
+            if len(table) != self._rows[chunk]:
+                raise ValueError(f"it has {len(table)} rows and should have {self._rows[chunk]}")
+        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
+            reason = " ".join(str(error).split())[:120] or type(error).__name__
+            raise OutputError(f"cannot read {path}: {reason}", do="delete it, and run the command again") from error
+        return table
+
+    def _checked(self, chunk: int) -> str:
+        """A note where a chunk was damaged; it stands in another folder then."""
+        if not self.path(chunk).is_file():
+            return ""
+        try:
+            self._read(chunk)
+        except OutputError as error:
+            aside = self.folder / "aside"
+            with contextlib.suppress(FileExistsError):
+                aside.mkdir()
+            count = len(list(aside.glob(f"{self.path(chunk).stem}*")))
+            target = aside / f"{self.path(chunk).stem}{f'-{count}' if count else ''}.parquet"
+            self.path(chunk).replace(target)
+            return f"{error.what}; it is set aside as {target}, and its runs are computed again"
+        return ""
+
+    def _compare(self, file: Path) -> None:
+        try:
+            there = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise ParameterError(
+                f"cannot read {file}: {error}", do="give another folder with --out, or delete this one"
+            ) from error
+        if there != self._identity:
+            says = "; ".join(differences(there, self._identity)) or "its form"
+            raise ParameterError(
+                f"{self.folder} has the results of another study: {says}",
+                do="give another folder with --out, or delete this one",
+            )
+
+
+def differences(there: Any, here: Any, key: str = "") -> list[str]:
+    """What differs between two JSON values, at most three things.
+
+    >>> differences({"seed": 1, "laws": ["a"]}, {"seed": 2, "laws": ["a"]})
+    ['seed was 1 and is 2']
+    """
+    if there == here:
+        return []
+    if isinstance(there, dict) and isinstance(here, dict):
+        found = []
+        for name in [*there, *(name for name in here if name not in there)]:
+            found += differences(there.get(name), here.get(name), f"{key}.{name}" if key else name)
+        return found[:3]
+    return [f"{key} was {_said(there)} and is {_said(here)}"]
+
+
+def _said(value: Any) -> str:
+    text = "not there" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def row_bytes(table: "pa.Table") -> bytes:
+    """The rows as bytes, row after row, sorted by number and law: eight for each number, a word's own for each word."""
+    columns = []
+    for name in table.column_names:
+        values = table[name].combine_chunks()
+        if str(values.type) in ("string", "dictionary<values=string, indices=int32, ordered=0>"):
+            columns.append(np.array([_word(word) for word in values.to_pylist()], dtype=np.uint64))
+        elif str(values.type) == "double":
+            numbers = values.to_numpy(zero_copy_only=False).astype(np.float64)
+            columns.append(np.where(np.isnan(numbers), np.nan, numbers).view(np.uint64))
+        else:
+            columns.append(values.to_numpy(zero_copy_only=False).astype(np.int64).view(np.uint64))
+    block = np.stack(columns, axis=1) if columns else np.empty((0, 0), np.uint64)
+    order = np.lexsort((columns[1], columns[0]))
+    return np.ascontiguousarray(block[order]).astype("<u8").tobytes()
+
+
+def _word(word: str) -> int:
+    return int.from_bytes(hashlib.sha256(word.encode()).digest()[:8], "little")

@@ -1,0 +1,38 @@
+"""A sensor that goes wrong for a while, in a simulation without a supervisor: what the law is shown."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.kernel import kernel
+from bowden.core.signals import DriveReading, Sample
+from bowden.sim.injected import misread
+
+
+class Fault(NamedTuple):
+    """What goes wrong, and when."""
+
+    kind: float = 0.0
+    """A `bowden.sim.injected.Injected` of the joint's or the motor's angle; 0 for none."""
+    begin: float = 0.0
+    """First cycle."""
+    end: float = 0.0
+    """The cycle after the last."""
+
+
+@kernel
+def as_it_is(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+    """The sample: where nothing goes wrong, this is compiled into the loop in place of `faulty`."""
+    return sample
+
+
+@kernel
+def faulty(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+    """What the law is shown in cycle k; `kept` (2, n) holds the true readings for faults that look back."""
+    kept[0, k], kept[1, k] = sample.joint, sample.motor
+    if not fault.begin <= k < fault.end:
+        return sample
+    true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    told = misread(int(fault.kind), k - int(fault.begin), true, kept[0], kept[1], k)
+    return Sample(told.joint, told.motor)
