@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from bowden.app.campaign_workers import Done, Work
-from bowden.app.study import Study
-from bowden.app.study_pack import compute, packed, software, table
+from bowden.app.study import Study, software
+from bowden.app.study_pack import compute, packed, table
 from bowden.core.errors import BowdenError, ParameterError
 
 _PATIENCE = 10.0

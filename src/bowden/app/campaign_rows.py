@@ -26,14 +26,16 @@ FIGURES: dict[str, tuple[str, str]] = {
     "electrical_energy_j": ("J", "∫Pe dt of the motor, Eq. 18"),
 }
 """Column → unit and meaning."""
-_WORTH = 15_000.0
-"""Simulated seconds of one law in a chunk: a few seconds of work."""
+_WORTH, _FEWEST = 15_000.0, 16
+"""Simulated seconds of one law in a chunk at most, a few seconds of work; and how many chunks there are at least, so
+that few runs spread over the cores, too."""
 
 
 def chunks(study: Study) -> list[range]:
     """The numbers of the runs of each chunk; they do not depend on who computes them."""
-    size = max(1, min(5000, round(_WORTH / study.duration / len(study.laws))))
-    return [range(first, min(first + size, study.file.runs)) for first in range(0, study.file.runs, size)]
+    runs = study.file.runs
+    size = max(1, min(5000, round(_WORTH / study.duration / len(study.laws)), -(-runs // _FEWEST)))
+    return [range(first, min(first + size, runs)) for first in range(0, runs, size)]
 
 
 def table_of(study: Study, numbers: Iterable[int]) -> "pa.Table":

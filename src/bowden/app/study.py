@@ -19,6 +19,7 @@ from bowden.app.rig_schema import Rig
 from bowden.app.study_schema import Study as StudyFile
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
+from bowden.core.kernel import cache_folder
 from bowden.design.distributions import Distribution, Value, describe
 from bowden.design.league import told_of
 from bowden.sim.faulty import Fault
@@ -27,6 +28,11 @@ from bowden.sim.many import Case
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
+
+
+def software() -> str:
+    """Version of the package, and of its source: what may give other rows is another one."""
+    return f"{__version__} ({cache_folder().name})"
 
 
 class Drawn(NamedTuple):
@@ -169,7 +175,7 @@ class Study:
         """All that the results depend on, as JSON values: two studies with the same give the same rows."""
         files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in self.files()}
         return {
-            "bowden": __version__,
+            "bowden": software(),
             "laws": [law.name for law in self.laws],
             "runs": self.file.runs,
             "seed": self.file.seed,

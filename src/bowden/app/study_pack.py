@@ -7,11 +7,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowden import __version__
 from bowden.app import compose
 from bowden.app.campaign_rows import table_of
 from bowden.app.rig_schema import Rig
-from bowden.app.study import Column, Study
+from bowden.app.study import Column, Study, software
 from bowden.app.study_schema import Study as StudyFile
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
@@ -21,11 +20,6 @@ from bowden.design.distributions import distribution
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-
-def software() -> str:
-    """Version of the package, and of its source: what gives other rows must not take part."""
-    return f"{__version__} ({cache_folder().name})"
 
 
 def packed(study: Study) -> bytes:

@@ -89,7 +89,8 @@ def _normal(given: tuple[Value, ...]) -> _Made:
         return None
 
     def value(u: float) -> float:
-        drawn = mean + side * deviation * float(ndtri(least + (most - least) * u))
+        share = u if side > 0.0 else 1.0 - u
+        drawn = mean + side * deviation * float(ndtri(least + (most - least) * share))
         return min(max(drawn, low), high)
 
     return value, (low, high)

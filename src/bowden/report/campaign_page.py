@@ -1,7 +1,7 @@
 """A campaign as a page: shares, how figures are spread, what they depend on, and the worst cases."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from bowden.report import style
 from bowden.report.page import Page
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _NAMES = {
@@ -46,7 +47,18 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
     )
     page.heading("Laws")
     page.table(
-        ["law", "unstable", "95 % interval", "ran away", "RMSE median", "90 %", "99 %", "worst", "peak 99 %", "runs"],
+        [
+            "law",
+            "unstable",
+            "95 % interval",
+            "ran away",
+            "RMSE median",
+            "RMSE 90 %",
+            "RMSE 99 %",
+            "worst",
+            "peak 99 %",
+            "runs",
+        ],
         [_row(one) for one in summary.laws],
         caption="Unstable: the joint was further from the reference than the reference's whole stroke (5° at least), "
         "or the run ran away: a command beyond 1000 rad. The interval is Wilson's. RMSE from rest and peak error [°] "
@@ -58,7 +70,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
         "Share of the runs that reached their end in which a figure is at most as large.",
     )
     if drawn:
-        _dependence(page, summary)
+        _dependence(page, summary, drawn)
     page.heading("Worst cases")
     page.text("<p>Each command runs the case alone, with traces and a page.</p>")
     for one in summary.laws:
@@ -114,7 +126,7 @@ def _spread_figure(laws: Sequence[LawFigures]) -> "Figure":
                 place.plot(x, np.linspace(0.0, 100.0, len(x)), color=colours[one.law], label=one.law)
         smallest = [one.quantiles[name][0] for one in laws if name in one.quantiles]
         if name in _LOGARITHMIC and smallest and min(smallest) > 0.0:
-            place.set_xscale("log")
+            _logarithmic(place, "x")
         place.set_xlabel(_NAMES[name])
         place.set_ylim(0.0, 100.0)
     axes[0].set_ylabel("share of runs [%]")
@@ -123,7 +135,7 @@ def _spread_figure(laws: Sequence[LawFigures]) -> "Figure":
     return figure
 
 
-def _dependence(page: Page, summary: Summary) -> None:
+def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
     page.heading("What the error depends on")
     page.text(
         "<p>Of the ranks of the RMSE from rest, a run that ran away having the highest. <em>Share</em>: how much of "
@@ -139,7 +151,10 @@ def _dependence(page: Page, summary: Summary) -> None:
         row = [name]
         for one in summary.laws:
             found = next(s for s in one.sensitivities if s.name == name)
-            row += [f"{100.0 * found.share:.1f} %", "–" if np.isnan(found.correlation) else f"{found.correlation:+.2f}"]
+            row += [
+                f"{100.0 * found.share:.1f} %",
+                "–" if np.isnan(found.correlation) else f"{found.correlation:+.2f}".replace("-", "−"),
+            ]
         rows.append(row)
     header = ["parameter"]
     for one in summary.laws:
@@ -148,13 +163,25 @@ def _dependence(page: Page, summary: Summary) -> None:
     shown = [name for name in names if any(len(one.steps.get(name, ((),))[0]) > 1 for one in summary.laws)][:_SMALL]
     if shown:
         page.figure(
-            _steps_figure(summary.laws, shown),
+            _steps_figure(summary.laws, shown, {name for name, _, spread in drawn if spread.kind == "log_uniform"}),
             "Median RMSE from rest [°] in tenths of the runs by a parameter, for those that matter most; a tenth in "
             "which more than half ran away is left out.",
         )
 
 
-def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str]) -> "Figure":
+def _logarithmic(place: "Axes", which: Literal["x", "y"]) -> None:
+    """A logarithmic axis with plain numbers at 1, 2 and 5, or at powers of ten where it is long."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    (place.set_xscale if which == "x" else place.set_yscale)("log")
+    axis = place.xaxis if which == "x" else place.yaxis
+    low, high = axis.get_data_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str], logarithmic: set[str]) -> "Figure":
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
     figure, axes = style.new_figure(rows, columns, width=9.0 if columns > 1 else 5.0, height=2.5 * rows)
@@ -165,7 +192,9 @@ def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str]) -> "Figure":
                 x, y = one.steps[name]
                 place.plot(x, y, "o-", markersize=3.0, color=colours[one.law], label=one.law)
         place.set_xlabel(name)
-        place.set_yscale("log")
+        _logarithmic(place, "y")
+        if name in logarithmic:
+            _logarithmic(place, "x")
     for place in axes[len(names) :]:
         place.set_axis_off()
     for place in axes[::columns]:

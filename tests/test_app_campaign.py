@@ -1,0 +1,306 @@
+"""``bowden campaign``: its rows are single runs, it goes on where it was, and what cannot be is refused in one line."""
+
+import errno
+import itertools
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+import pytest
+
+from bowden.app import campaign_workers, main, study_pack
+from bowden.app.study_load import load
+from bowden.core.trace import Trace
+
+ROOT = Path(__file__).parents[1]
+STUDY = """
+laws = ["adaptive"]
+runs = 32
+duration_s = 0.6
+
+[set]
+"scenario.bend" = { kind = "random", low_deg = 120.0, high_deg = 300.0, fastest_s = 0.2 }
+
+[vary]
+"servo.natural_frequency_hz" = { log_uniform = [4, 20] }
+"bench.delay_cycles" = { integer = [0, 3] }
+"cable.slope" = { uniform = [0.6, 1.2] }
+"control.gains.feedback_gain" = { log_uniform = [5, 60] }
+"reference.period_s" = { choice = [0.5, 1.0] }
+
+[told]
+servo_frequency = { uniform = [0.8, 1.2] }
+
+[fault]
+kind = { choice = ["nothing", "joint_frozen", "joint_nan"] }
+begin_s = { uniform = [0.2, 0.5] }
+length_s = 0.1
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path
+
+
+def campaign(*arguments: str) -> int:
+    return main.run(["campaign", "study.toml", "--out", "out", "--workers", "1", *arguments])
+
+
+def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    capsys.readouterr()
+    assert campaign("--json", *arguments) == 0, capsys.readouterr().err
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / "campaign.schema.json").read_text()))
+    return found
+
+
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    error = capsys.readouterr().err
+    assert error.startswith("bowden: ")
+    assert error.count("\n") == 1
+    return error
+
+
+@pytest.fixture
+def whole(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    return document(capsys)
+
+
+def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    rows = ds.dataset("out/runs").to_table().to_pylist()
+    assert [row["number"] for row in rows] == list(range(32))
+    assert whole["laws"][0]["runs"] == 32
+    ended = {row["fault.kind"]: row["ended"] for row in rows}
+    assert ended == {"nothing": True, "joint_frozen": True, "joint_nan": False}
+    assert {row["bench.delay_cycles"] for row in rows} == {0, 1, 2, 3}
+    for kind in ended:
+        row = next(row for row in rows if row["fault.kind"] == kind)
+        alone = document(capsys, "--run", str(row["number"]))
+        assert all(row[name] == value for name, value in alone["drawn"].items())
+        (run,) = alone["runs"]
+        assert run["ended"] is row["ended"]
+        for name in ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "electrical_energy_j"):
+            assert run[name] == row[name]
+        trace = Trace.from_parquet(alone["files"][0])
+        assert np.isfinite(trace["joint"]).sum() == row["cycles"]
+        gains = trace.settings["gains"]
+        assert gains["feedback_gain"] == row["control.gains.feedback_gain"]
+        assert trace.settings["plant"]["servo"]["natural_frequency"] == pytest.approx(
+            2.0 * np.pi * row["servo.natural_frequency_hz"]
+        )
+        assert Path(alone["files"][-1]).is_file()
+
+
+def test_units_stand_in_the_files(whole: dict[str, Any]) -> None:
+    schema = pq.read_schema("out/runs/part-000000.parquet")
+    units = {name: schema.field(name).metadata[b"unit"].decode() for name in schema.names}
+    assert units["servo.natural_frequency_hz"] == "Hz"
+    assert (units["rmse_deg"], units["electrical_energy_j"], units["fault.begin_s"]) == ("deg", "J", "s")
+    about = json.loads(schema.metadata[b"bowden"])
+    assert about["study"] == whole["study"]
+
+
+def test_the_page_has_the_commands_that_rerun_the_worst(whole: dict[str, Any]) -> None:
+    page = Path("out/campaign.html").read_text(encoding="utf-8")
+    for case in whole["laws"][0]["worst"]:
+        assert f"bowden campaign study.toml --out out --run {case['number']}<" in page
+    assert whole["rows_sha256"] in page
+    for name in ("servo.natural_frequency_hz", "fault.kind", "told.servo_frequency"):
+        assert name in page
+
+
+def test_it_goes_on_where_it_was_and_mends_what_is_damaged(
+    whole: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (whole["chunks_computed"], whole["chunks_kept"]) == (16, 0)
+    Path("out/runs/part-000003.parquet").unlink()
+    damaged = Path("out/runs/part-000007.parquet")
+    damaged.write_bytes(damaged.read_bytes()[:-40])
+    capsys.readouterr()
+    assert campaign("--json") == 0
+    printed = capsys.readouterr()
+    again = json.loads(printed.out)
+    assert (again["chunks_computed"], again["chunks_kept"], again["chunks_set_aside"]) == (2, 14, 1)
+    assert again["rows_sha256"] == whole["rows_sha256"]
+    assert again["laws"] == whole["laws"]
+    assert "part-000007.parquet" in printed.err
+    assert "set aside" in printed.err
+    assert Path("out/aside/part-000007.parquet").is_file()
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "said"),
+    [
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), 2, "No space left on device; "),
+        (KeyboardInterrupt(), 130, "interrupted; "),
+    ],
+)
+def test_what_was_computed_is_kept(
+    failure: BaseException,
+    code: int,
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    written, count = pq.write_table, itertools.count()
+
+    def failing(*arguments: Any, **options: Any) -> None:
+        if next(count) == 5:
+            raise failure
+        written(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pq, "write_table", failing)
+        assert campaign() == code
+    error = one_line(capsys)
+    assert said in error
+    assert "5 of 16 chunks are kept in out, and the same command goes on from there" in error
+    assert len(list(Path("out/runs").iterdir())) == 5
+    again = document(capsys)
+    assert (again["chunks_computed"], again["chunks_kept"]) == (11, 5)
+
+
+def test_another_study_does_not_mix_with_what_is_there(
+    whole: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("study.toml").write_text("# a comment changes nothing\n" + STUDY)
+    assert document(capsys)["chunks_computed"] == 0
+    Path("study.toml").write_text(STUDY.replace("[5, 60]", "[5, 50]").replace("runs = 32", "runs = 31"))
+    assert campaign() == 2
+    error = one_line(capsys)
+    assert "runs was 32 and is 31" in error
+    assert "draws.control.gains.feedback_gain.log_uniform was [5, 60] and is [5, 50]" in error
+
+
+def test_what_is_added_last_leaves_the_rest_as_it_was(folder: Path) -> None:
+    before = load(Path("study.toml"))
+    Path("other.toml").write_text(
+        STUDY.replace('"bench.delay', '"servo.damping" = { uniform = [0.5, 1.0] }\n"bench.delay')
+    )
+    Path("more.toml").write_text(STUDY + "\n")
+    other, more = load(Path("other.toml")), load(Path("more.toml"))
+    assert more.drawn(7) == before.drawn(7)
+    assert more.hash == before.hash != other.hash
+    assert other.drawn(7).seed == before.drawn(7).seed
+    name = "servo.natural_frequency_hz"
+    assert other.drawn(7).values[name] == before.drawn(7).values[name]
+    assert before.drawn(7) != before.drawn(8)
+
+
+def test_a_packed_study_is_the_same_study(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    law = (ROOT / "examples" / "my_law.py").read_text()
+    (tmp_path / "mine" / "my_law.py").write_text(law)
+    (tmp_path / "model.toml").write_text("")
+    Path("study.toml").write_text(STUDY.replace('["adaptive"]', '["mine/my_law.py", "uncompensated"]'))
+    text = Path("study.toml").read_text().replace('"control.gains.feedback_gain" = { log_uniform = [5, 60] }\n', "")
+    Path("study.toml").write_text(text)
+    study = load(Path("study.toml"))
+    again = study_pack.unpacked(study_pack.packed(study))
+    assert [law.name for law in again.laws] == [law.name for law in study.laws]
+    for number in (0, 5):
+        (_, laws, fault), (_, others, another) = study.setup(number), again.setup(number)
+        assert study.drawn(number) == again.drawn(number)
+        assert [law.gains._asdict() for law in laws] == [law.gains._asdict() for law in others]
+        assert fault == another
+        assert study.setup(number)[0].bench == again.setup(number)[0].bench
+
+
+def test_other_software_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    pack = study_pack.packed(load(Path("study.toml")))
+    monkeypatch.setattr(study_pack, "software", lambda: "0.0.1 (other)")
+    with pytest.raises(Exception, match=r"a worker has bowden 0.0.1 \(other\), and the command .*same software"):
+        study_pack.unpacked(pack)
+
+
+def test_processes_that_die_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two pools that break after a chunk each, then one that holds; and then one that breaks without an end."""
+    study, calls = load(Path("study.toml")), itertools.count()
+    work = [(chunk, range(chunk, chunk + 1)) for chunk in range(4)]
+
+    def pooled(pack: bytes, left: Any, count: int) -> Iterator[tuple[int, Any]]:
+        broken = next(calls) < 2
+        for chunk, numbers in left[:1] if broken else left:
+            yield chunk, list(numbers)
+        if broken:
+            raise campaign_workers.BrokenProcessPool
+
+    monkeypatch.setattr(campaign_workers, "_pooled", pooled)
+    assert list(campaign_workers.in_processes(study, work, 2)) == [(chunk, [chunk]) for chunk in range(4)]
+
+    def hopeless(pack: bytes, left: Any, count: int) -> Iterator[tuple[int, Any]]:
+        raise campaign_workers.BrokenProcessPool
+        yield
+
+    monkeypatch.setattr(campaign_workers, "_pooled", hopeless)
+    with pytest.raises(Exception, match=r"died 3 times in a row; look for"):
+        list(campaign_workers.in_processes(study, work, 2))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("servo.natural_frequency_hz", "servo.natural_freq_hz", "servo.natural_frequency_hz (did you mean this?)"),
+        ("gains.feedback_gain", "gains.feedback_gian", "control.gains.feedback_gain (did you mean this?)"),
+        ("[0.6, 1.2]", "[1.2, 0.6]", 'vary."cable.slope": uniform is [1.2, 0.6]; expected [low, high]'),
+        ("uniform = [0.6, 1.2]", "uniform = [0.6, 30]", "cable.slope reaches 30.0; expected a number not above 20"),
+        ("integer = [0, 3]", "uniform = [0, 3]", "bench.delay_cycles reaches 0.0; expected a whole number"),
+        ("integer = [0, 3]", "integer = [-1, 3]", "bench.delay_cycles reaches -1; expected a number not below 0"),
+        ("[5, 60]", "[5, 60000]", "control.gains.feedback_gain: gain feedback_gain of law 'adaptive' is 60000"),
+        ("uniform = [0.6, 1.2]", "unifrom = [0.6, 1.2]", "expected uniform (did you mean this?)"),
+        ("uniform = [0.6, 1.2]", "uniform = [0.6, 1.2], fixed = 1", "has uniform and fixed; expected one of"),
+        ("uniform = [0.6, 1.2]", "normal = [1, 0.1], low = 0.8", "normal without high"),
+        ("uniform = [0.8, 1.2]", "uniform = [-0.8, 1.2]", "told.servo_frequency reaches -0.8"),
+        ('"joint_frozen"', '"joint_frosen"', "fault.kind is 'joint_frosen'; expected nothing, joint_nan"),
+        ('["adaptive"]', '["adaptiv"]', "adaptive (did you mean this?)"),
+        ('["adaptive"]', '["adaptive", "adaptive"]', "two of one name"),
+        ('["adaptive"]', '["none.py"]', "cannot read the law"),
+        ("runs = 32", "runs = 0", "runs is 0; expected a number not below 1"),
+        ("runs = 32", "runs = 3.5", "runs is 3.5; expected a whole number"),
+        ("runs = 32", "count = 32", "unknown key or section 'count'"),
+        ('"scenario.bend" =', '"scenario.bent" =', "unknown key 'bent' in [scenario]"),
+        ("low_deg = 120.0", "low_deg = 320.0", "expected low_deg below high_deg"),
+        ("duration_s = 0.6", "duration_s = 1e-4", "a run of 0.0001 s has 0.1 cycles"),
+        ("laws =", 'rig = "none.toml"\nlaws =', "cannot read none.toml"),
+        ("laws =", "laws", "is not TOML"),
+    ],
+)
+def test_what_cannot_be_is_refused(before: str, after: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert before in STUDY
+    Path("study.toml").write_text(STUDY.replace(before, after, 1))
+    assert campaign() == 2
+    assert said in one_line(capsys)
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--run", "32"], "--run is 32, and study.toml has 32 runs; expected a number from 0 to 31"),
+        (["--cluster", "local:none"], "expected local:N"),
+        (["--workers", "0"], "see bowden campaign --help"),
+        (["--out", ""], "--out is ''"),
+    ],
+)
+def test_options_that_cannot_be(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["campaign", "study.toml", *arguments]) == 2
+    assert said in one_line(capsys)
+
+
+def test_values_that_clash_in_one_run_name_it(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each end may be alone, but not every pair of them; what is computed until then is kept."""
+    text = STUDY.replace('"cable.slope" =', '"scenario.bend.low_deg" = { uniform = [100, 310] }\n"cable.slope" =')
+    Path("study.toml").write_text(text)
+    assert campaign() == 2
+    error = one_line(capsys)
+    assert "low_deg" in error
+    assert "expected low_deg below high_deg" in error
