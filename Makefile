@@ -12,7 +12,7 @@ help:
 	@echo "make test    tests, doctests, lint and types"
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
-	@echo "make docs    write what is made from the code: docs/rig.md, its JSON schema, tables of docs/safety.md"
+	@echo "make docs    write what is made from the code: docs/rig.md, JSON schemas, tables of safety.md and campaign.md"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
 	@echo "make soak    the long tests, hours: live loop for MINUTES=10, kills, faults; resumable; PARTS=live for one"
 	@echo "make clean   remove what make and the tools have made"
@@ -45,6 +45,7 @@ types: .venv/dev
 docs: .venv/dev
 	$(BIN)/python -c 'from pathlib import Path; from bowden.app.rig_page import write_docs; write_docs(Path("docs"))'
 	$(BIN)/python -c 'from pathlib import Path; from bowden.app.safety_page import write_docs; write_docs(Path("docs"))'
+	$(BIN)/python -c 'from pathlib import Path; from bowden.app.study_page import write_docs; write_docs(Path("docs"))'
 
 bench: .venv/dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'

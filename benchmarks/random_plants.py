@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.design.random_plants import run_random_plant
+from bowden.design.random_plants import run_random_plant, run_random_plants
 from kept import Kept
 from measure import Figure
 
@@ -41,11 +41,13 @@ def _runs(numbers: list[int]) -> Iterator[list[Any]]:
         return
     run_random_plant(LAWS["bowden"], numbers[0], 1.0)  # compiled once, before there are two processes that would
     with multiprocessing.get_context("spawn").Pool(PROCESSES, _ignore_interrupts) as pool:
-        yield from pool.imap_unordered(_run, numbers, CHUNK)
+        parts = [numbers[i : i + CHUNK] for i in range(0, len(numbers), CHUNK)]
+        for found in pool.imap_unordered(_run, parts):
+            yield from found
 
 
-def _run(number: int) -> list[Any]:
-    return list(run_random_plant(LAWS["bowden"], number))
+def _run(numbers: list[int]) -> list[list[Any]]:
+    return [list(outcome) for outcome in run_random_plants(LAWS["bowden"], numbers)]
 
 
 def _ignore_interrupts() -> None:

@@ -62,6 +62,13 @@ def start(count: int | None) -> Found:
     return fresh_process.rows(), []
 
 
+def batch(count: int | None) -> Found:
+    """Many closed loops in one call: throughput, cost, memory."""
+    import batch_cost
+
+    return batch_cost.figures() if count is None else batch_cost.figures(count)
+
+
 def study(count: int | None) -> Found:
     """The verdicts of `bowden check` against long simulations."""
     import check_study
@@ -78,6 +85,7 @@ def plants(count: int | None) -> Found:
 
 SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
     "Speed": (c, control, scipy, jax, genetic, start),
+    "Campaigns": (batch,),
     "How far `bowden check` can be trusted": (study,),
     "Our law on random plants": (plants,),
 }
@@ -87,7 +95,7 @@ def main() -> None:
     parts = [part.__name__ for section in SECTIONS.values() for part in section]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", choices=[[], *parts], help="run only these parts")
-    parser.add_argument("--count", type=int, help="of the rigs of `study` and the plants of `plants`, for a try")
+    parser.add_argument("--count", type=int, help="of the runs, rigs or plants of the last three, for a try")
     arguments = parser.parse_args()
     begin = time.perf_counter()
     for title, section in SECTIONS.items():

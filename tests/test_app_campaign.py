@@ -1,9 +1,13 @@
 """``bowden campaign``: its rows are single runs, it goes on where it was, and what cannot be is refused in one line."""
 
+import contextlib
 import errno
+import io
 import itertools
 import json
 import os
+import shutil
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +18,7 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 
-from bowden.app import campaign_workers, main, study_pack
+from bowden.app import campaign_workers, main, study_pack, study_page
 from bowden.app.study_load import load
 from bowden.core.trace import Trace
 
@@ -70,9 +74,23 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
     return error
 
 
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The study computed once: its folder, and the document that was printed."""
+    folder = tmp_path_factory.mktemp("campaign")
+    (folder / "study.toml").write_text(STUDY)
+    printed = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(printed):
+        assert campaign("--json") == 0
+    return folder, printed.getvalue()
+
+
 @pytest.fixture
-def whole(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    return document(capsys)
+def whole(computed: tuple[Path, str], folder: Path) -> dict[str, Any]:
+    shutil.copytree(computed[0] / "out", folder / "out")
+    found: dict[str, Any] = json.loads(computed[1])
+    jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / "campaign.schema.json").read_text()))
+    return found
 
 
 def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
@@ -304,3 +322,25 @@ def test_values_that_clash_in_one_run_name_it(capsys: pytest.CaptureFixture[str]
     error = one_line(capsys)
     assert "low_deg" in error
     assert "expected low_deg below high_deg" in error
+
+
+def test_the_page_and_the_schema_are_current() -> None:
+    page = (ROOT / "docs" / "campaign.md").read_text(encoding="utf-8")
+    assert page == study_page.with_tables(page), "make docs"
+    assert study_page.keys_table() in page
+    assert (ROOT / "docs" / "json" / "study.schema.json").read_text(encoding="utf-8") == study_page.json_schema()
+
+
+def test_the_study_on_the_page_can_be_run(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs" / "campaign.md").read_text(encoding="utf-8")
+    text = page.partition("```toml\n")[2].partition("```")[0]
+    jsonschema.validate(tomllib.loads(text), json.loads(study_page.json_schema()))
+    Path("study.toml").write_text(text)
+    assert main.run(["init"]) == 0
+    study = load(Path("study.toml"))
+    assert [law.name for law in study.laws] == ["adaptive", "bowden"]
+    setup, (_, ours), fault = study.setup(3)
+    drawn = study.drawn(3).values
+    truth = setup.bench.servo.natural_frequency
+    assert ours.gains.servo_frequency == pytest.approx(truth * float(drawn["told.servo_frequency"]))
+    assert fault.end - fault.begin == 500.0

@@ -1,5 +1,6 @@
 """Distributions, sensitivity and the store of a campaign, against independent ones."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +102,7 @@ def rows(first: int, last: int) -> pa.Table:
 
 
 def filled(folder: Path, cuts: list[int], order: list[int]) -> Store:
-    store = Store(folder, {"seed": 1}, [2 * (b - a) for a, b in zip(cuts[:-1], cuts[1:], strict=True)])
+    store = Store(folder, {"seed": 1}, [2 * (b - a) for a, b in itertools.pairwise(cuts)])
     assert store.open() == []
     for chunk in order:
         store.write(chunk, rows(cuts[chunk], cuts[chunk + 1]))

@@ -40,7 +40,7 @@ def on_cluster(study: Study, work: Work, where: str) -> Done:
 
         window = 4 * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
         first = [task for _ in range(window) if (task := next_task()) is not None]
-        tasks = importlib.import_module("distributed").as_completed(first)
+        tasks = importlib.import_module("distributed").as_completed(first, loop=client.loop)
         for task in tasks:
             chunk = int(task.key.rpartition("-")[2])
             try:
@@ -68,13 +68,14 @@ def _client(where: str) -> Iterator[Any]:
         raise ParameterError(
             "--cluster needs dask.distributed, which is not here", do="install it: pip install 'bowden[cluster]'"
         ) from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     quiet = {
         "distributed.logging.distributed": "critical",
         "distributed.admin.system-monitor.interval": "10s",
         "distributed.scheduler.allowed-failures": 10,
     }
     with dask.config.set(quiet), contextlib.ExitStack() as stack:
+        stack.callback(logging.disable, logging.root.manager.disable)
+        logging.disable(logging.CRITICAL)  # what it says of lost workers is not for who waits for results
         address: Any = where
         if where.partition(":")[0] == "local":
             count = where.partition(":")[2]

@@ -77,7 +77,7 @@ def markdown() -> str:
             lines += [_sentence(section), "", "| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
             lines += [
                 f"| `{key.name}` | {key.default} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
-                for key in _keys(section)
+                for key in keys_of(section)
             ]
             lines.append("")
     lines += ["## Gains of the laws", "", *_GAINS, ""]
@@ -130,7 +130,8 @@ def _sections() -> Iterator[tuple[str, list[type[Section]]]]:
     yield "scenario.bend", list(BENDS.values())
 
 
-def _keys(section: type[Section]) -> Iterator[Key]:
+def keys_of(section: type[Section]) -> Iterator[Key]:
+    """The keys of a section, but those that are sections of their own."""
     for name, field in section.model_fields.items():
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         if isinstance(field.default, Section) or name == "gains":
@@ -156,7 +157,7 @@ _RULES = (("Gt", "gt", ">"), ("Ge", "ge", "≥"), ("Lt", "lt", "<"), ("Le", "le"
 def _table(title: str, section: type[Section]) -> str:
     """A section of the file with its comments."""
     rows = []
-    for key in _keys(section):
+    for key in keys_of(section):
         unit = f"[{key.unit}] " if key.unit != "–" else ""
         symbol = f", {key.symbol}" if key.symbol else ""
         left = f"{key.name} = {key.example}"
