@@ -49,8 +49,8 @@ def figures(count: int = RUNS) -> tuple[list[Figure], list[str]]:
         ratios = [rate[1] / rate[0] for rate in rates]
         ratio = float(np.median(ratios))
         by_runs = _slope([count // 16, count // 8, count // 4, count // 2], lambda n: rows(minute, range(int(n))))
-        lengths = [_study(Path(folder), duration) for duration in (15.0, 30.0, 60.0, 120.0)]
-        many = range(max(1, count // 16))
+        lengths = [_study(Path(folder), duration) for duration in (60.0, 120.0, 240.0, 480.0)]
+        many = range(max(1, count // 40))
         by_time = _slope([s.duration for s in lengths], lambda t: rows(_of(lengths, t), many))
         few, most = (_memory(second, n) for n in (max(50, count // 2), 10 * count))
     return [

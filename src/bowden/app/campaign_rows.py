@@ -47,9 +47,8 @@ def table_of(study: Study, numbers: Iterable[int]) -> "pa.Table":
     import pyarrow as pa
 
     rows: list[list[Any]] = []
-    kept = list(numbers)
-    for number, outcomes in zip(kept, simulate_many(study.cases(kept), study.duration), strict=True):
-        drawn = study.drawn(number)
+    runs = [(number, study.drawn(number)) for number in numbers]
+    for (number, drawn), outcomes in zip(runs, simulate_many(study.cases(runs), study.duration), strict=True):
         for law, outcome in zip(study.laws, outcomes, strict=True):
             rows.append([number, law.name, drawn.seed, *drawn.values.values(), *_figures(outcome)])
     fields = [("number", pa.int64(), "1"), ("law", pa.string(), "1"), ("seed", pa.int64(), "1")]

@@ -67,6 +67,7 @@ def setup_of(
     seed: int | None = None,
     reference: Trajectory | None = None,
     bend: BendPath | None = None,
+    begin: float | None = None,
 ) -> Setup:
     """`setup` for a rig that is read already; `path` says where from.
 
@@ -77,6 +78,7 @@ def setup_of(
         seed: in place of the file's.
         reference: one made before, in place of the file's.
         bend: likewise.
+        begin: where the reference starts, if that is known [rad].
 
     Raises:
         ParameterError: a value that cannot be used.
@@ -110,7 +112,7 @@ def setup_of(
         bend=bend,
         duration=duration,
         seed=seed,
-        initial_motor=_resting(bench, reference, bend)
+        initial_motor=_resting(bench, _begin(reference) if begin is None else begin, bend)
         if initial is None
         else (-1 if turned else 1) * initial * RADIANS,
         notes=tuple(notes),
@@ -263,11 +265,14 @@ def _reference(section: schema.ReferenceSection, folder: Path) -> Trajectory:
             return read_motion(section, folder)
 
 
-def _resting(bench: Bench, reference: Trajectory, bend: BendPath) -> float:
-    """The motor angle at which the joint is where the reference starts, with h = 0 [rad]."""
-    start = np.zeros(1)
-    slope = bench.cable.slope * float(slope_factor(float(bend(start)[0]), bench.sheath))
-    return (float(reference.sample(start)[0, 0]) - bench.cable.offset) / slope
+def _begin(reference: Trajectory) -> float:
+    return float(reference.sample(np.zeros(1))[0, 0])
+
+
+def _resting(bench: Bench, begin: float, bend: BendPath) -> float:
+    """The motor angle at which the joint is at `begin`, where the reference starts, with h = 0 [rad]."""
+    slope = bench.cable.slope * float(slope_factor(float(bend(np.zeros(1))[0]), bench.sheath))
+    return (begin - bench.cable.offset) / slope
 
 
 def _bend(section: schema.BendSection, sheath: Sheath, duration: float, seed: int) -> BendPath:

@@ -78,6 +78,11 @@ class Study:
         """The setup of the rig as it stands, whose reference and bend serve all runs that do not vary them."""
         return compose.setup_of(self.rig, self.rig_path, self.duration, 0)
 
+    @cached_property
+    def _begin(self) -> float:
+        """Where its reference starts [rad]."""
+        return float(self._shared.reference.sample(np.zeros(1))[0, 0])
+
     def _varies(self, *sections: str) -> bool:
         return any(column.name.startswith(sections) for column in self.columns)
 
@@ -105,15 +110,14 @@ class Study:
         check_points(rig, self.path)
         return rig
 
-    def setup(self, number: int) -> tuple[compose.Setup, tuple[Law, ...], Fault]:
-        """All that a run needs.
+    def setup(self, number: int, drawn: Drawn | None = None) -> tuple[compose.Setup, tuple[Law, ...], Fault]:
+        """All that a run needs; `drawn` if that is known.
 
         Raises:
             ParameterError: values that do not fit one another.
         """
-        drawn = self.drawn(number)
         try:
-            return self._put_together(drawn)
+            return self._put_together(drawn or self.drawn(number))
         except ParameterError as error:
             text = error.what.removeprefix(f"{self.path}: ")
             raise ParameterError(
@@ -122,14 +126,16 @@ class Study:
 
     def _put_together(self, drawn: Drawn) -> tuple[compose.Setup, tuple[Law, ...], Fault]:
         rig = self.rig_of(drawn) if self.columns else self.rig
+        varied = self._varies("reference.")
         moved = self._varies("scenario.bend", "sheath.") or rig.scenario.bend.kind == "random"
         setup = compose.setup_of(
             rig,
             self.rig_path,
             self.duration,
             drawn.seed,
-            None if self._varies("reference.") else self._shared.reference,
+            None if varied else self._shared.reference,
             None if moved else self._shared.bend,
+            None if varied else self._begin,
         )
         laws = tuple(
             self._fitted(law, name, rig, setup, drawn) for law, name in zip(self.laws, self.file.laws, strict=True)
@@ -156,10 +162,10 @@ class Study:
         end = begin + float(values.get("fault.length_s", self.duration))
         return Fault(float(Injected[kind.upper()]), float(round(begin / dt)), float(round(end / dt)))
 
-    def cases(self, numbers: Iterable[int]) -> Iterator[Case]:
+    def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
         """The runs of these numbers, for `bowden.sim.many.simulate_many`."""
-        for number in numbers:
-            setup, laws, fault = self.setup(number)
+        for number, drawn in runs:
+            setup, laws, fault = self.setup(number, drawn)
             yield Case(
                 plant=setup.bench,
                 laws=laws,

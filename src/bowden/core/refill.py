@@ -18,9 +18,27 @@ def numbers_of(value: Any) -> list[float]:
     >>> numbers_of((1.0, (2, 3.0)))
     [1.0, 2.0, 3.0]
     """
+    return [float(leaf) for leaf in _leaves(value, []) if not isinstance(leaf, np.ndarray)]
+
+
+def form_of(value: Any) -> tuple[Any, ...]:
+    """What values must have in common for one of them to be the template of the others: kinds of numbers, and arrays.
+
+    >>> form_of((1.0, (2, 3.0)))
+    (<class 'float'>, <class 'int'>, <class 'float'>)
+    """
+    return tuple(
+        (leaf.shape, leaf.tobytes()) if isinstance(leaf, np.ndarray) else type(leaf) for leaf in _leaves(value, [])
+    )
+
+
+def _leaves(value: Any, found: list[Any]) -> list[Any]:
     if isinstance(value, tuple):
-        return [number for part in value for number in numbers_of(part)]
-    return [] if isinstance(value, np.ndarray) else [float(value)]
+        for part in value:
+            _leaves(part, found)
+    else:
+        found.append(value)
+    return found
 
 
 def refilled(template: Any, row: Array) -> Any:

@@ -17,7 +17,7 @@ from bowden.models import motor as motor_model
 from bowden.models.encoder import reading
 from bowden.models.servo import ServoState, ServoStep, servo_step
 from bowden.sim.cable_plant import CablePlant, Seen, lagged, prepare_servo
-from bowden.sim.closed_loop import RUNAWAY, UNITS, edges_of, sheath_over
+from bowden.sim.closed_loop import RUNAWAY, UNITS, check_clock, edges_of, sheath_over
 from bowden.sim.scenario import BendPath
 
 _RECORDED = ["joint", "motor", "joint_measured", "motor_measured", "command", "motor_velocity", "motor_acceleration"]
@@ -177,8 +177,9 @@ def simulate_cable(
     Raises:
         ParameterError: a duration or setting that cannot be.
     """
-    edges = edges_of(plant, duration)
+    check_clock(plant, duration)
     check_cable(plant)
+    edges = edges_of(plant, duration)
     time, (widths, slope_factors) = edges[:-1], sheath_over(plant, edges, bend)
     references = np.ascontiguousarray(reference.sample(time).T)
     noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0

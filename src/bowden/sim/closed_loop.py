@@ -202,11 +202,11 @@ def compiled_loop(law: Law, *, fails: bool = False) -> Callable[..., int]:
     return specialise(run_loop, law.name, **parts | ({"as_it_is": faulty} if fails else {}))
 
 
-def edges_of(plant: "Bench | CablePlant", duration: float) -> NDArray[np.float64]:
-    """The edges of a run's cycles (n + 1,) [s].
+def check_clock(plant: "Bench | CablePlant", duration: float) -> None:
+    """Refuse a clock, a delay or a duration that cannot be.
 
     Raises:
-        ParameterError: a duration or setting that cannot be.
+        ParameterError: one of these.
     """
     dt = plant.sample_time
     for name, value, fine in (
@@ -217,11 +217,16 @@ def edges_of(plant: "Bench | CablePlant", duration: float) -> NDArray[np.float64
     ):
         if not fine:
             raise ParameterError(f"simulate: {name} is {value}", expected="a positive number that makes sense here")
-    return np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
+
+
+def edges_of(plant: "Bench | CablePlant", duration: float) -> NDArray[np.float64]:
+    """The edges of a run's cycles (n + 1,) [s]."""
+    return np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
 
 
 def inputs_of(plant: Bench, reference: Trajectory, duration: float, bend: BendPath, seed: int) -> Inputs:
     """The reference, the sheath and the noise of a run; the arguments are those of `simulate`."""
+    check_clock(plant, duration)
     edges = edges_of(plant, duration)
     cycles = len(edges) - 1
     widths, slope_factors = sheath_over(plant, edges, bend)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import specialise
-from bowden.core.refill import numbers_of
+from bowden.core.refill import form_of, numbers_of
 from bowden.sim.batch import BENCH, FIGURES, ROWS, Inputs, One, run_batch, spring_current, torque_current
 from bowden.sim.cable_loop import Moving, cable_moved, cable_rest, check_cable
 from bowden.sim.cable_plant import CablePlant, prepare_servo
-from bowden.sim.closed_loop import edges_of, sheath_over
+from bowden.sim.closed_loop import check_clock, edges_of, sheath_over
 from bowden.sim.faulty import Fault
 from bowden.sim.plant import Bench, prepare_bench
 from bowden.sim.scenario import BendPath
@@ -94,21 +94,24 @@ class _Ready:
 
     def __init__(self, case: Case, duration: float, before: "_Ready | None") -> None:
         self.case, plant = case, case.plant
-        self.edges = edges_of(plant, duration)
+        check_clock(plant, duration)
         if not isinstance(plant, Bench):
             check_cable(plant)
-        self.ones = [_numbers(case, law) for law in case.laws]
-        old = before if before is not None and np.array_equal(before.edges, self.edges) else None
+        old = before if before is not None and before.case.plant.sample_time == plant.sample_time else None
+        self.edges: Array = edges_of(plant, duration) if old is None else old.edges
         if old is not None and old.case.reference is case.reference:
             self.reference: Array = old.reference
+            self.stroke: float = old.stroke
         else:
             self.reference = np.ascontiguousarray(case.reference.sample(self.edges[:-1]).T)
+            self.stroke = max(float(np.ptp(self.reference[0])), _SMALLEST_STROKE)
         if old is not None and old.case.bend is case.bend and old.case.plant.sheath == plant.sheath:
             self.sheath: tuple[Array, Array] = old.sheath
         else:
             self.sheath = sheath_over(plant, self.edges, case.bend)
-        stroke = max(float(np.ptp(self.reference[0])), _SMALLEST_STROKE)
-        self.ones = [one._replace(stroke=stroke) for one in self.ones]
+        self.ones = [_numbers(case, law, self.stroke) for law in case.laws]
+        self.numbers = [numbers_of(one) for one in self.ones]
+        self.forms = [form_of(one) for one in self.ones]
 
     @property
     def size(self) -> float:
@@ -117,12 +120,10 @@ class _Ready:
 
     def goes_with(self, other: "_Ready") -> bool:
         """Whether one compiled call can run both."""
-        return len(self.edges) == len(other.edges) and all(
-            _alike(a, b) for a, b in zip(self.ones, other.ones, strict=True)
-        )
+        return self.edges is other.edges and self.forms == other.forms
 
 
-def _numbers(case: Case, law: Law) -> One:
+def _numbers(case: Case, law: Law, stroke: float) -> One:
     plant = case.plant
     return One(
         gains=law.gains,
@@ -136,18 +137,9 @@ def _numbers(case: Case, law: Law) -> One:
         dt=float(plant.sample_time),
         delay=int(plant.delay),
         substeps=int(plant.substeps),
-        stroke=0.0,
+        stroke=stroke,
         fault=case.fault,
     )
-
-
-def _alike(a: Any, b: Any) -> bool:
-    """Whether two sets of numbers have one type and the same arrays."""
-    if isinstance(a, tuple):
-        return type(a) is type(b) and len(a) == len(b) and all(map(_alike, a, b))
-    if isinstance(a, np.ndarray):
-        return bool(np.array_equal(a, b))
-    return isinstance(a, float) == isinstance(b, float)
 
 
 def _run(group: Sequence[_Ready]) -> Iterator[tuple[Outcome, ...]]:
@@ -166,7 +158,7 @@ def _run(group: Sequence[_Ready]) -> Iterator[tuple[Outcome, ...]]:
     scratch, found = np.empty((ROWS, cycles)), np.empty((len(group[0].ones), len(group), len(FIGURES)))
     for j, law in enumerate(group[0].case.laws):
         like = group[0].ones[j]
-        numbers = np.array([numbers_of(ready.ones[j]) for ready in group])
+        numbers = np.array([ready.numbers[j] for ready in group])
         compiled_batch(group[0].case.plant, law)(like, numbers, rows, inputs, scratch, found[j])
     for i in range(len(group)):
         yield tuple(Outcome(*found[j, i].tolist()) for j in range(len(found)))
