@@ -173,7 +173,7 @@ def _as_exact(library: ctypes.CDLL, rounds: int) -> tuple[Row, str]:
     in_loop = [_at(values) for values in (references, widths, slopes, normals, record, states)]
     timings = by_turns(
         rounds,
-        loop=lambda: loop(LAW.gains, STEP, *arguments, *settings, record, states),
+        loop=lambda: loop(LAW.gains, STEP, *arguments, *settings, record, states, Fault(), np.empty((2, 0))),
         c_loop=lambda: library.loop(ctypes.byref(parameters), *in_loop),
     )
     first = f"{errors.get(PLANT.substeps, difference):.1g}"
