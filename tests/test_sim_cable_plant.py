@@ -111,8 +111,8 @@ def test_a_cable_without_mass_knows_no_time(cable: cables.Cable) -> None:
 
 
 def recorded_run(plant: CablePlant) -> Trace:
-    """One sub-step a cycle, so that the motor's samples are its whole path."""
-    return simulate(plant._replace(substeps=1), LAWS["adaptive"], STROKE, duration=12.0)
+    """Cycles too long for one exact step, and one sub-step in each: the motor's samples are its whole path."""
+    return simulate(plant._replace(substeps=1, sample_time=5e-3), LAWS["uncompensated"], STROKE, duration=12.0)
 
 
 def test_pure_play_is_the_operator() -> None:

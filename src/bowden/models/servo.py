@@ -90,6 +90,27 @@ def prepare(servo: Servo, dt: float) -> ServoStep:
     )
 
 
+LONGEST_CYCLE = 0.25
+"""ω·Ts up to which a cycle is one exact step: far less than half a swing, in which the motor could turn twice [rad]."""
+
+
+class ServoSteps(NamedTuple):
+    """A servo prepared for one cycle of a loop."""
+
+    substep: ServoStep
+    """For a servo at its limits, or one that is quick beside the cycle."""
+    cycle: ServoStep
+    """Over a whole cycle; its `reach` is below zero where the cycle is longer than `LONGEST_CYCLE`."""
+
+
+def prepare_steps(servo: Servo, sample_time: float, substeps: int) -> ServoSteps:
+    """The servo for cycles of `sample_time` [s] and for its parts; what is raised is `prepare`'s."""
+    cycle = prepare(servo, sample_time)
+    if servo.natural_frequency * sample_time > LONGEST_CYCLE:
+        cycle = cycle._replace(reach=-1.0)
+    return ServoSteps(prepare(servo, sample_time / substeps), cycle)
+
+
 @kernel
 def servo_approach(offset: float, velocity: float, servo: ServoStep) -> tuple[float, float]:
     """The motor relative to a command that is constant over one sub-step: its offset [rad] and velocity after it."""

@@ -15,7 +15,14 @@ from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.models import motor as motor_model
 from bowden.models.encoder import reading
-from bowden.models.servo import ServoState, ServoStep, servo_step
+from bowden.models.servo import (
+    ServoState,
+    ServoSteps,
+    servo_acceleration,
+    servo_is_free,
+    servo_step,
+    servo_turn,
+)
 from bowden.sim.cable_plant import CablePlant, Seen, lagged, prepare_servo
 from bowden.sim.closed_loop import RUNAWAY, UNITS, check_clock, edges_of, sheath_over
 from bowden.sim.scenario import BendPath
@@ -50,7 +57,7 @@ class Moving(NamedTuple):
 
     cable: Any
     """`Cable.prepared`."""
-    servo: ServoStep
+    servo: ServoSteps
     dt: float
     """One control cycle [s]."""
     load_lag: float
@@ -91,12 +98,43 @@ def cable_moved(
     """One cycle later under the command `applied` [rad], while the sheath's width and slope factor go to the next.
 
     The cable is advanced where the motor turns and at the end of the cycle, with the time since it last was; the load's
-    lag is solved exactly between cycles.
+    lag is solved exactly between cycles. The motor's step is that of `bowden.sim.plant.bench_moved`.
     """
+    servo, cable, memory, dt = plant.servo.cycle, plant.cable, body.memory, plant.dt
+    begun, velocity = body.motor.position, body.motor.velocity
+    offset = begun - applied
+    if not servo_is_free(offset, velocity, servo):
+        return _cable_in_substeps(plant, body, applied, width, next_width, factor, next_factor, substeps)
+    moved = servo.xx * offset + servo.xv * velocity
+    speed = servo.vx * offset + servo.vv * velocity
+    turned, time = begun, 0.0
+    if speed * velocity < 0.0:
+        still, time = servo_turn(offset, velocity, servo)
+        turned, part = still + applied, time / dt
+        here, at = width + part * (next_width - width), factor + part * (next_factor - factor)
+        memory = cable_advance(cable, memory, begun, turned, here, at, time)
+    motor = ServoState(moved + applied, speed, servo_acceleration(moved, speed, servo))
+    memory = cable_advance(cable, memory, turned, motor.position, next_width, next_factor, dt - time)
+    seen = cable_look(cable, memory, motor.position, next_width, next_factor)
+    return Body(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))
+
+
+@kernel
+def _cable_in_substeps(
+    plant: Moving,
+    body: Body,
+    applied: float,
+    width: float,
+    next_width: float,
+    factor: float,
+    next_factor: float,
+    substeps: int,
+) -> Body:
+    """`cable_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps."""
     motor, memory, dt = body.motor, body.memory, plant.dt
     turned, done = motor.position, 0
     for i in range(substeps):
-        moved = servo_step(motor, applied, plant.servo)
+        moved = servo_step(motor, applied, plant.servo.substep)
         if (moved.position - motor.position) * (motor.position - turned) < 0.0:
             part = i / substeps
             here, at = width + part * (next_width - width), factor + part * (next_factor - factor)

@@ -19,7 +19,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import exp, kernel
 from bowden.models.encoder import Encoder
 from bowden.models.motor import Motor, acceleration_limit
-from bowden.models.servo import Servo, ServoStep, prepare
+from bowden.models.servo import Servo, ServoSteps, prepare_steps
 from bowden.models.sheath import Sheath
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
@@ -72,19 +72,19 @@ class CablePlant(NamedTuple):
     delay: int = 1
     """Cycles between a sample and the moment its command reaches the servo [–]."""
     substeps: int = 10
-    """Servo sub-steps in one cycle [–]."""
+    """Servo sub-steps in one cycle, where one exact step will not do [–]."""
     load_lag: float = 0.0
     """Time constant with which the joint follows the cable's end; 0 for none [s]."""
 
 
-def prepare_servo(plant: CablePlant) -> ServoStep:
-    """The servo for one sub-step; its acceleration limit is the motor's current limit if that is lower.
+def prepare_servo(plant: CablePlant) -> ServoSteps:
+    """The servo for one cycle; its acceleration limit is the motor's current limit if that is lower.
 
     Raises:
         ParameterError: a servo that cannot be.
     """
     limit = min(plant.servo.acceleration_limit, acceleration_limit(plant.motor))
-    return prepare(plant.servo._replace(acceleration_limit=limit), plant.sample_time / plant.substeps)
+    return prepare_steps(plant.servo._replace(acceleration_limit=limit), plant.sample_time, plant.substeps)
 
 
 def resting_motor(plant: CablePlant, joint: float, bend: float | None = None) -> float:

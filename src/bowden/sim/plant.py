@@ -11,7 +11,7 @@ from bowden.models.servo import (
     Servo,
     ServoState,
     ServoStep,
-    prepare,
+    prepare_steps,
     servo_acceleration,
     servo_approach,
     servo_is_free,
@@ -45,7 +45,7 @@ class BenchStep(NamedTuple):
     servo: ServoStep
     """Over one sub-step."""
     cycle: ServoStep
-    """Over one cycle; its `reach` is below zero where a cycle is too long for the servo to be taken in one step."""
+    """Over one cycle; see `ServoSteps`."""
 
 
 class BenchState(NamedTuple):
@@ -58,19 +58,11 @@ class BenchState(NamedTuple):
     """Joint angle [rad]."""
 
 
-LONGEST_CYCLE = 0.25
-"""ω·Ts up to which a cycle is one exact step: far less than half a swing, in which the motor could turn twice [rad]."""
-
-
 def prepare_bench(bench: Bench) -> BenchStep:
     """The bench ready to be moved; the servo's acceleration limit is the motor's current limit if that is lower."""
     limit = min(bench.servo.acceleration_limit, acceleration_limit(bench.motor))
     servo = bench.servo._replace(acceleration_limit=limit)
-    cycle = prepare(servo, bench.sample_time)
-    if servo.natural_frequency * bench.sample_time > LONGEST_CYCLE:
-        cycle = cycle._replace(reach=-1.0)
-    substep = prepare(servo, bench.sample_time / bench.substeps)
-    return BenchStep(bench.cable, prepare_cable(bench.cable), substep, cycle)
+    return BenchStep(bench.cable, prepare_cable(bench.cable), *prepare_steps(servo, bench.sample_time, bench.substeps))
 
 
 @kernel
