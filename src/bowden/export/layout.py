@@ -12,8 +12,11 @@ from typing import Any
 
 _RESERVED = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register "
-    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
+    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
+    "and bool catch class delete explicit export false friend mutable namespace new not operator or private protected "
+    "public template this throw true try typename using virtual xor".split()
 )
+"""Of C, and of C++, whose compilers may have to read the header."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import lru_cache
 from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
@@ -31,9 +31,9 @@ class Function:
 
     name: str
     kernel: Callable[..., Any]
-    arguments: Sequence[Argument]
+    arguments: tuple[Argument, ...]
     """In the kernel's order; the one called ``state`` is what the function reads and writes."""
-    results: Sequence[str]
+    results: tuple[str, ...]
     """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
     summary: str
 
@@ -52,8 +52,13 @@ class Module:
     """Field of the state → unit, where its class does not say."""
 
 
-def traced(function: Function) -> tuple[Graph, Any]:
+@lru_cache(maxsize=32)
+def traced(function: Function, again: int = 0) -> tuple[Graph, Any]:
     """A kernel's operations, and the structure of its results.
+
+    Args:
+        function: with examples of its arguments.
+        again: another number traces it anew.
 
     Raises:
         ParameterError: it leaves the portable subset; the message names the line.
@@ -103,7 +108,9 @@ def header(module: Module, style: Style, preamble: str) -> str:
         f"typedef {'float' if style.single else 'double'} {style.real};",
         "\n".join(constants),
         *structs.written.values(),
+        '#ifdef __cplusplus\nextern "C" {\n#endif',
         *prototypes,
+        "#ifdef __cplusplus\n}\n#endif",
         "#endif",
     ]
     return "\n\n".join(part.strip() for part in parts if part.strip()) + "\n"
@@ -188,7 +195,7 @@ def _signature(module: Module, one: Function, structs: Structs) -> str:
 
 def _function(module: Module, one: Function, style: Style) -> tuple[Body, str]:
     graph, found = traced(one)
-    if traced(one)[0] != graph:
+    if traced(one, again=1)[0] != graph:
         raise ParameterError(
             f"{one.name} is not the same when it is traced twice", do="take clocks and random numbers out of the kernel"
         )
@@ -251,9 +258,9 @@ def _moves_on(ends: Sequence[tuple[str, Leaf]], graph: Graph, k: int) -> bool:
     return graph.operations[graph.results[k]].leaf == f"state:{Leaf((*path[:-1], path[-1] - 1), 0.0).name}"
 
 
-def files(module: Module, style: Style, preamble: str) -> dict[Path, str]:
+def files(module: Module, style: Style, preamble: str) -> dict[str, str]:
     """Name → text of both files."""
     return {
-        Path(f"{module.prefix}.h"): header(module, style, preamble),
-        Path(f"{module.prefix}.c"): source(module, style, preamble),
+        f"{module.prefix}.h": header(module, style, preamble),
+        f"{module.prefix}.c": source(module, style, preamble),
     }
