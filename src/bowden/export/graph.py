@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -111,25 +111,38 @@ def _tidy(raw: list[Operation], results: list[int]) -> Graph:
         if one.kind == "add" and all(raw[j].kind == "if_else_zero" for j in arguments):
             (condition, a), (_, b) = (raw[j].arguments for j in arguments)
             one, arguments = Operation("sel", (), "", one.place), (condition, a, b)
-        raw[i] = Operation(one.kind, arguments, one.leaf, one.place)
+        raw[i] = replace(one, arguments=arguments)
         stands_for.append(same.setdefault((one.kind, one.leaf, arguments), i))
         met.append(one.place.order if one.place else -1)
         met[stands_for[i]] = min(met[stands_for[i]], met[i])
-    ends = [stands_for[i] for i in results]
+    order = sorted(range(len(raw)), key=lambda i: (met[i], i))
+    return _needed(raw, order, [stands_for[i] for i in results])
+
+
+def _needed(operations: Sequence[Operation], order: Sequence[int], ends: Sequence[int]) -> Graph:
+    """The operations that the results need, numbered in an order."""
     needed, todo = set(ends), list(ends)
     while todo:
-        new = set(raw[todo.pop()].arguments) - needed
+        new = set(operations[todo.pop()].arguments) - needed
         needed |= new
         todo += new
-    order = sorted(needed, key=lambda i: (met[i], i))
-    number = {old: new for new, old in enumerate(order)}
-    return Graph(
-        [
-            Operation(raw[i].kind, tuple(number[j] for j in raw[i].arguments), raw[i].leaf, raw[i].place)
-            for i in order
-        ],
-        [number[i] for i in ends],
-    )
+    kept = [i for i in order if i in needed]
+    number = {old: new for new, old in enumerate(kept)}
+    renumbered = [replace(operations[i], arguments=tuple(number[j] for j in operations[i].arguments)) for i in kept]
+    return Graph(renumbered, [number[i] for i in ends])
+
+
+def settled(graph: Graph, leaves: Mapping[str, float]) -> Graph:
+    """The operations without choices that constants settle, and without what the side that is not taken needs."""
+    values = evaluate(graph, leaves)
+    taken: list[int] = []
+    operations = []
+    for i, one in enumerate(graph.operations):
+        arguments = tuple(taken[j] for j in one.arguments)
+        operations.append(replace(one, arguments=arguments))
+        condition = values[one.arguments[0]] if one.kind == "sel" else None
+        taken.append(i if condition is None else arguments[1] if condition else arguments[2])
+    return _needed(operations, range(len(operations)), [taken[i] for i in graph.results])
 
 
 def evaluate(graph: Graph, leaves: Mapping[str, float]) -> list[float | None]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.export.code import HELPERS, Body, Style, body
-from bowden.export.graph import Graph, Operation, graph_of
+from bowden.export.graph import Graph, Operation, graph_of, settled
 from bowden.export.layout import Leaf, Structs, comment, identifier, is_tuple_with_names, leaves, meanings, rebuilt
 from bowden.export.symbol import Symbol, Trace, exactly
 
@@ -207,6 +207,7 @@ def _function(module: Module, one: Function, style: Style) -> tuple[Body, str]:
             texts[key] = macro(module, argument, leaf.name) if argument.constant else leaf.access(argument.name)
             if argument.constant:
                 constants[key] = float(leaf.value)
+    graph = settled(graph, constants)
     ends = [(name, leaf) for name, value in zip(one.results, results, strict=True) for leaf in leaves(value)]
     named: dict[int, str] = {}
     for (name, leaf), i in zip(ends, graph.results, strict=True):
