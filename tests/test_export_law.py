@@ -4,7 +4,7 @@ import math
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +15,10 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
 from bowden.export.code import Style
-from bowden.export.law import law_module, prefix
+from bowden.export.law import law_module
 from bowden.export.module import files
 from bowden.export.readme import FLAGS
 from bowden.export.replay import replay_source
-from bowden.paper import bench as paper
-from bowden.sim.closed_loop import simulate
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER = shutil.which("cc")
@@ -39,7 +37,7 @@ VARIANTS = [
 
 
 def inputs(count: int) -> Array:
-    """Rows as `replay --binary` reads them: noisy motions of a second that begin anew, then with wild inputs as well."""
+    """Rows as `replay --binary` reads them: noisy motions that begin anew each second, then wild inputs as well."""
     random = np.random.default_rng(1)
     phase = 3e-3 * np.arange(count)
     columns = [0.0 * phase, np.sin(phase - 0.1), 1.07 * np.sin(phase), np.sin(phase), 3 * np.cos(phase)]

@@ -43,14 +43,13 @@ class Style:
         >>> Style("x").number(0.1), Style("x", single=True).number(-1e-300), Style("x").number(math.inf)
         ('0.1', '-0.0f', 'INFINITY')
         """
-        if self.single:
-            with np.errstate(over="ignore", under="ignore"):
-                value = np.float32(value)
         if math.isnan(value):
             return "NAN"
-        if math.isinf(value):
+        with np.errstate(over="ignore", under="ignore"):
+            rounded = np.float32(value) if self.single else np.float64(value)
+        if np.isinf(rounded):
             return "INFINITY" if value > 0.0 else "-INFINITY"
-        text = str(value)
+        text = str(rounded)
         return (text if "." in text or "e" in text else f"{text}.0") + ("f" if self.single else "")
 
     def function(self, kind: str) -> str:
@@ -111,7 +110,9 @@ def body(
         if i in folded and value is not None:
             name = f"{style.prefix}_{one.kind}_{style.number(float(value))}"
             name = "".join(c if c.isalnum() else "_" for c in name)
-            made.constants[name] = f"static const {style.real} {name} = {style.number(float(value))}; /* {expression.text} */"
+            made.constants[name] = (
+                f"static const {style.real} {name} = {style.number(float(value))}; /* {expression.text} */"
+            )
             expression = Written(name, _ATOM)
         elif i in named or (one.kind != "leaf" and (uses[i] > 1 or (uses[i] and len(expression.text) > _LONGEST))):
             place = where(one)
@@ -129,7 +130,7 @@ def body(
 
 
 def _folded(graph: Graph, values: Sequence[float | None]) -> set[int]:
-    """Functions of libm of constants: worked out by the C library here, since the one on the chip may round otherwise."""
+    """Functions of libm of constants: worked out here, since the library on the chip may round otherwise."""
     return {i for i, one in enumerate(graph.operations) if one.kind in LIBM and values[i] is not None}
 
 
@@ -162,7 +163,10 @@ def _expression(one: Operation, written: Sequence[Written], style: Style, leaf: 
     if one.kind in _SIGN:
         truth = one.kind in _TRUTH or all(argument.truth for argument in arguments)
         if one.kind == "div" and truth:  # C would divide whole numbers
-            arguments, truth = [Written(f"({style.real}){_in(arguments[0], _ATOM)}", _LEVEL["neg"]), arguments[1]], False
+            arguments, truth = (
+                [Written(f"({style.real}){_in(arguments[0], _ATOM)}", _LEVEL["neg"]), arguments[1]],
+                False,
+            )
         # to the left an operator of the same strength needs no brackets, since C takes both from left to right
         left, right = (3, 3) if one.kind in _TRUTH else (level, level + 1)
         return Written(f"{_in(arguments[0], left)} {_SIGN[one.kind]} {_in(arguments[1], right)}", level, truth)

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-_RESERVED = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
-    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
-    "and bool catch class delete explicit export false friend mutable namespace new not operator or private protected "
-    "public template this throw true try typename using virtual xor".split()
-)
+_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+and bool catch class delete explicit export false friend mutable namespace new not operator or private protected public
+template this throw true try typename using virtual xor
+"""
+_RESERVED = frozenset(_WORDS.split())
 """Of C, and of C++, whose compilers may have to read the header."""
 
 
@@ -78,8 +79,8 @@ def rebuilt(value: Any, replace: Callable[[Leaf], Any], path: tuple[str | int, .
 
 
 @cache
-def meanings(kind: type) -> Mapping[str, str]:
-    """What the fields of a NamedTuple mean: the text below each, or the comment behind it; empty where there is none."""
+def meanings(kind: Any) -> Mapping[str, str]:
+    """What the fields of a NamedTuple mean: the text below each, or the comment behind it."""
     try:
         source = textwrap.dedent(inspect.getsource(kind))
         body = ast.parse(source).body[0]
@@ -113,7 +114,6 @@ class Structs:
     def __init__(self, prefix: str) -> None:
         self.prefix = prefix
         self.written: dict[str, str] = {}
-        self._kinds: dict[str, type] = {}
 
     def name(self, value: Any, called: str = "", units: Mapping[str, str] | None = None) -> str:
         """The type of a structure in C; its struct is written if it is new.
@@ -127,7 +127,8 @@ class Structs:
             return f"{self.prefix}_real"
         name = f"{self.prefix}_{called or snake(identifier(type(value).__name__))}"
         if name not in self.written:
-            told = meanings(type(value))
+            kind: Any = type(value)
+            told = meanings(kind)
             rows = [self._field(field, inner, told, units or {}) for field, inner in value._asdict().items()]
             self.written[name] = "typedef struct {\n" + "\n".join(rows) + f"\n}} {name};\n"
         return name
@@ -145,5 +146,3 @@ def comment(text: str) -> str:
     """A text behind a line of C; nothing where there is none."""
     text = text.strip().replace("*/", "* /").replace("/*", "/ *")
     return f" /* {text} */" if text else ""
-
-

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
@@ -142,6 +143,8 @@ def source(module: Module, style: Style, preamble: str) -> str:
 
 def macro(module: Module, argument: Argument, leaf: str) -> str:
     """The name of a constant."""
+    if not isinstance(argument.example, tuple):
+        return f"{module.prefix}_{argument.name}".upper()
     several = len({one.name for function in module.functions for one in function.arguments if one.constant}) > 1
     return f"{module.prefix}_{argument.name}_{leaf}".upper() if several else f"{module.prefix}_{leaf}".upper()
 
@@ -164,7 +167,8 @@ def _said(value: Any, path: tuple[str | int, ...]) -> str:
     said = ""
     for step in path:
         if isinstance(step, str):
-            said = meanings(type(value)).get(step, said)
+            kind: Any = type(value)
+            said = meanings(kind).get(step, said)
             value = getattr(value, step)
         else:
             value = value[step]
@@ -227,10 +231,8 @@ def _where(one: Operation) -> str:
     return one.place.function if one.place else ""
 
 
-def _assigned(
-    ends: Sequence[tuple[str, Leaf]], made: Body, graph: Graph, style: Style
-) -> tuple[list[str], list[str]]:
-    """What is read of the state before it is written, and the writing; a row of values that moves on by one is a loop."""
+def _assigned(ends: Sequence[tuple[str, Leaf]], made: Body, graph: Graph, style: Style) -> tuple[list[str], list[str]]:
+    """What is read of the state before it is written, and the writing; values that move on by one place are a loop."""
     before, after, loops = [], [], []
     moves = [_moves_on(ends, graph, k) for k in range(len(ends))]
     for k, (name, leaf) in enumerate(ends):
@@ -265,3 +267,8 @@ def files(module: Module, style: Style, preamble: str) -> dict[str, str]:
         f"{module.prefix}.h": header(module, style, preamble),
         f"{module.prefix}.c": source(module, style, preamble),
     }
+
+
+def template(name: str) -> str:
+    """A file of C that stands beside this one; what is to be filled in stands between @."""
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")

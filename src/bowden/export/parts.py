@@ -51,7 +51,7 @@ def emg_modules(rate: float) -> tuple[Module, Module]:
                 onset_step,
                 (detector, Argument("state", onset_start(detector.example, 0.0)), value),
                 ("state", "return", "trouble"),
-                "One sample, NAN where it is missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains.",
+                "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains.",
             ),
         ),
         structs={"state": "state"},

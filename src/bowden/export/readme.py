@@ -42,7 +42,7 @@ def readme(law: Module, parts: Sequence[Module], said: str, sample_time: float, 
     )
     if gate and single:
         precision += " The safety gate stays in `double`: its set of faults is a number of 37 bits."
-    return f"""# {law.title}
+    page = f"""# {law.title}
 
 {said}
 
@@ -70,23 +70,47 @@ At {sample_time * 1e3:g} ms, from a timer's interrupt; `read_…` and `write_…
 static {name}_state law;
 static int running = 0;
 {_states(emg, gate)}
-void timer_interrupt(void)
-{{
-    const {name}_sample sample = {{read_joint_angle(), read_motor_angle()}};
-    const {name}_reference reference = next_reference();
-    {name}_real target;
-
-    if (!running) {{
-        {name}_start(&law, &sample);
-        running = 1;
-    }}
-    target = {name}_step(&law, &sample, &reference, {sample_time!r}{"f" if single else ""});
-{_write(gate)}}}
-```
+{_LOOP_WITH_GATE if gate else _LOOP}```
 {_emg(emg)}{_gate(gate)}
 The law is told the reference with its velocity and acceleration. A sample that is not a number does no harm to most
 laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the FPU
 (`CPACR` is set before the first cycle).
+"""
+    return page.replace("@NAME@", name).replace("@DT@", f"{sample_time!r}{'f' if single else ''}")
+
+
+_LOOP = """void timer_interrupt(void)
+{
+    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
+    const @NAME@_reference reference = next_reference();
+
+    if (!running) {
+        @NAME@_start(&law, &sample);
+        running = 1;
+    }
+    write_motor_target(@NAME@_step(&law, &sample, &reference, @DT@));
+}
+"""
+
+_LOOP_WITH_GATE = """void timer_interrupt(void)
+{
+    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
+    const @NAME@_reference reference = next_reference();
+    const safety_observed observed = observe(); /* reading, ages, lateness, the operator's request */
+    const int moves = gate.mode == 2 || gate.mode == 3; /* running, bridging */
+    safety_verdict verdict;
+    double wish = gate.target; /* until the law may move the motor, it stays where the gate has it */
+
+    if (moves) {
+        if (!running) {
+            @NAME@_start(&law, &sample);
+        }
+        wish = @NAME@_step(&law, &sample, &reference, @DT@);
+    }
+    running = moves;
+    safety_supervise(&gate, &observed, wish, @DT@, &verdict);
+    write_drive(verdict.target, verdict.power);
+}
 """
 
 
@@ -96,17 +120,6 @@ def _includes(emg: bool, gate: bool) -> str:
 
 def _states(emg: bool, gate: bool) -> str:
     return ("static onset_state muscle;\n" if emg else "") + ("static safety_state gate;\n" if gate else "")
-
-
-def _write(gate: bool) -> str:
-    if not gate:
-        return "    write_motor_target(target);\n"
-    return (
-        "    const safety_observed observed = observe(); /* reading, ages, lateness, the operator's request */\n"
-        "    safety_verdict verdict;\n"
-        f"    safety_supervise(&gate, &observed, target, 0.001, &verdict);\n"
-        "    write_motor_target(verdict.target, verdict.power);\n"
-    )
 
 
 def _emg(wanted: bool) -> str:

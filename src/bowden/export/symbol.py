@@ -215,7 +215,9 @@ class Symbol:
     __round__ = __floor__ = __ceil__ = __trunc__ = _refused("rounding of a value (np.floor can be)")
     __iter__ = __len__ = __getitem__ = _refused("taking a number apart")
     __hash__ = _refused("looking a value up")
-    __and__ = __rand__ = __or__ = __ror__ = __xor__ = __rxor__ = __invert__ = _refused("& | ^ ~ of a value (use * and +)")
+    __and__ = __rand__ = __or__ = __ror__ = __xor__ = __rxor__ = __invert__ = _refused(
+        "& | ^ ~ of a value (use * and +)"
+    )
     __pow__ = __rpow__ = _refused("** of a value (bowden.core.kernel.power can be)")
     __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = __divmod__ = _refused("// or % of a value (np.floor can be)")
     __array__ = _refused("an array of values")
