@@ -20,10 +20,14 @@ RECORDED = 5.0
 """Length of the run that goes with the code, at most [s]."""
 
 
+def _folder(given: str | Path) -> Path:
+    return folder_argument(given, "--to")
+
+
 def export(
     rig: Annotated[Path, typer.Argument(help="The bench, law and limits; bowden init writes one.")],
     to: Annotated[
-        Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the code; empty, or not there.")
+        Path, typer.Option(parser=_folder, metavar="FOLDER", help="Folder for the code; empty, or not there.")
     ],
     law: Annotated[
         str | None, typer.Option(help="A law's name, or FILE.py:NAME of your own, in place of the rig's.")
@@ -50,7 +54,7 @@ def export(
     setup, description = compose.setup(rig)
     folder = Path() if law else rig.parent
     chosen = compose.law_for(law or description.control.law, description, setup.bench, folder, preset)
-    output_folder(to)
+    output_folder(to, "--to")
     with progress_bar(quiet=json) as progress:
         progress("tracing the kernels", 0.0)
         modules = _modules(chosen, emg_rate if emg else None, _limits(description, setup) if safety else None)
