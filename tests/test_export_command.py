@@ -106,6 +106,9 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     cells[6] = "0.5"
     (code / "recording.csv").write_text("\n".join([*lines[:1000], ",".join(cells), *lines[1001:]]))
     assert subprocess.run(["make", "-s", "check"], cwd=code, capture_output=True).returncode != 0
+    (code / "recording.csv").write_text(lines[0] + "\n")
+    done = subprocess.run(["./replay", "recording.csv"], cwd=code, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (2, "replay: no law ran in this recording\n")
     (code / "recording.csv").write_text("time,joint\n0,1\n")
     done = subprocess.run(["./replay", "recording.csv"], cwd=code, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (2, "replay: the recording has no column motor_seen\n")

@@ -172,6 +172,10 @@ static int table(FILE *in, int print)
             printf("\n");
         }
     }
+    if (cycles == 0) {
+        fprintf(stderr, "replay: no law ran in this recording\n");
+        return 2;
+    }
     fprintf(stderr, "%ld cycles, %ld commands differ, by %.3g rad at most\n", cycles, differ, furthest);
     return EXACT && !print && differ > 0;
 }
