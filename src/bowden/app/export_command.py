@@ -58,7 +58,7 @@ def export(
     with progress_bar(quiet=json) as progress:
         progress("tracing the kernels", 0.0)
         modules = _modules(chosen, emg_rate if emg else None, _limits(description, setup) if safety else None)
-        said = _said(rig.name, chosen, preset, float32=float32)
+        said = _said(rig.name, chosen, preset, float32=float32, turned=setup.turned)
         texts = _texts(modules, chosen, setup, said, float32=float32)
         _only_ours(to, set(texts) | {"recording.csv", "replay"})
         progress(f"checking {chosen.name}", 0.3)
@@ -104,7 +104,7 @@ def _modules(law: "Law", emg_rate: float | None, limits: "Limits | None") -> "li
     if limits is not None:
         modules.append(safety_module(limits))
     names = [module.prefix for module in modules]
-    if len(set(names)) < len(names) or names[0] in ("replay", "main"):
+    if len(set(names)) < len(names) or names[0] in ("replay", "math", "stdio", "stdlib", "string"):
         raise ParameterError(f"the law {law.name!r} has the name of another file", do="give it another name")
     return modules
 
@@ -116,13 +116,14 @@ def _limits(description: "Rig", setup: "Setup") -> "Limits":
     return rig_drive.limits(description, setup.bench)
 
 
-def _said(rig: str, law: "Law", preset: str | None, *, float32: bool) -> str:
+def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, turned: bool) -> str:
     """What the code was made from."""
     import bowden
 
     gains = f" with the preset {preset}" if preset else ""
     kind = "float" if float32 else "double"
-    return f"Written by bowden {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}."
+    other_way = " Motor angles are counted the other way round, since the cable's slope is negative." if turned else ""
+    return f"Written by bowden {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{other_way}"
 
 
 def _texts(modules: "list[Module]", law: "Law", setup: "Setup", said: str, *, float32: bool) -> dict[str, str]:

@@ -156,7 +156,7 @@ def _constants(module: Module, style: Style) -> list[tuple[str, str, str]]:
             for leaf in leaves(argument.example) if argument.constant else ():
                 name = macro(module, argument, leaf.name)
                 whole = isinstance(leaf.value, int)
-                text = str(leaf.value) if whole else style.number(leaf.value)
+                text = str(int(leaf.value)) if whole else style.number(leaf.value)
                 said = _said(argument.example, leaf.path)
                 found[name] = (name, f"({text})" if text.startswith("-") else text, comment(said))
     return list(found.values())
