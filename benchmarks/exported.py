@@ -7,6 +7,7 @@ forms. With names of laws only these are run, and nothing is written.
 import argparse
 import ctypes
 import math
+import os
 import subprocess
 import tempfile
 from collections.abc import Sequence
@@ -248,6 +249,7 @@ def section(laws: Sequence[Law], cc: str) -> str:
         f"A cycle on the processor, the median of {ROUNDS} rounds by turns over a closed loop of {TIMED * DT:g} s on "
         "the paper's bench. Exported: gcc with "
         f"{' '.join(FLAGS.split()[-2:])}. Asked for: at most {MOST * 1e9:g} ns exported.",
+        f"Load of the machine meanwhile: {os.getloadavg()[0]:.0f} processes; the smallest time is the least disturbed.",
         "Cycles that differ: interpreted, compiled and exported in `double`, command and every field of the state "
         "compared bit for bit (any NaN equals any NaN); noisy motions with infinities, NaN, denormals, huge numbers.",
         f"Cortex-M4F: QEMU's MPS2 board, instructions (not clock cycles) of {ON_CHIP} cycles of the same closed loop, "
