@@ -50,6 +50,7 @@ docs: .venv/dev
 bench: .venv/dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/exported.py
 
 soak: .venv/dev
 	$(BIN)/python benchmarks/soak.py $(PARTS) --minutes $(or $(MINUTES),10)

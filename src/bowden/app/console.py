@@ -50,24 +50,26 @@ class InterruptedPartway(Exception):
     """The user interrupted a command that had results already, and they are written; says which and where."""
 
 
-def folder_argument(given: str | Path) -> Path:
-    """The value of ``--out`` as a path.
+def folder_argument(given: str | Path, option: str = "--out") -> Path:
+    """The value of ``--out``, or of another option, as a path.
 
     Raises:
         OutputError: it is empty (which pathlib would take for the current folder), or no path at all.
     """
     if not str(given).strip() or "\0" in str(given):
-        raise OutputError(f"--out is {str(given)!r}", expected="the name of a folder", do="use --out . for this one")
+        raise OutputError(
+            f"{option} is {str(given)!r}", expected="the name of a folder", do=f"use {option} . for this one"
+        )
     return Path(given)
 
 
-def output_folder(path: Path) -> Path:
+def output_folder(path: Path, option: str = "--out") -> Path:
     """`path`, known to be a folder that can be made and written; nothing is made yet.
 
     Raises:
         OutputError: something that is no folder stands in the way, it may not be written, or its name is too long.
     """
-    do = "choose another one with --out"
+    do = f"choose another one with {option}"
     try:
         nearest = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
         for part in path.parts:  # the system looks at a name's length only in a folder that is there

@@ -18,6 +18,7 @@ from bowden.app.doctor_command import doctor
 from bowden.app.emg_calibrate_command import calibrate
 from bowden.app.emg_command import score
 from bowden.app.emg_stream_command import serve, stream
+from bowden.app.export_command import export as export_law
 from bowden.app.identify_command import identify
 from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
@@ -114,6 +115,14 @@ _COMMANDS = [
         tune,
         "Find gains for a rig, with margins, and write them into it.",
         ["bowden tune rig.toml", "bowden tune rig.toml --dry-run --json"],
+    ),
+    _Entry(
+        export_law,
+        "Write a law as C99 for a microcontroller.",
+        [
+            "bowden export rig.toml --law bowden --to firmware/law",
+            "bowden export rig.toml --to firmware/law --float32 --emg --safety",
+        ],
     ),
     _Entry(
         twin,

@@ -62,9 +62,9 @@ def step(
     cable = BoucWen(gains.slope, gains.hysteresis_gain, gains.rate, gains.shape, gains.exponent, gains.offset)
     wanted = (reference.position - cable.offset) / cable.slope
     driver = sel(gains.from_reference > 0.5, wanted, sample.motor)
-    piece = (driver - state.driver) / 8.0  # a tenth of a radian in one cycle, the chirp's fastest, is still stable
+    piece = (driver - state.driver) / 4.0  # a tenth of a radian in one cycle, the chirp's fastest, is still stable
     h = state.h
-    for _ in range(8):
+    for _ in range(4):
         h = travel_step(h, piece, cable)
     bound = saturation(cable)
     h = np.fmax(-bound, np.fmin(bound, h))

@@ -48,7 +48,8 @@ def waited(wait: float, change: float, hold: float, dt: float) -> float:
     >>> waited(0.0, 0.1, 0.2, 0.001), waited(0.25, 0.0, 0.2, 0.125), waited(0.01, 0.0, 0.2, 0.05)
     (0.2, 0.125, 0.0)
     """
-    return sel((change > 1e-3) + (change < -1e-3) > 0.0, hold, sel(wait > dt, wait - dt, 0.0))
+    left = sel(wait > 1.5 * dt, wait - dt, 0.0)  # half a cycle of slack: rounding, in float above all, adds no cycle
+    return sel((change > 1e-3) + (change < -1e-3) > 0.0, hold, left)
 
 
 @kernel

@@ -201,7 +201,10 @@ def sel(condition: Any, a: Any, b: Any) -> Any:
 
     Compound conditions are products: ``sel((x >= low) * (x <= high), x, refused)``.
     """
-    if _symbolic(condition):
+    kind = type(condition)
+    if hasattr(kind, "__sel__"):
+        return condition.__sel__(a, b)
+    if kind.__module__.partition(".")[0] == "casadi":
         import casadi
 
         return casadi.if_else(condition, a, b)
@@ -209,8 +212,16 @@ def sel(condition: Any, a: Any, b: Any) -> Any:
 
 
 def _symbolic(value: Any) -> bool:
-    """Whether a value is a CasADi expression, or what NumPy's functions make of one, while exporting."""
-    return type(value).__module__.partition(".")[0] == "casadi"
+    """Whether a value stands for a number: a CasADi expression, or one of the exporter's, which has ``__sel__``."""
+    kind = type(value)
+    return hasattr(kind, "__sel__") or kind.__module__.partition(".")[0] == "casadi"
+
+
+def _traced(name: str, arguments: tuple[Any, ...]) -> Any:
+    for argument in arguments:
+        if hasattr(type(argument), "__libm__"):
+            return argument.__libm__(name, arguments)
+    return arguments[0] ** arguments[1] if name == "power" else getattr(arguments[0], name)()
 
 
 def _libm(name: str) -> Callable[..., Any]:
@@ -218,7 +229,7 @@ def _libm(name: str) -> Callable[..., Any]:
 
     def function(*arguments: Any) -> Any:
         if any(_symbolic(argument) for argument in arguments):
-            return arguments[0] ** arguments[1] if name == "power" else getattr(arguments[0], name)()
+            return _traced(name, arguments)
         try:
             return reference(*arguments)
         except (OverflowError, ValueError) as error:  # C returns an infinity or a NaN where Python raises

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.kernel import kernel, power
+from bowden.core.kernel import kernel, power, sel
 
 
 class BoucWen(NamedTuple):
@@ -56,17 +56,25 @@ def slope_of_h(h: float, direction: float, cable: BoucWen) -> float:
 def travel_step(h: float, travel: float, cable: BoucWen) -> float:
     """One Runge–Kutta step of fourth order of h over a signed motor `travel` [rad], kept inside its bound.
 
-    Portable; for ρ·|travel| below about 0.05 its error is below 1e-10. For longer travels call it repeatedly, or
-    use `advance`.
+    In y and z as in `advance_prepared`. Portable; for ρ·|travel| below about 0.05 its error is below 1e-10. For longer
+    travels call it repeatedly, or use `advance`.
     """
-    direction, length = np.sign(travel), np.abs(travel)
-    k1 = slope_of_h(h, direction, cable)
-    k2 = slope_of_h(h + 0.5 * length * k1, direction, cable)
-    k3 = slope_of_h(h + 0.5 * length * k2, direction, cable)
-    k4 = slope_of_h(h + length * k3, direction, cable)
+    direction, z = np.copysign(1.0, travel), cable.rate * np.abs(travel)
+    y, growth, n = direction * h, 2.0 * cable.shape - 1.0, cable.exponent
+    k1 = _slope_of_y(y, growth, n)
+    k2 = _slope_of_y(y + 0.5 * z * k1, growth, n)
+    k3 = _slope_of_y(y + 0.5 * z * k2, growth, n)
+    k4 = _slope_of_y(y + z * k3, growth, n)
     bound = np.fmax(saturation(cable), np.abs(h))
-    stepped = h + length * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
-    return np.fmax(-bound, np.fmin(bound, stepped))
+    stepped = y + z * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
+    return direction * np.fmax(-bound, np.fmin(bound, stepped))
+
+
+@kernel
+def _slope_of_y(y: float, growth: float, exponent: float) -> float:
+    """dy/dz = 1 − q, with two products in place of a call of libm for the paper's n = 3."""
+    size = np.abs(y)
+    return 1.0 - sel(y > 0.0, growth, -1.0) * sel(exponent == 3.0, size * size * size, power(size, exponent))
 
 
 class PreparedCable(NamedTuple):

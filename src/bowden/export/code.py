@@ -1,0 +1,177 @@
+"""Operations as C: expressions that keep the order of the operations, and what none of C's functions does as NumPy."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bowden.export.graph import LIBM, Graph, Operation, evaluate
+
+_LEVEL = {"sel": 0, "eq": 1, "ne": 1, "lt": 2, "le": 2, "add": 3, "sub": 3, "mul": 4, "div": 4, "neg": 5}
+_ATOM = 6
+_SIGN = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "add": "+", "sub": "-", "mul": "*", "div": "/"}
+_TRUTH = ("eq", "ne", "lt", "le")
+_LONGEST = 72
+"""A result that is used once stands where it is used, as long as the expression is no longer than this."""
+
+HELPERS = {
+    "fmin": "{real} {name}({real} a, {real} b) {{ return a <= b || b != b ? a : b; }}",
+    "fmax": "{real} {name}({real} a, {real} b) {{ return a >= b || b != b ? a : b; }}",
+    "sign": "{real} {name}({real} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a; }}",
+}
+"""NumPy's own: which zero C's fmin and fmax give is the processor's choice, and C has no sign."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """How numbers and functions are written."""
+
+    prefix: str
+    """Of every name that C sees outside a function."""
+    single: bool = False
+    """float in place of double."""
+
+    @property
+    def real(self) -> str:
+        """The type of a number."""
+        return f"{self.prefix}_real"
+
+    def number(self, value: float) -> str:
+        """A constant; its decimals are the shortest that give back the same bits.
+
+        >>> Style("x").number(0.1), Style("x", single=True).number(-1e-300), Style("x").number(math.inf)
+        ('0.1', '-0.0f', 'INFINITY')
+        """
+        if math.isnan(value):
+            return "NAN"
+        with np.errstate(over="ignore", under="ignore"):
+            rounded = np.float32(value) if self.single else np.float64(value)
+        if np.isinf(rounded):
+            return "INFINITY" if value > 0.0 else "-INFINITY"
+        text = str(rounded)
+        return (text if "." in text or "e" in text else f"{text}.0") + ("f" if self.single else "")
+
+    def function(self, kind: str) -> str:
+        """The name of a function of one or two numbers."""
+        return f"{self.prefix}_{kind}" if kind in HELPERS else f"{kind}f" if self.single else kind
+
+
+@dataclass
+class Body:
+    """The inside of one function of C."""
+
+    lines: list[str]
+    texts: list[str]
+    """Of each result."""
+    constants: dict[str, str] = field(default_factory=dict)
+    """What has to stand above the function: constants that a function of libm makes of other constants."""
+    kinds: set[str] = field(default_factory=set)
+    """Kinds of the operations in it."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """An expression, and how strongly its outermost operator binds."""
+
+    text: str
+    level: int
+    truth: bool = False
+    """Whether C takes it for an int, 0 or 1, or a sum or product of such."""
+
+
+def body(
+    graph: Graph,
+    style: Style,
+    leaf: Callable[[str], str],
+    known: Mapping[str, float],
+    named: Mapping[int, str],
+    where: Callable[[Operation], str],
+) -> Body:
+    """Write the operations down in their order.
+
+    Args:
+        graph: the operations.
+        style: of numbers and functions.
+        leaf: the text of a leaf that is no literal.
+        known: values of the leaves that are constants.
+        named: operation → name of the variable that must hold its result.
+        where: the text above the first line of a function of Python; empty for none.
+    """
+    values = evaluate(graph, known)
+    made = Body([], [])
+    folded = _folded(graph, values)
+    uses = _uses(graph, folded)
+    written: list[Written] = []
+    last = ""
+    for i, one in enumerate(graph.operations):
+        expression = _expression(one, written, style, leaf)
+        value = values[i]
+        if i in folded and value is not None:
+            name = f"{style.prefix}_{one.kind}_{style.number(float(value))}"
+            name = "".join(c if c.isalnum() else "_" for c in name)
+            made.constants[name] = (
+                f"static const {style.real} {name} = {style.number(float(value))}; /* {expression.text} */"
+            )
+            expression = Written(name, _ATOM)
+        elif i in named or (one.kind != "leaf" and (uses[i] > 1 or (uses[i] and len(expression.text) > _LONGEST))):
+            place = where(one)
+            if place and place != last:
+                made.lines.append(f"    /* {place} */")
+                last = place
+            name, truth = named.get(i, f"t{i}"), expression.truth and i not in named
+            made.lines.append(f"    const {'int' if truth else style.real} {name} = {expression.text};")
+            expression = Written(name, _ATOM, truth)
+        if i not in folded and (uses[i] or i in named):
+            made.kinds.add(one.kind)
+        written.append(expression)
+    made.texts = [written[i].text for i in graph.results]
+    return made
+
+
+def _folded(graph: Graph, values: Sequence[float | None]) -> set[int]:
+    """Functions of libm of constants: worked out here, since the library on the chip may round otherwise."""
+    return {i for i, one in enumerate(graph.operations) if one.kind in LIBM and values[i] is not None}
+
+
+def _uses(graph: Graph, folded: set[int]) -> list[int]:
+    """How often each result is used; what only a folded constant needs is not."""
+    uses, seen, todo = [0] * len(graph.operations), set(graph.results), list(graph.results)
+    while todo:
+        i = todo.pop()
+        for j in () if i in folded else graph.operations[i].arguments:
+            uses[j] += 1
+            if j not in seen:
+                seen.add(j)
+                todo.append(j)
+    return uses
+
+
+def _expression(one: Operation, written: Sequence[Written], style: Style, leaf: Callable[[str], str]) -> Written:
+    arguments = [written[i] for i in one.arguments]
+    if one.kind == "leaf":
+        literal = one.leaf.removeprefix("literal ")
+        text = style.number(float.fromhex(literal)) if literal != one.leaf else leaf(one.leaf)
+        return Written(text, _LEVEL["neg"] if text.startswith("-") else _ATOM)
+    level = _LEVEL.get(one.kind, _ATOM)
+    if one.kind == "sel":
+        condition, a, b = arguments
+        asked = condition.text if condition.truth and condition.level in (1, 2, _ATOM) else f"{_in(condition, 2)} != 0"
+        return Written(f"{asked} ? {_in(a, 1)} : {_in(b, 1)}", level, a.truth and b.truth)
+    if one.kind == "neg":
+        return Written(f"-{_in(arguments[0], _ATOM)}", level)
+    if one.kind in _SIGN:
+        truth = one.kind in _TRUTH or all(argument.truth for argument in arguments)
+        if one.kind == "div" and truth:  # C would divide whole numbers
+            arguments, truth = (
+                [Written(f"({style.real}){_in(arguments[0], _ATOM)}", _LEVEL["neg"]), arguments[1]],
+                False,
+            )
+        # to the left an operator of the same strength needs no brackets, since C takes both from left to right
+        left, right = (3, 3) if one.kind in _TRUTH else (level, level + 1)
+        return Written(f"{_in(arguments[0], left)} {_SIGN[one.kind]} {_in(arguments[1], right)}", level, truth)
+    return Written(f"{style.function(one.kind)}({', '.join(argument.text for argument in arguments)})", _ATOM)
+
+
+def _in(inner: Written, least: int) -> str:
+    return inner.text if inner.level >= least else f"({inner.text})"

@@ -1,0 +1,148 @@
+"""How a kernel's NamedTuples look in C: names, structs, and what each field means."""
+
+import ast
+import inspect
+import re
+import textwrap
+import unicodedata
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+and bool catch class delete explicit export false friend mutable namespace new not operator or private protected public
+template this throw true try typename using virtual xor
+"""
+_RESERVED = frozenset(_WORDS.split())
+"""Of C, and of C++, whose compilers may have to read the header."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """One number in a structure."""
+
+    path: tuple[str | int, ...]
+    """Names of fields and places in tuples, from the outside."""
+    value: Any
+
+    @property
+    def name(self) -> str:
+        """Its path as one identifier of C."""
+        return identifier("_".join(map(str, self.path)))
+
+    def access(self, of: str) -> str:
+        """How C reaches it, from a pointer, or from a variable where the structure is a number."""
+        if not self.path:
+            return of
+        steps = "".join(f"[{step}]" if isinstance(step, int) else f".{identifier(step)}" for step in self.path)
+        return f"{of}->{steps.removeprefix('.')}"
+
+
+def identifier(name: str) -> str:
+    """A name as C takes it: letters beyond ASCII by their names, and none of C's own words.
+
+    >>> identifier("κ_gain"), identifier("default")
+    ('kappa_gain', 'default_')
+    """
+    plain = "".join(c if c.isascii() else unicodedata.name(c, "x").split()[-1].lower() for c in name)
+    plain = re.sub(r"\W", "_", plain)
+    if not plain or plain[0].isdigit():
+        plain = f"n{plain}"
+    return f"{plain}_" if plain in _RESERVED else plain
+
+
+def is_tuple_with_names(value: Any) -> bool:
+    """Whether a value is a NamedTuple."""
+    return isinstance(value, tuple) and hasattr(value, "_fields")
+
+
+def leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[Leaf]:
+    """Every number of a structure, in its order."""
+    if isinstance(value, tuple):
+        names = value._fields if is_tuple_with_names(value) else range(len(value))  # type: ignore[attr-defined]
+        for name, inner in zip(names, value, strict=True):
+            yield from leaves(inner, (*path, name))
+    else:
+        yield Leaf(path, value)
+
+
+def rebuilt(value: Any, replace: Callable[[Leaf], Any], path: tuple[str | int, ...] = ()) -> Any:
+    """The same structure with other leaves."""
+    if is_tuple_with_names(value):
+        return type(value)(*(rebuilt(inner, replace, (*path, name)) for name, inner in value._asdict().items()))
+    if isinstance(value, tuple):
+        return tuple(rebuilt(inner, replace, (*path, i)) for i, inner in enumerate(value))
+    return replace(Leaf(path, value))
+
+
+@cache
+def meanings(kind: Any) -> Mapping[str, str]:
+    """What the fields of a NamedTuple mean: the text below each, or the comment behind it."""
+    try:
+        source = textwrap.dedent(inspect.getsource(kind))
+        body = ast.parse(source).body[0]
+    except (OSError, SyntaxError, TypeError):
+        return {}
+    if not isinstance(body, ast.ClassDef):
+        return {}
+    lines, found = source.splitlines(), {}
+    for node, after in zip(body.body, [*body.body[1:], None], strict=True):
+        if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
+            continue
+        text = lines[node.lineno - 1][node.end_col_offset or 0 :].partition("#")[2]
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+            text = after.value.value
+        found[node.target.id] = " ".join(text.split())
+    return found
+
+
+def snake(name: str) -> str:
+    """A class's name in the style of C.
+
+    >>> snake("DriveReading")
+    'drive_reading'
+    """
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+class Structs:
+    """The structs of one module of C, each written once, inner ones first."""
+
+    def __init__(self, prefix: str) -> None:
+        self.prefix = prefix
+        self.written: dict[str, str] = {}
+
+    def name(self, value: Any, called: str = "", units: Mapping[str, str] | None = None) -> str:
+        """The type of a structure in C; its struct is written if it is new.
+
+        Args:
+            value: a NamedTuple, or a number.
+            called: its name, in place of its class's.
+            units: field → unit, where the class does not say.
+        """
+        if not is_tuple_with_names(value):
+            return f"{self.prefix}_real"
+        name = f"{self.prefix}_{called or snake(identifier(type(value).__name__))}"
+        if name not in self.written:
+            kind: Any = type(value)
+            told = meanings(kind)
+            rows = [self._field(field, inner, told, units or {}) for field, inner in value._asdict().items()]
+            self.written[name] = "typedef struct {\n" + "\n".join(rows) + f"\n}} {name};\n"
+        return name
+
+    def _field(self, field: str, value: Any, told: Mapping[str, str], units: Mapping[str, str]) -> str:
+        array = isinstance(value, tuple) and not is_tuple_with_names(value)
+        kind = self.name(value[0] if array else value)
+        size = f"[{len(value)}]" if array else ""
+        unit = f"[{'–' if units[field] == '1' else units[field]}]" if field in units else ""
+        text = told.get(field, "")
+        return f"    {kind} {identifier(field)}{size};{comment(text if '[' in text else f'{text} {unit}')}"
+
+
+def comment(text: str) -> str:
+    """A text behind a line of C; nothing where there is none."""
+    text = text.strip().replace("*/", "* /").replace("/*", "/ *")
+    return f" /* {text} */" if text else ""

@@ -1,0 +1,141 @@
+"""The page and the Makefile that go with exported code."""
+
+from collections.abc import Sequence
+
+from bowden.export.module import Module
+
+FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
+"""Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""
+
+
+def makefile(prefix: str) -> str:
+    """Builds the test bench and runs it."""
+    return (
+        "# make check: does the code give the recorded commands?\n\n"
+        f"CFLAGS = {FLAGS}\n\n"
+        f"check: replay\n\t./replay recording.csv\n\n"
+        f"replay: replay.c {prefix}.c {prefix}.h\n\t$(CC) $(CFLAGS) -o $@ replay.c {prefix}.c -lm\n\n"
+        ".PHONY: check\n"
+    )
+
+
+def readme(law: Module, parts: Sequence[Module], said: str, sample_time: float, *, single: bool) -> str:
+    """How to build and call the code.
+
+    Args:
+        law: the law's module.
+        parts: the EMG detector and the safety gate, if they were asked for.
+        said: what the code was made from.
+        sample_time: of the rig [s].
+        single: the law is in float.
+    """
+    name = law.prefix
+    names = {part.prefix for part in parts}
+    emg, gate = "onset" in names, "safety" in names
+    rows = [f"| `{part.prefix}.h`, `{part.prefix}.c` | {part.title} |" for part in (law, *parts)]
+    precision = (
+        "The law is in `float`: a Cortex-M4F has no `double` in hardware. Its commands are not those of Python to the "
+        "bit; `make check` says how far they are from them."
+        if single
+        else "In `double` the code gives the very numbers of Python, bit for bit, where the library's `exp`, `tanh`, "
+        "`pow`, … are the same."
+    )
+    if gate and single:
+        precision += " The safety gate stays in `double`: its set of faults is a number of 37 bits."
+    page = f"""# {law.title}
+
+{said}
+
+| file | what it is |
+|---|---|
+{chr(10).join(rows)}
+| `replay.c`, `recording.csv`, `Makefile` | the test bench: `make check` replays a recorded run and compares |
+
+Nothing but `<math.h>` is needed, and no heap. Compile with
+
+    cc {FLAGS} -c {name}.c
+
+and without `-ffast-math`. {precision}
+
+Do not edit the constants in the headers: some in the `.c` files were worked out from them. Change the rig and export
+again. Angles are in radians, times in seconds.
+
+## The loop
+
+At {sample_time * 1e3:g} ms, from a timer's interrupt; `read_…` and `write_…` are yours.
+
+```c
+#include "{name}.h"
+{_includes(emg, gate)}
+static {name}_state law;
+static int running = 0;
+{_states(emg, gate)}
+{_LOOP_WITH_GATE if gate else _LOOP}```
+{_emg(emg)}{_gate(gate)}
+The law is told the reference with its velocity and acceleration. A sample that is not a number does no harm to most
+laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the FPU
+(`CPACR` is set before the first cycle).
+"""
+    return page.replace("@NAME@", name).replace("@DT@", f"{sample_time!r}{'f' if single else ''}")
+
+
+_LOOP = """void timer_interrupt(void)
+{
+    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
+    const @NAME@_reference reference = next_reference();
+
+    if (!running) {
+        @NAME@_start(&law, &sample);
+        running = 1;
+    }
+    write_motor_target(@NAME@_step(&law, &sample, &reference, @DT@));
+}
+"""
+
+_LOOP_WITH_GATE = """void timer_interrupt(void)
+{
+    const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
+    const @NAME@_reference reference = next_reference();
+    const safety_observed observed = observe(); /* reading, ages, lateness, the operator's request */
+    const int moves = gate.mode == 2 || gate.mode == 3; /* running, bridging */
+    safety_verdict verdict;
+    double wish = gate.target; /* until the law may move the motor, it stays where the gate has it */
+
+    if (moves) {
+        if (!running) {
+            @NAME@_start(&law, &sample);
+        }
+        wish = @NAME@_step(&law, &sample, &reference, @DT@);
+    }
+    running = moves;
+    safety_supervise(&gate, &observed, wish, @DT@, &verdict);
+    write_drive(verdict.target, verdict.power);
+}
+"""
+
+
+def _includes(emg: bool, gate: bool) -> str:
+    return ('#include "onset.h"\n' if emg else "") + ('#include "safety.h"\n' if gate else "")
+
+
+def _states(emg: bool, gate: bool) -> str:
+    return ("static onset_state muscle;\n" if emg else "") + ("static safety_state gate;\n" if gate else "")
+
+
+def _emg(wanted: bool) -> str:
+    if not wanted:
+        return ""
+    return """
+The detector runs at the rate of the EMG, not of the loop: `onset_start(&muscle, first)` once, then for each sample
+`active = onset_step(&muscle, value, &trouble)`. `envelope_step` gives the envelope.
+"""
+
+
+def _gate(wanted: bool) -> str:
+    if not wanted:
+        return ""
+    return """
+The gate needs `safety_begin(&gate, &reading, &warmth)` once, with the warmth of the last run or that of
+`safety_cold(&warmth)`. It starts stopped; what it observes, its modes and its faults are those of docs/safety.md. It
+replaces no emergency stop, and has not been certified by anyone.
+"""

@@ -1,0 +1,33 @@
+"""The test bench of an exported law: a C program that replays a recorded run and compares its commands."""
+
+from bowden.control.law import Law
+from bowden.core.signals import Sample
+from bowden.export.law import prefix
+from bowden.export.layout import leaves
+from bowden.export.module import template
+
+COLUMNS = ("joint_seen", "motor_seen", "reference", "reference_velocity", "reference_acceleration", "wish", "source")
+"""Columns of a recording, named as in the log of a live run: ``bowden log export run.mcap --to csv`` gives one."""
+
+
+def replay_source(law: Law, sample_time: float, *, single: bool = False) -> str:
+    """The program for a law.
+
+    Args:
+        law: with its gains.
+        sample_time: length of a cycle of the recorded run [s].
+        single: the law's code is in float, and its commands are not expected to be the recorded ones to the bit.
+    """
+    name = prefix(law)
+    state = [leaf.access("state") for leaf in leaves(law.start(Sample(0.0, 0.0)))]
+    values = ",\n        ".join(["(double)command", *(f"(double){text}" for text in state)])
+    names = ",".join(leaf.name for leaf in leaves(law.start(Sample(0.0, 0.0))))
+    names = f"command,{names}"
+    return (
+        template("replay.c")
+        .replace("@NAME@", name)
+        .replace("@DT@", repr(float(sample_time)))
+        .replace("@EXACT@", "0" if single else "1")
+        .replace("@VALUES@", values)
+        .replace("@HEADER@", names)
+    )

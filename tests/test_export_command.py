@@ -1,0 +1,165 @@
+"""``bowden export``: what it writes compiles, runs and says the recorded commands; what is wrong is one line."""
+
+import contextlib
+import io
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from bowden.app import main
+from bowden.export.readme import FLAGS
+
+pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
+COMPILER, MAKE = shutil.which("cc"), shutil.which("make")
+SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "export.schema.json"
+RIG = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 2.0\n[scenario]\nduration_s = 3.0\n"
+STUBS = """
+double read_joint_angle(void);
+double read_motor_angle(void);
+@NAME@_reference next_reference(void);
+void write_motor_target(double target);
+"""
+GATE_STUBS = "safety_observed observe(void);\nvoid write_drive(double target, double power);\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("rig.toml").write_text(RIG)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Law, detector and gate in float, and what the command said of them."""
+    place = tmp_path_factory.mktemp("export")
+    (place / "rig.toml").write_text(RIG)
+    arguments = ["export", str(place / "rig.toml"), "--to", str(place / "code"), "--emg", "--safety", "--float32"]
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        assert main.run([*arguments, "--json"]) == 0
+    return place / "code", json.loads(said.getvalue())
+
+
+def test_the_document_names_what_was_written(exported: tuple[Path, dict[str, Any]]) -> None:
+    place, document = exported
+    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    assert document["modules"] == ["adaptive", "envelope", "onset", "safety"]
+    assert document["precision"] == "float"
+    assert sorted(document["files"]) == sorted(str(path) for path in place.iterdir())
+    assert "typedef float adaptive_real;" in (place / "adaptive.h").read_text()
+    assert "typedef double safety_real;" in (place / "safety.h").read_text()
+    assert "0.001f" in (place / "README.md").read_text()
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.parametrize("compiler", ["cc", "c++"])
+def test_all_of_it_compiles_without_a_warning(compiler: str, exported: tuple[Path, dict[str, Any]]) -> None:
+    place, document = exported
+    if shutil.which(compiler) is None:
+        pytest.skip(f"no {compiler}")
+    for name in document["modules"]:
+        if compiler == "c++":  # whose programs include the header
+            command = ["c++", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c++", f"{name}.h"]
+        else:
+            command = ["cc", *FLAGS.split(), "-Wfloat-conversion", "-Wshadow", "-c", f"{name}.c", "-o", f"../{name}.o"]
+            assert set(re.findall(r"#include (.*)", (place / f"{name}.c").read_text())) <= {"<math.h>", f'"{name}.h"'}
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True)
+        assert not done.stderr
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+def test_the_loop_in_the_readme_compiles(exported: tuple[Path, dict[str, Any]], folder: Path) -> None:
+    place, _ = exported
+    (loop,) = re.findall(r"```c\n(.*?)```", (place / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    head, _, rest = loop.partition("\n\n")
+    stubs = STUBS.replace("@NAME@", "adaptive") + GATE_STUBS + "void timer_interrupt(void);\n"
+    (folder / "loop.c").write_text(
+        f"{head}\n{stubs}\n{rest}\nonset_state *used(void);\nonset_state *used(void) {{ return &muscle; }}\n"
+    )
+    command = ["cc", *FLAGS.split(), f"-I{place}", "-c", "loop.c"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert not done.stderr
+
+
+@pytest.mark.skipif(COMPILER is None or MAKE is None, reason="no C compiler or no make")
+def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    assert main.run(["export", "rig.toml", "--law", "uncompensated", "--to", "deep/code"]) == 0
+    assert "uncompensated in double" in capsys.readouterr().out
+    code = folder / "deep" / "code"
+    done = subprocess.run(["make", "-s", "check"], cwd=code, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == "3000 cycles, 0 commands differ, by 0 rad at most\n"
+    table = subprocess.run(["./replay", "recording.csv", "--print"], cwd=code, capture_output=True, text=True)
+    assert table.stdout.splitlines()[0] == "time,command,command"
+    assert len(table.stdout.splitlines()) == 3001
+    before = {path.name: path.read_bytes() for path in code.iterdir()}
+    assert main.run(["export", "rig.toml", "--law", "uncompensated", "--to", "deep/code"]) == 0
+    assert before == {path.name: path.read_bytes() for path in code.iterdir()}
+    lines = (code / "recording.csv").read_text().splitlines()
+    cells = lines[1000].split(",")
+    cells[6] = "0.5"
+    (code / "recording.csv").write_text("\n".join([*lines[:1000], ",".join(cells), *lines[1001:]]))
+    assert subprocess.run(["make", "-s", "check"], cwd=code, capture_output=True).returncode != 0
+    (code / "recording.csv").write_text(lines[0] + "\n")
+    done = subprocess.run(["./replay", "recording.csv"], cwd=code, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (2, "replay: no law ran in this recording\n")
+    (code / "recording.csv").write_text("time,joint\n0,1\n")
+    done = subprocess.run(["./replay", "recording.csv"], cwd=code, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (2, "replay: the recording has no column motor_seen\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--law", "adaptiv"], "there is no law 'adaptiv'"),
+        (["--law", "mine.py"], "mine.py, line 19: math.*"),
+        (["--preset", "paper"], "adaptive does not hold on rig.toml"),
+        (["--preset", "printed"], "has no preset 'printed'"),
+        (["--emg", "--emg-rate", "100"], "the EMG's rate is 100 Hz"),
+        (["--to", "rig.toml"], "rig.toml is not a folder"),
+        (["--to", "full"], "full holds other files: a.txt and 1 more"),
+        (["--to", ""], "--to is ''"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_nothing_is_written(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    (folder / "full").mkdir()
+    for name in ("a.txt", "b.txt"):
+        (folder / "full" / name).write_text("precious")
+    (folder / "mine.py").write_text(MINE)
+    assert main.run(["export", "rig.toml", "--to", "code", *arguments]) == 2
+    printed = capsys.readouterr()
+    assert said in printed.err
+    assert printed.err.count("\n") == 1
+    assert not printed.out
+    assert not (folder / "code").exists()
+    assert sorted(path.name for path in (folder / "full").iterdir()) == ["a.txt", "b.txt"]
+
+
+MINE = """
+import math
+from typing import NamedTuple
+from bowden.core.kernel import kernel
+
+class Gains(NamedTuple):
+    gain: float = 2.0
+
+class State(NamedTuple):
+    total: float
+
+@kernel
+def start(gains, sample):
+    return State(0.0)
+
+@kernel
+def step(gains, state, sample, reference, dt):
+    # libm's own, which numbers pass and symbols do not
+    return State(math.tanh(state.total)), reference.position
+"""

@@ -1,0 +1,64 @@
+"""Exported code on a Cortex-M4F, in an emulator: the numbers of Python, and what they cost."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.law import Law
+from bowden.core.signals import Reference, Sample
+from bowden.export import cortex
+from bowden.export.code import Style
+from bowden.export.law import law_module
+from bowden.export.module import files
+
+pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
+pytestmark = pytest.mark.skipif(bool(cortex.tools()), reason=f"not installed: {', '.join(cortex.tools())}")
+DT, CYCLES = 1e-3, 600
+
+
+def rows() -> list[list[float]]:
+    phase = 6e-3 * np.arange(CYCLES)
+    noise = np.random.default_rng(2).normal(0.0, 1e-4, (CYCLES, 2))
+    measured = np.column_stack([np.sin(phase - 0.1), 1.07 * np.sin(phase)]) + noise
+    return np.column_stack([measured, np.sin(phase), 6.0 * np.cos(phase), -36.0 * np.sin(phase)]).tolist()
+
+
+def commands(law: Law) -> list[float]:
+    found = []
+    state = law.start(Sample(*rows()[0][:2]))
+    for row in rows():
+        state, command = law.step(state, Sample(*row[:2]), Reference(*row[2:]), DT)
+        found.append(float(command))
+    return found
+
+
+def measured(law: Law, *, single: bool) -> cortex.Cost:
+    module = law_module(law)
+    return cortex.measure(module.prefix, files(module, Style(module.prefix, single), "for a test"), rows(), DT)
+
+
+def test_a_law_in_double_gives_the_bits_of_python() -> None:
+    cost = measured(LAWS["bowden"], single=False)
+    assert cost.commands == commands(LAWS["bowden"])
+    assert cost.state_bytes == 8 * len(LAWS["bowden"].start(Sample(0.0, 0.0)))
+
+
+def test_a_law_that_calls_the_library_is_as_near_as_its_last_bits() -> None:
+    law = LAWS["adaptive"]  # whose tanh is newlib's there
+    assert measured(law, single=False).commands == pytest.approx(commands(law), rel=1e-12, abs=1e-13)
+
+
+@pytest.mark.parametrize("name", ["adaptive", "bowden"])
+def test_a_law_in_float_is_cheap(name: str) -> None:
+    cost = measured(LAWS[name], single=True)
+    assert cost.commands == pytest.approx(commands(LAWS[name]), abs=1e-3)
+    assert 20 < cost.instructions_mean <= cost.instructions_max < 4000  # 24 µs at 168 MHz, were each one clock cycle
+    assert 16 <= cost.stack_bytes < 1024
+    assert 100 < cost.code_bytes < 16384
+
+
+def test_code_that_does_not_compile_is_told() -> None:
+    with pytest.raises(subprocess.SubprocessError, match="arm-none-eabi-gcc"):
+        cortex.measure("wrong", {"wrong.h": "", "wrong.c": "int f(void) { return }"}, rows(), DT)

@@ -1,0 +1,100 @@
+"""Laws exported in float close the loop on the bench as well as in double."""
+
+import ctypes
+import shutil
+import subprocess
+from typing import Any, NamedTuple
+
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.law import Law
+from bowden.core.kernel import kernel
+from bowden.core.signals import Reference, Sample
+from bowden.export.code import Style
+from bowden.export.law import law_module
+from bowden.export.module import files
+from bowden.export.readme import FLAGS
+from bowden.paper import bench as paper
+from bowden.sim.closed_loop import simulate
+
+pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
+COMPILER = shutil.which("cc")
+DURATION = 30.0
+
+GLUE = """
+static {name}_state {name}_kept;
+static double {name}_glue(double anew, double joint, double motor, double p, double v, double a, double dt)
+{{
+    const {name}_sample sample = {{({name}_real)joint, ({name}_real)motor}};
+    const {name}_reference reference = {{({name}_real)p, ({name}_real)v, ({name}_real)a}};
+    if (anew != 0.0) {{
+        {name}_start(&{name}_kept, &sample);
+        return 0.0;
+    }}
+    return (double){name}_step(&{name}_kept, &sample, &reference, ({name}_real)dt);
+}}
+"""
+
+
+class Which(NamedTuple):
+    number: float
+
+
+class Nothing(NamedTuple):
+    state: float
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Law:
+    """One law that is every law in float, told apart by a number, so that its loop is compiled once."""
+    if COMPILER is None:
+        pytest.skip("no C compiler")
+    folder = tmp_path_factory.mktemp("float")
+    glue = [f'#include "{name}.h"' for name in LAWS] + [GLUE.format(name=name) for name in LAWS]
+    cases = "\n".join(f"    case {i}: return {name}_glue(n, j, m, p, v, a, dt);" for i, name in enumerate(LAWS))
+    signature = "double step(double law, double n, double j, double m, double p, double v, double a, double dt)"
+    glue.append(
+        f"{signature};\n{signature}\n{{\n    switch ((int)law) {{\n{cases}\n    default: return 0.0;\n    }}\n}}\n"
+    )
+    (folder / "glue.c").write_text("\n".join(glue))
+    for law in LAWS.values():
+        module = law_module(law)
+        for name, text in files(module, Style(module.prefix, single=True), "for a test").items():
+            (folder / name).write_text(text, encoding="utf-8")
+    sources = ["glue.c", *(f"{name}.c" for name in LAWS)]
+    command = [COMPILER, *FLAGS.split(), "-fPIC", "-shared", *sources, "-o", "laws.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    step_in_c = ctypes.CDLL(str(folder / "laws.so")).step
+    step_in_c.argtypes, step_in_c.restype = [ctypes.c_double] * 8, ctypes.c_double
+
+    @kernel
+    def start(gains: Which, sample: Sample) -> Nothing:
+        return Nothing(step_in_c(gains.number, 1.0, sample.joint, sample.motor, 0.0, 0.0, 0.0, 0.0))
+
+    @kernel
+    def step(gains: Which, state: Nothing, sample: Sample, reference: Reference, dt: float) -> tuple[Any, float]:
+        command = step_in_c(
+            gains.number,
+            0.0,
+            sample.joint,
+            sample.motor,
+            reference.position,
+            reference.velocity,
+            reference.acceleration,
+            dt,
+        )
+        return state, command
+
+    return Law("exported", Which(0.0), start, step, "")
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_rmse_in_float_is_that_in_double(name: str, exported: Law) -> None:
+    bench, motion = paper.bench(), paper.minimum_jerk()
+    double = simulate(bench, LAWS[name], motion, duration=DURATION).metrics().rmse_deg
+    law = exported.with_gains(number=float(list(LAWS).index(name)))
+    single = simulate(bench, law, motion, duration=DURATION).metrics().rmse_deg
+    assert double is not None
+    assert single == pytest.approx(double, rel=0.01)
+    assert single != double or name == "uncompensated"  # else it would not be float

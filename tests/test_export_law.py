@@ -1,0 +1,115 @@
+"""Exported laws give the bits of the interpreted and of the compiled law, also on extreme numbers; float is near."""
+
+import math
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bowden.control import LAWS
+from bowden.control.law import Law, law_start, law_step
+from bowden.core.kernel import kernel, specialise
+from bowden.core.signals import Reference, Sample
+from bowden.export.code import Style
+from bowden.export.law import law_module
+from bowden.export.module import files
+from bowden.export.readme import FLAGS
+from bowden.export.replay import replay_source
+
+pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
+COMPILER = shutil.which("cc")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+CYCLES = 100_000
+INTERPRETED = 2_000
+EXTREMES = [0.0, -0.0, 5e-324, -2e-310, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
+DT = 1e-3
+Array = NDArray[np.float64]
+
+VARIANTS = [
+    *(pytest.param(law, id=name) for name, law in LAWS.items()),
+    *(pytest.param(law.preset(key), id=f"{name}-{key}") for name, law in LAWS.items() for key in law.presets),
+    pytest.param(LAWS["observer"].with_gains(from_reference=1.0, exponent=1.7), id="observer-from-reference"),
+]
+
+
+def inputs(count: int) -> Array:
+    """Rows as `replay --binary` reads them: noisy motions that begin anew each second, then wild inputs as well."""
+    random = np.random.default_rng(1)
+    phase = 3e-3 * np.arange(count)
+    columns = [0.0 * phase, np.sin(phase - 0.1), 1.07 * np.sin(phase), np.sin(phase), 3 * np.cos(phase)]
+    rows = np.column_stack([*columns, -9.0 * np.sin(phase), np.full(count, DT)])
+    rows[:, 1:6] += random.normal(0.0, 1e-3, (count, 5))
+    within = np.arange(count) % 1000
+    rows[within == 0, 0] = 1.0
+    wild = np.flatnonzero((within > 600) & (random.random(count) < 0.05))
+    rows[wild, random.integers(1, 6, len(wild))] = random.choice(EXTREMES, len(wild))
+    return rows
+
+
+def bits(values: Any) -> NDArray[np.int64]:
+    """Bit patterns, every NaN with the same one."""
+    array = np.array(values, dtype=np.float64)
+    array[np.isnan(array)] = np.nan
+    return array.view(np.int64)
+
+
+def replayed(law: Law, rows: Array, folder: Path) -> Array:
+    """Command and state of every cycle, from the test bench that goes with the code."""
+    module = law_module(law)
+    texts = files(module, Style(module.prefix), "for a test") | {"replay.c": replay_source(law, DT)}
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    build(folder, [f"{module.prefix}.c", "replay.c"], "replay")
+    rows.tofile(folder / "in")
+    subprocess.run([folder / "replay", "--binary", "in", "out"], cwd=folder, check=True, timeout=60)
+    return np.fromfile(folder / "out").reshape(len(rows), -1)
+
+
+def build(folder: Path, sources: list[str], name: str, *more: str) -> None:
+    done = subprocess.run(
+        [str(COMPILER), *FLAGS.split(), *more, *sources, "-o", name, "-lm"], cwd=folder, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+
+
+@kernel
+def run_rows(gains: Any, rows: Array, out: Array) -> None:
+    state = law_start(gains, Sample(0.0, 0.0))
+    for k in range(len(rows)):
+        sample = Sample(rows[k, 1], rows[k, 2])
+        if rows[k, 0] != 0.0:
+            state = law_start(gains, sample)
+        reference = Reference(rows[k, 3], rows[k, 4], rows[k, 5])
+        state, out[k, 0] = law_step(gains, state, sample, reference, rows[k, 6])
+        for j in range(len(state)):
+            out[k, j + 1] = state[j]
+
+
+def interpreted(law: Law, rows: Array) -> Array:
+    out, state = [], law.start(Sample(0.0, 0.0))
+    with np.errstate(all="ignore"):
+        for anew, *values, dt in rows.tolist():
+            sample, reference = Sample(*values[:2]), Reference(*values[2:])
+            if anew:
+                state = law.start(sample)
+            state, command = law.step(state, sample, reference, dt)
+            state = type(state)(*map(float, state))
+            out.append([float(command), *state])
+    return np.array(out)
+
+
+@needs_compiler
+@pytest.mark.parametrize("law", VARIANTS)
+def test_exported_law_gives_the_bits_of_python(law: Law, tmp_path: Path) -> None:
+    rows = inputs(CYCLES)
+    found = replayed(law, rows, tmp_path)
+    compiled = np.empty_like(found)
+    specialise(run_rows, law.name, law_start=law.start_kernel, law_step=law.step_kernel)(law.gains, rows, compiled)
+    assert np.isfinite(found).all(axis=1).mean() > 0.6
+    assert (bits(found) == bits(compiled)).all()
+    assert (bits(found[:INTERPRETED]) == bits(interpreted(law, rows[:INTERPRETED]))).all()
