@@ -139,7 +139,7 @@ def run(runs: Runs) -> Finding:
         figures=[
             (
                 _figure(emg, seen.detected.active, seen.found, {"adaptive": adaptive, "ours": ours}),
-                "A: EMG and what the detector makes of it. B: desired and true angle of the elbow. C: error.",
+                "EMG and, shaded, what the detector makes of it; desired and true angle of the elbow; error.",
             )
         ],
         text=f"EMG: {emg.name}. The detector finds {len(seen.found)} contractions of {len(emg.labels)}, "
