@@ -169,4 +169,4 @@ def test_json_is_complete(outcome: Reproduction) -> None:
 
 def test_claims_file_is_plain_toml() -> None:
     text = (resources.files("bowden.paper") / "claims.toml").read_text(encoding="utf-8")
-    assert set(tomllib.loads(text)) == {"chosen", "calibration", "claims"}
+    assert set(tomllib.loads(text)) == {"chosen", "calibration", "suit", "claims"}

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bowden.app import rig_schema as schema
+from bowden.app.compose_suit import for_suit, suit_of
 from bowden.app.config import near, read_rig
 from bowden.app.laws import KNOWN
 from bowden.control import Law, user_law
@@ -22,6 +23,7 @@ from bowden.models.servo import Servo
 from bowden.models.sheath import Sheath, slope_factor
 from bowden.sim.plant import Bench
 from bowden.sim.scenario import BendPath, constant_bend, random_bend, scripted_bend
+from bowden.sim.suit_parts import Suit
 
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
@@ -43,6 +45,8 @@ class Setup:
     """What the user should know about how the file was understood."""
     turned: bool
     """Whether motor angles are counted the other way round, because the cable's slope is negative."""
+    suit: Suit | None
+    """In place of the bench, where one is worn."""
 
 
 def setup(path: Path, duration: float | None = None, seed: int | None = None) -> tuple[Setup, schema.Rig]:
@@ -106,6 +110,10 @@ def setup_of(
             reference = _reference(rig.reference, path.parent)
     bend = bend or _bend(scenario.bend, bench.sheath, duration, seed)
     initial = scenario.initial_motor_deg
+    with _asked_for_by(f"{path}: [suit] or [wearer]"):
+        suit = suit_of(rig, bench)
+    if suit is not None and initial is None:  # the motor is counted in the joint's coordinate
+        initial = (_begin(reference) if begin is None else begin) / RADIANS
     return Setup(
         bench=bench,
         reference=reference,
@@ -117,6 +125,7 @@ def setup_of(
         else (-1 if turned else 1) * initial * RADIANS,
         notes=tuple(notes),
         turned=turned,
+        suit=suit,
     )
 
 
@@ -168,6 +177,8 @@ def fitted(law: Law, rig: schema.Rig, bench: Bench, preset: str | None = None, *
     elif isinstance(law.gains, UncompensatedGains):
         law = law.with_gains(motor_zero=0.0 - bench.cable.offset / bench.cable.slope)
     chosen = preset or (rig.control.preset if rigs_own else None)
+    if rig.suit.worn:
+        law = for_suit(law, preset=chosen, gains=rigs_own and bool(rig.control.gains))
     if chosen is not None:
         law = law.preset(chosen)
     if not rigs_own:

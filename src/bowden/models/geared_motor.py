@@ -1,0 +1,118 @@
+"""The suit's motor: a PD position loop that sets a current, within what drive and supply can give, behind two gears.
+
+    τ* = J·ω²·(e + y) − 2·ζ·ω·J·d(spool)/dt,    e = target − spool,    I = τ*/(N·kτ), bounded by
+    |I| ≤ I_max   and   |R·I + kτ·N·d(spool)/dt| ≤ V               the supply against the back-EMF
+    J·d²spool/dt² = N·kτ·I − load − friction,    |friction| ≤ F + (1 − η)·max(|N·kτ·I|, |load|)
+
+The paper's loop is PD (Section 3.1): y = 0, and friction and load leave the spool behind its target. Drives that one
+buys add an integral, dy/dt = k_i·e, here held inside ± `BAND` of the target, lest it hunt about the friction, and while
+the current is at a limit. The current loop is taken as immediate. Friction is Coulomb's, solved implicitly: what it
+cannot stop it slows, and it never turns the spool back. The gears' loss is a friction in proportion to the torque that
+they carry.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel
+from bowden.models.servo import Servo
+
+
+class GearedMotor(NamedTuple):
+    """Motor, gears and spool; kτ, R and both gears are the paper's (Sections 2.2 and 5.4), the rest stated choices."""
+
+    torque_constant: float = 16.7e-3
+    """kτ [N·m/A]."""
+    resistance: float = 0.199
+    """R, terminal resistance [Ω]."""
+    gear: float = 25.0
+    """N, motor turns per spool turn: 5:1 and 5:1 [–]."""
+    inertia: float = 1.6e-3
+    """J, of rotor (25 g·cm²), gears and spool, at the spool [kg·m²]."""
+    efficiency: float = 0.8
+    """η, of both gears [–]."""
+    friction: float = 2.3
+    """F, of bearings, seals and the feeder's rollers, at the spool [N·m]."""
+    current_limit: float = 20.0
+    """Largest current of the drive [A]."""
+    supply: float = 24.0
+    """V [V]."""
+    integral: float = 0.0
+    """k_i of the position loop; 0 is the paper's PD loop [1/s]."""
+    servo: Servo = Servo()
+    """ω and ζ of the unloaded PD loop; its limits are not looked at, the current's and the supply's stand for them."""
+
+
+class SpoolState(NamedTuple):
+    """The spool's motion."""
+
+    position: float
+    """[rad]"""
+    velocity: float
+    """[rad/s]"""
+    current: float
+    """[A]"""
+    offset: float
+    """y, what the integral adds to the target [rad]."""
+
+
+BAND = 0.002
+"""Error of the spool that the integral leaves alone [rad]."""
+
+
+def check_geared_motor(motor: GearedMotor) -> None:
+    """Refuse a motor that cannot be.
+
+    Raises:
+        ParameterError: a number out of its range.
+    """
+    for name in ("torque_constant", "resistance", "gear", "inertia", "current_limit", "supply"):
+        value = getattr(motor, name)
+        if not (value > 0.0 and math.isfinite(value)):
+            raise ParameterError(f"suit motor: {name} is {value:g}", expected="a number above 0")
+    if not 0.0 < motor.efficiency <= 1.0:
+        raise ParameterError(f"suit motor: efficiency is {motor.efficiency:g}", expected="above 0 and at most 1")
+    for name in ("friction", "integral"):
+        value = getattr(motor, name)
+        if not 0.0 <= value < math.inf:
+            raise ParameterError(f"suit motor: {name} is {value:g}", expected="a number not below 0")
+    for name in ("natural_frequency", "damping"):
+        value = getattr(motor.servo, name)
+        if not (value > 0.0 and math.isfinite(value)):
+            raise ParameterError(f"suit motor: servo {name} is {value:g}", expected="a number above 0")
+
+
+@kernel
+def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float) -> SpoolState:
+    """The drive's current for a `target` of the spool [rad], and its integral a step of `dt` [s] later."""
+    omega, error, velocity = motor.servo.natural_frequency, target - state.position, state.velocity
+    wanted = motor.inertia * omega * (omega * (error + state.offset) - 2.0 * motor.servo.damping * velocity)
+    constant = motor.gear * motor.torque_constant
+    lowest = np.fmax(-motor.current_limit, (-motor.supply - constant * velocity) / motor.resistance)
+    highest = np.fmin(motor.current_limit, (motor.supply - constant * velocity) / motor.resistance)
+    current = np.fmax(lowest, np.fmin(highest, wanted / constant))
+    free = 1.0 if np.abs(error) > BAND and lowest < wanted / constant < highest else 0.0
+    return SpoolState(state.position, velocity, current, state.offset + free * dt * motor.integral * error)
+
+
+@kernel
+def turn_spool(motor: GearedMotor, state: SpoolState, load: float, stiffness: float, dt: float) -> SpoolState:
+    """The spool one sub-step later, under the current that it has.
+
+    Args:
+        motor: its constants.
+        state: before.
+        load: torque of the cables against a turning that flexes [N·m].
+        stiffness: how fast the load grows with the spool's angle, for a step that no stiff cable upsets [N·m/rad].
+        dt: [s].
+    """
+    torque = motor.gear * motor.torque_constant * state.current
+    effort = dt / (motor.inertia + dt * dt * stiffness)
+    free = state.velocity + effort * (torque - load - dt * stiffness * state.velocity)
+    carried = np.fmax(np.abs(torque), np.abs(load))
+    held = effort * (motor.friction + (1.0 - motor.efficiency) * carried)
+    velocity = np.sign(free) * np.fmax(0.0, np.abs(free) - held)
+    return SpoolState(state.position + dt * velocity, velocity, state.current, state.offset)
