@@ -31,7 +31,7 @@ LIMITS = Limits(
     **{"measures_temperature": 1.0, "measures_tension": 1.0, "tension_high": 128.0, "slack_time": 48 * DT},
     **{"heartbeat_age": 1 / 16, "lateness": 1 / 64, "bridge_time": 5 * DT, "bridge_leak": 1 / 64},
     **{"release_time": 256 * DT, "pay_out": 8.0, "released_current": 0.25, "released_time": 16 * DT},
-    **{"uses_emg": 1.0, "emg_age": 0.25},
+    **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
 )
 THERMAL = LIMITS.thermal
 READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
@@ -214,7 +214,7 @@ EDGES: list[Edge] = [
         *(AWAY + (64.0 + 48.0 * SPEED) / 1024.0 + sign * TINY for sign in (-1.0, 1.0)),
         {**MOVING, "limits.acceleration": 64.0},
     ),
-    (Fault.OPERATOR_LOST, "observed.operator_age", 1.0, 1.0 + TINY, {}),
+    (Fault.OPERATOR_LOST, "observed.operator_age", 1.25, 1.25 + TINY, {}),
     (Fault.OPERATOR_LOST, "observed.operator_age", -1.0, -1.0 - TINY, STOPPED),
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 0.0, -1.0, ARMED),
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, 2.0, ARMED),
