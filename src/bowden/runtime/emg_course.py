@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel, sel
 from bowden.core.signals import Reference
+from bowden.runtime.clock import SECOND
 from bowden.runtime.intent_block import Heard, IntentReader
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step, proportional
 
@@ -26,6 +27,10 @@ COLUMNS = {
     "emg.intent": "1",
 }
 """Column → unit of what a run by EMG records beside the rest; `level` is in the stream's unit."""
+
+
+_BEFORE = SECOND // 2
+"""A run by a recording ends so long before it, so that the end of a recording is no lost stream [ns]."""
 
 
 class CourseSettings(NamedTuple):
@@ -101,6 +106,8 @@ class EmgCourse:
         self._reference = self._memory[12:].data
         self._step = compiled(_in_place)
         self._heard, self._age = Heard(), math.inf
+        self.over = False
+        """Whether a recording is about to end, and the run with it."""
         self.begin()
         self.step(0.001)  # compiles
         self.begin()
@@ -109,6 +116,7 @@ class EmgCourse:
         """Take in what the stream says at `now` [ns]; how long ago its newest sample was taken [s]."""
         heard = self._heard = self._reader.read()
         self._age = (now - heard.newest) * 1e-9 if heard.newest else math.inf
+        self.over = 0 < heard.ends < now + _BEFORE
         return self._age
 
     def begin(self) -> None:

@@ -80,6 +80,7 @@ class Listener:
             onset,
             heard.samples + count,
             heard.lost + int(missing.sum()),
+            heard.ends,
             self._flexor.active,
             0.0 if extends is None else extends.active,
             self._share(),

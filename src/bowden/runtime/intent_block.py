@@ -29,6 +29,8 @@ class Heard(NamedTuple):
     """That have come, those that are missing included."""
     lost: int = 0
     """That are missing."""
+    ends: int = 0
+    """When the stream is over, where that is known, as of a recording; else 0 [ns]."""
     flexor: float = 0.0
     """1 while the muscle that flexes contracts."""
     extensor: float = 0.0
@@ -41,7 +43,7 @@ class Heard(NamedTuple):
     """What is wrong with the signals, the worse of both: 0 nothing, 1 flat or missing, 2 movement or mains."""
 
 
-_WHOLE = 4
+_WHOLE = 5
 """Fields at the beginning that are whole numbers."""
 _WORDS = _FIRST + len(Heard._fields)
 

@@ -81,7 +81,7 @@ class Script:
         if at < self._approach:
             return Plan(MOTION, float(minimum_jerk(self._from, self._start, self._approach, at).position), NOWHERE)
         row = round((at - self._approach) / self._period)
-        self.done = row >= self._last
+        self.done = row >= self._last or (self._course is not None and self._course.over)
         values = self._values(row, cycles)
         if self._width == 1:
             return Plan(MOTION, values[0], NOWHERE)
