@@ -1,6 +1,7 @@
 """How a run by EMG went: motions, the delays from a contraction to the joint, what of the stream was lost."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -37,8 +38,8 @@ def figures(log: Columns, run: "EmgRun", ear: "Ear") -> dict[str, Any]:
     led = log["source"] >= Source.LAW_BEGINS
     at = _motions(log["emg.intent"], led)
     time, onset = log["time"], log["emg.onset"]
-    ends = [*at[1:], int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0]
-    spans = list(zip(at, ends, strict=True))
+    end = int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0
+    spans = list(pairwise([*at, end]))
     moves: dict[str, list[float | None]] = {
         "cycle": [float(time[i] - onset[i]) for i in at],
         "command": [_until(time, log["command"], onset[i], i, end, COMMAND_MOVES) for i, end in spans],
