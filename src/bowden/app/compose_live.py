@@ -27,6 +27,9 @@ WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
 more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
 
+SUIT_FIRST, SUIT_SETTLE = 8.0 * RADIANS, 0.6
+"""First motion of a suit's preflight [rad], and the wait after each, in which the drive's integral works [s]."""
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -82,6 +85,10 @@ class Live:
         """The run's plan."""
         speed = self.description.live.approach_deg_per_s * RADIANS
         checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
+        suit = self.setup.suit
+        if suit is not None:  # gears that friction holds at first, and a flex sensor, which is less still
+            noise = checks.noise + 8.0 * suit.joint_sensor.noise + suit.joint_sensor.resolution
+            checks = checks._replace(first=SUIT_FIRST, settle=SUIT_SETTLE, noise=noise)
         return Script(self.table, self.start, speed, checks, self.drive.sample_time, course)
 
     def told(self) -> Mapping[str, Any]:
@@ -108,7 +115,7 @@ def compose_live(asked: Asked) -> Live:
             expected="a joint angle that grows with the motor's",
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
-    drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench), asked.channel, asked.interface)
+    drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench, setup.suit), asked.channel, asked.interface)
     limits, source = rig_drive.limits(rig, setup.bench), ""
     emg = None if asked.measure else emg_run(rig.emg, asked.rig.parent, asked.emg)
     if emg is not None:
