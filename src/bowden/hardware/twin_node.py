@@ -82,7 +82,7 @@ class TwinNode:
             rated_torque=RATED_CURRENT * self._drive.torque_constant,
             speed=math.ceil(speed) if speed < 50e3 else 50e3,
             current=bench.current_limit,
-            window=2.0 / abs(self._motor.step),
+            window=2.0 * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step),
             braking=min(bench.physics.braking * gear * RPM, 2**31),
         )
         entries = dictionary(made)
