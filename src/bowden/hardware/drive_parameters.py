@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled
 from bowden.models.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
 
 
@@ -155,11 +156,11 @@ class SuitScale(NamedTuple):
 
     def angle(self, counts: float) -> float:
         """Counts to an angle [rad]."""
-        return float(motor_of(self.spool.angle(counts), self.map))
+        return float(compiled(motor_of)(self.spool.angle(counts), self.map))
 
     def counts(self, angle: float) -> float:
         """An angle [rad] to counts, not rounded."""
-        return self.spool.counts(float(spool_of(angle, self.map)))
+        return self.spool.counts(float(compiled(spool_of)(float(angle), self.map)))
 
     def steepest(self, low: float, high: float) -> float:
         """Turn of the spool per angle, at most, between two angles [rad/rad]."""
@@ -178,7 +179,9 @@ def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | Suit
     if drive.spool is None:
         return Scale(step, drive.motor_home - step * counts_at_home)
     home = float(spool_of(drive.motor_home, drive.spool))
-    return SuitScale(Scale(step, home - step * counts_at_home), drive.spool)
+    scale = SuitScale(Scale(step, home - step * counts_at_home), drive.spool)
+    scale.angle(scale.counts(0.0))  # compiles, before a loop asks
+    return scale
 
 
 def joint_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:
