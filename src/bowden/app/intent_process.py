@@ -5,7 +5,9 @@ or ``error``. It listens from the word ``go`` on its standard input on, so that 
 ends when that input is closed.
 """
 
+import contextlib
 import json
+import os
 import select
 import sys
 from pathlib import Path
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
 _CLOSED = ""
 """What a closed input says."""
+_PRIORITY = 10
+"""Of SCHED_FIFO; the twin has 20, the loop 80 [–]."""
 _LOOK = 0.002
 """Between two looks at the stream [s]."""
 
@@ -57,6 +61,7 @@ def _run(given: dict[str, Any]) -> int:
         heard.take(EmgChunk(np.zeros((2, len(stream.channels))), np.zeros(2)), 0.0)  # compiles
         heard, block = Listener(stream.rate, flexor, extensor, levels(run)), IntentWriter(Path(given["block"]))
         lasts, lost = _lasts(run), ""
+        _raise_priority()
         _say("ready", {"stream": what, "unit": stream.unit, "channel": stream.channels[flexor]})
         while (word := _word(_LOOK)) is None:
             if lasts is None:
@@ -72,6 +77,16 @@ def _run(given: dict[str, Any]) -> int:
         return 0
     finally:
         stream.close()
+
+
+def _raise_priority() -> None:
+    """Run under SCHED_FIFO where that is allowed, the stream's own threads too: below loop and twin, above all else.
+
+    A computer with much else to do would otherwise starve the stream for longer than `emg_age` now and then.
+    """
+    with contextlib.suppress(OSError):
+        for thread in Path("/proc/self/task").iterdir():
+            os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(_PRIORITY))
 
 
 def _lasts(run: "EmgRun") -> float | None:
