@@ -21,6 +21,7 @@ from bowden.app.emg_setup import columns, emg_run
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.runtime.ports import EmgChunk
+from bowden.runtime.preflight import Preflight, require
 
 ROOT = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]
@@ -106,6 +107,34 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> Non
     found = refused(tmp_path, keys)
     assert said in found
     assert "\n" not in found
+
+
+@pytest.mark.parametrize(
+    ("wearer", "said"),
+    [
+        ("mass_kg = 500.0", "mass is 500 kg"),
+        ("height_m = 0.4", "height is 0.4 m"),
+        ("mass_kg = 30.0\nheight_m = 2.2", "index"),
+    ],
+)
+def test_an_impossible_wearer_is_one_line(tmp_path: Path, wearer: str, said: str) -> None:
+    path = rig(tmp_path, "source = 'lsl:EMG'", f"[suit]\nworn = true\n[wearer]\n{wearer}")
+    with pytest.raises(BowdenError, match=said):
+        compose_live(Asked(path))
+
+
+def test_the_suits_rig_that_init_writes_can_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "suit.toml"
+    assert run(["init", str(path), "--suit"]) == 0
+    assert f"bowden run {path} --twin" in capsys.readouterr().out
+    live = compose_live(Asked(path, emg="lsl:EMG"))
+    require(live.limits, live.drive.sample_time, "little_margin")
+    assert live.setup.suit is not None
+    assert live.drive.spool is not None
+    assert live.drive.gear == live.setup.suit.motor.gear == 25.0
+    assert live.setup.suit.motor.integral == 40.0
+    assert live.script()._checks.noise > Preflight().noise
+    assert run(["init", str(path), "--suit"]) == 2
 
 
 def test_a_rig_without_a_source_runs_by_its_reference_and_with_one_by_emg(tmp_path: Path) -> None:
