@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -18,6 +19,8 @@ from bowden.app.compose import setup
 from bowden.app.compose_live import Asked, compose_live
 from bowden.app.emg_motion import EmgMotion
 from bowden.app.emg_setup import columns, emg_run
+from bowden.app.emg_summary import figures
+from bowden.app.live_screen import _emg
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.runtime.ports import EmgChunk
@@ -186,6 +189,42 @@ def test_a_source_that_cannot_be_used_is_told_before_the_drive_is_spoken_to(
     assert said in err
     assert err.count("\n") == 1
     assert list((tmp_path / "out").glob("*")) == []
+
+
+def test_the_screen_shows_envelope_muscles_trouble_and_age() -> None:
+    row = {"emg.share": 0.5, "emg.level": 0.1234, "emg.flexor": 1.0, "emg.extensor": 0.0, "emg.trouble": 0.0}
+    row |= {"emg.age": 0.0042, "emg.intent": 1.0}
+    assert _emg(row, "mV", "") == "flex: ██████████░░░░░░░░░░ 50 % MVC, [bold]flexor contracts[/bold], 4 ms old"
+    row |= {"emg.share": float("nan"), "emg.flexor": 0.0, "emg.trouble": 2.0}
+    shown = _emg(row, "mV", "it has gone")
+    assert shown == "flex: 0.123 mV, at rest, [red]movement or mains[/red], [red]it has gone[/red]"
+    assert "-" not in _emg(row | {"emg.share": -0.3}, "mV", "").split("%")[0].split(" ")[1]
+
+
+def test_figures_are_of_motions_and_their_delays() -> None:
+    """Two motions on a made-up log: the second one's joint never moves."""
+    time_s = np.arange(6000) * 1e-3
+    intent = np.select([time_s < 1.0, time_s < 3.0, time_s < 4.0, time_s < 5.0], [0.0, 1.0, 2.0, 3.0], 0.0)
+    joint = np.where(time_s < 1.5, 0.0, 0.5)
+    log = {
+        "time": time_s,
+        "source": np.where(time_s < 0.5, 0.0, 3.0),
+        "emg.intent": intent,
+        "emg.onset": np.where(time_s < 4.0, 0.99, 3.98),
+        "emg.age": np.full(6000, 0.004),
+        "emg.samples": time_s * 1e3,
+        "emg.lost": np.full(6000, 2.0),
+        "command": np.where(time_s < 1.2, 0.0, np.where(time_s < 4.1, 1.0, 0.0)),
+        "joint": joint,
+        "reference": np.where(time_s < 2.5, joint, joint + np.radians(3.0)),
+    }
+    found = figures(log, SimpleNamespace(source="lsl:EMG"), SimpleNamespace(stream="a stream", lost=""))  # type: ignore[arg-type]
+    assert found["motions"] == 2
+    assert found["onset_to_cycle_ms"] == {"p50": 15.0, "p99": 19.9, "max": 20.0}
+    assert found["onset_to_command_ms"]["max"] == pytest.approx(210.0)
+    assert found["onset_to_joint_ms"] == {"p50": 510.0, "p99": 510.0, "max": 510.0}
+    assert found["peak_after_first_second_deg"] == pytest.approx(3.0)
+    assert (found["samples"], found["lost"], found["age_ms"]["p50"]) == (5999, 2, 4.0)
 
 
 def follow(path: Path, out: Path, source: str, *options: str) -> "subprocess.Popen[str]":
