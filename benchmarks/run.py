@@ -76,10 +76,18 @@ def plants(count: int | None) -> Found:
     return random_plants.figures(count or random_plants.COUNT)
 
 
+def wearers(count: int | None) -> Found:
+    """The compensated suit on random wearers."""
+    import suit_wearers
+
+    return suit_wearers.figures(count or suit_wearers.COUNT)
+
+
 SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
     "Speed": (c, control, scipy, jax, genetic, start),
     "How far `bowden check` can be trusted": (study,),
     "Our law on random plants": (plants,),
+    "The suit on random wearers": (wearers,),
 }
 
 

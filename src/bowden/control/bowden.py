@@ -32,6 +32,7 @@ from bowden.control.slot_plan import (
 )
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
+from bowden.core.units import RADIANS
 
 
 class BowdenGains(NamedTuple):
@@ -224,6 +225,11 @@ def step(
     return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slopes[:] + (state.origin,))), command
 
 
+SUIT = BowdenGains(most=3.0, crossing=9.0, width=0.15, reach=0.5, tolerance=1.0 * RADIANS, worth=0.5 * RADIANS)
+"""For the suit (docs/suit.md): 12 dB and 60° of margin on a forearm that hangs in springs; jumps as slow as it swings
+and half as wide as what was learned, since the dead zone is not the same over the arm's range; and no care for what a
+flex sensor of ± 1° cannot tell."""
+
 _ANGLES = (
     *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
     *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
@@ -237,7 +243,7 @@ BOWDEN = Law(
     start_kernel=start,
     step_kernel=step,
     source="this project, docs/our_law.md",
-    presets={"suit": BowdenGains(most=3.0)},  # 12 dB and 60° on the suit, see docs/suit.md
+    presets={"suit": SUIT},
     limits={
         "servo_frequency": (1.0, 1e4),
         "servo_damping": (0.1, 10.0),

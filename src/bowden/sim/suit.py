@@ -67,7 +67,7 @@ def run_suit_loop(
     record: NDArray[np.float64],
     states: NDArray[np.float64],
 ) -> int:
-    """One run after `settling` cycles at rest; fills `record` (16, n) and `states` (m, n), returns how long it lasted."""
+    """One run, after `settling` cycles at rest: fills `record` (16, n), `states` (m, n); how many cycles it lasted."""
     plant = suit_start(suit, initial_motor, initial_motor, bends[0])
     flex, state = flex_start(plant.joint), law_start(gains, Sample(plant.joint, initial_motor))
     for k in range(-settling, references.shape[1]):

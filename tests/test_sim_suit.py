@@ -1,0 +1,284 @@
+"""The suit on an arm: statics by hand, energy that only friction takes, geometry alone without it, convergence."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled
+from bowden.core.trace import Trace
+from bowden.core.units import DEGREES, RADIANS
+from bowden.models.arm import GRAVITY, WEARERS, Arm, Wearer, arm_of, gravity_torque, passive_torque, resting_angle
+from bowden.models.flex_sensor import FlexSensor
+from bowden.models.geometry import extensor_extension, flexor_extension, flexor_moment_arm
+from bowden.models.sheath import Sheath
+from bowden.models.suit_cable import Fabric, fabric_tension
+from bowden.sim.scenario import scripted_bend
+from bowden.sim.suit import simulate_suit
+from bowden.sim.suit_parts import Suit, prepare_suit
+from bowden.sim.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+
+SUIT = Suit()
+STILL = Bends(math.pi, math.pi)
+MOTION = PeriodicMinimumJerk(0.0, 90.0 * RADIANS, 10.0)
+
+
+def frictionless(suit: Suit = SUIT) -> Suit:
+    """No friction anywhere, and nothing that stretches much."""
+    cable = suit.flexor._replace(half_width=0.0, stiffness=1e6)
+    return suit._replace(
+        motor=suit.motor._replace(
+            friction=0.0, efficiency=1.0, servo=suit.motor.servo._replace(natural_frequency=400.0)
+        ),
+        flexor=cable,
+        extensor=cable,
+        fabric=Fabric(1e6, 0.0, 500.0),
+        posture=0.0,
+        joint_sensor=FlexSensor(),
+    )
+
+
+def settled(suit: Suit, motor: float, seconds: float = 4.0, wearer: Wearer | None = None) -> SuitState:
+    made, step = prepare_suit(suit), compiled(suit_step)
+    state = suit_start(made, motor, motor, math.pi)
+    for _ in range(round(seconds * 1000)):
+        state = _whole(step(made, state, motor, True, STILL, wearer or suit.wearer, 1e-3))
+    return state
+
+
+def _whole(state: tuple[object, ...]) -> SuitState:
+    """A compiled kernel's state as the one that interpreted code makes."""
+    return SuitState(*state)
+
+
+@cache
+def run(kind: str = "play", law: str = "uncompensated", substeps: int = 10) -> Trace:
+    cable = SUIT.flexor._replace(kind=kind)
+    suit = SUIT._replace(flexor=cable, extensor=cable, substeps=substeps)
+    return simulate_suit(suit, LAWS[law], MOTION, duration=20.0 if substeps == 10 else 7.0)
+
+
+@pytest.mark.parametrize("motor_deg", [10.0, 45.0, 80.0])
+def test_at_rest_the_torques_on_the_elbow_cancel(motor_deg: float) -> None:
+    """By hand: tension times lever, weight times lever, and the relaxed elbow's own spring."""
+    state = settled(SUIT, motor_deg * RADIANS)
+    lever = flexor_moment_arm(state.joint, SUIT.geometry)
+    by_cables = state.flexor_pull.joint * lever - state.extensor_pull.joint * SUIT.geometry.joint_radius
+    weight = -SUIT.arm.mass * GRAVITY * SUIT.arm.centre * math.sin(state.joint)
+    own = -SUIT.arm.stiffness * (state.joint - SUIT.arm.neutral)
+    assert by_cables + weight + own == pytest.approx(0.0, abs=0.01)
+    assert state.interaction == pytest.approx(by_cables, abs=0.01)
+    assert abs(state.joint_velocity) < 1e-3
+
+
+def test_the_motor_carries_at_rest_what_the_cables_pull_but_for_friction() -> None:
+    state, made = settled(SUIT, 60.0 * RADIANS), prepare_suit(SUIT)
+    load = made.map.radius * state.flexor_pull.motor - made.extensor_radius * state.extensor_pull.motor
+    torque = SUIT.motor.gear * SUIT.motor.torque_constant * state.spool.current
+    held = SUIT.motor.friction + (1.0 - SUIT.motor.efficiency) * max(abs(torque), abs(load))
+    assert abs(torque - load) <= held + 1e-9
+
+
+@pytest.mark.parametrize("motor_deg", [10.0, 30.0, 60.0, 80.0, 90.0])
+def test_without_friction_and_give_the_elbow_is_where_the_geometry_says(motor_deg: float) -> None:
+    """Where the extensor is slack the flexor decides alone; where both are taut they share the difference."""
+    suit = frictionless()._replace(pretension=0.0, arm=SUIT.arm._replace(stiffness=0.0))
+    made, state = prepare_suit(suit), settled(suit, motor_deg * RADIANS)
+    by_extensor = made.extensor_radius * state.spool.position / made.joint_radius * DEGREES
+    assert suit_motor(made, state) * DEGREES == pytest.approx(motor_deg, abs=1.0)  # it yields to what pulls
+    if by_extensor > motor_deg:
+        assert state.joint * DEGREES == pytest.approx(motor_deg, abs=0.3)
+        assert state.extensor_pull.joint == 0.0
+    else:
+        assert by_extensor < state.joint * DEGREES < motor_deg
+        assert state.extensor_pull.joint > 0.0
+
+
+def test_a_suit_that_is_let_go_lets_the_arm_hang() -> None:
+    """Unpowered and without friction the arm ends where its own weight and elbow put it, but for the cables."""
+    cable = SUIT.flexor._replace(half_width=0.0)
+    motor = SUIT.motor._replace(friction=0.0, efficiency=1.0)
+    suit = SUIT._replace(motor=motor, flexor=cable, extensor=cable, pretension=0.0)
+    made, step = prepare_suit(suit), compiled(suit_step)
+    state = settled(suit, 60.0 * RADIANS)
+    for _ in range(8000):
+        state = _whole(step(made, state, 0.0, False, STILL, suit.wearer, 1e-3))
+    assert state.joint == pytest.approx(resting_angle(suit.arm), abs=0.2)
+    assert state.spool.current == 0.0
+
+
+def test_with_friction_an_unpowered_suit_holds_or_sinks_but_never_rises() -> None:
+    made, step = prepare_suit(SUIT), compiled(suit_step)
+    state = settled(SUIT, 60.0 * RADIANS)
+    spool = state.spool.position
+    for _ in range(2000):
+        state = _whole(step(made, state, 0.0, False, STILL, SUIT.wearer, 1e-3))
+    assert state.spool.position <= spool + 1e-9
+
+
+def energy(suit: Suit, state: SuitState) -> float:
+    """Kinetic and stored: spool, forearm, weight, elbow, fabric and cables [J]."""
+    made, arm = prepare_suit(suit), suit.arm
+    stored = 0.5 * suit.motor.inertia * state.spool.velocity**2 + 0.5 * arm.inertia * state.joint_velocity**2
+    stored -= arm.mass * GRAVITY * arm.centre * math.cos(state.joint + arm.elevation)
+    stored += 0.5 * arm.stiffness * (state.joint - arm.neutral) ** 2
+    geometry = suit.geometry
+    ends = (
+        flexor_extension(0.0, geometry) - flexor_extension(state.joint, geometry),
+        extensor_extension(0.0, geometry) - extensor_extension(state.joint, geometry),
+    )
+    for cable, memory, pull, end in zip(
+        (made.flexor, made.extensor), (state.flexor, state.extensor), (state.flexor_pull, state.extensor_pull), ends,
+        strict=True,
+    ):  # fmt: skip
+        stretch = max(0.0, memory.node - end)
+        k, q = cable.fabric.stiffness, cable.fabric.stiffening
+        stored += 0.5 * k * stretch**2 + q * stretch**3 / 3.0 + 0.5 * pull.motor**2 / cable.stiffness
+        assert pull.joint == pytest.approx(fabric_tension(stretch, cable.fabric), abs=1e-9)
+    return stored
+
+
+@pytest.mark.parametrize("kind", ["play", "capstan"])
+def test_unpowered_the_energy_only_falls(kind: str) -> None:
+    """Let go at 70° with a shove: what is stored and moves never grows, with all friction in."""
+    cable = SUIT.flexor._replace(kind=kind)
+    suit = SUIT._replace(flexor=cable, extensor=cable, motor=SUIT.motor._replace(friction=0.2), posture=0.0)
+    made, step = prepare_suit(suit), compiled(suit_step)
+    state = settled(suit, 70.0 * RADIANS)._replace(joint_velocity=3.0)
+    left = [energy(suit, state)]
+    for _ in range(3000):
+        state = _whole(step(made, state, 0.0, False, STILL, suit.wearer, 1e-3))
+        left.append(energy(suit, state))
+    assert max(np.diff(left)) < 2e-4
+    assert left[-1] < left[0] - 0.3
+
+
+def test_a_frictionless_undamped_suit_keeps_its_energy() -> None:
+    arm = SUIT.arm._replace(damping=0.0)
+    cable = SUIT.flexor._replace(half_width=0.0)
+    motor = SUIT.motor._replace(friction=0.0, efficiency=1.0)
+    suit = SUIT._replace(
+        arm=arm, flexor=cable, extensor=cable, motor=motor, fabric=Fabric(8000.0, 0.0, 0.0), posture=0.0, substeps=100
+    )
+    made, step = prepare_suit(suit), compiled(suit_step)
+    state = suit_start(made, 45.0 * RADIANS, 45.0 * RADIANS, math.pi)
+    state = _whole(step(made, state, 0.0, False, STILL, suit.wearer, 1e-3))
+    first = energy(suit, state)
+    for _ in range(300):
+        state = _whole(step(made, state, 0.0, False, STILL, suit.wearer, 1e-3))
+    moving = 0.5 * arm.inertia * state.joint_velocity**2 + 0.5 * motor.inertia * state.spool.velocity**2
+    assert moving > 0.05
+    assert energy(suit, state) == pytest.approx(first, abs=0.05 * moving)
+
+
+@pytest.mark.parametrize("kind", ["play", "capstan"])
+def test_halving_the_sub_step_changes_little(kind: str) -> None:
+    coarse, fine, finer = (run(kind, substeps=n)["joint"][:7000] * DEGREES for n in (10, 20, 40))
+    assert np.max(np.abs(fine - finer)) < 0.6 * np.max(np.abs(coarse - finer)) + 1e-6
+    assert np.max(np.abs(coarse - finer)) < 0.2
+
+
+def test_a_step_of_a_whole_cycle_in_stiff_fabric_stays_bounded() -> None:
+    """One sub-step a cycle, cables and fabric a hundred times as stiff: wrong in detail, but no explosion."""
+    stiff = SUIT.flexor._replace(stiffness=8e5)
+    suit = SUIT._replace(flexor=stiff, extensor=stiff, fabric=Fabric(8e5, 0.0, 190.0), substeps=1)
+    trace = simulate_suit(suit, LAWS["uncompensated"], MOTION, duration=10.0)
+    assert trace.stable
+    assert np.max(np.abs(trace["joint"])) < 2.0
+
+
+@pytest.mark.parametrize("kind", ["play", "capstan", "bouc_wen"])
+def test_uncompensated_the_elbow_lags_and_the_cables_only_pull(kind: str) -> None:
+    trace = run(kind)
+    for column in ("flexor_tension", "flexor_motor_tension", "extensor_tension", "extensor_motor_tension"):
+        assert trace[column].min() >= 0.0
+    half = (trace.time > 10.0) & (trace.time < 15.0)  # flexing: the elbow is below; then above
+    back = (trace.time > 16.0) & (trace.time < 20.0)
+    assert np.mean(trace.error[half]) < -5.0 * RADIANS
+    assert np.mean(trace.error[back]) > 3.0 * RADIANS
+    assert np.max(np.abs(trace["current"])) <= SUIT.motor.current_limit
+
+
+def test_electrical_is_mechanical_power_and_heat_and_the_winding_warms() -> None:
+    trace = run()
+    mechanical, electrical = trace.power()
+    np.testing.assert_allclose(electrical - mechanical, 0.199 * trace["current"] ** 2, atol=1e-9)
+    warmed = trace["winding_temperature"][-1] - trace["winding_temperature"][0]
+    heat = np.trapezoid(0.199 * trace["current"] ** 2, trace.time)
+    assert 0.2 * heat / 15.0 < warmed < 1.1 * heat / 15.0  # 15 J/K, less what has gone to the housing
+
+
+def test_a_bent_sheath_loses_more() -> None:
+    bent = scripted_bend((0.0, 0.5), (math.pi, 3.0 * math.pi))
+    suit = SUIT._replace(sheath=Sheath(bend=math.pi, loss=0.15))
+    straight, moved = (
+        simulate_suit(suit, LAWS["uncompensated"], MOTION, duration=20.0, bend=path) for path in (None, bent)
+    )
+    late = straight.time > 5.0
+    assert np.sqrt(np.mean(moved.error[late] ** 2)) > 1.2 * np.sqrt(np.mean(straight.error[late] ** 2))
+    assert moved["width"].max() > 2.9
+
+
+@pytest.mark.parametrize("kind", [kind for kind in WEARERS if kind != "none"])
+def test_each_wearer_moves_the_elbow_as_they_would(kind: str) -> None:
+    free, own = (
+        simulate_suit(SUIT, LAWS["uncompensated"], MOTION, duration=10.0, wearer=WEARERS[name])
+        for name in ("none", kind)
+    )
+    top = (free.time > 4.5) & (free.time < 5.5)
+    change = np.mean(own["joint"][top] - free["joint"][top]) * DEGREES
+    if kind == "weak":
+        assert change > 0.5
+        assert np.mean(own["interaction_torque"][top]) < np.mean(free["interaction_torque"][top])
+    elif kind == "tremor":
+        assert np.std(own["joint_velocity"][top]) > 2.0 * np.std(free["joint_velocity"][top])
+    else:
+        assert change < -0.3
+
+
+def test_the_interaction_torque_moves_the_arm() -> None:
+    """I·φ'' = suit + weight + elbow + wearer, from the columns of the trace alone."""
+    trace = simulate_suit(SUIT, LAWS["uncompensated"], MOTION, duration=5.0, wearer=WEARERS["weak"])
+    arm, joint, speed = SUIT.arm, trace["joint"], trace["joint_velocity"]
+    torque = trace["interaction_torque"] + trace["wearer_torque"]
+    torque = torque + np.array([gravity_torque(arm, a) for a in joint])
+    torque = torque + np.array([passive_torque(arm, a, v) for a, v in zip(joint, speed, strict=True)])
+    wanted, done = torque[1:] / arm.inertia * 1e-3, np.diff(speed)
+    assert np.median(np.abs(wanted - done)) < 0.02 * np.max(np.abs(done))
+    assert np.corrcoef(wanted, done)[0, 1] > 0.98
+
+
+def test_one_seed_one_run() -> None:
+    law = LAWS["adaptive"].preset("suit")
+    runs = [simulate_suit(SUIT, law, MOTION, duration=3.0, seed=seed) for seed in (3, 3, 4)]
+    assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
+    assert not np.array_equal(runs[0]["joint_measured"], runs[2]["joint_measured"])
+
+
+@pytest.mark.parametrize(
+    "suit",
+    [
+        SUIT._replace(spool_radius=math.nan),
+        SUIT._replace(substeps=0),
+        SUIT._replace(arm=Arm(inertia=math.nan)),
+        SUIT._replace(wearer=Wearer(share=math.nan)),
+        SUIT._replace(flexor=SUIT.flexor._replace(kind="capstan"), sheath=Sheath(loss=0.1)),
+    ],
+)
+def test_a_suit_that_cannot_be_is_refused(suit: Suit) -> None:
+    with pytest.raises(ParameterError) as caught:
+        simulate_suit(suit, LAWS["uncompensated"], MOTION, duration=1.0)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_compensated_suit_reaches_and_holds() -> None:
+    """The adaptive law on a drive with an integral: a heavy arm, held at 60°."""
+    law, reach = LAWS["adaptive"].preset("suit"), PointToPoint((0.0, 4.0, 8.0), (0.0, 60.0 * RADIANS, 60.0 * RADIANS))
+    suit = SUIT._replace(motor=SUIT.motor._replace(integral=25.0), arm=arm_of(110.0, 1.85))
+    trace = simulate_suit(suit, law, reach, duration=8.0)
+    late = trace.time > 6.0
+    assert np.max(np.abs(trace.error[late])) * DEGREES < 3.0
