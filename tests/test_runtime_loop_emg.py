@@ -34,7 +34,7 @@ from bowden.sim.scenario import constant_bend
 
 LAW, LIMITS = LAWS["adaptive"], Limits(uses_emg=1.0)
 SETTINGS = CourseSettings(IntentSettings(0.0, 1.0, 1.0))
-CYCLES = 6000
+CYCLES = 3000
 
 
 class Rig:
@@ -88,7 +88,7 @@ class Rig:
 
 
 def test_a_contraction_moves_the_joint_in_the_cycle_in_which_it_comes(tmp_path: Path) -> None:
-    ended, log, _ = Rig(tmp_path, 1500, 99_999).run()
+    ended, log, _ = Rig(tmp_path, 1200, 99_999).run()
     assert (ended.mode, ended.faults) == (Mode.STOPPED, 0), "the run comes to its end, and that is no fault"
     seen = int(np.argmax(log["emg.flexor"]))
     assert log["emg.intent"][seen] == Intent.FLEX
