@@ -5,13 +5,17 @@ import math
 import numpy as np
 import pytest
 
+from bowden.core.errors import DriveError
 from bowden.core.units import RADIANS
+from bowden.hardware.canopen_drive import CanopenDrive
 from bowden.hardware.drive_parameters import DriveParameters, Scale, SuitScale, motor_scale
 from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF
+from bowden.hardware.twin_bus import TwinBus
 from bowden.hardware.twin_suit import TwinSuit
 from bowden.models.arm import Wearer
 from bowden.models.geared_motor import GearedMotor
 from bowden.models.suit_angle import spool_map, spool_of
+from bowden.runtime.ports import Power
 from bowden.sim.scenario import constant_bend, scripted_bend
 from bowden.sim.suit_parts import Suit
 
@@ -137,6 +141,42 @@ def test_the_sensors_show_where_it_is_with_their_noise() -> None:
     assert np.std([one for one, _ in shown]) > 0.01 * RADIANS
     assert suit.speed_limit == pytest.approx(24.0 / (16.7e-3 * 25.0))
     assert suit.current_limit == 20.0
+
+
+def over_the_bus(drive: DriveParameters) -> tuple[TwinBus, CanopenDrive]:
+    bus = TwinBus(drive, lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now))
+    return bus, CanopenDrive(drive, bus)
+
+
+def test_over_the_bus_the_drive_speaks_of_the_joints_coordinate() -> None:
+    limited = DRIVE._replace(
+        **{"lowest_motor": -0.2, "highest_motor": 2.0, "speed_limit": 15.0, "following_error": 0.9},
+        **{"current_limit": 20.0, "tension_scale": 0.05, "answer_timeout": 1.0},
+    )
+    bus, drive = over_the_bus(limited)
+    drive.bring_up()
+    aim = 0.0
+    for k in range(1500):
+        reading = drive.read(bus.time)
+        aim = 0.8 * min(1.0, k / 1000.0)
+        drive.write(reading.motor if k < 20 else aim, Power.ON, bus.time)
+        bus.advance(1e-3)
+    plant = bus.node.bench
+    assert reading.drive_state == 4.0
+    assert reading.motor == pytest.approx(0.8, abs=0.05)
+    assert reading.motor == pytest.approx(plant.motor, abs=0.01)
+    assert reading.joint == pytest.approx(plant.joint, abs=2.0 * RADIANS)
+    assert reading.tension == pytest.approx(plant.tension, rel=0.05)
+    assert abs(reading.current) > 0.5
+    drive.close()
+
+
+def test_the_drives_own_limits_are_held_against_the_spool() -> None:
+    for asked, said in (({"speed_limit": 40.0}, "speed limit"), ({"following_error": 2.5}, "following error")):
+        _, drive = over_the_bus(DRIVE._replace(lowest_motor=-0.2, highest_motor=2.0, answer_timeout=1.0, **asked))
+        with pytest.raises(DriveError, match=said):
+            drive.bring_up()
+        drive.close()
 
 
 def test_a_second_that_was_lost_is_not_made_up_for() -> None:
