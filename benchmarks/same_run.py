@@ -37,7 +37,7 @@ def rmse_deg(rig: Path, law: str, seconds: float) -> float:
         ready = mode == Mode.PREFLIGHT and script.outcome == 1.0
         request = Request.ARM if k == 20 else Request.RUN if ready else Request.NONE
         plan = script.plan(mode, target, reading, 1)
-        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome)
+        observed = Observed(reading, 0.0, cycle.period, float(request), 0.0, 1.0, script.outcome, 0.0)
         _, verdict = cycle.step(observed, plan)
         mode, target = verdict.mode, verdict.target
         drive.write(target, Power(int(verdict.power)), now)

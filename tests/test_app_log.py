@@ -54,7 +54,7 @@ def live_run() -> np.ndarray:
         reference = Reference(*map(float, motion[ran])) if running else NOWHERE
         ran += running
         lateness, elapsed = abs(noise[k, 1]) * 0.1, DT + noise[k, 2] * 0.1
-        observed = Observed(reading, lateness, elapsed, float(request), 0.05, 1.0, 1.0 if k > 150 else 0.0)
+        observed = Observed(reading, lateness, elapsed, float(request), 0.05, 1.0, 1.0 if k > 150 else 0.0, 0.0)
         wish, verdict = cycle.step(observed, Plan(source, target, reference))
         mode, target, state = verdict.mode, verdict.target, cycle.state
         rows.append(

@@ -61,8 +61,8 @@ GATE = """#include <stdio.h>
 int main(void)
 {
     static safety_state state;
-    double row[20];
-    while (fread(row, 8, 20, stdin) == 20) {
+    double row[21];
+    while (fread(row, 8, 21, stdin) == 21) {
         safety_observed observed;
         safety_verdict verdict;
 @OBSERVED@
@@ -71,7 +71,7 @@ int main(void)
             safety_cold(&warmth);
             safety_begin(&state, &observed.reading, &warmth);
         }
-        safety_supervise(&state, &observed, row[18], row[19], &verdict);
+        safety_supervise(&state, &observed, row[19], row[20], &verdict);
         fwrite(&state, sizeof state, 1, stdout);
         fwrite(&verdict, sizeof verdict, 1, stdout);
     }
@@ -144,15 +144,15 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
         reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0]
-        rest = [1e-5, DT, float(request), 0.01, 1.0, float(n > 20), angle + 0.01]
+        rest = [1e-5, DT, float(request), 0.01, 1.0, float(n > 20), 0.02, angle + 0.01]
         values = [*reading, *rest]
         if n > 150 and random.random() < 0.02:
             values[random.integers(len(values))] = float(random.choice(wild))
-        yield float(n == 0), Observed(DriveReading(*values[:11]), *values[11:17]), values[17]
+        yield float(n == 0), Observed(DriveReading(*values[:11]), *values[11:18]), values[18]
 
 
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
-    limits, cycles = Limits(measures_temperature=1.0, measures_tension=1.0), list(drives(4000))
+    limits, cycles = Limits(measures_temperature=1.0, measures_tension=1.0, uses_emg=1.0), list(drives(4000))
     numbers = [[anew, *observed.reading, *observed[1:], wish, DT] for anew, observed, wish in cycles]
     filled = [leaf.access("observed").replace("->", ".") for leaf in leaves(cycles[0][1])]
     main = GATE.replace("@OBSERVED@", "\n".join(f"{name} = row[{k + 1}];" for k, name in enumerate(filled)))

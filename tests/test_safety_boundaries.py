@@ -31,6 +31,7 @@ LIMITS = Limits(
     **{"measures_temperature": 1.0, "measures_tension": 1.0, "tension_high": 128.0, "slack_time": 48 * DT},
     **{"heartbeat_age": 1 / 16, "lateness": 1 / 64, "bridge_time": 5 * DT, "bridge_leak": 1 / 64},
     **{"release_time": 256 * DT, "pay_out": 8.0, "released_current": 0.25, "released_time": 16 * DT},
+    **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
 )
 THERMAL = LIMITS.thermal
 READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
@@ -46,7 +47,7 @@ ORDER: dict[str, Any] = {
     "limits": LIMITS,
     "state": RUNNING,
     "reading": READING,
-    "observed": Observed(READING, 0.0, DT, Request.NONE, 0.1, 1.0, 1.0),
+    "observed": Observed(READING, 0.0, DT, Request.NONE, 0.1, 1.0, 1.0, 0.02),
     "law": Law(),
 }
 """A running rig in order, standing still."""
@@ -213,7 +214,7 @@ EDGES: list[Edge] = [
         *(AWAY + (64.0 + 48.0 * SPEED) / 1024.0 + sign * TINY for sign in (-1.0, 1.0)),
         {**MOVING, "limits.acceleration": 64.0},
     ),
-    (Fault.OPERATOR_LOST, "observed.operator_age", 1.0, 1.0 + TINY, {}),
+    (Fault.OPERATOR_LOST, "observed.operator_age", 1.25, 1.25 + TINY, {}),
     (Fault.OPERATOR_LOST, "observed.operator_age", -1.0, -1.0 - TINY, STOPPED),
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 0.0, -1.0, ARMED),
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, 2.0, ARMED),
@@ -222,6 +223,9 @@ EDGES: list[Edge] = [
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, 0.0, {}),
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, 2.0, {}),
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, NAN, STOPPED),
+    (Fault.EMG_LOST, "observed.emg_age", 0.25, 0.25 + TINY, {}),
+    (Fault.EMG_LOST, "observed.emg_age", -1.0, -1.0 - TINY, STOPPED),
+    (Fault.EMG_LOST, "observed.emg_age", 0.0, NAN, RELEASING),
 ]
 """A fault; what shows it; its last good value, its first bad one; what else is so."""
 
@@ -273,6 +277,7 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("nor a small one", TENSIONS, {**UNMEASURED, **LONG, "reading.tension": 0.0}),
     ("slack before the drive is enabled", TENSIONS, {**ARMED, **LONG, "reading.tension": 0.0}),
     ("tension lost is not slack", TENSIONS - {Fault.TENSION_LOST}, {**LONG, "reading.tension": NAN}),
+    ("EMG in a run without", {Fault.EMG_LOST}, {"limits.uses_emg": 0.0, "observed.emg_age": NAN}),
     ("long since armed", {Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED}, {"state.armed": 99.0}),
     ("preflight's outcome when it is over", {Fault.PREFLIGHT_FAILED}, {"observed.preflight": -1.0}),
     ("preflight's outcome when stopped", {Fault.PREFLIGHT_FAILED}, {**STOPPED, "observed.preflight": -1.0}),

@@ -20,9 +20,9 @@ from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise
 
 DT = 1e-3
-LIMITS = Limits(measures_tension=1.0, measures_temperature=1.0)
+LIMITS = Limits(measures_tension=1.0, measures_temperature=1.0, uses_emg=1.0)
 READING = DriveReading(0.5, 0.45, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
-OBSERVED = Observed(READING, 0.0, DT, 0.0, 0.1, 1.0, 1.0)
+OBSERVED = Observed(READING, 0.0, DT, 0.0, 0.1, 1.0, 1.0, 0.02)
 COLD = cold(LIMITS.thermal)
 LOOSE = LIMITS._replace(tracking=9.0)
 """For a motor that does not move while the cable is let out."""
@@ -110,6 +110,8 @@ EDGES: list[tuple[str, float, float, Fault]] = [
     ("elapsed", DT, NAN, Fault.CLOCK),
     ("operator_age", 1.0, 1.0 + 1e-9, Fault.OPERATOR_LOST),
     ("operator_age", 0.0, NAN, Fault.OPERATOR_LOST),
+    ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
+    ("emg_age", 0.0, NAN, Fault.EMG_LOST),
     ("recorder", 1.0, 0.0, Fault.RECORDER_LOST),
     ("recorder", 1.0, NAN, Fault.RECORDER_LOST),
     ("motor", 6.5, 6.5 + 1e-9, Fault.MOTOR_LOST),
@@ -149,6 +151,7 @@ def test_armed_it_waits_for_drive_preflight_and_the_request_to_run() -> None:
         {"recorder": 0.0},
         {"joint": NAN},
         {"operator_age": 5.0},
+        {"emg_age": 5.0},
         {"drive_state": 7.0},
         {"tension": 1e3},
         {"elapsed": -1.0},
@@ -345,6 +348,7 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.OPERATOR_LOST: lasting(9, operator_age=1.001),
     Fault.PREFLIGHT_FAILED: lasting(9, preflight=-1.0),
     Fault.RECORDER_LOST: lasting(9, recorder=0.0),
+    Fault.EMG_LOST: lasting(9, emg_age=0.201),
 }
 """Each fault as the only one, or the first: what shows it."""
 

@@ -2,14 +2,16 @@
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from bowden.app import emg_motion
 from bowden.app import rig_schema as schema
 from bowden.app.compose_suit import for_suit, suit_of
 from bowden.app.config import near, read_rig
+from bowden.app.emg_setup import emg_run
 from bowden.app.laws import KNOWN
 from bowden.control import Law, user_law
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Trajectory
@@ -49,19 +51,37 @@ class Setup:
     """In place of the bench, where one is worn."""
 
 
-def setup(path: Path, duration: float | None = None, seed: int | None = None) -> tuple[Setup, schema.Rig]:
+def setup(
+    path: Path,
+    duration: float | None = None,
+    seed: int | None = None,
+    *,
+    emg: str | None = None,
+    offline: bool = False,
+) -> tuple[Setup, schema.Rig]:
     """Read a rig.toml and build all but the laws.
 
     Args:
         path: the rig.toml.
         duration: in place of the file's [s].
         seed: in place of the file's.
+        emg: source of EMG, in place of the file's.
+        offline: whether the reference of a run by EMG is made of its recording, in place of its largest motions.
 
     Raises:
         ParameterError: a file, key or value that cannot be used.
+        StreamError: a recording of EMG that cannot be used.
     """
-    rig = read_rig(path)
-    return setup_of(rig, path, duration, seed), rig
+    rig, reference = read_rig(path), None
+    notes: tuple[str, ...] = ()
+    by_emg = emg_run(rig.emg, path.parent, emg)
+    if by_emg is not None:
+        recorded = emg_motion.recorded(by_emg, rig.bench.sample_time_ms * schema.MILLISECONDS) if offline else None
+        reference = recorded or emg_motion.stand_in(by_emg)
+        if offline and recorded is None:
+            notes = (f"{by_emg.source} is live: simulated is the largest motion that it can ask for",)
+    built = setup_of(rig, path, duration, seed, reference)
+    return replace(built, notes=built.notes + notes), rig
 
 
 def setup_of(

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from bowden.app import compose, excitation, rig_drive
 from bowden.app import rig_schema as schema
+from bowden.app.emg_setup import EmgRun, emg_run
 from bowden.control import LAWS, Law, user_law
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.hardware.drive_parameters import DriveParameters
 from bowden.runtime.cycle import Cycle
+from bowden.runtime.emg_course import EmgCourse
+from bowden.runtime.intent_block import IntentReader
 from bowden.runtime.preflight import Preflight
 from bowden.runtime.realtime import Settings
 from bowden.runtime.script import Script
@@ -23,6 +26,9 @@ from bowden.safety.limits import Limits
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
 more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
+
+SUIT_FIRST, SUIT_SETTLE = 8.0 * RADIANS, 0.6
+"""First motion of a suit's preflight [rad], and the wait after each, in which the drive's integral works [s]."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,8 @@ class Asked:
     """Of that bus, in place of the rig's."""
     measure: bool = False
     """Move the motor through the excitation, in place of a law."""
+    emg: str | None = None
+    """Source of EMG, in place of the rig's."""
 
 
 @dataclass(frozen=True)
@@ -60,16 +68,28 @@ class Live:
     """Motor angle at which the run begins [rad]."""
     law_file: str = ""
     """Where a user's own law came from, as ``FILE.py:NAME``."""
+    emg: EmgRun | None = None
+    """Where the reference comes from in a run by EMG; the table is not looked at then."""
 
     def cycle(self) -> Cycle:
         """Law under supervisor."""
         return Cycle(self.law, self.limits, rig_drive.filters(self.description), self.drive.sample_time)
 
-    def script(self) -> Script:
+    def course(self, block: Path | None, start: int) -> EmgCourse | None:
+        """The reference of a run by EMG, from what its process writes; `start` as `EmgCourse` has it."""
+        if self.emg is None or block is None:
+            return None
+        return EmgCourse(self.emg.course, IntentReader(block), start, len(self.table))
+
+    def script(self, course: EmgCourse | None = None) -> Script:
         """The run's plan."""
         speed = self.description.live.approach_deg_per_s * RADIANS
         checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
-        return Script(self.table, self.start, speed, checks, self.drive.sample_time)
+        suit = self.setup.suit
+        if suit is not None:  # gears that friction holds at first, and a flex sensor, which is less still
+            noise = checks.noise + 8.0 * suit.joint_sensor.noise + suit.joint_sensor.resolution
+            checks = checks._replace(first=SUIT_FIRST, settle=SUIT_SETTLE, noise=noise)
+        return Script(self.table, self.start, speed, checks, self.drive.sample_time, course)
 
     def told(self) -> Mapping[str, Any]:
         """What the log keeps of the rig, beside the law and the limits."""
@@ -78,6 +98,7 @@ class Live:
             "seed": self.setup.seed,
             "rig": self.description.model_dump(mode="json"),
             **({"law_file": self.law_file} if self.law_file else {}),
+            **({"emg": self.emg.told()} if self.emg else {}),
         }
 
 
@@ -87,15 +108,19 @@ def compose_live(asked: Asked) -> Live:
     Raises:
         ParameterError: a file, key or value that cannot be used, or a rig that cannot run live.
     """
-    setup, rig = compose.setup(asked.rig, asked.duration)
+    setup, rig = compose.setup(asked.rig, asked.duration, emg=asked.emg)
     if setup.turned:
         raise ParameterError(
             f"{asked.rig}: the cable's slope is negative",
             expected="a joint angle that grows with the motor's",
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
-    drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench), asked.channel, asked.interface)
+    drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench, setup.suit), asked.channel, asked.interface)
     limits, source = rig_drive.limits(rig, setup.bench), ""
+    emg = None if asked.measure else emg_run(rig.emg, asked.rig.parent, asked.emg)
+    if emg is not None:
+        _check_range(emg, limits)
+        limits = limits._replace(uses_emg=1.0)
     if asked.measure:
         law, moved = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time)
         table, servo_from, start = moved.motor[:, None], moved.servo_from, float(moved.motor[0])
@@ -106,4 +131,15 @@ def compose_live(asked: Asked) -> Live:
         source = user_law.absolute(name, folder) if user_law.is_file(name) else ""
         time = np.arange(round(setup.duration / drive.sample_time), dtype=np.float64) * drive.sample_time
         table, servo_from, start = setup.reference.sample(time), 0, setup.initial_motor
-    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, servo_from, start, source)
+    return Live(setup, rig, law, drive, limits, rig_drive.settings(rig), table, servo_from, start, source, emg)
+
+
+def _check_range(emg: EmgRun, limits: Limits) -> None:
+    """Refuse motions that the supervisor would end."""
+    low, high = emg.course.intent.low, emg.course.intent.high
+    if not limits.joint_low < low < high < limits.joint_high:
+        raise ParameterError(
+            f"emg.low_deg is {low / RADIANS:g} and high_deg {high / RADIANS:g}",
+            expected=f"within the joint's limits, {limits.joint_low / RADIANS:g} to {limits.joint_high / RADIANS:g}",
+            do="correct them, or [limits]",
+        )

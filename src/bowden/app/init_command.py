@@ -11,10 +11,14 @@ from bowden.core.errors import OutputError
 
 def init(
     path: Annotated[Path, typer.Argument(help="The file to write.")] = Path("rig.toml"),
+    suit: Annotated[
+        bool, typer.Option("--suit", help="Write a suit on an arm, moved by EMG, in place of the bench.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Write a commented rig.toml of the default bench: every key with its unit and meaning."""
+    from bowden.app import suit_rig
     from bowden.app.rig_page import toml_text
     from bowden.core.files import whole_file
 
@@ -27,8 +31,9 @@ def init(
     if is_there and not force:
         raise OutputError(f"{path} is there already", do="choose another name, or overwrite it with --force")
     with whole_file(path) as part:
-        part.write_text(toml_text(path.name), encoding="utf-8")
+        text = suit_rig.TEXT.format(name=path.name) if suit else toml_text(path.name)
+        part.write_text(text, encoding="utf-8")
     if json:
         print_json({"files": [str(path)], "seconds": seconds()})
     else:
-        print(f"Wrote {path}. Next: bowden simulate {path}")
+        print(f"Wrote {path}. Next: bowden {'run' if suit else 'simulate'} {path}{' --twin' * suit}")

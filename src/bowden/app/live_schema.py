@@ -75,7 +75,15 @@ _SUFFIX: dict[str, tuple[str, float, str]] = {
 }
 """Unit inside → ending of the key, what one of the key's unit is inside, and the key's unit."""
 
-_ELSEWHERE = {"servo_frequency", "servo_damping", "current_peak", "thermal", "measures_current", "measures_tension"}
+_ELSEWHERE = {
+    "servo_frequency",
+    "servo_damping",
+    "current_peak",
+    "thermal",
+    "measures_current",
+    "measures_tension",
+    "uses_emg",
+}
 """Limits that follow from other sections."""
 
 

@@ -13,11 +13,14 @@ from bowden.runtime.ring_status import RecorderState
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
+from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
     from bowden.app.live_session import Session
 
 _MOST_ESTIMATES = 6
+_BAR = 20
+"""Width of the envelope's bar."""
 _KEYS = "a arm · r run · s or space stop · k acknowledge · q quit"
 _NEXT = {
     Mode.STOPPED: "a to arm: the motor gets power and makes a small motion",
@@ -45,12 +48,31 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
     table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
+    if session.ear is not None:
+        table.add_row("EMG", _emg(row, session.ear.unit, session.ear.lost))
     table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.winding']:.0f} °C")
     table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
     table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
     table.add_row("estimates", ", ".join(f"{name} {value:.3g}" for name, value in laws[:_MOST_ESTIMATES]))
     return table
+
+
+_TROUBLE = ("", "flat or missing: look at the electrodes", "movement or mains")
+
+
+def _emg(row: dict[str, float], unit: str, lost: str) -> str:
+    """The envelope as a bar, what the muscles do, what is wrong, and how old it is."""
+    share, said = row["emg.share"], [f"{row['emg.level']:.3g} {unit}".strip()]
+    if not math.isnan(share):
+        full = round(_BAR * min(max(share, 0.0), 1.0))
+        said = [f"{'█' * full}{'░' * (_BAR - full)} {100.0 * share:.0f} % MVC"]
+    active = [name for name in ("flexor", "extensor") if row[f"emg.{name}"]]
+    said.append(f"[bold]{' and '.join(active)} contracts[/bold]" if active else "at rest")
+    if row["emg.trouble"]:
+        said.append(f"[red]{_TROUBLE[int(row['emg.trouble'])]}[/red]")
+    said.append(f"[red]{escape(lost)}[/red]" if lost else f"{1e3 * row['emg.age']:.0f} ms old")
+    return ", ".join([f"{Intent(int(row['emg.intent'])).name.lower()}: {said[0]}", *said[1:]])
 
 
 def _next(mode: Mode, preflight: float, shown: list[Fault]) -> str:

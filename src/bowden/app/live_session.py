@@ -16,6 +16,7 @@ from typing import Any
 
 from bowden.app import thermal_file
 from bowden.app.compose_live import Asked, Live
+from bowden.app.emg_ear import Ear
 from bowden.app.twin_scenario import TwinScenario
 from bowden.core.errors import DriveError, OutputError
 from bowden.models.thermal import cold
@@ -66,7 +67,10 @@ class Session:
         self._processes: list[subprocess.Popen[str]] = []
         name = f"{os.getpid()}-{os.urandom(3).hex()}"
         self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
+        self._intent = FOLDER / f"bowden-{name}.intent"
         self._asked = asked
+        self.ear: Ear | None = None
+        """What reads the EMG, in a run by it."""
 
     def __enter__(self) -> "Session":
         try:
@@ -88,7 +92,12 @@ class Session:
         live, now = self.live, self.clock.now()
         _sweep()
         settings = run_settings(live.law, live.limits, live.cycle().filters, live.drive.sample_time)
-        told = description(live.law, {**settings, **live.told()}, round(unix_seconds() * SECOND), now)
+        if live.emg is not None:
+            self.ear = Ear(self._asked.rig, self._asked.emg, self._intent)
+            self.ear.await_ready()  # before the drive is spoken to
+            now = self.clock.now()
+        by_emg = self.ear is not None
+        told = description(live.law, {**settings, **live.told()}, round(unix_seconds() * SECOND), now, emg=by_emg)
         create(self._ring, told)
         control_block.create(self._block)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
@@ -105,12 +114,15 @@ class Session:
             "thermal": thermal,
             "ring": str(self._ring),
             "block": str(self._block),
+            "emg": None if self.ear is None else str(self._intent),
             "start_ns": now,
         }
         self._loop = self._start(["bowden.app.loop_process", json.dumps(given)])
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
         self.ready = self._await_ready()
+        if self.ear is not None:
+            self.ear.go()
 
     def _start(self, words: list[str]) -> "subprocess.Popen[str]":
         """A process apart from this terminal's signals: what ends it is our word, or our death."""
@@ -234,6 +246,8 @@ class Session:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
                 print(f"bowden: note: {what}; the next run takes it for cold", file=sys.stderr)
             self._hear_the_end()
+        if self.ear is not None:
+            self.ear.close()
         if hasattr(self, "_recorder"):
             self.rows.recorder.stop()
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -260,7 +274,7 @@ def _sweep() -> None:
 def _left_behind() -> Iterator[Path]:
     for path in FOLDER.glob("bowden-*-*.*"):
         number = path.name.split("-")[1]
-        if path.suffix in (".ring", ".block") and number.isdigit() and not Path(f"/proc/{number}").exists():
+        if path.suffix in (".ring", ".block", ".intent") and number.isdigit() and not Path(f"/proc/{number}").exists():
             yield path
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.app import emg_summary
 from bowden.core.units import RADIANS
 from bowden.hardware.emergencies import emergency_text
 from bowden.runtime.cycle import Source
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 def document(session: "Session") -> dict[str, Any]:
     """The figures of a run that has ended, as JSON values."""
-    log = read(session.log, _NEEDED)
+    emg, ear = session.live.emg, session.ear
+    log = read(session.log, _NEEDED if ear is None else tuple(dict.fromkeys((*_NEEDED, *emg_summary.NEEDED))))
     led = log["source"] >= Source.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
@@ -46,6 +48,7 @@ def document(session: "Session") -> dict[str, Any]:
         "lateness": asdict(figures(log["lateness"])) if len(log.rows) else None,
         "run_time_median_us": _median_us(log["run_time"]),
         "overruns": ended.get("overruns"),
+        "emg": None if emg is None or ear is None else emg_summary.figures(log, emg, ear),
         "grants": session.ready["grants"],
         "log": str(session.log),
         "log_whole": log.whole,
@@ -72,6 +75,8 @@ def print_summary(found: dict[str, Any]) -> None:
             f"{late['max_us']:.0f} max; the cycle takes {found['run_time_median_us']:.0f} µs; "
             f"{found['overruns']} overruns in {found['cycles']} cycles"
         )
+    if found["emg"]:
+        emg_summary.print_figures(found["emg"])
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
         print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
     for text in found["emergencies"]:

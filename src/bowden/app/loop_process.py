@@ -41,11 +41,13 @@ def _run(given: dict[str, Any]) -> int:
 
     asked = Asked(**(given["asked"] | {"rig": Path(given["asked"]["rig"])}))
     live = compose_live(asked)
-    cycle, script = live.cycle(), live.script()
+    emg = Path(given["emg"]) if given["emg"] else None
+    course = live.course(emg, given["start_ns"])
+    cycle, script = live.cycle(), live.script(course)
     cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     drive = CanopenDrive(live.drive)
-    loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"])
+    loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"], course)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())
     try:

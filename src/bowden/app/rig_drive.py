@@ -5,10 +5,12 @@ from bowden.app.live_schema import limits_of
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.hardware.drive_parameters import DriveParameters, check_parameters
+from bowden.models.suit_angle import spool_map
 from bowden.runtime.cycle import Filters
 from bowden.runtime.realtime import Settings
 from bowden.safety.limits import Limits
 from bowden.sim.plant import Bench
+from bowden.sim.suit_parts import Suit
 
 
 def limits(rig: schema.Rig, bench: Bench) -> Limits:
@@ -24,8 +26,10 @@ def limits(rig: schema.Rig, bench: Bench) -> Limits:
     )
 
 
-def drive_parameters(rig: schema.Rig, bench: Bench) -> DriveParameters:
+def drive_parameters(rig: schema.Rig, bench: Bench, suit: Suit | None = None) -> DriveParameters:
     """[drive], with gear, torque constant and cycle from the bench, and what the rig asks for from [limits].
+
+    On a suit the gear is its own, and motor angles are in the joint's coordinate.
 
     Raises:
         ParameterError: values that make no sense together.
@@ -45,7 +49,7 @@ def drive_parameters(rig: schema.Rig, bench: Bench) -> DriveParameters:
         node_id=given.node_id,
         host_id=given.host_id,
         motor_counts_per_turn=given.motor_counts_per_turn,
-        gear=bench.motor.gear,
+        gear=bench.motor.gear if suit is None else suit.motor.gear,
         motor_direction=given.motor_direction,
         joint_counts_per_turn=given.joint_counts_per_turn,
         joint_direction=given.joint_direction,
@@ -65,6 +69,7 @@ def drive_parameters(rig: schema.Rig, bench: Bench) -> DriveParameters:
         following_error=allowed.target_reach,
         current_limit=allowed.current_peak,
         answer_timeout=given.answer_timeout_ms * schema.MILLISECONDS,
+        spool=None if suit is None else spool_map(suit.geometry, suit.spool_radius),
     )
     check_parameters(parameters)
     if 2.0 * parameters.drive_heartbeat_time > allowed.heartbeat_age:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from bowden.app.emg_schema import EmgSection
 from bowden.app.live_schema import DriveSection, LimitsSection, LiveSection
 from bowden.app.rig_section import Section
 from bowden.app.rig_section import key as _key
@@ -273,3 +274,4 @@ class Rig(Section):
     drive: DriveSection = DriveSection()
     limits: LimitsSection = LimitsSection()  # type: ignore[valid-type]  # made from the supervisor's own
     live: LiveSection = LiveSection()
+    emg: EmgSection = EmgSection()

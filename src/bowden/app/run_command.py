@@ -25,6 +25,9 @@ def run(
     auto: Annotated[bool, typer.Option("--auto", help="Arm and run without keys, once, and end.")] = False,
     twin: Annotated[bool, typer.Option("--twin", help="Start bowden twin as well, on a bus of its own.")] = False,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
+    emg: Annotated[
+        str | None, typer.Option(help="EMG moves the joint: lsl:NAME, trigno:HOST or file:PATH, in place of the rig's.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Run a law that does not hold on the rig.")] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document and nothing else; needs --auto.")
@@ -43,7 +46,7 @@ def run(
     from bowden.runtime.preflight import require
 
     refuse_without_keys(auto, json)
-    asked = Asked(rig, law, preset, duration, channel)
+    asked = Asked(rig, law, preset, duration, channel, emg=emg)
     live = compose_live(asked)
     checked = verdicts(live.setup, [live.law], rig.name, force=force)
     for note in (*live.setup.notes, *(verdict.note for verdict in checked if verdict.note)):

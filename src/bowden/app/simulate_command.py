@@ -49,7 +49,7 @@ def simulate(
     from bowden.app import compose
     from bowden.app.verdict import verdicts
 
-    setup, description = compose.setup(rig, duration, seed)
+    setup, description = compose.setup(rig, duration, seed, offline=True)
     laws = [compose.law_for(name, description, setup.bench, Path(), preset) for name in law or ()]
     if not laws:
         laws = [compose.law_for(description.control.law, description, setup.bench, rig.parent, preset)]

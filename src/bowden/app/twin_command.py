@@ -46,7 +46,7 @@ def twin(
     from bowden.app.rig_drive import drive_parameters, on_bus
 
     setup, description = compose.setup(rig, duration)
-    drive = on_bus(drive_parameters(description, setup.bench), channel, interface)
+    drive = on_bus(drive_parameters(description, setup.bench, setup.suit), channel, interface)
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
     if inject or clear or status:
@@ -83,6 +83,7 @@ def _talk(
 def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool, until_orphaned: bool) -> None:
     from bowden.hardware.twin import Twin, raise_priority
     from bowden.hardware.twin_bench import TwinBench
+    from bowden.hardware.twin_suit import TwinSuit
     from bowden.runtime.clock import SECOND, MonotonicClock
 
     monotonic = MonotonicClock()
@@ -91,8 +92,9 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: boo
         return monotonic.now() / SECOND
 
     overrides = dict(_override(text) for text in objects)
-    bench = TwinBench(setup.bench, setup.bend, setup.duration, setup.seed, setup.initial_motor, clock())
-    running = Twin(drive, bench, clock, overrides)
+    rest = (setup.bend, setup.duration, setup.seed, setup.initial_motor, clock())
+    plant = TwinBench(setup.bench, *rest) if setup.suit is None else TwinSuit(setup.suit, *rest)
+    running = Twin(drive, plant, clock, overrides)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
     if until_orphaned:

@@ -95,7 +95,7 @@ def safety_module(limits: Limits) -> Module:
                 (
                     bound,
                     Argument("state", state),
-                    Argument("observed", Observed(_NOTHING, *(0.0,) * 6)),
+                    Argument("observed", Observed(_NOTHING, *(0.0,) * 7)),
                     Argument("wish", 0.0),
                     Argument("dt", 0.001),
                 ),

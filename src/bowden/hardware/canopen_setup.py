@@ -12,7 +12,7 @@ from bowden.core.errors import DriveError
 from bowden.hardware import canopen_frames as frames
 from bowden.hardware.canopen_dialogue import Dialogue, dialogue
 from bowden.hardware.cia402 import WITH_TORQUE, Mode, State, decode, supports
-from bowden.hardware.drive_parameters import DriveParameters, Scale, joint_scale, motor_scale
+from bowden.hardware.drive_parameters import DriveParameters, Scale, SuitScale, joint_scale, motor_scale
 from bowden.hardware.emergencies import emergency_text
 
 FAULT_SIGNAL = 1
@@ -44,7 +44,7 @@ class Found(NamedTuple):
 
     identity: str
     """Who it is, in one line."""
-    motor: Scale
+    motor: Scale | SuitScale
     joint: Scale
     rated_torque: float
     """6076h, of which 6077h is in thousandths [N·m]."""
@@ -143,7 +143,7 @@ def _check_mode(node: Dialogue) -> None:
         )
 
 
-def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale) -> None:
+def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitScale) -> None:
     """The rig's limits against those in the drive, which are read and never changed."""
 
     def refuse(what: str, wanted: float, own: float, unit: str) -> None:
@@ -161,14 +161,15 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale) -> None:
         refuse("lowest motor angle", drive.lowest_motor, ends[0], "rad")
     if math.isfinite(drive.highest_motor) and drive.highest_motor > ends[1]:
         refuse("highest motor angle", drive.highest_motor, ends[1], "rad")
-    unit = _speed_unit(node) / drive.gear
+    spool = motor.steepest(drive.lowest_motor, drive.highest_motor)  # the drive's own limits are the spool's
+    unit = _speed_unit(node) / drive.gear / spool
     for index in (0x6080, 0x607F):
         speed = node.read_if_there(index)
         if speed is not None and drive.speed_limit > speed * unit:
             refuse(f"speed limit ({index:04X}h)", drive.speed_limit, speed * unit, "rad/s")
     window = node.read_if_there(0x6065)
-    if window is not None and drive.following_error > window * abs(motor.step):
-        refuse("following error", drive.following_error, window * abs(motor.step), "rad")
+    if window is not None and drive.following_error > window * abs(motor.step) / spool:
+        refuse("following error", drive.following_error, window * abs(motor.step) / spool, "rad")
     current = node.read_if_there(0x3001, 2)
     if current is not None and drive.current_limit > 1e-3 * current:
         refuse("current limit", drive.current_limit, 1e-3 * current, "A")

@@ -4,12 +4,17 @@ import math
 from typing import NamedTuple
 
 from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled
+from bowden.models.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
 
 
 class DriveParameters(NamedTuple):
     """A CiA 402 drive on a CAN bus, in SI and radians at the spool and the joint.
 
     angle = home + direction · 2π · (counts − counts at home) / counts per turn of the spool or the joint
+
+    On a suit that is the spool's angle, and the motor's is what `models.suit_angle.motor_of` makes of it: all that
+    stands above the drive knows the joint's coordinate alone.
     """
 
     interface: str = "bowden_unix"
@@ -64,6 +69,8 @@ class DriveParameters(NamedTuple):
     """Largest current that the rig asks for; 0 for none [A]."""
     answer_timeout: float = 0.3
     """How long the drive may take to answer one question at bring-up [s]."""
+    spool: SpoolMap | None = None
+    """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says (`models.suit_angle`)."""
 
 
 LONGEST_TIMEOUT = 40e-3
@@ -130,15 +137,51 @@ class Scale(NamedTuple):
         """An angle [rad] to counts, not rounded."""
         return (angle - self.origin) / self.step
 
+    def steepest(self, low: float, high: float) -> float:
+        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
+        return 1.0
 
-def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:
-    """The motor's counts to the spool's angle.
+
+class SuitScale(NamedTuple):
+    """The way from counts to the motor's angle in the joint's coordinate and back, through the spool's angle."""
+
+    spool: Scale
+    """Counts to the spool's angle."""
+    map: SpoolMap
+
+    @property
+    def step(self) -> float:
+        """Angle of the spool of one count, with its sign [rad]."""
+        return self.spool.step
+
+    def angle(self, counts: float) -> float:
+        """Counts to an angle [rad]."""
+        return float(compiled(motor_of)(self.spool.angle(counts), self.map))
+
+    def counts(self, angle: float) -> float:
+        """An angle [rad] to counts, not rounded."""
+        return self.spool.counts(float(compiled(spool_of)(float(angle), self.map)))
+
+    def steepest(self, low: float, high: float) -> float:
+        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
+        low, high = (max(LOW, min(HIGH, angle)) for angle in (low, high))  # beyond, the map goes on along its tangent
+        between = (low + (high - low) * i / 64.0 for i in range(65))
+        return max(float(flexor_arm(angle, self.map)) for angle in between) / self.map.radius
+
+
+def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | SuitScale:
+    """The motor's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
 
     >>> round(motor_scale(DriveParameters()).counts(2.0 * math.pi))
     81920
     """
     step = drive.motor_direction * 2.0 * math.pi / (drive.motor_counts_per_turn * drive.gear)
-    return Scale(step, drive.motor_home - step * counts_at_home)
+    if drive.spool is None:
+        return Scale(step, drive.motor_home - step * counts_at_home)
+    home = float(spool_of(drive.motor_home, drive.spool))
+    scale = SuitScale(Scale(step, home - step * counts_at_home), drive.spool)
+    scale.angle(scale.counts(0.0))  # compiles, before a loop asks
+    return scale
 
 
 def joint_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:

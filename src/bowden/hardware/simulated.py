@@ -2,7 +2,8 @@
 
 from bowden.core.signals import DriveReading
 from bowden.hardware.cia402 import State
-from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF, TwinBench
+from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF
+from bowden.hardware.twin_plant import TwinPlant
 from bowden.runtime.ports import Power
 
 _NEXT = {
@@ -21,7 +22,7 @@ class SimulatedDrive:
         bench: at the clock's time.
     """
 
-    def __init__(self, bench: TwinBench) -> None:
+    def __init__(self, bench: TwinPlant) -> None:
         self._bench = bench
         self._power = Power.OFF
         self._joint, self._motor = bench.read_encoders()

@@ -16,10 +16,11 @@ from bowden.hardware.buses import claim, open_bus
 from bowden.hardware.cia402 import WITH_TORQUE
 from bowden.hardware.drive_parameters import DriveParameters, check_parameters
 from bowden.hardware.injection import parse
-from bowden.hardware.twin_bench import OFF, TwinBench
+from bowden.hardware.twin_bench import OFF
 from bowden.hardware.twin_control import ControlServer, control_path
 from bowden.hardware.twin_node import TwinNode
 from bowden.hardware.twin_objects import Key
+from bowden.hardware.twin_plant import TwinPlant
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -47,7 +48,7 @@ class Twin:
     def __init__(
         self,
         drive: DriveParameters,
-        bench: TwinBench,
+        bench: TwinPlant,
         clock: Callable[[], float],
         overrides: dict[Key, int | None] | None = None,
     ) -> None:

@@ -51,6 +51,12 @@ class Physics(NamedTuple):
     """τ of the power stage [s]."""
 
 
+def stage_temperature(physics: Physics, before: float, current: float, elapsed: float) -> float:
+    """Of the power stage after `elapsed` [s] under a `current` [A] [°C]."""
+    end = physics.ambient + physics.thermal_resistance * physics.stage_resistance * current**2
+    return before + (end - before) * (1.0 - math.exp(-elapsed / physics.thermal_time))
+
+
 class Motion(NamedTuple):
     """Where motor and cable are."""
 
@@ -199,13 +205,21 @@ class TwinBench:
             self._sag = self._rest() + (start - self._rest()) * math.exp(-elapsed / self.physics.spring_return)
         else:
             self._sag = math.nan
-        physics = self.physics
-        end = physics.ambient + physics.thermal_resistance * physics.stage_resistance * self.current**2
-        self.temperature += (end - self.temperature) * (1.0 - math.exp(-elapsed / physics.thermal_time))
+        self.temperature = stage_temperature(self.physics, self.temperature, self.current, elapsed)
 
     def _rest(self) -> float:
         """The joint angle at which its spring has no torque [rad]."""
         return -self.bench.motor.pretension / self.bench.motor.spring if self.bench.motor.spring > 0.0 else 0.0
+
+    @property
+    def speed_limit(self) -> float:
+        """Of the drive, at the spool [rad/s]."""
+        return self.bench.servo.speed_limit
+
+    @property
+    def current_limit(self) -> float:
+        """Of the drive [A]."""
+        return self.bench.motor.current_limit
 
     def _at(self, course: NDArray[np.float64], time: float) -> float:
         if time <= self._began:

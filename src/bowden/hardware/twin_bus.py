@@ -7,9 +7,9 @@ from collections.abc import Callable
 import can
 
 from bowden.hardware.drive_parameters import DriveParameters
-from bowden.hardware.twin_bench import TwinBench
 from bowden.hardware.twin_node import TwinNode
 from bowden.hardware.twin_objects import Key
+from bowden.hardware.twin_plant import TwinPlant
 
 TICK = 1e-3
 """Of the twin's own time, and how far a wait for a frame moves it [s]."""
@@ -27,7 +27,7 @@ class TwinBus(can.BusABC):
     def __init__(
         self,
         drive: DriveParameters,
-        make_bench: Callable[[float], TwinBench],
+        make_bench: Callable[[float], TwinPlant],
         overrides: dict[Key, int | None] | None = None,
     ) -> None:
         self.time = 100.0

@@ -11,16 +11,16 @@ from bowden.hardware import canopen_frames as frames
 from bowden.hardware.cia402 import WITH_TORQUE, State, encode, step
 from bowden.hardware.drive_parameters import DriveParameters, motor_scale
 from bowden.hardware.emergencies import HEARTBEAT_LOST
-from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF, TwinBench
+from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin_faults import Faults
 from bowden.hardware.twin_objects import Entry, Key, Made, Objects, SdoServer, dictionary
+from bowden.hardware.twin_plant import TwinPlant
 from bowden.hardware.twin_sampler import RATED_CURRENT, Sampler
 
 Send = Callable[[int, bytes], None]
 """Identifier and data of a frame."""
 
-RPM = 30.0 / math.pi
-"""Turns a minute in one rad/s."""
+RPM = 30.0 / math.pi  # turns a minute in one rad/s
 LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
 """Codes of the faults that the twin finds itself."""
 HOTTEST = 110.0
@@ -47,7 +47,7 @@ class TwinNode:
     def __init__(
         self,
         drive: DriveParameters,
-        bench: TwinBench,
+        bench: TwinPlant,
         send: Send,
         journal: Callable[[float, str, str], None],
         overrides: dict[Key, int | None] | None = None,
@@ -76,13 +76,13 @@ class TwinNode:
         self._lagging_since = math.nan
         self._next_heartbeat = -math.inf
         bench, gear = self.bench, self._drive.gear
-        speed = bench.bench.servo.speed_limit * gear * RPM
+        speed = bench.speed_limit * gear * RPM
         made = Made(
             node_id=self._drive.node_id,
             rated_torque=RATED_CURRENT * self._drive.torque_constant,
             speed=math.ceil(speed) if speed < 50e3 else 50e3,
-            current=bench.bench.motor.current_limit,
-            window=2.0 / abs(self._motor.step),
+            current=bench.current_limit,
+            window=2.0 * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step),
             braking=min(bench.physics.braking * gear * RPM, 2**31),
         )
         entries = dictionary(made)

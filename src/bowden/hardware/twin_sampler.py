@@ -4,8 +4,8 @@ import math
 
 from bowden.hardware import canopen_frames as frames
 from bowden.hardware.drive_parameters import DriveParameters, joint_scale, motor_scale
-from bowden.hardware.twin_bench import TwinBench
 from bowden.hardware.twin_faults import Faults
+from bowden.hardware.twin_plant import TwinPlant
 
 RATED_CURRENT = 4.0
 """Of the twin's motor; a stated choice [A]."""
@@ -23,7 +23,7 @@ class Sampler:
         faults: of the sensors.
     """
 
-    def __init__(self, drive: DriveParameters, bench: TwinBench, faults: Faults) -> None:
+    def __init__(self, drive: DriveParameters, bench: TwinPlant, faults: Faults) -> None:
         self._drive, self._bench, self._faults = drive, bench, faults
         self._motor, self._joint = motor_scale(drive), joint_scale(drive)
 

@@ -14,8 +14,8 @@ _WORDS = 8
 _HEARTBEAT, _REQUEST, _NUMBER, _QUIT = range(4)
 
 
-def create(path: Path) -> None:
-    """Make an empty block in place of one that a killed run left.
+def create(path: Path, words: int = _WORDS) -> None:
+    """Make an empty block of so many words in place of one that a killed run left.
 
     Raises:
         OutputError: it cannot be made.
@@ -23,7 +23,7 @@ def create(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
         with os.fdopen(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600), "wb") as file:
-            file.write(bytes(8 * _WORDS))
+            file.write(bytes(8 * words))
     except OSError as error:
         raise OutputError(f"cannot make {path}: {error.strerror}", do="make room in its folder") from error
 

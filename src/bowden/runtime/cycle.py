@@ -116,7 +116,7 @@ class Cycle:
             SupervisorState(*map(float, begin(self.limits, reading, thermal))),
         )
         self.state = fresh
-        observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0)
+        observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
         for source in (HOLD, MOTION, LAW_BEGINS, LAW):
             self.step(observed, Plan(source, motor, Reference(joint, 0.0, 0.0)))
         self.state = fresh

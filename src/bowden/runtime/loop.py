@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from bowden.runtime.clock import SECOND, Clock, next_deadline
 from bowden.runtime.control_block import ControlBlock
 from bowden.runtime.cycle import Cycle
+from bowden.runtime.emg_course import EmgCourse
 from bowden.runtime.ports import Drive, Power
 from bowden.runtime.ring import RingWriter
 from bowden.runtime.ring_status import RecorderState
@@ -42,6 +43,7 @@ class Loop:
         block: the operator's words.
         clock: to go by.
         start: the clock where the column ``time`` is zero [ns].
+        course: of a run by EMG; the script's too.
     """
 
     def __init__(
@@ -53,10 +55,11 @@ class Loop:
         block: ControlBlock,
         clock: Clock,
         start: int,
+        course: EmgCourse | None = None,
     ) -> None:
         self._drive, self._cycle, self._script = drive, cycle, script
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
-        self._quit = False
+        self._course, self._quit = course, False
 
     def quit(self) -> None:
         """End the run with a controlled release, as the operator's word does; for signals."""
@@ -72,7 +75,7 @@ class Loop:
 
     def _run(self) -> Ended:
         clock, drive, cycle = self._clock, self._drive, self._cycle
-        script, ring, block = self._script, self._ring, self._block
+        script, ring, block, course = self._script, self._ring, self._block, self._course
         period, patience = round(cycle.period * SECOND), cycle.limits.operator_age
         deadline = clock.now() + period
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
@@ -91,12 +94,13 @@ class Loop:
                 request = _STOP
             if request == _ACKNOWLEDGE:
                 drive.reset_fault()
+            emg_age = 0.0 if course is None else course.look(woke)
             plan = script.plan(mode, target, reading, 1 + skipped)
 
             # what is done
             recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
-            observed = Observed(reading, lateness, elapsed, request, age, recorder, script.outcome)
+            observed = Observed(reading, lateness, elapsed, request, age, recorder, script.outcome, emg_age)
             wish, verdict = cycle.step(observed, plan)
             mode, target = verdict.mode, verdict.target
             drive.write(target, Power(int(verdict.power)), now)
@@ -107,7 +111,7 @@ class Loop:
                 *((woke - self._start) * 1e-9, *plan.reference, *reading, *state.sample, wish),
                 *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
                 *(script.outcome, script.reason, 0.0),
-                *(*state.law, *state.supervisor),
+                *(*state.law, *state.supervisor, *(() if course is None else course.row())),
             )
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9

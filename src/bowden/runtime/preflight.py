@@ -242,7 +242,7 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         found.append(f"the winding would cool within {_QUICKEST:g} s: capacity × thermal resistance is too small")
     if limits.slack_sign not in (-1.0, 1.0):
         found.append("slack_sign is neither −1 nor 1")
-    measured = {name: value for name, value in limits._asdict().items() if name.startswith("measures_")}
+    measured = {name: value for name, value in limits._asdict().items() if name.startswith(("measures_", "uses_"))}
     found += [f"{name} is {value:g}, neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
     return found
 
@@ -272,7 +272,7 @@ _POSITIVE = (
     *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),
     *("acceleration", "servo_frequency", "servo_damping", "tracking", "play", "frozen_travel", "current_peak"),
     *("saturation", "i2t_time", "heartbeat_age", "enable_time", "lateness", "clock_gap", "operator_age"),
-    *("preflight_time", "bridge_time", "release_time", "pay_out", "released_current", "released_time"),
+    *("emg_age", "preflight_time", "bridge_time", "release_time", "pay_out", "released_current", "released_time"),
 )
 
 

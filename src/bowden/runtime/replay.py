@@ -85,7 +85,9 @@ def replay(found: Recording, law: Law, limits: Limits, filters: Filters, period:
                 sample, _law_state(law, sample, row, at, same), SupervisorState(*(row[i] for i in supervisor))
             )
             continue
-        observed = Observed(DriveReading(*(row[i] for i in reading)), *(row[i] for i in surroundings))
+        emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
+        around = (*(row[i] for i in surroundings), emg_age)
+        observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
         plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
         wishes[k], judged = cycle.step(observed, plan)
         said[k] = judged

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from bowden.control.law import Law
 from bowden.core.signals import DriveReading, Sample
 from bowden.models.thermal import ThermalState
+from bowden.runtime.emg_course import COLUMNS
 from bowden.runtime.ring import Description
 from bowden.safety.supervisor import SupervisorState
 
@@ -43,7 +44,7 @@ CYCLE: Mapping[str, str] = {
     "preflight_reason": "1",
     "run_time": "s",
 }
-"""Column → unit of what every run has; the law's state follows, and the supervisor's.
+"""Column → unit of what every run has; the law's state follows, the supervisor's, and what EMG said in a run by it.
 
 ``joint`` and ``motor`` are as measured, at the same instant as the reference; ``joint_seen`` and ``motor_seen`` are
 behind the filters. ``wish`` is from before the supervisor and ``command`` from after it; ``overruns`` are the deadlines
@@ -63,16 +64,18 @@ _SUPERVISOR_UNITS = {
 }
 
 
-def columns(law: Law) -> dict[str, str]:
-    """Column → unit of a run under this law."""
+def columns(law: Law, *, emg: bool = False) -> dict[str, str]:
+    """Column → unit of a run under this law, and by EMG."""
     states = {f"law.{name}": law.state_units.get(name, "1") for name in type(law.start(Sample(0.0, 0.0)))._fields}
     supervisor = {f"supervisor.{name}": _SUPERVISOR_UNITS.get(name, "1") for name in SupervisorState._fields}
-    return {**CYCLE, **states, **supervisor}
+    return {**CYCLE, **states, **supervisor, **(COLUMNS if emg else {})}
 
 
-def description(law: Law, settings: Mapping[str, object], utc_ns: int, monotonic_ns: int) -> Description:
+def description(
+    law: Law, settings: Mapping[str, object], utc_ns: int, monotonic_ns: int, *, emg: bool = False
+) -> Description:
     """What the ring's header says of a run whose column ``time`` is zero at these two clocks [ns]."""
-    named = columns(law)
+    named = columns(law, emg=emg)
     return Description(tuple(named), tuple(named.values()), settings, utc_ns, monotonic_ns)
 
 

@@ -64,12 +64,16 @@ def filters_of(settings: Mapping[str, Any]) -> Filters:
 
 def _again(kind: Any, settings: Mapping[str, Any], name: str, inner: Mapping[str, Any]) -> Any:
     try:
-        values = dict(settings[name])
+        values = {**(_SINCE if kind is Limits else {}), **settings[name]}
         values |= {key: _number_fields(part, values[key]) for key, part in inner.items()}
         return _number_fields(kind, values)
     except (KeyError, TypeError, ValueError) as error:
         do = "replay it with the version of bowden that wrote it (bowden log info tells which)"
         raise LogError(f"the log's settings have no {name} that this version knows: {error}", do=do) from error
+
+
+_SINCE = {name: Limits._field_defaults[name] for name in ("uses_emg", "emg_age")}
+"""Limits that older logs do not have, as they were in force then: not at all."""
 
 
 def _number_fields(kind: Any, values: Mapping[str, Any]) -> Any:

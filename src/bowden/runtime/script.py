@@ -1,10 +1,13 @@
 """What a run does, cycle by cycle: hold, preflight, approach, and then the law on its reference or a planned motion.
 
+The reference is a table that was made beforehand, or is made cycle by cycle of what EMG says.
+
 The law begins where the joint is: what the preflight has left in the cable's play sets the joint some degrees off, and
 this goes out of the reference by minimum jerk in the run's first second.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +16,7 @@ from bowden.control.reference import minimum_jerk
 from bowden.core.signals import DriveReading, Reference
 from bowden.runtime import preflight
 from bowden.runtime.cycle import HOLD, LAW, LAW_BEGINS, MOTION, NOWHERE, Plan
+from bowden.runtime.emg_course import EmgCourse
 from bowden.runtime.row import NOTHING_READ
 from bowden.safety.supervisor import Mode
 
@@ -24,18 +28,25 @@ class Script:
 
     Args:
         table: what follows the approach: (n, 3) references of the joint for the law [rad, rad/s, rad/s²], or (n, 1)
-            targets of the motor [rad].
+            targets of the motor [rad]. Not looked at in a run by EMG.
         start: motor angle to go to first [rad].
         speed: of that approach, at its quickest [rad/s].
         checks: the preflight between arming and running.
         period: of a cycle [s].
+        course: of a run by EMG.
     """
 
     def __init__(
-        self, table: NDArray[np.float64], start: float, speed: float, checks: preflight.Preflight, period: float
+        self,
+        table: NDArray[np.float64],
+        start: float,
+        speed: float,
+        checks: preflight.Preflight,
+        period: float,
+        course: EmgCourse | None = None,
     ) -> None:
         self._table, self._width = np.ascontiguousarray(table, dtype=np.float64).reshape(-1).data, table.shape[1]
-        self._last = len(table) - 1
+        self._course, self._last = course, (len(table) if course is None else course.cycles) - 1
         self._start, self._speed, self._checks, self._period = start, speed, checks, period
         self._checked = preflight.begin(checks, NOTHING_READ)
         self._mode = float(Mode.STOPPED)
@@ -70,9 +81,8 @@ class Script:
         if at < self._approach:
             return Plan(MOTION, float(minimum_jerk(self._from, self._start, self._approach, at).position), NOWHERE)
         row = round((at - self._approach) / self._period)
-        self.done = row >= self._last
-        place = self._width * min(row, self._last)
-        values = self._table[place : place + self._width]  # no array is indexed in the loop
+        self.done = row >= self._last or (self._course is not None and self._course.over)
+        values = self._values(row, cycles)
         if self._width == 1:
             return Plan(MOTION, values[0], NOWHERE)
         if not self._begun:
@@ -81,6 +91,15 @@ class Script:
         source, self._begun = (LAW if self._begun else LAW_BEGINS), True
         back = minimum_jerk(self._aside, 0.0, _BLEND, at - self._approach)
         return Plan(source, target, Reference(*(float(value + more) for value, more in zip(values, back, strict=True))))
+
+    def _values(self, row: int, cycles: int) -> Sequence[float]:
+        """Of a row of the table, or what EMG makes of `cycles` cycles more."""
+        if self._course is not None:
+            if not self._begun:
+                self._course.begin()
+            return self._course.step(cycles * self._period)
+        place = self._width * min(row, self._last)
+        return self._table[place : place + self._width]  # no array is indexed in the loop
 
     def _enter(self, mode: float, target: float, reading: DriveReading, cycles: int) -> None:
         if mode == _PREFLIGHT:

@@ -55,8 +55,7 @@ class Fault(IntEnum):
                          "let the cable out by hand and home again")
     MOTOR_OVER_SPEED = (3, 3, 0.020, "motor too fast", "filtered speed > motor_speed",
                         "slow the reference down; look for a torn cable")
-    CURRENT_LOST = (1, 2, 0.008, "no motor current", "current missing, or beyond twice its peak",
-                    "look at the drive's PDO mapping")
+    CURRENT_LOST = (1, 2, 0.008, "no motor current", "missing, or beyond twice its peak", "look at the drive's PDOs")
     OVER_CURRENT = (3, 3, 0.010, "current beyond its peak", "|current| > current_peak for 2 ms",
                     "look for a short circuit; compare current_peak with the drive's own limit")
     SATURATED = (2, 2, 0.060, "drive at its limit", "|current| > 95 % of its peak for 50 ms: laws wind up",
@@ -67,8 +66,7 @@ class Fault(IntEnum):
                  "let the motor cool for some minutes; the model goes on over restarts")
     DRIVE_HOT = (2, 2, 0.008, "drive too warm", "its temperature missing or > drive_limit, where measured",
                  "let the drive cool; look at its airflow")
-    TENSION_LOST = (1, 2, 0.008, "no tension", "tension missing or impossible, where measured",
-                    "look at the load cell's plug")
+    TENSION_LOST = (1, 2, 0.008, "no tension", "missing or impossible, where measured", "look at the load cell's plug")
     OVER_TENSION = (3, 3, 0.004, "cable pulls too hard", "tension > tension_high, where measured",
                     "look for a caught limb or a jam before all else")
     SLACK = (2, 2, 0.060, "cable slack or torn", "tension < tension_low for 50 ms, where measured",
@@ -103,6 +101,8 @@ class Fault(IntEnum):
                         "read its reason; arm again when you are ready to run")
     RECORDER_LOST = (0, 0, 0.0, "nothing is recorded", "recorder dead, behind, or disk full",
                      "make room on the disk, start the recorder again; a running loop goes on, no new one is armed")
+    EMG_LOST = (2, 2, 0.004, "EMG lost", "newest sample older than emg_age, in a run by EMG",
+                "look at the electrodes' base station, its network and the program that sends; then arm anew")
 # fmt: on
 
 

@@ -53,6 +53,8 @@ class Limits(NamedTuple):
     lateness: float = 0.02  # largest lateness of a cycle, and largest sum of the last ones [s]
     clock_gap: float = 0.5  # longest time between two cycles that a late loop explains [s]
     operator_age: float = 1.0  # age of the operator's last sign of life [s]
+    uses_emg: float = 0.0  # 1 where EMG moves the reference, else 0
+    emg_age: float = 0.2  # age of the newest EMG sample that is still good [s]
     preflight_time: float = 60.0  # from arming to running, at most [s]
     bridge_time: float = 0.005  # R1 at most, R2 or R3 afterwards [s]
     bridge_leak: float = 0.02  # share of good time by which bridged time is forgotten: worse readings stop [–]

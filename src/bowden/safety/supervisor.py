@@ -42,6 +42,7 @@ class Observed(NamedTuple):
     operator_age: float  # since the operator's last sign of life [s]
     recorder: float  # 1 if the recorder is alive and has room, else 0
     preflight: float  # 0 not done, 1 passed, −1 failed
+    emg_age: float  # since the newest EMG sample was taken; 0 in a run without EMG [s]
 
 
 class Verdict(NamedTuple):
@@ -69,10 +70,8 @@ POWER_OFF, POWER_ON = 0.0, 3.0  # of `runtime.ports.Power`, which this floor can
 STOPPED, PREFLIGHT, RUNNING, BRIDGING, RELEASING, LATCHED = (float(mode) for mode in Mode)
 ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
 BIG = 1e6  # what is larger is no number that anything here can mean
-COUNT = len(Fault)
-AT_ONCE = tuple(float(fault.at_once) for fault in Fault)
-THEN = tuple(float(fault.then) for fault in Fault)
-BIT = tuple(2.0**fault for fault in Fault)
+COUNT, BIT = len(Fault), tuple(2.0**fault for fault in Fault)
+AT_ONCE, THEN = tuple(float(fault.at_once) for fault in Fault), tuple(float(fault.then) for fault in Fault)
 
 
 @kernel
@@ -169,7 +168,7 @@ def look(
         led * beyond(np.abs(asked - motor.value), limits.target_reach),
         led * beyond(np.abs(hard), limits.acceleration),
         outside(observed.operator_age, -1.0, limits.operator_age), powered * (1.0 - state.passed) * failed,
-        outside(observed.recorder, 0.5, 1.5),
+        outside(observed.recorder, 0.5, 1.5), limits.uses_emg * outside(observed.emg_age, -1.0, limits.emg_age),
     )
     # fmt: on
     sums = (overload, saturated, slack, late, errors, failures, armed)

@@ -14,8 +14,8 @@ from bowden.sim.injected import Injected
 from bowden.sim.plant import Bench
 from bowden.sim.supervised import Outcome, supervised
 
-MEASURED = Limits(measures_tension=1.0, measures_temperature=1.0)
-"""Limits of a rig that measures all there is to measure."""
+MEASURED = Limits(measures_tension=1.0, measures_temperature=1.0, uses_emg=1.0)
+"""Limits of a rig that measures all there is to measure, in a run by EMG."""
 FIRST, LAST, AFTER = 0.6, 3.2, 2.8
 """Faults begin between these times [s], and a run lasts so much longer."""
 REFERENCE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 2.0)
@@ -91,6 +91,8 @@ ROWS = {
     Injected.OPERATOR_LOST: _row("2", "OPERATOR_LOST", 1004),
     Injected.RECORDER_LOST: _row("0", "RECORDER_LOST", 0),
     Injected.STOP: _row("2", "", 4),
+    Injected.EMG_SILENT: _row("2", "EMG_LOST", 204),
+    Injected.EMG_TIMELESS: _row("2", "EMG_LOST", 4),
 }
 """Injected fault → what must come of it."""
 

@@ -80,16 +80,22 @@ class Injected(IntEnum):
     OPERATOR_LOST = 47
     RECORDER_LOST = 48
     STOP = 49
+    EMG_SILENT = 50
+    """No sample comes any more."""
+    EMG_TIMELESS = 51
+    """Samples whose time is not known."""
 
 
 class Around(NamedTuple):
-    """What one cycle observes besides the drive's reading."""
+    """What one cycle observes besides the drive's reading: the fields of `Observed` after it, in their order."""
 
     lateness: float
     elapsed: float
+    request: float
     operator_age: float
     recorder: float
-    request: float
+    preflight: float
+    emg_age: float
 
 
 @kernel
@@ -181,8 +187,8 @@ def misread(
 
 @kernel
 def disturbed(kind: int, since: int, around: Around, dt: float) -> Around:
-    """Loop, operator and recorder with a fault."""
-    lateness, elapsed, age, recorder, request = around
+    """Loop, operator, recorder and EMG with a fault."""
+    lateness, elapsed, request, age, recorder, preflight, emg_age = around
     if kind == 40 and since == 0:
         elapsed = -3600.0
     elif kind == 41 and since == 0:
@@ -193,7 +199,11 @@ def disturbed(kind: int, since: int, around: Around, dt: float) -> Around:
         recorder = 0.0
     elif kind == 49 and since == 0:
         request = 3.0
-    return Around(lateness, elapsed, age, recorder, request)
+    elif kind == 50:
+        emg_age += since * dt
+    elif kind == 51:
+        emg_age = np.nan
+    return Around(lateness, elapsed, request, age, recorder, preflight, emg_age)
 
 
 @kernel

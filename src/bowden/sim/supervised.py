@@ -106,7 +106,8 @@ def run_supervised(
         current = (motor.current_limit if jams > 0.0 else current) if on else 0.0
         tension = max(0.0, load / SPOOL_RADIUS)
         told = DriveReading(motors[k], joints[k], current, tension, 40.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0)
-        around = Around(missed * dt, (missed + 1) * dt, 0.05, 1.0, 1.0 if k == 0 else 2.0 if ran < 0 else 0.0)
+        request = 1.0 if k == 0 else 2.0 if ran < 0 else 0.0
+        around = Around(missed * dt, (missed + 1) * dt, request, 0.05, 1.0, 1.0, 0.02)
         missed = 0
         for i in range(len(kinds)):
             kind, since = kinds[i], k - onsets[i]
@@ -148,10 +149,8 @@ def run_supervised(
         for i in range(len(kinds)):
             if k >= onsets[i]:
                 wish = misled(kinds[i], k - onsets[i], wish, dt)
-        observed = Observed(
-            told, around.lateness, around.elapsed, around.request, around.operator_age, around.recorder, 1.0
-        )
-        state, verdict = supervise(limits, state, observed, wish, dt)
+        surroundings = (told,) + around[:]  # noqa: RUF005 - Numba takes no star in a tuple
+        state, verdict = supervise(limits, state, Observed(*surroundings), wish, dt)
 
         # what came of it
         most = limits.target_speed * max(dt, min(around.elapsed, 5.0 * dt)) * 1.000001

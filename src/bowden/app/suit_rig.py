@@ -1,0 +1,42 @@
+"""The rig.toml that ``bowden init --suit`` writes: the suit on an arm, moved by EMG, live against its twin."""
+
+TEXT = """\
+# {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/live.md tells why.
+#
+#   bowden run {name} --twin --auto --emg file:RECORDING.csv      # a recording, against the twin
+#   bowden run {name} --twin --emg lsl:NAME                       # a stream
+
+[suit]
+worn = true
+drive_integral_per_s = 40.0  # [1/s] a drive without one does not follow its target in gears with this much friction
+
+[wearer]
+mass_kg = 75.0    # [kg] of the body
+height_m = 1.75   # [m] of the body
+share = 0.0       # share of the arm's weight that the wearer carries
+
+[control]
+law = "adaptive"  # begins with its gains for a suit
+
+[scenario]
+duration_s = 60.0  # [s] a run by a recording ends with it
+
+[limits]
+motor_low_deg = -12.0                # [°] what a release lets out below the straight arm
+motor_margin_deg = 8.0               # [°] the drive's integral runs over its target by this in a release
+play_deg = 20.0                      # [°] fabric gives way, and the arm falls behind a cable that is let out
+tracking_deg = 15.0                  # [°] the servo's model knows no friction: gears hold the motor as it turns
+pay_out_deg_per_s = 120.0            # [°/s] the extensor pulls the arm at this speed while the flexor is let out
+thermal_continuous_current_a = 12.0  # [A] the paper's flexion draws 10 A for 25 s, more than its motor's 6 A
+reading_age = 10.0                   # [cycles] a computer shared with others stalls; 2 on a rig
+
+[emg]
+# source = "lsl:EMG"       # or trigno:HOST, file:PATH; or bowden run --emg
+# wearer = "wearer.toml"   # of bowden emg calibrate; for the envelope in % MVC
+# flexor = "biceps"        # the first channel if left out
+# extensor = "triceps"     # left out, one muscle takes turns: flex, extend, flex, …
+low_deg = 0.0
+high_deg = 60.0
+duration_s = 2.0           # [s] of the whole motion
+"""
+"""With the file's name as ``name``."""

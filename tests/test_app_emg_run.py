@@ -1,0 +1,310 @@
+"""`bowden run` by EMG: what is refused before anything moves, and the whole of it with real processes."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from bowden.app.compose import setup
+from bowden.app.compose_live import Asked, compose_live
+from bowden.app.emg_motion import EmgMotion
+from bowden.app.emg_setup import columns, emg_run
+from bowden.app.emg_summary import figures
+from bowden.app.live_screen import _emg
+from bowden.app.main import run
+from bowden.core.errors import BowdenError
+from bowden.runtime.ports import EmgChunk
+from bowden.runtime.preflight import Preflight, require
+
+ROOT = Path(__file__).parents[1]
+COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]
+RATE = 1000.0
+WEARER = '[emg]\nchannel = "{channel}"\nrest = {rest}\nmvc = {mvc}\nsource = "mvc.csv"\n'
+TRIES = 4
+"""A machine that is busy with other things stops a run by right; some run must come through."""
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """13 s: a second of contraction every two seconds."""
+    time_s = np.arange(round(13.0 * RATE)) / RATE
+    loud = np.where(time_s % 2.0 >= 1.0, 20.0, 1.0)
+    signal = 0.01 * loud * np.random.default_rng(1).standard_normal(len(time_s))
+    path = tmp_path_factory.mktemp("emg") / "emg.csv"
+    np.savetxt(path, np.column_stack([time_s, signal]), ["%.3f", "%.5f"], ",", header="time_s,biceps_mV", comments="")
+    return path
+
+
+def rig(folder: Path, keys: str = "", more: str = "") -> Path:
+    path = folder / "rig.toml"
+    path.write_text(
+        f"[scenario]\nduration_s = 60.0\n[limits]\nreading_age = 10.0\n{more}\n[emg]\nhigh_deg = 60.0\n{keys}\n"
+    )
+    return path
+
+
+class Stream:
+    """A stream that says who it is, and nothing else."""
+
+    rate, channels, unit = RATE, ("biceps", "triceps"), "mV"
+
+    def open(self) -> str:
+        return "a stream"
+
+    def read(self, now: float) -> EmgChunk:
+        return EmgChunk(np.zeros((0, 2)), np.zeros(0))
+
+    def lost(self) -> str:
+        return ""
+
+    def close(self) -> None:
+        pass
+
+
+def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
+    """What is said of a run with these keys in [emg], before or as its stream is opened."""
+    try:
+        live = compose_live(Asked(rig(folder, keys), emg=source))
+        assert live.emg is not None
+        columns(live.emg, Stream())
+    except BowdenError as error:
+        return str(error)
+    pytest.fail("it is let through")
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("low_deg = 60.0", "emg.low_deg is 60 and high_deg 60"),
+        ("low_deg = -40.0", "within the joint's limits, -28.6"),
+        ("flexor = 'biceps'\nextensor = 'biceps'", "both 'biceps'"),
+        ("flexor = 'deltoid'", "lsl:EMG has no channel 'deltoid'; expected one of 'biceps', 'triceps'"),
+        ("extensor = 'deltoid'", "no channel 'deltoid'"),
+        ("mode = 'proportional'", "there is no emg.wearer"),
+        ("mode = 'sometimes'", "'trigger' or 'proportional'"),
+        ("wearer = 'nobody.toml'", "nobody.toml: No such file"),
+        ("wearer = 'weak.toml'", "expected at least 3 times as much"),
+        ("wearer = 'below.toml'", "expected at least 3 times as much"),
+        ("wearer = 'other.toml'", "was measured on 'deltoid' in mV, and lsl:EMG has 'biceps' in mV"),
+        ("wearer = 'volts.toml'", "was measured on 'biceps' in V, and lsl:EMG has 'biceps' in mV"),
+    ],
+)
+def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> None:
+    for name, channel, low, high in (
+        ("weak", "biceps_mV", 0.1, 0.2),
+        ("below", "biceps_mV", 0.2, 0.1),
+        ("other", "deltoid_mV", 0.01, 0.2),
+        ("volts", "biceps_V", 0.01, 0.2),
+    ):
+        (tmp_path / f"{name}.toml").write_text(WEARER.format(channel=channel, rest=low, mvc=high))
+    found = refused(tmp_path, keys)
+    assert said in found
+    assert "\n" not in found
+
+
+@pytest.mark.parametrize(
+    ("wearer", "said"),
+    [
+        ("mass_kg = 500.0", "mass is 500 kg"),
+        ("height_m = 0.4", "height is 0.4 m"),
+        ("mass_kg = 30.0\nheight_m = 2.2", "index"),
+    ],
+)
+def test_an_impossible_wearer_is_one_line(tmp_path: Path, wearer: str, said: str) -> None:
+    path = rig(tmp_path, "source = 'lsl:EMG'", f"[suit]\nworn = true\n[wearer]\n{wearer}")
+    with pytest.raises(BowdenError, match=said):
+        compose_live(Asked(path))
+
+
+def test_the_suits_rig_that_init_writes_can_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "suit.toml"
+    assert run(["init", str(path), "--suit"]) == 0
+    assert f"bowden run {path} --twin" in capsys.readouterr().out
+    live = compose_live(Asked(path, emg="lsl:EMG"))
+    require(live.limits, live.drive.sample_time, "little_margin")
+    assert live.setup.suit is not None
+    assert live.drive.spool is not None
+    assert live.drive.gear == live.setup.suit.motor.gear == 25.0
+    assert live.setup.suit.motor.integral == 40.0
+    assert live.script()._checks.noise > Preflight().noise
+    assert run(["init", str(path), "--suit"]) == 2
+
+
+def test_a_rig_without_a_source_runs_by_its_reference_and_with_one_by_emg(tmp_path: Path) -> None:
+    path = rig(tmp_path)
+    live = compose_live(Asked(path))
+    assert live.emg is None
+    assert live.limits.uses_emg == 0.0
+    by_emg = compose_live(Asked(path, emg="lsl:EMG"))
+    assert by_emg.emg is not None
+    assert by_emg.limits.uses_emg == 1.0
+    assert by_emg.told()["emg"]["source"] == "lsl:EMG"
+    assert compose_live(Asked(rig(tmp_path, "source = 'lsl:A'"), emg="lsl:B")).emg.source == "lsl:B"  # type: ignore[union-attr]
+
+
+def test_a_wearer_of_the_channel_is_taken_and_the_unit_may_stand_in_the_name_or_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "anna.toml").write_text(WEARER.format(channel="triceps_mV", rest=0.01, mvc=0.3))
+    live = compose_live(Asked(rig(tmp_path, "wearer = 'anna.toml'\nflexor = 'triceps'"), emg="lsl:EMG"))
+    assert live.emg is not None
+    assert columns(live.emg, Stream()) == (1, None)
+
+
+def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_path: Path, recording: Path) -> None:
+    (tmp_path / "emg.csv").write_bytes(recording.read_bytes())
+    made, _ = setup(rig(tmp_path, "source = 'file:emg.csv'\nduration_s = 0.6"), offline=True)
+    assert isinstance(made.reference, EmgMotion)
+    path = made.reference.sample(np.arange(13_000) * 1e-3)
+    turns = np.flatnonzero(np.diff(np.sign(path[:, 1])))
+    assert len(turns) >= 10, "six contractions, a motion for each"
+    assert path[:, 0].max() == pytest.approx(np.pi / 3.0)
+    assert path[:, 0].min() == 0.0
+    checked, _ = setup(rig(tmp_path, "source = 'file:emg.csv'"))
+    assert checked.reference.sample(np.linspace(0.0, 4.0, 100))[:, 0].max() == pytest.approx(np.pi / 3.0, abs=1e-2)
+    stream, _ = setup(rig(tmp_path, "source = 'lsl:EMG'"), offline=True)
+    assert "lsl:EMG is live" in stream.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [("file:nowhere.csv", "nowhere.csv"), ("carrier:pigeon", "is no source of EMG"), ("file:empty.csv", "empty.csv")],
+)
+def test_a_source_that_cannot_be_used_is_told_before_the_drive_is_spoken_to(
+    tmp_path: Path, source: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty.csv").write_text("time_s,emg_mV\n")
+    source = source.replace("file:", f"file:{tmp_path}/")
+    code = run(["run", str(rig(tmp_path)), "--auto", "--emg", source, "--out", str(tmp_path / "out")])
+    err = capsys.readouterr().err
+    assert code == 2
+    assert said in err
+    assert err.count("\n") == 1
+    assert list((tmp_path / "out").glob("*")) == []
+
+
+def test_the_screen_shows_envelope_muscles_trouble_and_age() -> None:
+    row = {"emg.share": 0.5, "emg.level": 0.1234, "emg.flexor": 1.0, "emg.extensor": 0.0, "emg.trouble": 0.0}
+    row |= {"emg.age": 0.0042, "emg.intent": 1.0}
+    assert _emg(row, "mV", "") == "flex: ██████████░░░░░░░░░░ 50 % MVC, [bold]flexor contracts[/bold], 4 ms old"
+    row |= {"emg.share": float("nan"), "emg.flexor": 0.0, "emg.trouble": 2.0}
+    shown = _emg(row, "mV", "it has gone")
+    assert shown == "flex: 0.123 mV, at rest, [red]movement or mains[/red], [red]it has gone[/red]"
+    assert "-" not in _emg(row | {"emg.share": -0.3}, "mV", "").split("%")[0].split(" ")[1]
+
+
+def test_figures_are_of_motions_and_their_delays() -> None:
+    """Two motions on a made-up log: the second one's joint never moves."""
+    time_s = np.arange(6000) * 1e-3
+    intent = np.select([time_s < 1.0, time_s < 3.0, time_s < 4.0, time_s < 5.0], [0.0, 1.0, 2.0, 3.0], 0.0)
+    joint = np.where(time_s < 1.5, 0.0, 0.5)
+    log = {
+        "time": time_s,
+        "source": np.where(time_s < 0.5, 0.0, 3.0),
+        "emg.intent": intent,
+        "emg.onset": np.where(time_s < 4.0, 0.99, 3.98),
+        "emg.age": np.full(6000, 0.004),
+        "emg.samples": time_s * 1e3,
+        "emg.lost": np.full(6000, 2.0),
+        "command": np.where(time_s < 1.2, 0.0, np.where(time_s < 4.1, 1.0, 0.0)),
+        "joint": joint,
+        "reference": np.where(time_s < 2.5, joint, joint + np.radians(3.0)),
+    }
+    found = figures(log, SimpleNamespace(source="lsl:EMG"), SimpleNamespace(stream="a stream", lost=""))  # type: ignore[arg-type]
+    assert found["motions"] == 2
+    assert found["onset_to_cycle_ms"] == {"p50": 15.0, "p99": 19.9, "max": 20.0}
+    assert found["onset_to_command_ms"]["max"] == pytest.approx(210.0)
+    assert found["onset_to_joint_ms"] == {"p50": 510.0, "p99": 510.0, "max": 510.0}
+    assert found["peak_after_first_second_deg"] == pytest.approx(3.0)
+    assert (found["samples"], found["lost"], found["age_ms"]["p50"]) == (5999, 2, 4.0)
+
+
+def follow(path: Path, out: Path, source: str, *options: str) -> "subprocess.Popen[str]":
+    command = [*COMMAND, "run", str(path), "--twin", "--auto", "--json", "--emg", source, "--out", str(out), *options]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def finished(process: "subprocess.Popen[str]") -> dict[str, Any]:
+    try:
+        said, err = process.communicate(timeout=300.0)
+    finally:
+        process.kill()
+    assert said, err
+    found: dict[str, Any] = json.loads(said)
+    schema = json.loads((ROOT / "docs" / "json" / "run.schema.json").read_text(encoding="utf-8"))
+    jsonschema.validate(found, schema)
+    return found
+
+
+@pytest.mark.live
+def test_contractions_move_the_joint_live_and_the_log_replays(
+    tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    path = rig(tmp_path, "duration_s = 1.0")
+    for attempt in range(TRIES):
+        out = tmp_path / f"out{attempt}"
+        found = finished(follow(path, out, f"file:{recording}"))
+        if found["ended_well"]:
+            break
+    assert found["ended_well"], found
+    assert found["emg"]["motions"] >= 3
+    assert found["emg"]["lost"] == 0
+    assert found["emg"]["onset_to_cycle_ms"]["p50"] < 100.0
+    assert found["rmse_deg"] < 5.0
+    with monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", sys.stderr)
+        assert run(["log", "replay", found["log"]]) == 0
+
+
+_SECONDS_LED = 4_500_000
+"""Size of a log in which the law has had the motor for some seconds."""
+
+
+@pytest.mark.live
+def test_a_stream_that_dies_ends_the_run_in_a_release(
+    tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    path = rig(tmp_path)
+    for attempt in range(TRIES):
+        process = follow(path, tmp_path / f"out{attempt}", f"file:{recording}")
+        logs = tmp_path / f"out{attempt}"
+        while process.poll() is None and sum(log.stat().st_size for log in logs.glob("*.mcap")) < _SECONDS_LED:
+            time.sleep(0.05)
+        with contextlib.suppress(ProcessLookupError):  # a run that a stall has ended
+            os.kill(_reading(process.pid), signal.SIGKILL)
+        found = finished(process)
+        if found["faults"] == ["EMG lost"]:
+            break
+    assert process.returncode == 1
+    assert found["faults"] == ["EMG lost"], found
+    assert found["mode"] == "latched"
+    assert "base station" in found["remedies"][0]
+
+
+def _reading(parent: int) -> int:
+    """The process of a run that reads EMG."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (folder / "cmdline").read_bytes().split(b"\0")
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == parent and b"bowden.app.intent_process" in words:
+            return int(folder.name)
+    raise ProcessLookupError
+
+
+def test_emg_of_a_rig_is_none_without_a_source(tmp_path: Path) -> None:
+    from bowden.app.config import read_rig
+
+    assert emg_run(read_rig(rig(tmp_path)).emg, tmp_path) is None

@@ -1,0 +1,188 @@
+"""The suit behind the twin: counts of the spool, angles of the joint's coordinate, gravity, torn and slack cables."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bowden.core.errors import DriveError
+from bowden.core.units import RADIANS
+from bowden.hardware.canopen_drive import CanopenDrive
+from bowden.hardware.drive_parameters import DriveParameters, Scale, SuitScale, motor_scale
+from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF
+from bowden.hardware.twin_bus import TwinBus
+from bowden.hardware.twin_suit import TwinSuit
+from bowden.models.arm import Wearer
+from bowden.models.geared_motor import GearedMotor
+from bowden.models.suit_angle import spool_map, spool_of
+from bowden.runtime.ports import Power
+from bowden.sim.scenario import constant_bend, scripted_bend
+from bowden.sim.suit_parts import Suit
+
+SUIT = Suit(motor=GearedMotor(integral=40.0))
+DRIVE = DriveParameters(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))
+
+
+def twin(suit: Suit = SUIT, motor: float = 0.0) -> TwinSuit:
+    return TwinSuit(suit, constant_bend(suit.sheath.bend), 1.0, 1, motor, 0.0)
+
+
+def run(suit: TwinSuit, begin: float, seconds: float, doing: int, command: float = 0.0) -> float:
+    """On from `begin`, a millisecond a call; the time after it [s]."""
+    suit.doing, suit.command = doing, command
+    for k in range(1, round(1e3 * seconds) + 1):
+        suit.advance(begin + 1e-3 * k)
+    return begin + seconds
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_counts_are_the_spools_and_angles_the_joints(direction: int) -> None:
+    scale = motor_scale(DRIVE._replace(motor_direction=direction))
+    assert isinstance(scale, SuitScale)
+    for degrees in (-25.0, 0.0, 1.0, 45.0, 90.0, 115.0, 130.0):
+        angle = degrees * RADIANS
+        counts = scale.counts(angle)
+        assert scale.angle(counts) == pytest.approx(angle, abs=1e-12)
+        turns = direction * counts / (DRIVE.motor_counts_per_turn * DRIVE.gear)
+        assert turns * 2.0 * math.pi == pytest.approx(spool_of(angle, scale.map), abs=1e-12)
+
+
+def test_home_is_an_angle_of_the_joint() -> None:
+    scale = motor_scale(DRIVE._replace(motor_home=0.5), 12_345)
+    assert scale.angle(12_345) == pytest.approx(0.5, abs=1e-12)
+
+
+def test_the_steepest_place_bounds_what_an_angle_asks_of_the_spool() -> None:
+    scale = motor_scale(DRIVE)
+    low, high = -0.2, 1.5
+    angles = np.linspace(low, high, 500)
+    slopes = np.diff([scale.counts(angle) * scale.step for angle in angles]) / np.diff(angles)
+    assert scale.steepest(low, high) >= slopes.max()
+    assert scale.steepest(low, high) == pytest.approx(slopes.max(), rel=0.01)
+    assert scale.steepest(-math.inf, math.inf) > scale.steepest(low, high)
+    assert Scale(1.0, 0.0).steepest(low, high) == 1.0
+
+
+def test_the_arm_hangs_follows_and_sinks_without_torque_no_quicker_than_the_gears_let_it() -> None:
+    suit = twin()
+    assert abs(suit.joint) < 3.0 * RADIANS
+    assert suit.current == 0.0
+    now = run(suit, 0.0, 2.0, FOLLOW, 60.0 * RADIANS)
+    assert suit.motor == pytest.approx(60.0 * RADIANS, abs=2.0 * RADIANS)
+    assert 45.0 * RADIANS < suit.joint < suit.motor
+    assert suit.tension > 30.0
+    assert suit.current > 1.0
+    before = suit.motor
+    run(suit, now, 1.0, OFF)
+    assert suit.current == 0.0
+    assert suit.motor <= before + 0.01
+    assert suit.velocity == 0.0, "gears with this friction hold what is left"
+
+
+def test_gears_without_friction_let_the_arm_sink() -> None:
+    loose = SUIT.motor._replace(friction=0.0, efficiency=1.0)
+    suit = twin(SUIT._replace(motor=loose, wearer=Wearer(constant=-4.0)))  # beyond what the cables' friction holds
+    now = run(suit, 0.0, 2.0, FOLLOW, 60.0 * RADIANS)
+    held = suit.joint
+    run(suit, now, 2.0, OFF)
+    assert suit.joint < held - 10.0 * RADIANS
+
+
+def test_a_torn_flexor_lets_the_arm_fall_and_a_slack_one_gives_way_until_it_is_taken_up() -> None:
+    for torn, slack in ((True, 0.0), (False, 0.6)):
+        suit = twin()
+        now = run(suit, 0.0, 2.0, FOLLOW, 60.0 * RADIANS)
+        held, pulled = suit.joint, suit.tension
+        suit.torn, suit.slack = torn, slack
+        now = run(suit, now, 0.02, FOLLOW, 60.0 * RADIANS)
+        assert suit.tension < 0.2 * pulled
+        now = run(suit, now, 2.0, FOLLOW, 60.0 * RADIANS)
+        assert suit.joint < held - 5.0 * RADIANS
+        suit.torn, suit.slack = False, 0.0
+        run(suit, now, 2.0, FOLLOW, 60.0 * RADIANS)
+        assert suit.joint == pytest.approx(held, abs=3.0 * RADIANS)
+
+
+def test_a_quick_stop_holds_the_motor_where_it_began() -> None:
+    suit = twin()
+    now = run(suit, 0.0, 0.05, FOLLOW, 60.0 * RADIANS)
+    assert suit.velocity > 1.0
+    where = suit.motor
+    run(suit, now, 2.0, BRAKE)
+    assert suit.velocity == 0.0
+    assert suit.motor == pytest.approx(where, abs=3.0 * RADIANS)
+
+
+def test_the_wearer_and_a_shrug_of_the_sheath_are_felt() -> None:
+    flexed = twin(SUIT._replace(wearer=Wearer(constant=4.0)))
+    assert flexed.joint > twin().joint + 2.0 * RADIANS
+    lossy = SUIT._replace(sheath=SUIT.sheath._replace(loss=0.1))
+    shrug = scripted_bend([0.0, 1.0], [SUIT.sheath.bend, 2.0 * SUIT.sheath.bend])
+    suit = TwinSuit(lossy, shrug, 1.0, 1, 0.0, 0.0)
+    now = run(suit, 0.0, 2.0, FOLLOW, 60.0 * RADIANS)
+    before = suit.tension
+    now = run(suit, now, 1.0, FOLLOW, 60.0 * RADIANS)
+    assert suit.tension == pytest.approx(before, rel=0.02), "the scenario has not begun"
+    suit.start_scenario(now)
+    run(suit, now, 1.0, FOLLOW, 60.0 * RADIANS)
+    assert suit.tension != pytest.approx(before, rel=0.02)
+
+
+def test_the_sensors_show_where_it_is_with_their_noise() -> None:
+    suit = twin()
+    now = run(suit, 0.0, 2.0, FOLLOW, 40.0 * RADIANS)
+    shown = []
+    for k in range(200):
+        suit.advance(now + 1e-3 * k)
+        shown.append(suit.read_encoders())
+    joint, motor = np.mean(shown, axis=0)
+    assert joint == pytest.approx(suit.joint, abs=1.0 * RADIANS)
+    assert motor == pytest.approx(suit.motor, abs=0.1 * RADIANS)
+    assert np.std([one for one, _ in shown]) > 0.01 * RADIANS
+    assert suit.speed_limit == pytest.approx(24.0 / (16.7e-3 * 25.0))
+    assert suit.current_limit == 20.0
+
+
+def over_the_bus(drive: DriveParameters) -> tuple[TwinBus, CanopenDrive]:
+    bus = TwinBus(drive, lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now))
+    return bus, CanopenDrive(drive, bus)
+
+
+def test_over_the_bus_the_drive_speaks_of_the_joints_coordinate() -> None:
+    limited = DRIVE._replace(
+        **{"lowest_motor": -0.2, "highest_motor": 2.0, "speed_limit": 15.0, "following_error": 0.9},
+        **{"current_limit": 20.0, "tension_scale": 0.05, "answer_timeout": 1.0},
+    )
+    bus, drive = over_the_bus(limited)
+    drive.bring_up()
+    aim = 0.0
+    for k in range(1500):
+        reading = drive.read(bus.time)
+        aim = 0.8 * min(1.0, k / 1000.0)
+        drive.write(reading.motor if k < 20 else aim, Power.ON, bus.time)
+        bus.advance(1e-3)
+    plant = bus.node.bench
+    assert reading.drive_state == 4.0
+    assert reading.motor == pytest.approx(0.8, abs=0.05)
+    assert reading.motor == pytest.approx(plant.motor, abs=0.01)
+    assert reading.joint == pytest.approx(plant.joint, abs=2.0 * RADIANS)
+    assert reading.tension == pytest.approx(plant.tension, rel=0.05)
+    assert abs(reading.current) > 0.5
+    drive.close()
+
+
+def test_the_drives_own_limits_are_held_against_the_spool() -> None:
+    for asked, said in (({"speed_limit": 40.0}, "speed limit"), ({"following_error": 2.5}, "following error")):
+        _, drive = over_the_bus(DRIVE._replace(lowest_motor=-0.2, highest_motor=2.0, answer_timeout=1.0, **asked))
+        with pytest.raises(DriveError, match=said):
+            drive.bring_up()
+        drive.close()
+
+
+def test_a_second_that_was_lost_is_not_made_up_for() -> None:
+    suit, other = twin(), twin()
+    run(suit, 0.0, 1.0, FOLLOW, 0.5)
+    other.doing, other.command = FOLLOW, 0.5
+    other.advance(9.0)
+    other.advance(9.0005)
+    assert other.joint == pytest.approx(suit.joint, abs=0.05)
