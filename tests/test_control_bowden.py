@@ -17,10 +17,12 @@ from bowden.models.backlash import Play
 from bowden.models.bouc_wen import BoucWen
 from bowden.models.encoder import Encoder
 from bowden.models.servo import Servo, ServoState, prepare, servo_step
+from bowden.models.sheath import Sheath
 from bowden.paper import bench as paper
 from bowden.sim.cable_plant import CablePlant
 from bowden.sim.cables import bouc_wen, play
 from bowden.sim.closed_loop import simulate
+from bowden.sim.friction_cables import lumped
 
 
 def error_deg(trace: Trace) -> float:
@@ -204,3 +206,21 @@ def test_doubt_stays_bounded_over_hours() -> None:
     strokes = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 1.0)
     trace = simulate(CablePlant(cable=play(Play(SLOPE, HALF_WIDTH))), LAWS["bowden"], strokes, duration=300.0)
     assert trace["law.w33"].max() < 6e-4
+
+
+def test_a_joint_that_runs_the_wrong_way_is_told_from_one_that_rests(moved: Trace) -> None:
+    error = simulate(CablePlant(cable=play(Play(SLOPE, HALF_WIDTH))), LAWS["bowden"], STROKES, duration=15.0)
+    assert error["law.dip"][-1] < 0.001 + 0.07 * error["law.width"][-1]
+    after = moved["law.dip"][moved.time > 7.0]
+    assert np.all(after > 0.001 + 0.07 * moved["law.width"][moved.time > 7.0])
+
+
+def test_masses_that_swing_are_calmed() -> None:
+    strokes = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 2.0)
+    trace = simulate(
+        CablePlant(cable=lumped(), sheath=Sheath(gap=1.0, loss=0.0)), LAWS["bowden"], strokes, duration=12.0
+    )
+    assert trace["law.calm"][-1] < 0.7
+    assert error_deg(trace) < 0.7
+    quiet = paper.run(LAWS["bowden"])
+    assert quiet["law.calm"].min() == 1.0

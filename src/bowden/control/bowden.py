@@ -8,7 +8,8 @@ dead zone, by minimum jerk, from a little before the turn; the rest is left to t
 be taken back through the dead zone. The plan, whose derivatives are exact, goes through the inverse of the servo, a
 delay and a lag ahead.
 **Feedback** (`held_feedback`). PI with lead on e = joint − reference, as wide as servo, delay and lag allow. It does
-not turn the motor back on a cable with a dead zone, and does not hear the encoder's noise.
+not turn the motor back on a cable with a dead zone, and does not hear the encoder's noise. Where the joint is known not
+to run the wrong way in the dead zone it is wider there, and in slow motion it turns the motor without waiting.
 **Learning** (`crossing_estimate`, `slope_estimate`). Two Kalman filters of three unknowns each.
 
 Derivation, stability and limits: ``docs/our_law.md``.
@@ -18,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.control.crossing_estimate import CrossingEstimate, crossing_here, first_crossing, watch
+from bowden.control.crossing_estimate import CrossingEstimate, crossing_from, first_crossing, harmless, watch
 from bowden.control.held_feedback import SLIP, Feedback, Setting, answered, listen, no_feedback, steer
 from bowden.control.law import Law
 from bowden.control.slope_estimate import SlopeEstimate, first_slope, learn_slope
@@ -74,6 +75,12 @@ class BowdenGains(NamedTuple):
     """Error that is worth crossing the dead zone for, if it does not pass by itself [rad]."""
     patience: float = 0.5
     """Time given to an error to pass by itself [s]."""
+    slow: float = 0.01
+    """Speed of the reference below which a harmless dead zone is left to the feedback, not jumped blindly [rad/s]."""
+    caution: float = 2.0
+    """What is left out of a jump at that speed, in standard deviations of the dead zone [–]."""
+    haste: float = 2.0
+    """Factor on the feedback's gain inside a harmless dead zone [–]."""
 
 
 class BowdenState(NamedTuple):
@@ -98,6 +105,10 @@ class BowdenState(NamedTuple):
     variance: float
     moved_motor: float
     moved_joint: float
+    wave: float
+    wave_time: float
+    waves: float
+    calm: float
     width: float
     wedge: float
     shortfall: float
@@ -116,6 +127,8 @@ class BowdenState(NamedTuple):
     turn_open: float
     free: float
     share: float
+    low: float
+    dip: float
     slope_up: float
     slope_down: float
     lag: float
@@ -169,8 +182,8 @@ def step(
     gains: BowdenGains, state: BowdenState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BowdenState, float]:
     """One cycle: plan, feed back, invert servo, delay and lag, learn."""
-    plan, before = SlotPlan(*state[0:8]), Feedback(*state[8:19])
-    crossing, slopes = CrossingEstimate(*state[19:37]), SlopeEstimate(*state[37:52])
+    plan, before = SlotPlan(*state[0:8]), Feedback(*state[8:23])
+    crossing, slopes = CrossingEstimate(*state[23:43]), SlopeEstimate(*state[43:58])
     sign, omega = np.sign(gains.slope), gains.servo_frequency
     travel = sign * (sample.motor - state.origin)
     seen_both = (np.abs(sample.joint) <= 1e3) * (np.abs(travel) <= 1e3)
@@ -182,7 +195,10 @@ def step(
     duration = gains.crossing / omega
 
     # plan
-    width = crossing_here(crossing, motor)
+    mild, pace = harmless(crossing), np.abs(reference.velocity)
+    goes = sel(pace > 1e-6, 1.0, 0.0)  # a reference that tells no velocity is none that is slow
+    gentle = mild * goes * sel(pace < gains.slow, 1.0, 0.0)
+    width, _ = crossing_from(crossing, 0.0, motor)
     wide = sel(width > NARROWEST, 1.0, 0.0)
     error = answered(before, motor, sel(seen_both, joint - reference.position, 0.0))
     heard = listen(before, motor, joint, error, 0.5 * gains.smoothing / omega, dt)
@@ -197,15 +213,21 @@ def step(
         wide,
     )
     slope = sel(side < 0.0, slopes.down, slopes.up)
-    plan = advance_plan(plan, reference, side, slope, wide * gains.reach * width, duration, dt)
+    begun = mild * sel((side != plan.side) * (crossing.heading == side), 1.0, 0.0)  # the feedback has turned the motor
+    zone, doubt = crossing_from(crossing, begun, motor)
+    gone = begun * np.abs(motor - crossing.turn_motor) + gentle * gains.caution * doubt
+    travel_to = wide * np.fmax(0.0, gains.reach * zone - gone)
+    plan = advance_plan(plan, reference, side, slope, travel_to, duration, dt)
     asked = planned_motion(plan, reference, slope, duration, gains.delay, lag)
     inverse = asked.position + (2.0 * gains.servo_damping * asked.velocity + asked.acceleration / omega) / omega
 
     # feedback
     jumping = plan.phase < 1.0
     latency = gains.smoothing / omega + gains.delay + lag
+    gain = heard.calm * np.fmin(np.fmin(gains.feedback * omega, gains.most), gains.budget / latency)
+    inside = mild * goes * (crossing.turn_open > 0.0)
     setting = Setting(
-        gain=np.fmin(np.fmin(gains.feedback * omega, gains.most), gains.budget / latency),
+        gain=gain * sel(inside, gains.haste, 1.0),
         lead=gains.lead / omega,
         smoothing=0.5 * gains.smoothing / omega + dt,
         quiet=gains.quiet,
@@ -214,7 +236,9 @@ def step(
     furthest = np.fmax(side * motor, side * slopes.filtered_motor)  # the filtered one, lest it be the noise's
     ahead = sel(jumping, 0.0, side * (inverse + before.feedback) - furthest - SLIP)
     free = np.fmax(np.abs(asked.steady) * dt, ahead)
-    held = (wide > 0.5) + (crossing.touches < 1.5) > 0.0  # until it is known, a dead zone is taken for granted
+    free_to_turn = gentle * (side * reference.velocity < 0.0)
+    taken = (wide > 0.5) + (crossing.touches < 1.5) > 0.0  # until it is known, a dead zone is taken for granted
+    held = sel(free_to_turn, 0.0, sel(taken, 1.0, 0.0))
     feedback = steer(heard, setting, error, slope, side, jumping, held, free, dt)
     command = state.origin + sign * (inverse + feedback.feedback)
 
@@ -234,7 +258,7 @@ _ANGLES = (
     *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
     *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
     *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
-    *("moved_motor", "moved_joint", "origin"),
+    *("moved_motor", "moved_joint", "origin", "low", "dip"),
 )
 
 BOWDEN = Law(
@@ -262,10 +286,13 @@ BOWDEN = Law(
         "worth": (0.0, 1.0),
         "tolerance": (1e-6, 1.0),
         "patience": (0.01, 100.0),
+        "slow": (0.0, 10.0),
+        "caution": (0.0, 10.0),
+        "haste": (1.0, 5.0),
     },
     state_units={
         **dict.fromkeys(_ANGLES, "rad"),
-        **dict.fromkeys(("since", "lag", "elapsed"), "s"),
+        **dict.fromkeys(("since", "lag", "elapsed", "wave_time"), "s"),
         **dict.fromkeys(("wedge", "slope_up", "slope_down"), "rad/rad"),
         "from_rate": "rad/s",
         "variance": "rad²",

@@ -10,7 +10,8 @@ Bouc–Wen cable) or a slow start (a rounded loop). A Kalman filter takes
     width(motor, share) = w + wedge·motor − shortfall·(1 − share)
 
 where the wedge is friction that grows with tension (a capstan), and `share` says how far the joint had gone before the
-turn, in a full stroke (share 1) or in a small one. Portable subset.
+turn, in a full stroke (share 1) or in a small one. How far the joint first runs the wrong way, the `dip`, says whether
+the feedback may act inside the dead zone. Portable subset.
 """
 
 from typing import NamedTuple
@@ -43,8 +44,17 @@ _SPREAD = 2e-5
 _DOUBT = (0.02, 0.0015, 0.0004)
 """Variances of w, wedge and shortfall where nothing is known; beyond them they do not grow."""
 
-_WANDER = (3e-5, 1e-4, 1e-4)
+_WANDER = (1e-5, 2e-5, 1e-4)
 """By how much the variances of w, wedge and shortfall grow at each reversal, since a sheath is moved."""
+
+_FIRST = (2.0, 3e-4)
+"""Variance of w after the first touch, which is but a lower bound: its square times this, and this [–, rad²]."""
+
+_DIP = (0.07, 0.001)
+"""Dip up to which a dead zone counts as harmless: this share of its width, and this [–, rad]."""
+
+_FADE = 0.8
+"""What is left of a dip at the next crossing that shows none: a crossing by a jump too far shows none [–]."""
 
 
 class CrossingEstimate(NamedTuple):
@@ -81,6 +91,10 @@ class CrossingEstimate(NamedTuple):
     """Motor travel since the joint moves on [rad]."""
     share: float
     """Share of a full stroke before the last turn [–]."""
+    low: float
+    """Furthest that the joint went the wrong way since the turn, negative [rad]."""
+    dip: float
+    """How far it goes the wrong way in a dead zone; 1 until one was seen [rad]."""
 
 
 class Seen(NamedTuple):
@@ -115,15 +129,29 @@ def first_crossing(width: float, doubt: float, motor: float, joint: float) -> Cr
         turn_open=sel(width > 0.0, 0.5, 1.0),
         free=0.0,
         share=1.0,
+        low=0.0,
+        dip=1.0,
     )
 
 
 @kernel
-def crossing_here(crossing: CrossingEstimate, motor: float) -> float:
-    """The dead zone, if the motor turned here and now [rad]."""
-    lacking = 1.0 - np.fmin(1.0, crossing.free / STROKE)
-    width = crossing.width + crossing.wedge * motor - crossing.shortfall * lacking
-    return np.fmax(0.0, np.fmin(WIDEST, width))
+def crossing_from(crossing: CrossingEstimate, turned: float, motor: float) -> tuple[float, float]:
+    """The dead zone and its standard deviation [rad], from the last turn if `turned`, else if the motor turned here."""
+    where = sel(turned, crossing.turn_motor, motor)
+    lacking = 1.0 - sel(turned, crossing.share, np.fmin(1.0, crossing.free / STROKE))
+    width = crossing.width + crossing.wedge * where - crossing.shortfall * lacking
+    h1 = crossing.w11 + crossing.w12 * where - crossing.w13 * lacking
+    h2 = crossing.w12 + crossing.w22 * where - crossing.w23 * lacking
+    h3 = crossing.w13 + crossing.w23 * where - crossing.w33 * lacking
+    variance = np.fmax(0.0, h1 + h2 * where - h3 * lacking)
+    return np.fmax(0.0, np.fmin(WIDEST, width)), np.sqrt(variance)
+
+
+@kernel
+def harmless(crossing: CrossingEstimate) -> float:
+    """1 where the joint is known not to run the wrong way in the dead zone, but for a little, else 0."""
+    most = _DIP[0] * np.fmax(0.0, crossing.width + np.fmax(0.0, crossing.wedge)) + _DIP[1]
+    return sel(crossing.dip < most, 1.0, 0.0)
 
 
 @kernel
@@ -173,13 +201,16 @@ def watch(
     h1 = w11 + crossing.w12 * begun - crossing.w13 * lacking
     h2 = crossing.w12 + w22 * begun - crossing.w23 * lacking
     h3 = crossing.w13 + crossing.w23 * begun - w33 * lacking
-    spread = h1 + h2 * begun - h3 * lacking + _SPREAD + sel(first, found * found, 0.0)
-    pull = use / spread
-    wedge = crossing.wedge + pull * h2 * miss
+    spread = h1 + h2 * begun - h3 * lacking + _SPREAD
+    kept = _FIRST[0] * found * found + _FIRST[1]  # the first touch is a bound: it moves w, but leaves it in doubt
+    mean = use / (spread + sel(first, found * found, 0.0))
+    pull = use * sel(first, np.fmax(0.0, h1 - kept) / np.fmax(h1 * h1, 1e-20), 1.0 / spread)
+    more = mean * (1.0 - first) * miss
+    dipped = sel(first, 2.0, 1.0) * (0.0 - crossing.low - 3.0 * noise)  # the first touch begins somewhere inside
     after = CrossingEstimate(
-        width=np.fmax(-WIDEST, np.fmin(WIDEST, crossing.width + pull * h1 * miss)),
-        wedge=np.fmax(-STEEPEST, np.fmin(STEEPEST, wedge)),
-        shortfall=np.fmax(0.0, np.fmin(WIDEST, crossing.shortfall + pull * h3 * miss)),
+        width=np.fmax(-WIDEST, np.fmin(WIDEST, crossing.width + mean * h1 * miss)),
+        wedge=np.fmax(-STEEPEST, np.fmin(STEEPEST, crossing.wedge + more * h2)),
+        shortfall=np.fmax(0.0, np.fmin(WIDEST, crossing.shortfall + more * h3)),
         w11=w11 - pull * h1 * h1,
         w12=crossing.w12 - pull * h1 * h2,
         w13=crossing.w13 - pull * h1 * h3,
@@ -195,5 +226,7 @@ def watch(
         turn_open=sel(touched, 0.0, turn_open),
         free=sel((turned + touched > 0.0) + (turn_open > 0.0) > 0.0, 0.0, crossing.free + np.fmax(onward, 0.0)),
         share=share,
+        low=sel(turned, 0.0, np.fmin(crossing.low, moved)),
+        dip=sel(touched, np.fmax(sel(first, 0.0, _FADE * crossing.dip), dipped), crossing.dip),
     )
     return after, Seen(sel(turned, 1.0, 0.0), sel(touched, 1.0, 0.0))

@@ -6,7 +6,8 @@ PI with lead on e = joint − reference, in motor angle:
 
 With T = 1/ω it turns the servo's two lags into a plain integrator. Inside the dead zone the joint does not follow the
 motor, or runs the wrong way: there the feedback may slow the motor down, to a stand where it is, but not turn it back.
-Changes smaller than a few standard deviations of the noise, which is measured, are left alone. Portable subset.
+Changes smaller than a few standard deviations of the noise, which is measured, are left alone. A loop that is seen to
+ring, as with masses that swing, gets a smaller gain. Portable subset.
 """
 
 from typing import NamedTuple
@@ -32,6 +33,15 @@ _SLOW = 0.05
 
 _HEARING = 0.3
 """Time constant of the measured noise [s]."""
+
+_SWING = (0.002, 4.0)
+"""Swing of the error that is a half-wave, at least and in standard deviations of the noise [rad, –]."""
+
+_HALF_WAVE = 0.15
+"""Longest half-wave that is ringing [s]."""
+
+_CALMING = (0.8, 0.3, 100.0)
+"""Factor on the gain at each half-wave beyond three, the least of them all, and the time to forget [–, –, s]."""
 
 
 class Feedback(NamedTuple):
@@ -59,6 +69,14 @@ class Feedback(NamedTuple):
     """Motor angle where the joint was last seen to move [rad]."""
     moved_joint: float
     """Joint angle there [rad]."""
+    wave: float
+    """Sign of the last half-wave of the error [–]."""
+    wave_time: float
+    """Time since it began [s]."""
+    waves: float
+    """Half-waves in a row [–]."""
+    calm: float
+    """Factor on the gain, below 1 where the loop has rung [–]."""
 
 
 class Setting(NamedTuple):
@@ -79,7 +97,7 @@ class Setting(NamedTuple):
 @kernel
 def no_feedback(motor: float, joint: float, variance: float) -> Feedback:
     """At the start."""
-    return Feedback(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, joint, joint, variance, motor, joint)
+    return Feedback(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, joint, joint, variance, motor, joint, 0.0, 1.0, 0.0, 1.0)
 
 
 @kernel
@@ -96,11 +114,20 @@ def answered(before: Feedback, motor: float, error: float) -> float:
 
 @kernel
 def listen(before: Feedback, motor: float, joint: float, error: float, smoothing: float, dt: float) -> Feedback:
-    """Filter the error, and measure the noise by the joint's second difference, whose variance is six times its."""
+    """Filter the error, and measure the noise by the joint's second difference, whose variance is six times its.
+
+    Ringing is told by half-waves of the error that follow one another within `_HALF_WAVE`, outside jumps.
+    """
     follow = dt / (smoothing + dt)
     first = before.error_before + (error - before.error_before) * follow
     second = joint - 2.0 * before.joint + before.joint_before
     heard = np.fmin(second * second / 6.0, 16.0 * before.variance + 1e-9)
+    swing, large = before.error - before.slow_error, np.fmax(_SWING[0], _SWING[1] * np.sqrt(before.variance))
+    swings = (np.abs(swing) > large) * (swing * before.wave <= 0.0) * (before.trust > 0.5) > 0.0
+    late = (before.wave_time > _HALF_WAVE) + (before.trust < 0.5) > 0.0
+    waves = sel(late, 0.0, before.waves + sel(swings, 1.0, 0.0))
+    rings = waves > 3.5
+    calmer = np.fmax(_CALMING[1], before.calm * _CALMING[0])
     moved = np.abs(joint - before.moved_joint) > np.fmax(_MOVED, 10.0 * np.sqrt(before.variance))
     return Feedback(
         integral=before.integral,
@@ -114,6 +141,10 @@ def listen(before: Feedback, motor: float, joint: float, error: float, smoothing
         variance=before.variance + (heard - before.variance) * dt / (_HEARING + dt),
         moved_motor=sel(moved, motor, before.moved_motor),
         moved_joint=sel(moved, joint, before.moved_joint),
+        wave=sel(swings, np.sign(swing), before.wave),
+        wave_time=sel(swings, 0.0, np.fmin(1.0, before.wave_time + dt)),
+        waves=sel(rings, 2.0, waves),
+        calm=sel(rings, calmer, before.calm + (1.0 - before.calm) * dt / _CALMING[2]),
     )
 
 
@@ -164,4 +195,8 @@ def steer(
         variance=before.variance,
         moved_motor=before.moved_motor,
         moved_joint=before.moved_joint,
+        wave=before.wave,
+        wave_time=before.wave_time,
+        waves=before.waves,
+        calm=before.calm,
     )
