@@ -1,0 +1,102 @@
+"""The wearer's arm: figures of the table, statics by hand, and wearers that cannot be."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled
+from bowden.models.arm import (
+    WEARERS,
+    Arm,
+    Wearer,
+    arm_of,
+    check_wearer,
+    gravity_torque,
+    passive_torque,
+    resting_angle,
+    wearer_torque,
+)
+
+
+def test_the_defaults_are_a_body_of_75_kg_and_1_75_m() -> None:
+    assert Arm() == pytest.approx(arm_of(75.0, 1.75))
+
+
+def test_winters_row_of_the_table() -> None:
+    """2.2 % of the body, 68.2 % of the way down a forearm of 14.6 % of the height, gyration 82.7 % of it."""
+    arm = arm_of(80.0, 1.8)
+    assert arm.mass == pytest.approx(1.76)
+    assert arm.centre == pytest.approx(0.682 * 0.2628)
+    assert math.sqrt(arm.inertia / arm.mass) == pytest.approx(0.827 * 0.2628)
+
+
+def test_the_gravity_of_a_level_forearm_is_weight_times_lever() -> None:
+    arm = arm_of()
+    assert gravity_torque(arm, 0.5 * math.pi) == pytest.approx(-1.65 * 9.81 * 0.174251)
+    raised = arm_of(elevation=0.5 * math.pi)  # the upper arm level: straight arm level, too
+    assert gravity_torque(raised, 0.0) == pytest.approx(gravity_torque(arm, 0.5 * math.pi))
+
+
+def test_a_weight_in_the_hand_adds_its_own_moment_and_inertia() -> None:
+    bare, loaded, lever = arm_of(), arm_of(load=2.0), (0.146 + 0.054) * 1.75
+    assert gravity_torque(loaded, 1.0) - gravity_torque(bare, 1.0) == pytest.approx(-2.0 * 9.81 * lever * math.sin(1.0))
+    assert loaded.inertia - bare.inertia == pytest.approx(2.0 * lever**2)
+
+
+@given(st.floats(45.0, 120.0), st.floats(1.5, 2.0), st.floats(-1.0, 1.5))
+def test_a_relaxed_arm_rests_where_its_torques_cancel(mass: float, height: float, elevation: float) -> None:
+    arm = arm_of(mass, height, elevation=elevation)
+    angle = resting_angle(arm)
+    assert gravity_torque(arm, angle) + passive_torque(arm, angle, 0.0) == pytest.approx(0.0, abs=1e-9)
+    assert 0.40 <= arm.stiffness <= 1.8  # the range that Wiegner and Watts measured
+
+
+def test_each_wearer_does_what_they_are_called() -> None:
+    arm, angle, velocity = arm_of(), 1.0, 0.3
+    given = {name: wearer_torque(wearer, arm, angle, velocity, 0.05) for name, wearer in WEARERS.items()}
+    assert given["none"] == 0.0
+    assert given["weak"] == pytest.approx(-0.3 * gravity_torque(arm, angle))
+    assert given["tremor"] == pytest.approx(0.5)  # a quarter of a period of 5 Hz
+    assert given["resisting"] < 0.0  # above its centre and moving up
+    assert given["constant"] == -1.0
+    assert wearer_torque(Wearer(share=1.0), arm, angle, 0.0, 0.0) + gravity_torque(arm, angle) == 0.0
+
+
+def test_interpreted_and_compiled_agree_to_the_bit() -> None:
+    wearer = Wearer(0.3, 0.5, 5.0, 1.0, 0.5, 0.2, 0.1)
+    for angle in (-0.3, 0.0, 1.2):
+        arguments = (wearer, arm_of(), angle, 0.7, 1.234)
+        assert compiled(wearer_torque)(*arguments) == wearer_torque(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("mass", "height", "load"),
+    [
+        (0.0, 1.75, 0.0),
+        (75.0, 17.5, 0.0),
+        (math.nan, 1.75, 0.0),
+        (75.0, math.inf, 0.0),
+        (250.0, 1.1, 0.0),
+        (75, 1.7, -1),
+    ],
+)
+def test_impossible_bodies_are_refused_in_one_line(mass: float, height: float, load: float) -> None:
+    with pytest.raises(ParameterError, match="wearer") as caught:
+        arm_of(mass, height, load=load)
+    assert "\n" not in str(caught.value)
+    assert "expected" in str(caught.value)
+
+
+@pytest.mark.parametrize("field", Wearer._fields)
+def test_impossible_torques_are_refused(field: str) -> None:
+    for value in (math.nan, math.inf, -1e6):
+        with pytest.raises(ParameterError, match=field):
+            check_wearer(Wearer()._replace(**{field: value}))
+
+
+def test_an_elevation_that_is_no_angle_is_refused() -> None:
+    with pytest.raises(ParameterError, match="elevation"):
+        arm_of(elevation=math.nan)
