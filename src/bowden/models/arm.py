@@ -13,9 +13,9 @@ whose length runs from the elbow's axis to the ulnar styloid):
     length L = 0.146·H,   m = 0.022·M,   c = 0.682·L,   I = m·(0.827·L)²
 
 Passive elbow: Wiegner and Watts (*J Neurol Neurosurg Psychiatry* 49, 1986, 1171) measured 0.40–1.8 N·m/rad in 19
-relaxed subjects, growing with the arm's volume, about a neutral angle of 107° between upper arm and forearm, which is 73° of
-flexion. 0.01 N·m/rad for each kilogram of body mass keeps 45–120 kg inside that range: a stated choice. So is the
-damping, a ratio of 0.2 of the hanging forearm: a relaxed arm that is let go swings a few times.
+relaxed subjects, growing with the arm's volume, about a neutral angle of 107° between upper arm and forearm, which is
+73° of flexion. 0.01 N·m/rad for each kilogram of body mass keeps 45–120 kg inside that range: a stated choice. So is
+the damping, a ratio of 0.2 of the hanging forearm: a relaxed arm that is let go swings a few times.
 """
 
 import math
