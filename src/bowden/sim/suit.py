@@ -1,0 +1,204 @@
+"""The closed loop round the suit: a law and the suit, compiled together as one function."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden import __version__
+from bowden.control.law import Law, law_start, law_step
+from bowden.control.reference import Trajectory
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel, specialise
+from bowden.core.signals import Reference, Sample
+from bowden.core.trace import Trace
+from bowden.models.arm import Wearer
+from bowden.models.encoder import reading
+from bowden.models.flex_sensor import flex_start, flex_step
+from bowden.models.sheath import slope_factor as slope_factor_at
+from bowden.models.sheath import width as width_at
+from bowden.sim.closed_loop import RUNAWAY
+from bowden.sim.scenario import BendPath, constant_bend
+from bowden.sim.suit_plant import Bends, PreparedSuit, Suit, prepare_suit, suit_motor, suit_start, suit_step
+
+RECORDED = {
+    "joint": "rad",
+    "motor": "rad",
+    "joint_measured": "rad",
+    "motor_measured": "rad",
+    "command": "rad",
+    "joint_velocity": "rad/s",
+    "spool": "rad",
+    "motor_velocity": "rad/s",
+    "current": "A",
+    "flexor_tension": "N",
+    "flexor_motor_tension": "N",
+    "extensor_tension": "N",
+    "extensor_motor_tension": "N",
+    "interaction_torque": "N·m",
+    "wearer_torque": "N·m",
+    "winding_temperature": "°C",
+}
+"""The columns that the compiled loop fills, in its order, and their units.
+
+``motor`` is the motor in the joint's coordinate, ``spool`` and ``motor_velocity`` the spool; tensions are those at the
+arm, and with ``motor`` in the name those at the spool.
+"""
+
+SETTLING = 3.0
+"""Time for which the suit holds its initial motor angle before a run begins, so that the arm hangs in balance [s]."""
+
+
+@kernel
+def run_suit_loop(
+    gains: Any,
+    suit: PreparedSuit,
+    references: NDArray[np.float64],
+    bends: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    sensors: Any,
+    wearer: Wearer,
+    initial_motor: float,
+    settling: int,
+    dt: float,
+    delay: int,
+    record: NDArray[np.float64],
+    states: NDArray[np.float64],
+) -> int:
+    """One run; fills `record` (16, n) and `states` (m, n) and returns the number of cycles that it lasted."""
+    plant = suit_start(suit, initial_motor, initial_motor, bends[0])
+    at_rest = Bends(bends[0], bends[0])
+    for _ in range(settling):
+        plant = suit_step(suit, plant, initial_motor, True, at_rest, wearer, dt)
+    flex = flex_start(plant.joint)
+    state = law_start(gains, Sample(plant.joint, suit_motor(suit, plant)))
+    for k in range(references.shape[1]):
+        motor = suit_motor(suit, plant)
+        flex, seen = flex_step(sensors[0], flex, plant.joint, normals[k, 0], normals[k, 1], dt)
+        sample = Sample(seen, reading(motor, normals[k, 2], sensors[1]))
+        if k == 0:
+            state = law_start(gains, sample)
+        reference = Reference(references[0, k], references[1, k], references[2, k])
+        state, command = law_step(gains, state, sample, reference, dt)
+        record[0, k] = plant.joint
+        record[1, k] = motor
+        record[2, k] = sample.joint
+        record[3, k] = sample.motor
+        record[4, k] = command
+        record[5, k] = plant.joint_velocity
+        record[6, k] = plant.spool.position
+        record[7, k] = plant.spool.velocity
+        record[8, k] = plant.spool.current
+        record[9, k] = plant.flexor_pull.joint
+        record[10, k] = plant.flexor_pull.motor
+        record[11, k] = plant.extensor_pull.joint
+        record[12, k] = plant.extensor_pull.motor
+        record[13, k] = plant.interaction
+        record[14, k] = plant.wearer
+        record[15, k] = plant.motor_heat.winding
+        for j in range(len(state)):
+            states[j, k] = state[j]
+        if not abs(command) < RUNAWAY:
+            return k
+        applied = record[4, k - delay] if k >= delay else initial_motor
+        plant = suit_step(suit, plant, applied, True, Bends(bends[k], bends[k + 1]), wearer, dt)
+    return references.shape[1]
+
+
+def simulate_suit(
+    suit: Suit,
+    law: Law,
+    reference: Trajectory,
+    *,
+    duration: float,
+    bend: BendPath | None = None,
+    wearer: Wearer | None = None,
+    seed: int = 0,
+    initial_motor: float | None = None,
+) -> Trace:
+    """Run a law on the suit.
+
+    Args:
+        suit: with the arm that wears it.
+        law: the control law with its gains.
+        reference: the elbow's desired motion.
+        duration: length of the run [s].
+        bend: total bend of the sheaths over time, but for what the posture adds; constant where it is not given.
+        wearer: what their muscles do; the suit's own wearer where it is not given.
+        seed: of the sensors' noise and drift.
+        initial_motor: motor angle before the start, in the joint's coordinate; where the reference begins if it is not
+            given [rad].
+
+    Returns:
+        The trace, with the columns of `bowden.sim.closed_loop.simulate` that a suit has and those of `RECORDED`; of a
+        run that ran away the rest is NaN.
+
+    Raises:
+        ParameterError: a duration, a part of the suit or a wearer that cannot be.
+    """
+    suit = suit._replace(wearer=wearer or suit.wearer)
+    dt = suit.sample_time
+    prepared = prepare_suit(suit)
+    if not (2.0 * dt <= duration < 1e9 * dt and suit.delay >= 0):
+        raise ParameterError(
+            f"simulate: duration is {duration:g} s, delay {suit.delay}",
+            expected="a duration of two cycles or more, a delay not below 0",
+        )
+    edges = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
+    time, angles = edges[:-1], (bend or constant_bend(suit.sheath.bend))(edges)
+    references = np.ascontiguousarray(reference.sample(time).T)
+    initial = float(references[0, 0]) if initial_motor is None else float(initial_motor)
+    fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
+    block = np.empty((len(RECORDED) + len(fields), len(time)))
+    record, states = block[: len(RECORDED)], block[len(RECORDED) :]
+    lasted = compiled_suit_loop(law)(
+        law.gains,
+        prepared,
+        references,
+        np.asarray(angles, dtype=np.float64),
+        np.random.default_rng(seed).standard_normal((len(time), 3)),
+        (suit.joint_sensor, suit.motor_encoder),
+        suit.wearer,
+        initial,
+        round(SETTLING / dt),
+        dt,
+        suit.delay,
+        record,
+        states,
+    )
+    block[:, lasted:] = np.nan
+    values = {"time": time, "reference": references[0], "reference_velocity": references[1]}
+    values |= dict(zip(RECORDED, record, strict=True))
+    whole: Any = angles[:-1] + suit.posture * values["joint"]
+    values |= {"bend": whole, "width": width_at(whole, suit.sheath), "slope": slope_factor_at(whole, suit.sheath)}
+    values |= dict(zip(fields, states, strict=True))
+    units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s"} | RECORDED
+    units |= {"bend": "rad", "width": "1", "slope": "rad/rad"}
+    units |= {name: law.state_units.get(name.removeprefix("law."), "1") for name in fields}
+    return Trace(values, units, _settings(suit, prepared, law, reference), seed)
+
+
+def compiled_suit_loop(law: Law) -> Callable[..., int]:
+    """`run_suit_loop` with the law's kernels in it, compiled at the first call and cached on disk."""
+    return specialise(run_suit_loop, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
+
+
+def _settings(suit: Suit, prepared: PreparedSuit, law: Law, reference: Trajectory) -> dict[str, Any]:
+    return {
+        "bowden": __version__,
+        "law": law.name,
+        "gains": dict(law.gains._asdict()),
+        "reference": reference.describe(),
+        "plant": _plain(suit) | {"extensor_spool_radius": prepared.extensor_radius},
+        "sample_time": suit.sample_time,
+        "motor_resistance": suit.motor.resistance,
+        "torque_constant": suit.motor.torque_constant * suit.motor.gear,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """NamedTuples as objects, tuples as lists, for JSON."""
+    if hasattr(value, "_asdict"):
+        return {name: _plain(part) for name, part in value._asdict().items()}
+    return [_plain(part) for part in value] if isinstance(value, tuple) else value
