@@ -1,11 +1,14 @@
 """The suit's motor: a PD position loop that sets a current, within what drive and supply can give, behind two gears.
 
-    τ* = J·ω²·(target − spool) − 2·ζ·ω·J·d(spool)/dt,    I = τ*/(N·kτ), bounded by
+    τ* = J·ω²·(e + y) − 2·ζ·ω·J·d(spool)/dt,    e = target − spool,    I = τ*/(N·kτ), bounded by
     |I| ≤ I_max   and   |R·I + kτ·N·d(spool)/dt| ≤ V               the supply against the back-EMF
     J·d²spool/dt² = N·kτ·I − load − friction,    |friction| ≤ F + (1 − η)·max(|N·kτ·I|, |load|)
 
-The current loop is taken as immediate. Friction is Coulomb's, solved implicitly: what it cannot stop it slows, and it
-never turns the spool back. The gears' loss is a friction in proportion to the torque that they carry.
+The paper's loop is PD (Section 3.1): y = 0, and friction and load leave the spool behind its target. Drives that one
+buys add an integral, dy/dt = k_i·e, here held inside ± `BAND` of the target, lest it hunt about the friction, and while
+the current is at a limit. The current loop is taken as immediate. Friction is Coulomb's, solved implicitly: what it
+cannot stop it slows, and it never turns the spool back. The gears' loss is a friction in proportion to the torque that
+they carry.
 """
 
 import math
@@ -31,12 +34,14 @@ class GearedMotor(NamedTuple):
     """J, of rotor (25 g·cm²), gears and spool, at the spool [kg·m²]."""
     efficiency: float = 0.8
     """η, of both gears [–]."""
-    friction: float = 0.5
+    friction: float = 2.3
     """F, of bearings, seals and the feeder's rollers, at the spool [N·m]."""
     current_limit: float = 20.0
     """Largest current of the drive [A]."""
     supply: float = 24.0
     """V [V]."""
+    integral: float = 0.0
+    """k_i of the position loop; 0 is the paper's PD loop [1/s]."""
     servo: Servo = Servo()
     """ω and ζ of the unloaded PD loop; its limits are not looked at, the current's and the supply's stand for them."""
 
@@ -50,6 +55,12 @@ class SpoolState(NamedTuple):
     """[rad/s]"""
     current: float
     """[A]"""
+    offset: float
+    """y, what the integral adds to the target [rad]."""
+
+
+BAND = 0.002
+"""Error of the spool that the integral leaves alone [rad]."""
 
 
 def check_geared_motor(motor: GearedMotor) -> None:
@@ -64,8 +75,10 @@ def check_geared_motor(motor: GearedMotor) -> None:
             raise ParameterError(f"suit motor: {name} is {value:g}", expected="a number above 0")
     if not 0.0 < motor.efficiency <= 1.0:
         raise ParameterError(f"suit motor: efficiency is {motor.efficiency:g}", expected="above 0 and at most 1")
-    if not 0.0 <= motor.friction < math.inf:
-        raise ParameterError(f"suit motor: friction is {motor.friction:g}", expected="a number not below 0")
+    for name in ("friction", "integral"):
+        value = getattr(motor, name)
+        if not 0.0 <= value < math.inf:
+            raise ParameterError(f"suit motor: {name} is {value:g}", expected="a number not below 0")
     for name in ("natural_frequency", "damping"):
         value = getattr(motor.servo, name)
         if not (value > 0.0 and math.isfinite(value)):
@@ -73,34 +86,33 @@ def check_geared_motor(motor: GearedMotor) -> None:
 
 
 @kernel
-def motor_current(motor: GearedMotor, target: float, position: float, velocity: float) -> float:
-    """Current of the PD loop for a `target` of the spool [rad] [A]."""
-    omega = motor.servo.natural_frequency
-    torque = motor.inertia * omega * (omega * (target - position) - 2.0 * motor.servo.damping * velocity)
+def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float) -> SpoolState:
+    """The drive's current for a `target` of the spool [rad], and its integral a step of `dt` [s] later."""
+    omega, error, velocity = motor.servo.natural_frequency, target - state.position, state.velocity
+    wanted = motor.inertia * omega * (omega * (error + state.offset) - 2.0 * motor.servo.damping * velocity)
     constant = motor.gear * motor.torque_constant
     lowest = np.fmax(-motor.current_limit, (-motor.supply - constant * velocity) / motor.resistance)
     highest = np.fmin(motor.current_limit, (motor.supply - constant * velocity) / motor.resistance)
-    return np.fmax(lowest, np.fmin(highest, torque / constant))
+    current = np.fmax(lowest, np.fmin(highest, wanted / constant))
+    free = 1.0 if np.abs(error) > BAND and lowest < wanted / constant < highest else 0.0
+    return SpoolState(state.position, velocity, current, state.offset + free * dt * motor.integral * error)
 
 
 @kernel
-def turn_spool(
-    motor: GearedMotor, state: SpoolState, current: float, load: float, stiffness: float, dt: float
-) -> SpoolState:
-    """The spool one sub-step later.
+def turn_spool(motor: GearedMotor, state: SpoolState, load: float, stiffness: float, dt: float) -> SpoolState:
+    """The spool one sub-step later, under the current that it has.
 
     Args:
         motor: its constants.
         state: before.
-        current: [A].
         load: torque of the cables against a turning that flexes [N·m].
         stiffness: how fast the load grows with the spool's angle, for a step that no stiff cable upsets [N·m/rad].
         dt: [s].
     """
-    torque = motor.gear * motor.torque_constant * current
+    torque = motor.gear * motor.torque_constant * state.current
     effort = dt / (motor.inertia + dt * dt * stiffness)
     free = state.velocity + effort * (torque - load - dt * stiffness * state.velocity)
     carried = np.fmax(np.abs(torque), np.abs(load))
     held = effort * (motor.friction + (1.0 - motor.efficiency) * carried)
     velocity = np.sign(free) * np.fmax(0.0, np.abs(free) - held)
-    return SpoolState(state.position + dt * velocity, velocity, current)
+    return SpoolState(state.position + dt * velocity, velocity, state.current, state.offset)

@@ -40,9 +40,9 @@ class SuitCable(NamedTuple):
 
     kind: str = "play"
     """``play``, ``capstan`` or ``bouc_wen``."""
-    stiffness: float = 6000.0
+    stiffness: float = 8000.0
     """k, of cable and sheath [N/m]."""
-    half_width: float = 0.003
+    half_width: float = 0.002
     """r, of the play at width 1; half the spool's travel that a reversal loses [m]."""
     friction: float = 0.12
     """μ·θ₀ of the capstan is this times the sheath's bend at width 1 [–]."""
@@ -55,12 +55,12 @@ class SuitCable(NamedTuple):
 class Fabric(NamedTuple):
     """What holds a cable to the arm: sleeve, brace and flesh; the defaults are stated choices."""
 
-    stiffness: float = 3000.0
+    stiffness: float = 8000.0
     """K [N/m]."""
     stiffening: float = 0.0
     """q [N/m²]."""
-    damping: float = 30.0
-    """Of the flesh under a taut cable [N·s/m]."""
+    damping: float = 190.0
+    """Of the flesh under a taut cable: a loss factor of 0.3 at 2 Hz [N·s/m]."""
 
 
 class PreparedSuitCable(NamedTuple):

@@ -20,7 +20,8 @@ from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
 from bowden.sim.closed_loop import RUNAWAY
 from bowden.sim.scenario import BendPath, constant_bend
-from bowden.sim.suit_plant import Bends, PreparedSuit, Suit, prepare_suit, suit_motor, suit_start, suit_step
+from bowden.sim.suit_parts import PreparedSuit, Suit, prepare_suit
+from bowden.sim.suit_plant import Bends, suit_motor, suit_start, suit_step
 
 RECORDED = {
     "joint": "rad",

@@ -10,83 +10,18 @@ semi-implicit: cables from the angles, then speeds with the stiffness and dampin
 The kernels run in a compiled loop (`bowden.sim.suit`), and one cycle a call in a live twin.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.units import RADIANS
-from bowden.models.arm import Arm, Wearer, check_wearer, gravity_torque, passive_torque, wearer_torque
-from bowden.models.encoder import Encoder
-from bowden.models.flex_sensor import PAPER_FLEX, FlexSensor
-from bowden.models.geared_motor import GearedMotor, SpoolState, check_geared_motor, motor_current, turn_spool
-from bowden.models.geometry import SuitGeometry, size_spools
-from bowden.models.sheath import Sheath, slope_factor, width
-from bowden.models.suit_angle import SpoolMap, flexor_arm, flexor_travel, motor_of, spool_map, spool_of
-from bowden.models.suit_cable import (
-    Fabric,
-    PreparedSuitCable,
-    Pull,
-    SuitCable,
-    SuitCableMemory,
-    prepare_suit_cable,
-    pull_suit_cable,
-    start_suit_cable,
-)
-from bowden.models.thermal import Thermal, ThermalState, warm
-
-
-class Suit(NamedTuple):
-    """All that a suit on an arm is made of."""
-
-    geometry: SuitGeometry = SuitGeometry()
-    spool_radius: float = 0.025
-    """r_f, of the flexor's spool; the extensor's is this over the best ratio of Eqs 1–3 [m]."""
-    motor: GearedMotor = GearedMotor()
-    thermal: Thermal = Thermal()
-    flexor: SuitCable = SuitCable()
-    extensor: SuitCable = SuitCable()
-    pretension: float = 10.0
-    """Of both cables at the straight arm [N]."""
-    fabric: Fabric = Fabric()
-    sheath: Sheath = Sheath()
-    posture: float = 0.3
-    """How much more the sheaths are bent per angle of the elbow [rad/rad]."""
-    arm: Arm = Arm()
-    wearer: Wearer = Wearer()
-    stops: tuple[float, float] = (-5.0 * RADIANS, 145.0 * RADIANS)
-    """Where the elbow's bones and ligaments stop it [rad]."""
-    joint_sensor: FlexSensor = PAPER_FLEX
-    motor_encoder: Encoder = Encoder()
-    """On the spool."""
-    sample_time: float = 1e-3
-    """Ts, one control cycle [s]."""
-    delay: int = 1
-    """Cycles between a sample and the moment its command reaches the drive [–]."""
-    substeps: int = 10
-    """Plant sub-steps in one cycle [–]."""
-
-
-class PreparedSuit(NamedTuple):
-    """A suit as the kernels need it."""
-
-    map: SpoolMap
-    extensor_radius: float
-    """r_e [m]."""
-    joint_radius: float
-    """R [m]."""
-    motor: GearedMotor
-    thermal: Thermal
-    flexor: PreparedSuitCable
-    extensor: PreparedSuitCable
-    sheath: Sheath
-    posture: float
-    arm: Arm
-    low_stop: float
-    high_stop: float
-    substeps: int
+from bowden.models.arm import Wearer, gravity_torque, passive_torque, wearer_torque
+from bowden.models.geared_motor import SpoolState, drive_motor, turn_spool
+from bowden.models.sheath import slope_factor, width
+from bowden.models.suit_angle import flexor_arm, flexor_travel, motor_of, spool_of
+from bowden.models.suit_cable import PreparedSuitCable, Pull, SuitCableMemory, pull_suit_cable, start_suit_cable
+from bowden.models.thermal import ThermalState, warm
+from bowden.sim.suit_parts import PreparedSuit
 
 
 class SuitState(NamedTuple):
@@ -123,51 +58,6 @@ TAUT = 1.0
 """Tension at which half of the flesh's damping acts [N]."""
 
 
-def prepare_suit(suit: Suit) -> PreparedSuit:
-    """The suit ready for its kernels.
-
-    Raises:
-        ParameterError: a part that cannot be.
-    """
-    check_geared_motor(suit.motor)
-    check_wearer(suit.wearer)
-    for name, value in (("spool_radius", suit.spool_radius), ("sample_time", suit.sample_time)):
-        if not (value > 0.0 and math.isfinite(value)):
-            raise ParameterError(f"suit: {name} is {value:g}", expected="a number above 0")
-    if not (abs(suit.posture) <= 10.0 and suit.substeps >= 1 and suit.stops[0] < suit.stops[1]):
-        raise ParameterError(
-            f"suit: posture {suit.posture:g}, substeps {suit.substeps}, stops {suit.stops}",
-            expected="at most 10 rad/rad, 1 or more, the low one first",
-        )
-    if not (suit.arm.inertia > 0.0 and math.isfinite(suit.arm.inertia)):
-        raise ParameterError(f"suit: the arm's inertia is {suit.arm.inertia:g}", expected="an arm of models.arm.arm_of")
-    for cable in (suit.flexor, suit.extensor):
-        if cable.kind == "capstan" and suit.sheath.loss != 0.0:
-            raise ParameterError(
-                f"suit: the sheath's loss is {suit.sheath.loss:g} with a capstan cable",
-                expected="0, since that cable computes what its sheath loses",
-            )
-    cables = [
-        prepare_suit_cable(cable, suit.fabric, suit.sheath.bend, suit.pretension)
-        for cable in (suit.flexor, suit.extensor)
-    ]
-    return PreparedSuit(
-        map=spool_map(suit.geometry, suit.spool_radius),
-        extensor_radius=suit.spool_radius / size_spools(suit.geometry).ratio,
-        joint_radius=suit.geometry.joint_radius,
-        motor=suit.motor,
-        thermal=suit.thermal,
-        flexor=cables[0],
-        extensor=cables[1],
-        sheath=suit.sheath,
-        posture=suit.posture,
-        arm=suit.arm,
-        low_stop=suit.stops[0],
-        high_stop=suit.stops[1],
-        substeps=suit.substeps,
-    )
-
-
 @kernel
 def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> SuitState:
     """At rest, with one tension all along each cable; not in balance yet, so let it settle.
@@ -184,7 +74,7 @@ def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> S
     extensor = start_suit_cable(suit.extensor, -suit.extensor_radius * spool, -suit.joint_radius * joint, factor)
     heat = ThermalState(suit.thermal.ambient, suit.thermal.ambient, 0.0)
     slack = Pull(0.0, 0.0)
-    return SuitState(0.0, SpoolState(spool, 0.0, 0.0), joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
+    return SuitState(0.0, SpoolState(spool, 0.0, 0.0, 0.0), joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
 
 
 @kernel
@@ -205,8 +95,10 @@ def suit_step(
     target, step = spool_of(command, suit.map), dt / suit.substeps
     for i in range(suit.substeps):
         bend = bends.before + (bends.after - bends.before) * (i + 1.0) / suit.substeps
-        current = motor_current(suit.motor, target, state.spool.position, state.spool.velocity) if powered else 0.0
-        state = _substep(suit, state, current, bend, wearer, step)
+        spool = SpoolState(state.spool.position, state.spool.velocity, 0.0, 0.0)
+        if powered:
+            spool = drive_motor(suit.motor, state.spool, target, step)
+        state = _substep(suit, state, spool, bend, wearer, step)
     heat = warm(suit.thermal, state.motor_heat, state.spool.current, dt)
     return SuitState(
         state.time,
@@ -230,16 +122,17 @@ def suit_motor(suit: PreparedSuit, state: SuitState) -> float:
 
 
 @kernel
-def _substep(suit: PreparedSuit, state: SuitState, current: float, bend: float, wearer: Wearer, dt: float) -> SuitState:
-    """Spool and elbow under the cables' pull where they are, then where they go."""
+def _substep(
+    suit: PreparedSuit, state: SuitState, driven: SpoolState, bend: float, wearer: Wearer, dt: float
+) -> SuitState:
+    """Spool and elbow under the cables' pull where they are, then where they go; `driven` has the spool's current."""
     joint, velocity, arm = state.joint, state.joint_velocity, suit.arm
     whole = bend + suit.posture * joint
     wide, factor = width(whole, suit.sheath), slope_factor(whole, suit.sheath)
     r_f, r_e = suit.map.radius, suit.extensor_radius
     spool = turn_spool(
         suit.motor,
-        state.spool,
-        current,
+        driven,
         r_f * state.flexor_pull.motor - r_e * state.extensor_pull.motor,
         r_f * r_f * suit.flexor.stiffness + r_e * r_e * suit.extensor.stiffness,
         dt,
