@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bowden.app import rig_schema as schema
+from bowden.app.compose_suit import for_suit, suit_of
 from bowden.app.config import near, read_rig
 from bowden.app.laws import KNOWN
 from bowden.control import Law, user_law
@@ -22,6 +23,7 @@ from bowden.models.servo import Servo
 from bowden.models.sheath import Sheath, slope_factor
 from bowden.sim.plant import Bench
 from bowden.sim.scenario import BendPath, constant_bend, random_bend, scripted_bend
+from bowden.sim.suit_parts import Suit
 
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
@@ -43,6 +45,8 @@ class Setup:
     """What the user should know about how the file was understood."""
     turned: bool
     """Whether motor angles are counted the other way round, because the cable's slope is negative."""
+    suit: Suit | None
+    """In place of the bench, where one is worn."""
 
 
 def setup(path: Path, duration: float | None = None, seed: int | None = None) -> tuple[Setup, schema.Rig]:
@@ -79,6 +83,10 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         reference = _reference(rig.reference, path.parent)
     bend = _bend(scenario.bend, bench.sheath, duration, seed)
     initial = scenario.initial_motor_deg
+    with _asked_for_by(f"{path}: [suit] or [wearer]"):
+        suit = suit_of(rig, bench)
+    if suit is not None and initial is None:  # the motor is counted in the joint's coordinate
+        initial = float(reference.sample(np.zeros(1))[0, 0]) / RADIANS
     built = Setup(
         bench=bench,
         reference=reference,
@@ -90,6 +98,7 @@ def setup(path: Path, duration: float | None = None, seed: int | None = None) ->
         else (-1 if turned else 1) * initial * RADIANS,
         notes=tuple(notes),
         turned=turned,
+        suit=suit,
     )
     return built, rig
 
@@ -125,6 +134,8 @@ def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str 
         law = law.with_gains(motor_zero=0.0 - bench.cable.offset / bench.cable.slope)
     rigs_own = name == rig.control.law
     chosen = preset or (rig.control.preset if rigs_own else None)
+    if rig.suit.worn:
+        law = for_suit(law, preset=chosen, gains=rigs_own and bool(rig.control.gains))
     if chosen is not None:
         law = law.preset(chosen)
     if not rigs_own:

@@ -113,6 +113,7 @@ _WANTED = {
     "literal_error": "{expected}",
     "float_type": "a number",
     "int_type": "a whole number",
+    "bool_type": "true or false",
     "finite_number": "a finite number",
     "string_type": "text in quotation marks",
     "list_type": "a list in square brackets",

@@ -12,6 +12,7 @@ from pydantic import Field
 from bowden.app.live_schema import DriveSection, LimitsSection, LiveSection
 from bowden.app.rig_section import Section
 from bowden.app.rig_section import key as _key
+from bowden.app.suit_schema import SuitSection, WearerSection
 from bowden.core.units import RADIANS
 from bowden.paper.bench import chirp, default_bench, document, minimum_jerk
 
@@ -256,7 +257,7 @@ class ScenarioSection(Section):
 
 
 class Rig(Section):
-    """A rig.toml: a bench, its law, the joint's reference, the scenario, and what the live loop needs."""
+    """A rig.toml: a bench or a suit, its law, the joint's reference, the scenario, and what the live loop needs."""
 
     bench: BenchSection = BenchSection()
     servo: ServoSection = ServoSection()
@@ -264,6 +265,8 @@ class Rig(Section):
     sheath: SheathSection = SheathSection()
     motor: MotorSection = MotorSection()
     encoder: EncodersSection = EncodersSection()
+    suit: SuitSection = SuitSection()
+    wearer: WearerSection = WearerSection()
     control: ControlSection = ControlSection()
     reference: ReferenceSection = PeriodicMinimumJerkSection()
     scenario: ScenarioSection = ScenarioSection()

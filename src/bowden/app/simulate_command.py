@@ -82,7 +82,6 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
     An interruption before the first is done passes through.
     """
     from bowden.control import user_law
-    from bowden.sim.closed_loop import simulate as run
 
     traces: dict[str, Trace] = {}
     for i, law in enumerate(laws):
@@ -92,20 +91,24 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
         progress(f"simulating {name} (compiled at first)", 0.1 + 0.7 * i / len(laws))
         try:
             with user_law.explained(law):
-                traces[name] = run(
-                    setup.bench,
-                    law,
-                    setup.reference,
-                    duration=setup.duration,
-                    bend=setup.bend,
-                    seed=setup.seed,
-                    initial_motor=setup.initial_motor,
-                )
+                traces[name] = _trace(setup, law)
         except KeyboardInterrupt:
             if not traces:
                 raise
             return traces, True
     return traces, False
+
+
+def _trace(setup: "Setup", law: "Law") -> "Trace":
+    """One law on the bench, or on the suit where one is worn."""
+    from bowden.sim.closed_loop import simulate as on_bench
+    from bowden.sim.suit import simulate_suit as on_suit
+
+    reference, duration, bend = setup.reference, setup.duration, setup.bend
+    seed, initial = setup.seed, setup.initial_motor
+    if setup.suit is None:
+        return on_bench(setup.bench, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial)
+    return on_suit(setup.suit, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial)
 
 
 def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -> list[Path]:
