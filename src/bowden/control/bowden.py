@@ -237,6 +237,7 @@ BOWDEN = Law(
     start_kernel=start,
     step_kernel=step,
     source="this project, docs/our_law.md",
+    presets={"suit": BowdenGains(most=3.0)},  # 12 dB and 60° on the suit, see docs/suit.md
     limits={
         "servo_frequency": (1.0, 1e4),
         "servo_damping": (0.1, 10.0),

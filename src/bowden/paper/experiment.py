@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from bowden.control import LAWS
 from bowden.core.trace import Trace
 from bowden.paper import bench as paper
+from bowden.paper.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,6 +66,21 @@ class Runs:
     def adaptive_chirp(self) -> Trace:
         """Fig. 16, adaptive."""
         return paper.run_chirp(LAWS["adaptive"])
+
+    @cached_property
+    def suit_uncompensated(self) -> Trace:
+        """Fig. 17, two flexions; every one after the first is like the second."""
+        return run_suit(LAWS["uncompensated"], count=2)
+
+    @cached_property
+    def suit_adaptive(self) -> Trace:
+        """Fig. 17, five flexions."""
+        return run_suit(suit_adaptive())
+
+    @cached_property
+    def suit_ours(self) -> Trace:
+        """Fig. 17 with our law and a drive that has an integral."""
+        return run_suit(suit_ours(), drive_integral=DRIVE_INTEGRAL)
 
 
 Experiment = Callable[[Runs], Finding]

@@ -11,11 +11,14 @@ from bowden.paper import (
     errata_chirp,
     errata_law,
     fig04_spools,
+    fig06_suit,
     fig09_uncompensated,
     fig12_observer,
     fig13_adaptive,
     fig15_moved,
     fig16_bandwidth,
+    fig17_energy,
+    fig18_clinic,
     second,
     stability_map,
 )
@@ -30,6 +33,9 @@ EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig13": (fig13_adaptive.run, ("table1.adaptive.constant", "fig14.", "erratum.convergence.")),
     "fig15": (fig15_moved.run, ("table1.observer.varying", "table1.adaptive.varying", "fig15.")),
     "fig16": (fig16_bandwidth.run, ("fig16.", "erratum.bandwidth")),
+    "fig6": (fig06_suit.run, ("fig6.",)),
+    "fig17": (fig17_energy.run, ("fig17.",)),
+    "fig19": (fig18_clinic.run, ("fig19.",)),
     "errata_cable": (errata_cable.run, ("erratum.units", "erratum.monotone.", "erratum.gap")),
     "errata_law": (errata_law.run, ("erratum.eq14.", "erratum.gains.", "erratum.lyapunov", "erratum.rmse")),
     "errata_chirp": (errata_chirp.run, ("erratum.chirp",)),
@@ -119,7 +125,7 @@ def write_report(outcome: Reproduction, path: Path) -> None:
         OutputError: the page cannot be written.
     """
     page = Page(
-        "The paper's bench, reproduced",
+        "The paper's bench and suit, reproduced",
         "Dinh et al. 2017, Adaptive backlash compensation in upper limb soft wearable exoskeletons: published figures "
         "beside computed ones.",
     )

@@ -76,6 +76,16 @@ def suit_adaptive() -> Law:
     return LAWS["adaptive"].preset("suit")
 
 
+def suit_ours() -> Law:
+    """Our own law, with its gains for the suit."""
+    return LAWS["bowden"].preset("suit")
+
+
+DRIVE_INTEGRAL = 25.0
+"""k_i of a drive whose position loop has an integral, with which our law runs: 12 dB below that loop's limit, which is
+2·ζ·ω = 107 1/s [1/s]."""
+
+
 def flexions(period: float | None = None) -> PeriodicMinimumJerk:
     """Flexions and extensions 0–90°; one takes 25 s (Fig. 17) where no `period` [s] is given."""
     return PeriodicMinimumJerk(

@@ -7,6 +7,7 @@ from typing import Any
 from bowden.core.metrics import Metrics
 from bowden.core.trace import Trace
 from bowden.report import simulate_figures as figures
+from bowden.report import suit_figures
 from bowden.report.page import Page
 from bowden.report.style import colours_for
 
@@ -62,6 +63,17 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
             figures.effort(traces, colours),
             "Command to the motor, and how far it is from the reference: the compensation itself."
             + (" Below, the motor's current." if "current" in next(iter(traces.values())).columns else ""),
+        )
+    if suit_figures.is_suit(traces):
+        page.heading("What the suit pulls")
+        page.figure(
+            suit_figures.tensions(traces),
+            "Tension of both cables where they pull at the arm, and dotted where they leave the spool: the difference "
+            "is friction in the sheath.",
+        )
+        page.figure(
+            suit_figures.torques(traces, colours),
+            "Torque of the suit on the elbow, of the wearer's muscles, and the temperature of the motor's winding.",
         )
     for name, trace in traces.items():
         drawn = figures.law_states(trace, colours[name])

@@ -67,43 +67,44 @@ def run_suit_loop(
     record: NDArray[np.float64],
     states: NDArray[np.float64],
 ) -> int:
-    """One run; fills `record` (16, n) and `states` (m, n) and returns the number of cycles that it lasted."""
+    """One run after `settling` cycles at rest; fills `record` (16, n) and `states` (m, n), returns how long it lasted."""
     plant = suit_start(suit, initial_motor, initial_motor, bends[0])
-    at_rest = Bends(bends[0], bends[0])
-    for _ in range(settling):
-        plant = suit_step(suit, plant, initial_motor, True, at_rest, wearer, dt)
-    flex = flex_start(plant.joint)
-    state = law_start(gains, Sample(plant.joint, suit_motor(suit, plant)))
-    for k in range(references.shape[1]):
-        motor = suit_motor(suit, plant)
-        flex, seen = flex_step(sensors[0], flex, plant.joint, normals[k, 0], normals[k, 1], dt)
-        sample = Sample(seen, reading(motor, normals[k, 2], sensors[1]))
+    flex, state = flex_start(plant.joint), law_start(gains, Sample(plant.joint, initial_motor))
+    for k in range(-settling, references.shape[1]):
+        applied, bend = initial_motor, Bends(bends[0], bends[0])
         if k == 0:
-            state = law_start(gains, sample)
-        reference = Reference(references[0, k], references[1, k], references[2, k])
-        state, command = law_step(gains, state, sample, reference, dt)
-        record[0, k] = plant.joint
-        record[1, k] = motor
-        record[2, k] = sample.joint
-        record[3, k] = sample.motor
-        record[4, k] = command
-        record[5, k] = plant.joint_velocity
-        record[6, k] = plant.spool.position
-        record[7, k] = plant.spool.velocity
-        record[8, k] = plant.spool.current
-        record[9, k] = plant.flexor_pull.joint
-        record[10, k] = plant.flexor_pull.motor
-        record[11, k] = plant.extensor_pull.joint
-        record[12, k] = plant.extensor_pull.motor
-        record[13, k] = plant.interaction
-        record[14, k] = plant.wearer
-        record[15, k] = plant.motor_heat.winding
-        for j in range(len(state)):
-            states[j, k] = state[j]
-        if not abs(command) < RUNAWAY:
-            return k
-        applied = record[4, k - delay] if k >= delay else initial_motor
-        plant = suit_step(suit, plant, applied, True, Bends(bends[k], bends[k + 1]), wearer, dt)
+            flex = flex_start(plant.joint)
+        if k >= 0:
+            motor = suit_motor(suit, plant)
+            flex, seen = flex_step(sensors[0], flex, plant.joint, normals[k, 0], normals[k, 1], dt)
+            sample = Sample(seen, reading(motor, normals[k, 2], sensors[1]))
+            if k == 0:
+                state = law_start(gains, sample)
+            reference = Reference(references[0, k], references[1, k], references[2, k])
+            state, command = law_step(gains, state, sample, reference, dt)
+            record[0, k] = plant.joint
+            record[1, k] = motor
+            record[2, k] = sample.joint
+            record[3, k] = sample.motor
+            record[4, k] = command
+            record[5, k] = plant.joint_velocity
+            record[6, k] = plant.spool.position
+            record[7, k] = plant.spool.velocity
+            record[8, k] = plant.spool.current
+            record[9, k] = plant.flexor_pull.joint
+            record[10, k] = plant.flexor_pull.motor
+            record[11, k] = plant.extensor_pull.joint
+            record[12, k] = plant.extensor_pull.motor
+            record[13, k] = plant.interaction
+            record[14, k] = plant.wearer
+            record[15, k] = plant.motor_heat.winding
+            for j in range(len(state)):
+                states[j, k] = state[j]
+            if not abs(command) < RUNAWAY:
+                return k
+            applied = record[4, k - delay] if k >= delay else initial_motor
+            bend = Bends(bends[k], bends[k + 1])
+        plant = suit_step(suit, plant, applied, True, bend, wearer, dt)  # called in one place: it is long to compile
     return references.shape[1]
 
 

@@ -1,0 +1,42 @@
+"""Figures of a run on the suit, for `simulate_page`."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from bowden.core.trace import Trace
+from bowden.report.style import COLOURS, legend, new_figure, thin
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def is_suit(traces: Mapping[str, Trace]) -> bool:
+    """Whether every run was on a suit."""
+    return all("flexor_tension" in trace.columns for trace in traces.values())
+
+
+def tensions(traces: Mapping[str, Trace]) -> "Figure":
+    """Tensions of both cables at the arm and at the spool, a row for each run."""
+    figure, rows = new_figure(len(traces), 1, height=0.9 + 1.7 * len(traces), share_x=True)
+    for axes, (name, trace) in zip(rows, traces.items(), strict=True):
+        for side, colour in (("flexor", COLOURS["joint"]), ("extensor", COLOURS["motor"])):
+            axes.plot(*thin(trace.time, trace[f"{side}_tension"]), color=colour, label=f"{side}, arm")
+            axes.plot(*thin(trace.time, trace[f"{side}_motor_tension"]), color=colour, ls=":", lw=1.0, label="spool")
+        axes.set(title=name, ylabel="tension [N]")
+        axes.set_ylim(bottom=0.0)
+    legend(rows[0], columns=4)
+    rows[-1].set_xlabel("time [s]")
+    return figure
+
+
+def torques(traces: Mapping[str, Trace], colours: Mapping[str, str]) -> "Figure":
+    """Torque of the suit and of the wearer on the elbow, and the motor's winding, over time."""
+    figure, rows = new_figure(3, 1, height=5.4, share_x=True)
+    drawn = {"interaction_torque": "suit [N·m]", "wearer_torque": "wearer [N·m]", "winding_temperature": "winding [°C]"}
+    for axes, (column, label) in zip(rows, drawn.items(), strict=True):
+        for name, trace in traces.items():
+            axes.plot(*thin(trace.time, trace[column]), color=colours[name], label=name, lw=1.1)
+        axes.set(ylabel=label)
+    legend(rows[0])
+    rows[-1].set_xlabel("time [s]")
+    return figure
