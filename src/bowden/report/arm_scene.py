@@ -1,6 +1,5 @@
 """What the arm's model looks like: skin, sleeves, anchors, sheaths, a ghost for the reference; no number needs it."""
 
-import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
@@ -47,8 +46,8 @@ def scene_xml(geometry: SuitGeometry) -> str:
         element.set("width", "0.0031")
     forearm = _child(world, "body")
     _add(root, _look())
-    _add(root, f"<asset>{_loft('upper_arm', _ARM, a)}{_loft('forearm', _FOREARM, a)}</asset>")
-    _add(world, _surroundings() + _skin_elbow(geometry, 1.0) + _brace(a, b) + _sheaths(a, b))
+    _add(root, f"<asset>{_loft('upper_arm', _ARM, a)}{_loft('forearm', _FOREARM, a)}{_sheaths(a, b)}</asset>")
+    _add(world, _surroundings() + _skin_elbow(geometry, 1.0) + _brace(a, b))
     _add(forearm, _hand(_SKIN) + _skin_elbow(geometry, 0.96) + _brace(a, -b))
     inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
     _add(world, f'<body name="ghost"><joint name="ghost" axis="0 -1 0"/>{inertial}{_hand(_GHOST)}</body>')
@@ -59,7 +58,7 @@ def _look() -> str:
     return f"""<visual>
         <global offwidth="1920" offheight="1440"/>
         <headlight ambient="0.52 0.52 0.52" diffuse="0.28 0.28 0.28" specular="0.04 0.04 0.04"/>
-        <quality shadowsize="2048" offsamples="8" numslices="48" numstacks="24"/>
+        <quality shadowsize="2048" offsamples="8" numslices="40" numstacks="20"/>
       </visual>
       <asset><texture type="skybox" builtin="flat" rgb1="1 1 1" width="64" height="64"/>
         <material name="torso" rgba="{_TORSO}" emission="0.22" specular="0" shininess="0"/>
@@ -72,6 +71,8 @@ def _surroundings() -> str:
       <camera name="{CAMERA}" pos="0.10 -2.9 -0.045" xyaxes="1 0 0 0 0 1" fovy="15.5"/>
       <geom type="capsule" fromto="-0.01 0.22 0.18 -0.01 0.22 -0.9" size="0.115" material="torso"/>
       <geom type="mesh" mesh="upper_arm" rgba="{_SKIN}"/>
+      <geom type="mesh" mesh="flexor_sheath" rgba="{_SHEATH}"/>
+      <geom type="mesh" mesh="extensor_sheath" rgba="{_SHEATH}"/>
       <geom type="capsule" fromto="-0.006 0 0.27 -0.003 0 0.205" size="0.05" rgba="{_SHIRT}"/>
       <geom type="box" pos="-0.165 0.12 0.14" size="0.035 0.05 0.075" rgba="{_BOX}"/>
       <geom type="cylinder" pos="-0.165 0.066 0.165" size="0.026 0.008" zaxis="0 1 0" rgba="{_METAL}"/>
@@ -114,47 +115,52 @@ def _sheaths(a: float, b: float) -> str:
         (-a, 0.0, b + 0.008), (-a - 0.006, -0.002, b + 0.05), (-0.07, 0.0, 0.185), (-0.115, 0.02, 0.185),
         (-0.165, 0.066, 0.13),
     ]  # fmt: skip
-    return "".join(
-        f'<geom type="capsule" fromto="{" ".join(f"{v:.5f}" for v in (*start, *end))}" size="0.0042" rgba="{_SHEATH}"/>'
-        for path in (flexor, extensor)
-        for points in (_smooth(path),)
-        for start, end in itertools.pairwise(points)
-    )
+    return _tube("flexor_sheath", flexor, 0.0042) + _tube("extensor_sheath", extensor, 0.0042)
 
 
-def _smooth(through: Sequence[tuple[float, float, float]], count: int = 48) -> Array:
+def _tube(name: str, through: Sequence[tuple[float, float, float]], radius: float) -> str:
+    """A round tube, smooth through points; it must not run along the y axis."""
     from scipy.interpolate import CubicSpline
 
     points = np.array(through)
     along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
-    curve: Array = CubicSpline(along, points)(np.linspace(0.0, along[-1], count))
-    return curve
+    curve, at = CubicSpline(along, points), np.linspace(0.0, along[-1], 56)
+    tangent = curve(at, 1)
+    first = np.cross(tangent, (0.0, 1.0, 0.0))
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(tangent, first)
+    second /= np.linalg.norm(second, axis=1)[:, None]
+    turn = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)[None, :, None]
+    return _mesh(name, curve(at)[:, None] + radius * (first[:, None] * np.cos(turn) + second[:, None] * np.sin(turn)))
 
 
-def _loft(name: str, sections: Sequence[tuple[float, float, float]], unit: float, around: int = 48) -> str:
+def _loft(name: str, sections: Sequence[tuple[float, float, float]], unit: float) -> str:
     """A closed mesh through ellipses across the z axis, smooth between them."""
     from scipy.interpolate import PchipInterpolator
 
-    at = np.array(sections)[::-1] if sections[0][0] > sections[-1][0] else np.array(sections)
-    heights = np.linspace(at[0, 0], at[-1, 0], 60)
-    widths = PchipInterpolator(at[:, 0], at[:, 1:])(heights) * unit
-    turn = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    rings = [
-        np.column_stack([x * np.cos(turn), y * np.sin(turn), np.full(around, z)])
-        for z, (x, y) in zip(heights, widths, strict=True)
-    ]
-    ends = np.array([[0.0, 0.0, heights[0]], [0.0, 0.0, heights[-1]]])
-    points = np.vstack([*rings, ends])
+    table = np.array(sorted(sections))
+    heights = np.linspace(table[0, 0], table[-1, 0], 44)
+    widths = PchipInterpolator(table[:, 0], table[:, 1:])(heights) * unit
+    turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    rings = np.concatenate([widths[:, None] * around, np.broadcast_to(heights[:, None, None], (44, 40, 1))], axis=2)
+    return _mesh(name, rings)
+
+
+def _mesh(name: str, rings: Array) -> str:
+    """A closed mesh through rings of points (rings, points of each, 3), which turn left seen from the last one."""
+    count, around, _ = rings.shape
+    points = np.vstack([rings.reshape(-1, 3), rings[0].mean(axis=0), rings[-1].mean(axis=0)])
     first = np.arange(around)
     following = (first + 1) % around
     faces = []
-    for ring in range(len(heights) - 1):
-        low, high = ring * around, (ring + 1) * around
-        faces += [np.column_stack([low + first, low + following, high + following])]
-        faces += [np.column_stack([low + first, high + following, high + first])]
-    bottom, top, last = len(points) - 2, len(points) - 1, (len(heights) - 1) * around
-    faces += [np.column_stack([following, first, np.full(around, bottom)])]
-    faces += [np.column_stack([last + first, last + following, np.full(around, top)])]
+    for low in range(0, (count - 1) * around, around):
+        high = low + around
+        faces.append(np.column_stack([low + first, low + following, high + following]))
+        faces.append(np.column_stack([low + first, high + following, high + first]))
+    last = (count - 1) * around
+    faces.append(np.column_stack([following, first, np.full(around, len(points) - 2)]))
+    faces.append(np.column_stack([last + first, last + following, np.full(around, len(points) - 1)]))
     vertex = " ".join(f"{value:.5f}" for value in points.ravel())
     face = " ".join(map(str, np.vstack(faces).ravel().tolist()))
     return f'<mesh name="{name}" smoothnormal="true" vertex="{vertex}" face="{face}"/>'
