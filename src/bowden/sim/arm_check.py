@@ -188,7 +188,7 @@ def compare_motion(geometry: SuitGeometry, arm: Arm, case: Case, step: float = 1
     """
     count = round(case.duration / step)
     time: Array = step * np.arange(count + 1, dtype=np.float64)
-    theirs = MujocoArm(geometry, arm, step, integrator).move(case.start, case.tensions, count)
+    theirs = MujocoArm(geometry, arm, step, integrator).move((case.start, 0.0), case.tensions, count)
     return Motion(case.name, time, our_motion(geometry, arm, case, time), theirs)
 
 

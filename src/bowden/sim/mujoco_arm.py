@@ -140,11 +140,13 @@ class MujocoArm:
         self._mujoco.mj_inverse(self._model, self._data)
         return float(self._data.qfrc_inverse[0])
 
-    def move(self, start: float, tensions: Tensions, count: int, torque: Array | None = None) -> Array:
-        """Let the arm go from rest and integrate its motion.
+    def move(
+        self, start: tuple[float, float], tensions: Tensions, count: int, torque: Array | None = None
+    ) -> Array:
+        """Let the arm go and integrate its motion.
 
         Args:
-            start: angle at the beginning [rad].
+            start: angle [rad] and its rate [rad/s] at the beginning.
             tensions: of the cables; constant through a step, as they are in its middle, which is of second order.
             count: how many steps, of the model's own length.
             torque: further torque on the elbow in each step, the wearer's for instance, (count,) [N m].
@@ -157,7 +159,7 @@ class MujocoArm:
         """
         data = self._data
         self._mujoco.mj_resetData(self._model, data)
-        data.qpos[0] = start
+        data.qpos[0], data.qvel[0] = start
         angle = np.empty(count + 1)
         for k in range(count):
             angle[k] = data.qpos[0]
