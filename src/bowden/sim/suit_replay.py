@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import LogError
+from bowden.core.errors import LogError, ParameterError
 from bowden.core.trace import Trace
 from bowden.models.arm import Arm
 from bowden.models.geometry import SuitGeometry, extensor_moment_arm, flexor_moment_arm
@@ -37,42 +37,58 @@ def parts_of(trace: Trace) -> tuple[SuitGeometry, Arm]:
     return _part(SuitGeometry, plant.get("geometry")), _part(Arm, plant.get("arm"))
 
 
-def replay(trace: Trace, substeps: int = 1) -> Motion:
-    """The same run in MuJoCo, from the trace's first sample on.
+def replay(trace: Trace, window: float = 5.0) -> Motion:
+    """The same run in MuJoCo.
+
+    Under tensions that do not answer to it an elbow near the top runs off, as a pencil on its tip does, whichever model
+    computes it. So MuJoCo begins anew with the trace's angle and speed after each `window`.
 
     Args:
         trace: of `bowden.sim.suit.simulate_suit`.
-        substeps: MuJoCo's steps in one sample.
+        window: how long MuJoCo goes on by itself [s].
 
     Raises:
         BowdenError: MuJoCo is not installed.
-        LogError: the trace is not of a suit, or it ran away.
+        LogError: the trace is not of a suit, ran away, or ran against the elbow's stops, which MuJoCo's model has not.
+        ParameterError: a window that is shorter than a sample.
     """
     geometry, arm = parts_of(trace)
+    _check(trace)
+    time, joint, velocity = trace.time, trace["joint"], trace["joint_velocity"]
+    step = float(time[1] - time[0])
+    if not step <= window < math.inf:
+        raise ParameterError(f"replay: a window of {window:g} s", expected=f"{step:g} s or more")
+    tensions = np.stack([trace["flexor_tension"], trace["extensor_tension"]])
+    arms = np.array([(flexor_moment_arm(x, geometry), extensor_moment_arm(x, geometry)) for x in joint.tolist()]).T
+    other = trace["wearer_torque"] + trace["interaction_torque"] - (tensions * arms).sum(axis=0)
+    pulled = 0.5 * (tensions[:, 1:] + tensions[:, :-1])  # in the middle of each step
+    torque = 0.5 * (other[1:] + other[:-1])
+
+    model, theirs, length = MujocoArm(geometry, arm, step), joint.copy(), round(window / step)
+    for first in range(0, len(time) - 1, length):
+        last = min(first + length, len(time) - 1)
+        part = pulled[:, first:last]
+
+        def given(now: float, part: Array = part) -> tuple[float, float]:
+            k = int(now / step)
+            return float(part[0, k]), float(part[1, k])
+
+        start = (float(joint[first]), float(velocity[first]))
+        theirs[first + 1 : last + 1] = model.move(start, given, last - first, torque[first:last])[1:]
+    return Motion("run of the suit", time, joint, theirs)
+
+
+def _check(trace: Trace) -> None:
     missing = [name for name in NEEDED if name not in trace.columns]
-    if missing or not all(np.isfinite(trace[name]).all() for name in NEEDED):
+    if missing:
+        raise LogError(f"no replay of a trace without {', '.join(missing)}", expected="a trace of the suit")
+    if len(trace) < 2 or not all(np.isfinite(trace[name]).all() for name in NEEDED):
+        raise LogError("no replay of a run that is not finite to its end", expected="a stable run of the suit")
+    low, high = trace.settings["plant"].get("stops", (-math.inf, math.inf))
+    if not (trace["joint"].min() > low and trace["joint"].max() < high):
         raise LogError(
-            f"no replay of a trace {'without ' + ', '.join(missing) if missing else 'that is not finite to its end'}",
-            expected="a stable run of the suit",
+            "no replay of a run in which the elbow meets its stops", expected=f"a run inside {low:.3g} … {high:.3g} rad"
         )
-    joint, flexor, extensor = trace["joint"], trace["flexor_tension"], trace["extensor_tension"]
-    arms = np.array([(flexor_moment_arm(x, geometry), extensor_moment_arm(x, geometry)) for x in joint.tolist()])
-    given = flexor * arms[:, 0] + extensor * arms[:, 1]
-    other = trace["wearer_torque"] + trace["interaction_torque"] - given
-    time = trace.time
-    step = float(time[1] - time[0]) / substeps
-    count = (len(time) - 1) * substeps
-    middles = time[0] + (np.arange(count) + 0.5) * step
-    pulled = np.column_stack([np.interp(middles, time, part) for part in (flexor, extensor)]).clip(0.0)
-
-    def tensions(now: float) -> tuple[float, float]:
-        k = math.floor(now / step)
-        return float(pulled[k, 0]), float(pulled[k, 1])
-
-    model = MujocoArm(geometry, arm, step)
-    start = (float(joint[0]), float(trace["joint_velocity"][0]))
-    theirs = model.move(start, tensions, count, np.interp(middles, time, other))
-    return Motion("run of the suit", time, joint, theirs[::substeps])
 
 
 def _part(kind: type[Part], given: Any) -> Part:
