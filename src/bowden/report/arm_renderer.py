@@ -22,8 +22,8 @@ Image = NDArray[np.uint8]
 _PROBE = "from mujoco.{0} import GLContext; context = GLContext(16, 16); context.make_current(); context.free()"
 """Asked in a process of its own: a driver that fails may end it, and OpenGL's platform is chosen once in a process."""
 
-_PALE = np.array([0.66, 0.67, 0.70])
-FLEXOR, EXTENSOR = np.array([0.80, 0.25, 0.0]), np.array([0.0, 0.36, 0.62])
+_PALE = np.array([0.62, 0.64, 0.68])
+FLEXOR, EXTENSOR = np.array([0.84, 0.20, 0.02]), np.array([0.0, 0.33, 0.70])
 """Colours of the two cables under full tension; slack ones are pale."""
 
 
@@ -71,7 +71,7 @@ def gl_backend() -> str:
 def cable_colour(full: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     """Red, green, blue from pale at 0 to `full` at 1, (3,)."""
     part = min(max(share, 0.0), 1.0) if math.isfinite(share) else 0.0
-    return _PALE + (full - _PALE) * part
+    return _PALE + (full - _PALE) * part**0.7  # small tensions, too, are to be told from none
 
 
 class ArmRenderer:

@@ -19,7 +19,7 @@ _GHOST = "0.30 0.38 0.50 0.25"
 CAMERA = "side"
 """Name of the camera, on the wearer's right."""
 
-_ARM = ((0.0, 0.94, 0.92), (0.06, 0.93, 0.92), (0.14, 1.12, 1.08), (0.22, 1.22, 1.15), (0.29, 1.2, 1.15))
+_ARM = ((0.0, 0.94, 0.92), (0.06, 0.93, 0.92), (0.14, 1.12, 1.08), (0.22, 1.2, 1.15), (0.28, 1.0, 1.0))
 """Upper arm: height over the elbow [m], half-widths forward and sideways [half-widths of the arm]."""
 _FOREARM = (
     (0.02, 0.86, 0.84), (0.0, 0.92, 0.9), (-0.05, 0.96, 0.95), (-0.1, 0.96, 0.93), (-0.16, 0.84, 0.78),
@@ -43,7 +43,7 @@ def scene_xml(geometry: SuitGeometry) -> str:
     for element in (*world.iter("site"), *world.iter("geom")):  # points and cylinder of the model itself
         element.set("rgba", "0 0 0 0")
     for element in root.iter("spatial"):
-        element.set("width", "0.0031")
+        element.set("width", "0.0042")
     forearm = _child(world, "body")
     _add(root, _look())
     _add(root, f"<asset>{_loft('upper_arm', _ARM, a)}{_loft('forearm', _FOREARM, a)}{_sheaths(a, b)}</asset>")
@@ -58,7 +58,7 @@ def _look() -> str:
     return f"""<visual>
         <global offwidth="1920" offheight="1440"/>
         <headlight ambient="0.52 0.52 0.52" diffuse="0.28 0.28 0.28" specular="0.04 0.04 0.04"/>
-        <quality shadowsize="2048" offsamples="8" numslices="40" numstacks="20"/>
+        <quality shadowsize="2048" offsamples="4" numslices="40" numstacks="20"/>
       </visual>
       <asset><texture type="skybox" builtin="flat" rgb1="1 1 1" width="64" height="64"/>
         <material name="torso" rgba="{_TORSO}" emission="0.22" specular="0" shininess="0"/>
