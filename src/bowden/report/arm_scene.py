@@ -60,6 +60,7 @@ def _look() -> str:
         <headlight ambient="0.52 0.52 0.52" diffuse="0.28 0.28 0.28" specular="0.04 0.04 0.04"/>
         <quality shadowsize="2048" offsamples="4" numslices="40" numstacks="20"/>
       </visual>
+      <statistic center="0.1 0 -0.05" extent="0.5"/>
       <asset><texture type="skybox" builtin="flat" rgb1="1 1 1" width="64" height="64"/>
         <material name="torso" rgba="{_TORSO}" emission="0.22" specular="0" shininess="0"/>
       </asset>"""

@@ -172,23 +172,17 @@ def _held(arm: Arm, angle: float) -> float:
     return -(gravity_torque(arm, angle) + passive_torque(arm, angle, 0.0))
 
 
-def compare_motion(geometry: SuitGeometry, arm: Arm, case: Case, step: float = 1e-3, integrator: str = "RK4") -> Motion:
-    """One motion by both.
-
-    Args:
-        geometry: the suit's.
-        arm: the wearer's.
-        case: the motion.
-        step: MuJoCo's [s].
-        integrator: MuJoCo's.
+def compare_motion(geometry: SuitGeometry, arm: Arm, case: Case) -> Motion:
+    """One motion by both, MuJoCo's by RK4 at the least of `STEPS`.
 
     Raises:
         BowdenError: MuJoCo is not installed.
         ParameterError: geometry or arm cannot be built.
     """
+    step = min(STEPS)
     count = round(case.duration / step)
     time: Array = step * np.arange(count + 1, dtype=np.float64)
-    theirs = MujocoArm(geometry, arm, step, integrator).move((case.start, 0.0), case.tensions, count)
+    theirs = MujocoArm(geometry, arm, step, "RK4").move((case.start, 0.0), case.tensions, count)
     return Motion(case.name, time, our_motion(geometry, arm, case, time), theirs)
 
 
@@ -210,15 +204,27 @@ def our_motion(geometry: SuitGeometry, arm: Arm, case: Case, time: Array) -> Arr
     return angle
 
 
-def convergence(geometry: SuitGeometry, arm: Arm, case: Case, integrator: str) -> Convergence:
+def convergence(geometry: SuitGeometry, arm: Arm, case: Case, motion: Motion, integrator: str) -> Convergence:
     """The largest error of a motion at each of `STEPS`.
+
+    Args:
+        geometry: the suit's.
+        arm: the wearer's.
+        case: the motion.
+        motion: of that case, by `compare_motion`; ours is taken from it.
+        integrator: MuJoCo's.
 
     Raises:
         BowdenError: MuJoCo is not installed.
         ParameterError: geometry or arm cannot be built.
     """
-    errors = tuple(compare_motion(geometry, arm, case, step, integrator).error for step in STEPS)
-    return Convergence(integrator, STEPS, errors)
+    errors = []
+    for step in STEPS:
+        every = round(step / min(STEPS))
+        count = (len(motion.time) - 1) // every
+        theirs = MujocoArm(geometry, arm, step, integrator).move((case.start, 0.0), case.tensions, count)
+        errors.append(float(np.abs(theirs - motion.ours[::every][: count + 1]).max()))
+    return Convergence(integrator, STEPS, tuple(errors))
 
 
 def _smooth(share: float) -> float:

@@ -140,9 +140,7 @@ class MujocoArm:
         self._mujoco.mj_inverse(self._model, self._data)
         return float(self._data.qfrc_inverse[0])
 
-    def move(
-        self, start: tuple[float, float], tensions: Tensions, count: int, torque: Array | None = None
-    ) -> Array:
+    def move(self, start: tuple[float, float], tensions: Tensions, count: int, torque: Array | None = None) -> Array:
         """Let the arm go and integrate its motion.
 
         Args:

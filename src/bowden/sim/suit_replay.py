@@ -1,4 +1,4 @@
-"""A run of the suit once more in MuJoCo: the tensions of its trace pull MuJoCo's tendons, and the elbow should move alike.
+"""A run of the suit once more in MuJoCo: the tensions of its trace pull MuJoCo's tendons; does the elbow move alike?
 
 MuJoCo is given the trace's tensions, and as torques the wearer's muscles and what flesh and straps damp (the trace's
 interaction torque without the tensions' share). How a tension turns the elbow, weight, inertia and the passive elbow
