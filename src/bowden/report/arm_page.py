@@ -35,7 +35,7 @@ def arm_page(geometry: SuitGeometry, arm: Arm, found: Agreement) -> Page:
     picture = arm_data_uri(geometry, arm)
     if picture is not None:
         page.text(
-            '<p><img src="{picture}" alt="The arm at four angles" style="max-width: 100%"></p>'
+            '<div class="wide"><img src="{picture}" alt="The arm at four angles" style="width: 100%"></div>'
             "<p>Drawn by MuJoCo, with the tension that holds the arm at each angle.</p>",
             picture=picture,
         )
@@ -79,7 +79,7 @@ def motion_figure(found: Agreement) -> "Figure":
 
 def convergence_figure(found: Agreement) -> "Figure":
     """The largest difference of each motion over MuJoCo's step, by integrator."""
-    figure, (axes,) = new_figure(width=6.0, height=3.2)
+    figure, (axes,) = new_figure(width=8.6, height=3.6)
     marks = {"Euler": "--", "RK4": "-"}
     names = list(dict.fromkeys(name for name, _ in found.convergences))
     for name, one in found.convergences:
