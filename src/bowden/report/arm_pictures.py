@@ -51,7 +51,7 @@ def holding(geometry: SuitGeometry, arm: Arm, angles: Sequence[float] = ANGLES) 
     return found
 
 
-def series_figure(geometry: SuitGeometry, arm: Arm, angles: Sequence[float] = ANGLES, pixels: int = 720) -> "Figure":
+def series_figure(geometry: SuitGeometry, arm: Arm, angles: Sequence[float] = ANGLES, pixels: int = 600) -> "Figure":
     """The arm at each angle [rad], angle and tensions written on the picture, tension as the cables' colour.
 
     Raises:
@@ -95,7 +95,7 @@ def write_series(path: Path | str, geometry: SuitGeometry, arm: Arm, angles: Seq
 
 def _png(figure: "Figure") -> bytes:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=200, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
     return buffer.getvalue()
 
 
