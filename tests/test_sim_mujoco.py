@@ -28,7 +28,7 @@ from bowden.sim import arm_check, mujoco_arm
 from bowden.sim.arm_agreement import Agreement
 from bowden.sim.mujoco_arm import MujocoArm, arm_xml
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_plant import Suit
+from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_replay import parts_of, replay
 
 ROOT = Path(__file__).parents[1]
@@ -192,8 +192,16 @@ def test_only_a_whole_run_of_the_suit_is_replayed(run: Trace) -> None:
     broken = dict(run.columns) | {"joint": np.where(run.time > 5.0, np.nan, run["joint"])}
     with pytest.raises(LogError, match="not finite to its end"):
         replay(Trace(broken, run.units, run.settings))
-    with pytest.raises(LogError, match="meets its stops"):
+    with pytest.raises(LogError, match="mostly is at its stops"):
         replay(Trace(dict(run.columns) | {"joint": run["joint"] + 3.0}, run.units, run.settings))
+
+
+def test_mujoco_waits_where_the_elbow_is_at_its_stops(run: Trace) -> None:
+    at_stop = (run.time > 3.0) & (run.time < 3.5)
+    pushed = np.where(at_stop, -0.1, run["joint"])
+    motion = replay(Trace(dict(run.columns) | {"joint": pushed}, run.units, run.settings))
+    assert np.array_equal(np.isnan(motion.mujoco), at_stop)
+    assert motion.error < 0.2 * arm_check.MOTION_LIMIT
 
 
 def test_without_the_extra_the_message_says_what_to_install(
@@ -315,7 +323,7 @@ def test_check_says_that_all_agrees(
     found = json.loads(printed.out)
     jsonschema.validate(found, json.loads((ROOT / "docs/json/arm_check.schema.json").read_text()))
     assert (found["verdict"], found["reasons"]) == ("agrees", [])
-    assert [one["name"] for one in found["motions"]][-1] == "run of the suit"
+    assert [one["name"] for one in found["motions"]][-2:] == ["suit, uncompensated", "suit, adaptive"]
     page = Path("out/arm/check.html").read_text()
     assert "Not in agreement" not in page
     assert page.count("<svg") == 2

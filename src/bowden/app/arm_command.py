@@ -33,17 +33,20 @@ def check(
     out: OutOption = Path("out/arm"),
     json: JsonOption = False,
 ) -> None:
-    """Compare Eqs 1–2 and the elbow's dynamics with MuJoCo's model of the same arm: cables, motion, time step.
+    """Compare Eqs 1–2, the elbow's dynamics and the simulated suit with MuJoCo's model of the same arm.
 
     Excursions and moment arms may differ by 0.1 mm over 0–90°, the elbow by 0.5° at any time.
     """
+    from bowden.control import LAWS
+    from bowden.paper.suit import default_suit
     from bowden.report.arm_page import arm_page
     from bowden.sim.arm_agreement import check_arm
 
     output_folder(out)
     geometry, arm = _parts(mass_kg, height_m, load_kg, half_width_mm, anchor_mm, joint_radius_mm)
     with progress_bar(quiet=json) as progress:
-        found = check_arm(geometry, arm, progress)
+        suit = default_suit()._replace(geometry=geometry, arm=arm)
+        found = check_arm(suit, [LAWS["uncompensated"], LAWS["adaptive"].preset("suit")], progress)
         progress("page", 0.9)
         page = arm_page(geometry, arm, found)
     with whole_files(out) as folder:
@@ -165,8 +168,8 @@ def _print(document: dict[str, Any]) -> None:
         print(f"{name:14}{one['travel_mm']:>10.2f}{errors}")
     print(f"Eq. 2 holds from {document['extensor']['holds_from_deg']:.1f}° on")
     for one in document["motions"]:
-        print(f"{one['name']:18}{one['duration_s']:>5.0f} s   largest difference of the elbow {one['error_deg']:.1e}°")
+        print(f"{one['name']:20}{one['duration_s']:>3.0f} s   largest difference of the elbow {one['error_deg']:.1e}°")
     for one in document["convergence"]:
-        print(f"{one['motion']:18}{one['integrator']:>7}   order {one['order']:.2f} in MuJoCo's time step")
+        print(f"{one['motion']:20}{one['integrator']:>7}   order {one['order']:.2f} in MuJoCo's time step")
     print(f"MuJoCo {document['mujoco']} {document['verdict']}" + "".join(f"; {one}" for one in document["reasons"]))
     print(f"\nPage: {document['files'][0]}  ({document['seconds']:.1f} s)")

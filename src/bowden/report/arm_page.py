@@ -48,8 +48,8 @@ def arm_page(geometry: SuitGeometry, arm: Arm, found: Agreement) -> Page:
             [one.name, f"{one.time[-1]:.0f}", f"{one.error * DEGREES:.2g}", f"{MOTION_LIMIT * DEGREES:g}"]
             for one in found.motions
         ],
-        "MuJoCo by its RK4 at 1 ms. The first three against our equation by SciPy; the last against the simulated "
-        "suit, uncompensated: MuJoCo is pulled by its tensions, and begins anew every 5 s.",
+        "MuJoCo by its RK4 at 1 ms. The first three against our equation by SciPy; the others against the simulated "
+        "suit: MuJoCo is pulled by its tensions, and begins anew every 2 s.",
     )
     page.figure(motion_figure(found), "Elbow by both, one over the other, and the size of their difference.")
     page.figure(
@@ -63,7 +63,7 @@ def arm_page(geometry: SuitGeometry, arm: Arm, found: Agreement) -> Page:
 def motion_figure(found: Agreement) -> "Figure":
     """Each motion above, the difference below."""
     count = len(found.motions)
-    figure, axes = new_figure(2, count, width=2.6 * count, height=4.2, share_x=True)
+    figure, axes = new_figure(2, count, width=2.3 * count, height=4.2, share_x=True)
     for above, below, motion in zip(axes[:count], axes[count:], found.motions, strict=True):
         above.plot(*thin(motion.time, motion.ours * DEGREES), color=CYCLE[0], linewidth=3.0, alpha=0.45, label="ours")
         above.plot(*thin(motion.time, motion.mujoco * DEGREES), color=CYCLE[1], linewidth=1.0, label="MuJoCo")

@@ -1,14 +1,12 @@
 """All that MuJoCo is asked about one suit on one arm, and the verdict."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.control.uncompensated import UNCOMPENSATED
 from bowden.core.units import DEGREES
-from bowden.models.arm import Arm
-from bowden.models.geometry import SuitGeometry
 from bowden.sim.arm_check import (
     EXCURSION_LIMIT,
     INTEGRATORS,
@@ -23,11 +21,11 @@ from bowden.sim.arm_check import (
     convergence,
 )
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_plant import Suit
+from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_replay import replay
 
 PERIOD = 25.0
-"""Of the suit's run, a flexion to 90° and back as in Fig. 6 [s]."""
+"""Of the suit's runs, a flexion to 90° and back as in Fig. 17 [s]."""
 
 
 class Agreement(NamedTuple):
@@ -35,7 +33,7 @@ class Agreement(NamedTuple):
 
     cables: Cables
     motions: list[Motion]
-    """Those of `arm_check.cases`, then the suit's run."""
+    """Those of `arm_check.cases`, then the suit's runs."""
     convergences: list[tuple[str, Convergence]]
     """Of which motion, and how its error goes with MuJoCo's step."""
 
@@ -57,17 +55,17 @@ class Agreement(NamedTuple):
         return found
 
 
-def check_arm(geometry: SuitGeometry, arm: Arm, progress: Callable[[str, float], None] | None = None) -> Agreement:
-    """Compare excursions, moment arms, three motions, their convergence, and one run of the uncompensated suit.
+def check_arm(suit: Suit, laws: Sequence[Law], progress: Callable[[str, float], None] | None = None) -> Agreement:
+    """Compare excursions, moment arms, three motions, their convergence, and runs of the suit.
 
     Args:
-        geometry: the suit's.
-        arm: the wearer's, with the upper arm hanging.
+        suit: with its geometry and the arm that wears it, the upper arm hanging.
+        laws: of the suit's runs, one flexion each.
         progress: is told what runs now, and the share that is done.
 
     Raises:
         BowdenError: MuJoCo is not installed.
-        LogError: the elbow of the suit's run meets its stops.
+        LogError: a run of the suit ran away, or was at the elbow's stops for most of its time.
         ParameterError: geometry or arm cannot be built.
     """
 
@@ -75,16 +73,18 @@ def check_arm(geometry: SuitGeometry, arm: Arm, progress: Callable[[str, float],
         if progress is not None:
             progress(what, share)
 
+    geometry, arm = suit.geometry, suit.arm
     tell("cables", 0.0)
     cables = compare_cables(geometry)
     motions, convergences = [], []
     for done, case in enumerate(cases(geometry, arm)):
-        tell(case.name, 0.05 + 0.2 * done)
+        tell(case.name, 0.05 + 0.15 * done)
         motion = compare_motion(geometry, arm, case)
         motions.append(motion)
         convergences += [(case.name, convergence(geometry, arm, case, motion, name)) for name in INTEGRATORS]
-    tell("a run of the suit", 0.65)
     reference = PeriodicMinimumJerk(0.0, 0.5 * math.pi, PERIOD)
-    suit = Suit(geometry=geometry, arm=arm)
-    motions.append(replay(simulate_suit(suit, UNCOMPENSATED, reference, duration=PERIOD)))
+    for done, law in enumerate(laws):
+        tell(f"suit, {law.name} (compiled at first)", 0.5 + 0.4 * done / len(laws))
+        run = replay(simulate_suit(suit, law, reference, duration=PERIOD))
+        motions.append(run._replace(name=f"suit, {law.name}"))
     return Agreement(cables, motions, convergences)

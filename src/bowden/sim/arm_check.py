@@ -73,12 +73,12 @@ class Motion(NamedTuple):
     ours: Array  # (n,)
     """Elbow by `bowden.models.arm` [rad]."""
     mujoco: Array  # (n,)
-    """Elbow by MuJoCo [rad]."""
+    """Elbow by MuJoCo [rad]; NaN where it cannot tell."""
 
     @property
     def error(self) -> float:
         """Largest difference [rad]."""
-        return float(np.abs(self.mujoco - self.ours).max())
+        return float(np.nanmax(np.abs(self.mujoco - self.ours)))
 
 
 class Case(NamedTuple):

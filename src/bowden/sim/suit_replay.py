@@ -37,11 +37,12 @@ def parts_of(trace: Trace) -> tuple[SuitGeometry, Arm]:
     return _part(SuitGeometry, plant.get("geometry")), _part(Arm, plant.get("arm"))
 
 
-def replay(trace: Trace, window: float = 5.0) -> Motion:
+def replay(trace: Trace, window: float = 2.0) -> Motion:
     """The same run in MuJoCo.
 
     Under tensions that do not answer to it an elbow near the top runs off, as a pencil on its tip does, whichever model
-    computes it. So MuJoCo begins anew with the trace's angle and speed after each `window`.
+    computes it. So MuJoCo begins anew with the trace's angle and speed after each `window`. It has no stops: where the
+    elbow is at them MuJoCo waits, and its angle is NaN.
 
     Args:
         trace: of `bowden.sim.suit.simulate_suit`.
@@ -49,7 +50,7 @@ def replay(trace: Trace, window: float = 5.0) -> Motion:
 
     Raises:
         BowdenError: MuJoCo is not installed.
-        LogError: the trace is not of a suit, ran away, or ran against the elbow's stops, which MuJoCo's model has not.
+        LogError: the trace is not of a suit, ran away, or is at the elbow's stops for more than half of its time.
         ParameterError: a window that is shorter than a sample.
     """
     geometry, arm = parts_of(trace)
@@ -64,9 +65,8 @@ def replay(trace: Trace, window: float = 5.0) -> Motion:
     pulled = 0.5 * (tensions[:, 1:] + tensions[:, :-1])  # in the middle of each step
     torque = 0.5 * (other[1:] + other[:-1])
 
-    model, theirs, length = MujocoArm(geometry, arm, step), joint.copy(), round(window / step)
-    for first in range(0, len(time) - 1, length):
-        last = min(first + length, len(time) - 1)
+    model, theirs, length = MujocoArm(geometry, arm, step), np.full(len(time), np.nan), round(window / step)
+    for first, last in _windows(trace, length):
         part = pulled[:, first:last]
 
         def given(now: float, part: Array = part) -> tuple[float, float]:
@@ -74,8 +74,22 @@ def replay(trace: Trace, window: float = 5.0) -> Motion:
             return float(part[0, k]), float(part[1, k])
 
         start = (float(joint[first]), float(velocity[first]))
-        theirs[first + 1 : last + 1] = model.move(start, given, last - first, torque[first:last])[1:]
-    return Motion("run of the suit", time, joint, theirs)
+        theirs[first : last + 1] = model.move(start, given, last - first, torque[first:last])
+    return Motion("suit", time, joint, theirs)
+
+
+def _windows(trace: Trace, length: int) -> list[tuple[int, int]]:
+    """First and last sample of each stretch of at most `length` steps in which the elbow is off its stops."""
+    low, high = trace.settings["plant"].get("stops", (-math.inf, math.inf))
+    free = (trace["joint"] > low) & (trace["joint"] < high)
+    if free.mean() < 0.5:
+        raise LogError("no replay of a run in which the elbow mostly is at its stops", expected="a run between them")
+    edges = np.flatnonzero(np.diff(np.r_[False, free, False].astype(int)))
+    return [
+        (first, min(first + length, end - 1))
+        for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        for first in range(begin, end - 1, length)
+    ]
 
 
 def _check(trace: Trace) -> None:
@@ -84,11 +98,6 @@ def _check(trace: Trace) -> None:
         raise LogError(f"no replay of a trace without {', '.join(missing)}", expected="a trace of the suit")
     if len(trace) < 2 or not all(np.isfinite(trace[name]).all() for name in NEEDED):
         raise LogError("no replay of a run that is not finite to its end", expected="a stable run of the suit")
-    low, high = trace.settings["plant"].get("stops", (-math.inf, math.inf))
-    if not (trace["joint"].min() > low and trace["joint"].max() < high):
-        raise LogError(
-            "no replay of a run in which the elbow meets its stops", expected=f"a run inside {low:.3g} … {high:.3g} rad"
-        )
 
 
 def _part(kind: type[Part], given: Any) -> Part:
