@@ -21,6 +21,7 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.arm import GRAVITY, WEARERS, Arm, arm_of, resting_angle
 from bowden.models.geometry import SuitGeometry
+from bowden.paper.suit import default_suit
 from bowden.report import arm_pictures, arm_renderer
 from bowden.report.arm_renderer import ArmRenderer, Pose
 from bowden.report.arm_video import poses, write_video
@@ -28,7 +29,6 @@ from bowden.sim import arm_check, mujoco_arm
 from bowden.sim.arm_agreement import Agreement
 from bowden.sim.mujoco_arm import MujocoArm, arm_xml
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_replay import parts_of, replay
 
 ROOT = Path(__file__).parents[1]
@@ -53,7 +53,9 @@ def screen() -> None:
 def run() -> Trace:
     """The uncompensated suit, with a weak and trembling wearer, 0–90–0° in 8 s."""
     wearer = WEARERS["weak"]._replace(tremor=0.2)
-    return simulate_suit(Suit(wearer=wearer), UNCOMPENSATED, PeriodicMinimumJerk(0.0, 0.5 * math.pi, 8.0), duration=8.0)
+    return simulate_suit(
+        default_suit(), UNCOMPENSATED, PeriodicMinimumJerk(0.0, 0.5 * math.pi, 8.0), duration=8.0, wearer=wearer
+    )
 
 
 # Geometry.
@@ -313,10 +315,11 @@ def test_a_run_without_an_elbow_has_no_video(run: Trace, tmp_path: Path) -> None
 
 
 def test_check_says_that_all_agrees(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bowden.report.arm_page.arm_data_uri", lambda *_: None)  # a picture takes long
+    monkeypatch.setattr("bowden.report.arm_page.arm_data_uri", lambda *_: None)  # a picture takes long,
+    monkeypatch.setattr("bowden.sim.arm_agreement.simulate_suit", lambda *_, **__: run)  # and so does another law
     assert main.run(["arm", "check", "--json"]) == 0
     printed = capsys.readouterr()
     assert printed.err == ""

@@ -49,8 +49,11 @@ def scene_xml(geometry: SuitGeometry) -> str:
     _add(root, f"<asset>{_loft('upper_arm', _ARM, a)}{_loft('forearm', _FOREARM, a)}{_sheaths(a, b)}</asset>")
     _add(world, _surroundings() + _skin_elbow(geometry, 1.0) + _brace(a, b))
     _add(forearm, _hand(_SKIN) + _skin_elbow(geometry, 0.96) + _brace(a, -b))
+    # the ghost stands a little behind, so that the arm is not grey where both are at one place
     inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
-    _add(world, f'<body name="ghost"><joint name="ghost" axis="0 -1 0"/>{inertial}{_hand(_GHOST)}</body>')
+    _add(
+        world, f'<body name="ghost" pos="0 0.045 0"><joint name="ghost" axis="0 -1 0"/>{inertial}{_hand(_GHOST)}</body>'
+    )
     return ET.tostring(root, encoding="unicode")
 
 
