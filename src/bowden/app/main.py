@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from bowden import __version__
+from bowden.app import arm_command
 from bowden.app.campaign_command import campaign
 from bowden.app.check_command import check
 from bowden.app.console import InterruptedPartway
@@ -187,6 +188,19 @@ _EMG_COMMANDS = [
     ),
 ]
 
+_ARM_COMMANDS = [
+    _Entry(
+        arm_command.check,
+        "Compare the suit's geometry and elbow with MuJoCo's.",
+        ["bowden arm check", "bowden arm check --mass-kg 120 --height-m 1.9 --load-kg 2 --json"],
+    ),
+    _Entry(
+        arm_command.render,
+        "Draw the suit on the arm, and a run as a video.",
+        ["bowden arm render", "bowden arm render out/simulate/adaptive.parquet --speed 2 --out out/arm"],
+    ),
+]
+
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
 
@@ -221,6 +235,9 @@ _register(app, _COMMANDS)
 _register(_log, _LOG_COMMANDS)
 _emg = typer.Typer(add_completion=False, rich_markup_mode=None)
 _register(_emg, _EMG_COMMANDS)
+_arm = typer.Typer(add_completion=False, rich_markup_mode=None)
+_register(_arm, _ARM_COMMANDS)
+app.add_typer(_arm, name="arm", help="The suit on the arm in MuJoCo: a check, pictures, a video.")
 app.add_typer(_emg, name="emg", help="Contractions of a muscle in its EMG.")
 app.add_typer(_log, name="log", help="What is in the log of a run, and what can be made of it.")
 

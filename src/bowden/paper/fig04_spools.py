@@ -1,5 +1,7 @@
 """Fig. 4: travel of the two cables of the suit, and the ratio of their spools."""
 
+import math
+
 import numpy as np
 
 from bowden.core.units import DEGREES
@@ -26,6 +28,7 @@ def run(runs: Runs) -> Finding:
     flexor = np.array([flexor_extension(a, geometry) for a in angle]) * _MM
     extensor = np.array([extensor_extension(a, geometry) for a in angle]) * _MM
     swapped = joint_radius_for_mismatch(0.05, extensor_moves_more=True)
+    reach = math.hypot(geometry.half_width, geometry.anchor_distance)
     other = 1.0 / size_spools(geometry._replace(joint_radius=swapped)).ratio
     figure, (axes,) = new_figure(width=8.6, height=4.2)
     axes.plot(angle * DEGREES, flexor, label="flexor $h_1$")
@@ -52,5 +55,5 @@ def run(runs: Runs) -> Finding:
         text="The text says that the extensor moves more and that the mismatch is 50 mm; with the printed dimensions "
         "the flexor moves more, and no joint radius gives both the printed ratio and the printed mismatch. With "
         f"R = {swapped * _MM:.0f} mm the extensor does move more, by 50 mm, but then its spool has to be the larger "
-        f"one, {other:.2f} times the flexor's.",
+        f"one, {other:.2f} times the flexor's, and the anchors, {reach * _MM:.1f} mm from the joint, stand inside it.",
     )
