@@ -9,6 +9,7 @@ import numpy as np
 
 from bowden.app import emg_motion
 from bowden.app import rig_schema as schema
+from bowden.app.compose_admittance import Pushing, pushing_of
 from bowden.app.compose_suit import for_suit, suit_of
 from bowden.app.config import near, read_rig
 from bowden.app.emg_setup import emg_run
@@ -49,6 +50,8 @@ class Setup:
     """Whether motor angles are counted the other way round, because the cable's slope is negative."""
     suit: Suit | None
     """In place of the bench, where one is worn."""
+    pushing: Pushing | None
+    """In place of the reference, where the wearer's push makes it."""
 
 
 def setup(
@@ -132,6 +135,8 @@ def setup_of(
     initial = scenario.initial_motor_deg
     with _asked_for_by(f"{path}: [suit] or [wearer]"):
         suit = suit_of(rig, bench)
+    with _asked_for_by(f"{path}: [admittance]"):
+        pushing = pushing_of(rig, suit)
     if suit is not None and initial is None:  # the motor is counted in the joint's coordinate
         initial = (_begin(reference) if begin is None else begin) / RADIANS
     return Setup(
@@ -146,6 +151,7 @@ def setup_of(
         notes=tuple(notes),
         turned=turned,
         suit=suit,
+        pushing=pushing,
     )
 
 
