@@ -68,12 +68,17 @@ def simulate(
         print(f"bowden: note: {note}", file=sys.stderr)
     if json:
         runs = [
-            {"law": name, "check": verdict.name, "stable": traces[name].stable} | asdict(found)
+            {"law": name, "check": verdict.name, "stable": traces[name].stable}
+            | asdict(found)
+            | {"interaction": _interaction(setup, traces[name])}
             for (name, found), verdict in zip(metrics.items(), checked, strict=True)
         ]
         print_json({"runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
     else:
         _print_table(metrics)
+        for name, trace in traces.items():
+            if found_torque := _interaction(setup, trace):
+                print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
 
 
@@ -123,6 +128,16 @@ def _trace(setup: "Setup", law: "Law") -> "Trace":
         source=source,
         cell=cell,
     )
+
+
+def _interaction(setup: "Setup", trace: "Trace") -> dict[str, float | None] | None:
+    """What the wearer felt of a suit that follows their push; None of any other run, and of one that ran away."""
+    if setup.pushing is None or not trace.stable:
+        return None
+    from bowden.design.admittance_study import felt
+
+    found = felt(trace, setup.pushing.suit.arm, setup.pushing.section.carried)
+    return {"rms_nm": found.rms, "peak_nm": found.peak, "estimate_error_nm": found.estimate}
 
 
 def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -> list[Path]:

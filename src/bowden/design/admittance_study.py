@@ -4,8 +4,8 @@
 counts as stable where the elbow has come to rest: its speed over the last two seconds is below `QUIET` RMS.
 
 **Transparency.** A wearer moves the elbow as a sine of 0.5 Hz; the figure is the RMS of the suit's torque on the elbow
-less the share of the arm's weight that it is to carry, after the first four seconds. A stiff wearer (`FIRM`) makes the
-same motion whatever the suit does, so that the figures compare.
+less the share of the arm's weight that it is to carry, after the first four seconds or half of a shorter run. A stiff
+wearer (`FIRM`) makes the same motion whatever the suit does, so that the figures compare.
 """
 
 import itertools
@@ -93,7 +93,7 @@ def swinging(
 
 def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
     """The figures of a run."""
-    tail = trace.time >= _SETTLED
+    tail = trace.time >= min(_SETTLED, 0.5 * float(trace.time[-1]))
     joint, torque = trace["joint"][tail], trace["interaction_torque"][tail]
     left = torque - carried * GRAVITY * arm.mass * arm.centre * np.sin(joint + arm.elevation)
     names = ("estimate", "from_current", "from_stretch")
