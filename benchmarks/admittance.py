@@ -14,8 +14,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from bowden.control import LAWS
 from bowden.control.admittance import Admittance
 from bowden.control.admittance_port import passive_to
@@ -107,41 +105,32 @@ def with_inertia(settings: Admittance, inertia: float | None) -> Admittance | No
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
     """One swing: the suit switched off, and with admittance; and the worst of the sweep, cell by cell."""
-    from bowden.report.style import COLOURS, legend, new_figure, thin
+    from bowden.report import style
+    from bowden.report.style import COLOURS, thin
 
     made, wearer = suit(), swinging(25.0 * RADIANS)
-    off = back_driven(made, SURE, wearer)
-    runs = {"load cell": False, "estimate": True}
-    figure, panels = new_figure(1, 2, width=10.0, height=3.4)
-    part = (off.time >= 6.0) & (off.time < 10.0)
-    panels[0].plot(
-        *thin(off.time[part] - 6.0, off["interaction_torque"][part]), color=COLOURS["limit"], label="switched off"
+    runs = {"switched off": back_driven(made, SURE, wearer)}
+    runs |= {_source(estimated): pushed(made, Pushed(SURE, estimated=estimated), wearer) for estimated in (False, True)}
+    figure, (left, right) = style.new_figure(1, 2, width=10.0, height=3.4)
+    for (name, run), colour in zip(runs.items(), ("uncompensated", "joint", "motor"), strict=True):
+        part = (run.time >= 6.0) & (run.time < 10.0)
+        left.plot(*thin(run.time[part] - 6.0, run["interaction_torque"][part]), color=COLOURS[colour], label=name)
+    left.set(xlabel="time [s]", ylabel="suit on the elbow [N·m]", ylim=(-8.0, 11.0))
+    left.legend(loc="upper right", ncols=3)
+    for source, colour in (("load cell", "joint"), ("estimate", "motor")):
+        worst: dict[float, float] = {}
+        for row in rows:
+            for cell in row["cells"] if row["torque"] == source else ():
+                worst[cell["stiffness"]] = max(worst.get(cell["stiffness"], 1e-5), cell["speed"])
+        right.plot(range(len(worst)), list(worst.values()), "o-", color=COLOURS[colour], label=source)
+        right.set_xticks(range(len(worst)), [f"{stiffness:g}" for stiffness in worst])
+    right.axhline(QUIET, color=COLOURS["error"], lw=1.0, ls="--", label="counts as at rest")
+    right.set(
+        xlabel="wearer's stiffness [N·m/rad]", ylabel="largest speed left [rad/s]", yscale="log", ylim=(1e-4, 3.0)
     )
-    for (name, estimated), colour in zip(runs.items(), (COLOURS["joint"], COLOURS["motor"]), strict=True):
-        run = pushed(made, Pushed(SURE, estimated=estimated), wearer)
-        panels[0].plot(*thin(run.time[part] - 6.0, run["interaction_torque"][part]), color=colour, label=name)
-    panels[0].set(
-        xlabel="time [s]", ylabel="suit on the elbow [N·m]", title="A firm wearer moves ±25° at 0.5 Hz", ylim=(-8, 11)
-    )
-    legend(panels[0], columns=3)
-    cells: dict[tuple[float, float], float] = {}
-    for row in rows:
-        for cell in row["cells"]:
-            at = (cell["stiffness"], cell["damping"])
-            cells[at] = max(cells.get(at, 0.0), cell["speed"])
-    for damping in DAMPINGS:
-        line = [(k, max(v, 1e-5)) for (k, d), v in sorted(cells.items()) if d == damping]
-        panels[1].plot(*np.array(line).T, "o-", ms=3, lw=1.0, label=f"{damping:g} N·m·s/rad")
-    panels[1].axhline(QUIET, color=COLOURS["limit"], lw=1.0, ls="--")
-    panels[1].set_xscale("symlog", linthresh=1.0)
-    panels[1].set_yscale("log")
-    panels[1].set(
-        xlabel="wearer's stiffness [N·m/rad]",
-        ylabel="speed left [rad/s]",
-        title="Worst of all bodies, suits and sources",
-    )
-    legend(panels[1], columns=2)
-    figure.savefig(path)
+    right.legend(loc="upper right", ncols=3)
+    with style.drawing():
+        figure.savefig(path, metadata={"Date": None, "Creator": None})
 
 
 def _source(estimated: bool) -> str:

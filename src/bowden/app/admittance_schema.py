@@ -31,6 +31,8 @@ class AdmittanceSection(Section):
     low_deg: float = key(_degrees(_OWN.low), "smallest reference", "°", ge=-180.0, le=180.0)
     high_deg: float = key(_degrees(_OWN.high), "largest reference", "°", ge=-180.0, le=180.0)
     speed_limit_deg_per_s: float = key(_degrees(_OWN.speed_limit), "of the reference", "°/s", gt=0.0, le=1e4)
-    friction_share: float = key(FRICTION_SHARE, "of the drive's friction that is made up for", ge=0.0, le=1.0)
+    friction_share: float = key(
+        FRICTION_SHARE, "of the friction of drive, gears and sheaths that is made up for", ge=0.0, le=1.0
+    )
     cell_noise_nm: float = key(_CELL.noise, "of the load cell, standard deviation", "N·m", ge=0.0, le=10.0)
     cell_offset_nm: float = key(_CELL.offset, "error of its zero", "N·m", ge=-10.0, le=10.0)

@@ -14,7 +14,7 @@ Under the admittance the motor is sent ahead of the law's command by what would 
     (2ζ/ω + τd)·q̇ + q̈/ω²                                        lag of the drive, for laws that do not invert it
     (F·tanh(q̇/v) + carried·W·r/E')/(J·ω²)·r/E'                   friction and load, which a PD drive leaves as an error
 
-v: speed within which the friction's sign goes over. Compensating less than the friction is safe; more makes the drive
+F: of drive, gears and sheaths, at the spool; v: speed within which its sign goes over. Compensating less than the friction is safe; more makes the drive
 hunt, so that `friction` is to be the least that is sure.
 """
 

@@ -15,8 +15,8 @@ from bowden.sim.suit_parts import Suit, prepare_suit
 
 INVERTS = frozenset({"bowden"})
 """Laws that make up for the drive's lag themselves."""
-FRICTION_SHARE = 0.9
-"""How much of the drive's friction is made up for: a little less than there is, lest the drive hunt [–]."""
+FRICTION_SHARE = 0.8
+"""How much of the friction is made up for: less than there is, lest the drive hunt [–]."""
 
 
 def chain_of(suit: Suit) -> Chain:
@@ -57,7 +57,7 @@ def push_of(
         estimated: whether the torque is estimated; a load cell's otherwise.
         carried: share of the arm's weight that the suit holds up [–].
         arm: whose weight that is; the suit's own where it is not given.
-        friction_share: of the drive's friction that is made up for [–].
+        friction_share: of the friction of drive, gears and sheaths that is made up for [–].
         doubt: of the estimate; the default one where it is not given.
 
     Raises:
@@ -74,7 +74,7 @@ def push_of(
         under=Under(
             lead=0.0 if inverts else 2.0 * zeta / omega + dead_time,
             lead_square=0.0 if inverts else 1.0 / omega**2,
-            friction=friction_share * motor.friction,
+            friction=friction_share * _friction(suit),
             stiffness=motor.inertia * omega**2,
             compliance=0.0 if law.name == "uncompensated" else _compliance(suit),
         ),
@@ -83,6 +83,14 @@ def push_of(
         weight=GRAVITY * arm.mass * arm.centre,
         elevation=arm.elevation,
     )
+
+
+def _friction(suit: Suit) -> float:
+    """(F + k·r·(r_f + r_e))/η: what drive, sheaths (of the kind play) and gears hold back, at the spool [N·m]."""
+    cable = suit.flexor
+    held = cable.stiffness * cable.half_width if cable.kind == "play" else 0.0
+    radii = suit.spool_radius + prepare_suit(suit).extensor_radius
+    return (suit.motor.friction + held * radii) / suit.motor.efficiency
 
 
 def _compliance(suit: Suit) -> float:
