@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from bowden.app import rig_schema as schema
+from bowden.app.admittance_schema import AdmittanceSection
 from bowden.control.admittance import Admittance, check_admittance
 from bowden.control.law import Law
 from bowden.control.push import push_source
@@ -23,7 +24,7 @@ class Pushing:
 
     admittance: Admittance
     suit: Suit
-    section: schema.AdmittanceSection
+    section: AdmittanceSection
 
     @property
     def cell(self) -> LoadCell:

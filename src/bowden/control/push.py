@@ -14,8 +14,8 @@ Under the admittance the motor is sent ahead of the law's command by what would 
     (2ζ/ω + τd)·q̇ + q̈/ω²                                        lag of the drive, for laws that do not invert it
     (F·tanh(q̇/v) + carried·W·r/E')/(J·ω²)·r/E'                   friction and load, which a PD drive leaves as an error
 
-F: of drive, gears and sheaths, at the spool; v: speed within which its sign goes over. Compensating less than the friction is safe; more makes the drive
-hunt, so that `friction` is to be the least that is sure.
+F: of drive, gears and sheaths, at the spool; v: speed within which its sign goes over. Making up for less friction than
+there is only costs transparency; making up for more lets the drive hunt.
 """
 
 from typing import NamedTuple
