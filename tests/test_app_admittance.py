@@ -73,6 +73,11 @@ def test_what_cannot_be_rendered_is_one_line(keys: str, said: str, capsys: pytes
     assert not Path("out").exists() or not list(Path("out").rglob("*.html"))
 
 
+def test_the_live_loop_refuses_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["run", "rig.toml", "--twin", "--auto"]) == 2
+    assert "admittance.enabled is true; expected false" in capsys.readouterr().err
+
+
 def test_no_push_without_a_suit(capsys: pytest.CaptureFixture[str]) -> None:
     Path("rig.toml").write_text(RIG.replace("worn = true", "worn = false"))
     assert main.run(["simulate", "rig.toml"]) == 2
