@@ -9,12 +9,14 @@ import numpy as np
 
 from bowden.app import emg_motion
 from bowden.app import rig_schema as schema
+from bowden.app.compose_admittance import Pushing, pushing_of
+from bowden.app.compose_motion import bend_of, reference_of
 from bowden.app.compose_suit import for_suit, suit_of
 from bowden.app.config import near, read_rig
 from bowden.app.emg_setup import emg_run
 from bowden.app.laws import KNOWN
 from bowden.control import Law, user_law
-from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Trajectory
+from bowden.control.reference import Trajectory
 from bowden.control.uncompensated import UncompensatedGains
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
@@ -24,7 +26,7 @@ from bowden.models.motor import Motor
 from bowden.models.servo import Servo
 from bowden.models.sheath import Sheath, slope_factor
 from bowden.sim.plant import Bench
-from bowden.sim.scenario import BendPath, constant_bend, random_bend, scripted_bend
+from bowden.sim.scenario import BendPath
 from bowden.sim.suit_parts import Suit
 
 MOST_CYCLES = 10_000_000
@@ -49,6 +51,8 @@ class Setup:
     """Whether motor angles are counted the other way round, because the cable's slope is negative."""
     suit: Suit | None
     """In place of the bench, where one is worn."""
+    pushing: Pushing | None
+    """In place of the reference, where the wearer's push makes it."""
 
 
 def setup(
@@ -127,11 +131,13 @@ def setup_of(
         raise ParameterError(f"the seed is {seed}", expected="a whole number from 0 to 2⁶³ − 1", do="change --seed")
     if reference is None:
         with _asked_for_by(f"{path}: reference"):
-            reference = _reference(rig.reference, path.parent)
-    bend = bend or _bend(scenario.bend, bench.sheath, duration, seed)
+            reference = reference_of(rig.reference, path.parent)
+    bend = bend or bend_of(scenario.bend, bench.sheath, duration, seed)
     initial = scenario.initial_motor_deg
     with _asked_for_by(f"{path}: [suit] or [wearer]"):
         suit = suit_of(rig, bench)
+    with _asked_for_by(f"{path}: [admittance]"):
+        pushing = pushing_of(rig, suit)
     if suit is not None and initial is None:  # the motor is counted in the joint's coordinate
         initial = (_begin(reference) if begin is None else begin) / RADIANS
     return Setup(
@@ -146,6 +152,7 @@ def setup_of(
         notes=tuple(notes),
         turned=turned,
         suit=suit,
+        pushing=pushing,
     )
 
 
@@ -274,28 +281,6 @@ def _bench(rig: schema.Rig, cable: BoucWen, width: float) -> Bench:
     )
 
 
-def _reference(section: schema.ReferenceSection, folder: Path) -> Trajectory:
-    match section:
-        case schema.PeriodicMinimumJerkSection():
-            return PeriodicMinimumJerk(section.low_deg * RADIANS, section.high_deg * RADIANS, section.period_s)
-        case schema.PointToPointSection():
-            return PointToPoint(tuple(section.times_s), _radians(section.positions_deg))
-        case schema.ChirpSection():
-            return Chirp(section.amplitude_deg * RADIANS, section.start_hz, section.end_hz, section.sweep_s)
-        case schema.MultisineSection():
-            return Multisine(
-                tuple(section.frequencies_hz),
-                _radians(section.amplitudes_deg),
-                _radians(section.phases_deg),
-                section.centre_deg * RADIANS,
-                section.ramp_s,
-            )
-        case schema.RecordedSection():
-            from bowden.app.recorded import read_motion  # brings pyarrow
-
-            return read_motion(section, folder)
-
-
 def _begin(reference: Trajectory) -> float:
     return float(reference.sample(np.zeros(1))[0, 0])
 
@@ -304,17 +289,3 @@ def _resting(bench: Bench, begin: float, bend: BendPath) -> float:
     """The motor angle at which the joint is at `begin`, where the reference starts, with h = 0 [rad]."""
     slope = bench.cable.slope * float(slope_factor(float(bend(np.zeros(1))[0]), bench.sheath))
     return (begin - bench.cable.offset) / slope
-
-
-def _bend(section: schema.BendSection, sheath: Sheath, duration: float, seed: int) -> BendPath:
-    match section:
-        case schema.ConstantBendSection():
-            return constant_bend(sheath.bend if section.bend_deg is None else section.bend_deg * RADIANS)
-        case schema.ScriptedBendSection():
-            return scripted_bend(section.times_s, _radians(section.bends_deg))
-        case schema.RandomBendSection():
-            return random_bend(section.low_deg * RADIANS, section.high_deg * RADIANS, section.fastest_s, duration, seed)
-
-
-def _radians(angles: list[float]) -> tuple[float, ...]:
-    return tuple(angle * RADIANS for angle in angles)

@@ -115,6 +115,12 @@ def compose_live(asked: Asked) -> Live:
             expected="a joint angle that grows with the motor's",
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
+    if setup.pushing is not None:
+        raise ParameterError(
+            f"{asked.rig}: admittance.enabled is true",
+            expected="false: the live loop follows [reference] and hears no interaction torque",
+            do="disable it there; bowden simulate has it",
+        )
     drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench, setup.suit), asked.channel, asked.interface)
     limits, source = rig_drive.limits(rig, setup.bench), ""
     emg = None if asked.measure else emg_run(rig.emg, asked.rig.parent, asked.emg)

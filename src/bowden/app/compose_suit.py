@@ -103,4 +103,6 @@ def _wearer(given: WearerSection) -> Wearer:
         damping=given.resisting_nms_per_rad,
         centre=given.resisting_at_deg * RADIANS,
         constant=given.constant_nm,
+        swing=given.swing_deg * RADIANS,
+        swing_frequency=given.swing_hz,
     )

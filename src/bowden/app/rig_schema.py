@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from bowden.app.admittance_schema import AdmittanceSection
 from bowden.app.emg_schema import EmgSection
 from bowden.app.live_schema import DriveSection, LimitsSection, LiveSection
 from bowden.app.rig_section import Section
@@ -268,6 +269,7 @@ class Rig(Section):
     encoder: EncodersSection = EncodersSection()
     suit: SuitSection = SuitSection()
     wearer: WearerSection = WearerSection()
+    admittance: AdmittanceSection = AdmittanceSection()
     control: ControlSection = ControlSection()
     reference: ReferenceSection = PeriodicMinimumJerkSection()
     scenario: ScenarioSection = ScenarioSection()

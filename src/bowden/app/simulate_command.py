@@ -57,22 +57,28 @@ def simulate(
     with progress_bar(quiet=json) as progress:
         progress(f"checking {', '.join(law.name for law in laws)}", 0.0)
         checked = verdicts(setup, laws, rig.name, force=force)
+        pushing = setup.pushing.notes(laws, force=force) if setup.pushing else []
         traces, interrupted = _run(setup, laws, progress)
         progress("writing traces, drawing the page", 0.8)
         files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
     metrics = {name: trace.metrics() for name, trace in traces.items()}
-    for note in (*setup.notes, *(verdict.note for verdict in checked if verdict.note)):
+    for note in (*setup.notes, *pushing, *(verdict.note for verdict in checked if verdict.note)):
         print(f"bowden: note: {note}", file=sys.stderr)
     if json:
         runs = [
-            {"law": name, "check": verdict.name, "stable": traces[name].stable} | asdict(found)
+            {"law": name, "check": verdict.name, "stable": traces[name].stable}
+            | asdict(found)
+            | {"interaction": _interaction(setup, traces[name])}
             for (name, found), verdict in zip(metrics.items(), checked, strict=True)
         ]
         print_json({"runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
     else:
         _print_table(metrics)
+        for name, trace in traces.items():
+            if found_torque := _interaction(setup, trace):
+                print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
 
 
@@ -101,6 +107,7 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
 
 def _trace(setup: "Setup", law: "Law") -> "Trace":
     """One law on the bench, or on the suit where one is worn."""
+    from bowden.control.source import TABLE
     from bowden.sim.closed_loop import simulate as on_bench
     from bowden.sim.suit import simulate_suit as on_suit
 
@@ -108,7 +115,29 @@ def _trace(setup: "Setup", law: "Law") -> "Trace":
     seed, initial = setup.seed, setup.initial_motor
     if setup.suit is None:
         return on_bench(setup.bench, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial)
-    return on_suit(setup.suit, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial)
+    push = setup.pushing
+    source, cell = (TABLE, None) if push is None else (push.source(law), push.cell)
+    return on_suit(
+        setup.suit,
+        law,
+        reference,
+        duration=duration,
+        bend=bend,
+        seed=seed,
+        initial_motor=initial,
+        source=source,
+        cell=cell,
+    )
+
+
+def _interaction(setup: "Setup", trace: "Trace") -> dict[str, float | None] | None:
+    """What the wearer felt of a suit that follows their push; None of any other run, and of one that ran away."""
+    if setup.pushing is None or not trace.stable:
+        return None
+    from bowden.design.admittance_study import felt
+
+    found = felt(trace, setup.pushing.suit.arm, setup.pushing.section.carried)
+    return {"rms_nm": found.rms, "peak_nm": found.peak, "estimate_error_nm": found.estimate}
 
 
 def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -> list[Path]:

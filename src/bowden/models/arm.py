@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, sin
+from bowden.core.kernel import cos, kernel, sel, sin
 from bowden.core.units import RADIANS
 
 GRAVITY = 9.81
@@ -77,6 +77,10 @@ class Wearer(NamedTuple):
     """Where the resisting wearer wants the elbow [rad]."""
     constant: float = 0.0
     """A torque that does not change, flexing positive [N·m]."""
+    swing: float = 0.0
+    """Amplitude of a motion about `centre` that the wearer makes, as the stiffness behind it lets them [rad]."""
+    swing_frequency: float = 0.5
+    """Of that motion [Hz]."""
 
 
 WEARERS: dict[str, Wearer] = {
@@ -140,10 +144,12 @@ def check_wearer(wearer: Wearer) -> Wearer:
         "share": (0.0, 2.0),
         "tremor": (0.0, 20.0),
         "tremor_frequency": (0.1, 20.0),
-        "stiffness": (0.0, 100.0),
+        "stiffness": (0.0, 500.0),
         "damping": (0.0, 50.0),
         "centre": (-math.pi, math.pi),
         "constant": (-50.0, 50.0),
+        "swing": (0.0, math.pi),
+        "swing_frequency": (0.01, 10.0),
     }
     for name, (low, high) in ranges.items():
         value = getattr(wearer, name)
@@ -170,10 +176,19 @@ def passive_torque(arm: Arm, angle: float, velocity: float) -> float:
 
 @kernel
 def wearer_torque(wearer: Wearer, arm: Arm, angle: float, velocity: float, time: float) -> float:
-    """What the wearer's muscles give at a time [s], flexing positive [N·m]."""
+    """What the wearer's muscles give at a time [s], flexing positive [N·m].
+
+    Who swings knows their own forearm: they add what its inertia and relaxed elbow ask for along φw = centre +
+    swing·sin(2πft), so that an arm without a suit, whose weight they carry, follows φw with any stiffness.
+    """
     tremor = wearer.tremor * sin(2.0 * np.pi * wearer.tremor_frequency * time)
-    resisting = -wearer.stiffness * (angle - wearer.centre) - wearer.damping * velocity
-    return -wearer.share * gravity_torque(arm, angle) + tremor + resisting + wearer.constant
+    omega = 2.0 * np.pi * wearer.swing_frequency
+    sine, cosine = wearer.swing * sin(omega * time), wearer.swing * omega * cos(omega * time)
+    wanted = wearer.centre + sine
+    resisting = wearer.stiffness * (wanted - angle) + wearer.damping * (cosine - velocity)
+    own = -arm.inertia * omega * omega * sine - passive_torque(arm, wanted, cosine)
+    moving = sel(wearer.swing > 0.0, own, 0.0)
+    return -wearer.share * gravity_torque(arm, angle) + tremor + resisting + moving + wearer.constant
 
 
 def resting_angle(arm: Arm) -> float:

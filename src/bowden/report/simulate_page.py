@@ -75,6 +75,13 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
             suit_figures.torques(traces, colours),
             "Torque of the suit on the elbow, of the wearer's muscles, and the temperature of the motor's winding.",
         )
+    if suit_figures.is_pushed(traces):
+        page.heading("What the wearer pushes")
+        page.figure(
+            suit_figures.pushes(traces, colours),
+            "Torque of the wearer on the suit, beyond the weight that it is to carry, as the admittance hears it; "
+            "below, the suit's torque on the elbow, and what is estimated of it without a load cell.",
+        )
     for name, trace in traces.items():
         drawn = figures.law_states(trace, colours[name])
         if drawn is not None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from bowden import __version__
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.reference import Trajectory
+from bowden.control.source import TABLE, Heard, Source, source_start, source_step
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
@@ -16,6 +17,7 @@ from bowden.core.trace import Trace
 from bowden.models.arm import Wearer
 from bowden.models.encoder import reading
 from bowden.models.flex_sensor import flex_start, flex_step
+from bowden.models.load_cell import CURRENT_NOISE, LoadCell, cell_reading
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
 from bowden.sim.closed_loop import RUNAWAY
@@ -54,6 +56,7 @@ SETTLING = 3.0
 @kernel
 def run_suit_loop(
     gains: Any,
+    source: Any,
     suit: PreparedSuit,
     references: NDArray[np.float64],
     bends: NDArray[np.float64],
@@ -64,12 +67,17 @@ def run_suit_loop(
     settling: int,
     dt: float,
     delay: int,
+    powered: bool,
     record: NDArray[np.float64],
     states: NDArray[np.float64],
 ) -> int:
-    """One run, after `settling` cycles at rest: fills `record` (16, n), `states` (m, n); how many cycles it lasted."""
+    """One run after `settling` cycles at rest; fills `record` (16, n) and `states` (m, n), returns how long it lasted.
+
+    `references` (3, n) are what the source is told, and are overwritten with what it makes of them.
+    """
     plant = suit_start(suit, initial_motor, initial_motor, bends[0])
     flex, state = flex_start(plant.joint), law_start(gains, Sample(plant.joint, initial_motor))
+    asked = source_start(source, Heard(plant.joint, initial_motor, 0.0, 0.0))
     for k in range(-settling, references.shape[1]):
         applied, bend = initial_motor, Bends(bends[0], bends[0])
         if k == 0:
@@ -78,10 +86,15 @@ def run_suit_loop(
             motor = suit_motor(suit, plant)
             flex, seen = flex_step(sensors[0], flex, plant.joint, normals[k, 0], normals[k, 1], dt)
             sample = Sample(seen, reading(motor, normals[k, 2], sensors[1]))
+            current = plant.spool.current + CURRENT_NOISE * normals[k, 3]
+            heard = Heard(seen, sample.motor, current, cell_reading(sensors[2], plant.interaction, normals[k, 4]))
             if k == 0:
-                state = law_start(gains, sample)
-            reference = Reference(references[0, k], references[1, k], references[2, k])
+                state, asked = law_start(gains, sample), source_start(source, heard)
+            told = Reference(references[0, k], references[1, k], references[2, k])
+            asked, reference, added = source_step(source, asked, heard, told, dt)
+            references[0, k], references[1, k], references[2, k] = reference
             state, command = law_step(gains, state, sample, reference, dt)
+            command = command + added
             record[0, k] = plant.joint
             record[1, k] = motor
             record[2, k] = sample.joint
@@ -100,11 +113,14 @@ def run_suit_loop(
             record[15, k] = plant.motor_heat.winding
             for j in range(len(state)):
                 states[j, k] = state[j]
+            for j in range(len(asked)):
+                states[len(state) + j, k] = asked[j]
             if not abs(command) < RUNAWAY:
                 return k
             applied = record[4, k - delay] if k >= delay else initial_motor
             bend = Bends(bends[k], bends[k + 1])
-        plant = suit_step(suit, plant, applied, True, bend, wearer, dt)  # called in one place: it is long to compile
+        on = powered or k < 0
+        plant = suit_step(suit, plant, applied, on, bend, wearer, dt)  # called in one place: it is long to compile
     return references.shape[1]
 
 
@@ -118,6 +134,9 @@ def simulate_suit(
     wearer: Wearer | None = None,
     seed: int = 0,
     initial_motor: float | None = None,
+    source: Source = TABLE,
+    cell: LoadCell | None = None,
+    powered: bool = True,
 ) -> Trace:
     """Run a law on the suit.
 
@@ -131,6 +150,9 @@ def simulate_suit(
         seed: of the sensors' noise and drift.
         initial_motor: motor angle before the start, in the joint's coordinate; where the reference begins if it is not
             given [rad].
+        source: what makes the reference, cycle by cycle; the table of `reference` itself if nothing else is given.
+        cell: the load cell that the source hears; the default one where it is not given.
+        powered: False: the drive is switched off when the run begins, and the wearer drives the suit back.
 
     Returns:
         The trace, with the columns of `bowden.sim.closed_loop.simulate` that a suit has and those of `RECORDED`; of a
@@ -152,41 +174,63 @@ def simulate_suit(
     references = np.ascontiguousarray(reference.sample(time).T)
     initial = float(references[0, 0]) if initial_motor is None else float(initial_motor)
     fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
-    block = np.empty((len(RECORDED) + len(fields), len(time)))
+    asked = [f"{source.name}.{name}" for name in type(source.start(Heard(0.0, 0.0, 0.0, 0.0)))._fields]
+    block = np.empty((len(RECORDED) + len(fields) + len(asked), len(time)))
+    fields += [] if source is TABLE else asked  # which remembers nothing that is worth a column
     record, states = block[: len(RECORDED)], block[len(RECORDED) :]
-    lasted = compiled_suit_loop(law)(
+    lasted = compiled_suit_loop(law, source)(
         law.gains,
+        source.settings,
         prepared,
         references,
         np.asarray(angles, dtype=np.float64),
-        np.random.default_rng(seed).standard_normal((len(time), 3)),
-        (suit.joint_sensor, suit.motor_encoder),
+        _normals(seed, len(time)),
+        (suit.joint_sensor, suit.motor_encoder, cell or LoadCell()),
         suit.wearer,
         initial,
         round(SETTLING / dt),
         dt,
         suit.delay,
+        powered,
         record,
         states,
     )
     block[:, lasted:] = np.nan
+    if source is not TABLE:
+        references[:, lasted:] = np.nan
     values = {"time": time, "reference": references[0], "reference_velocity": references[1]}
     values |= dict(zip(RECORDED, record, strict=True))
     whole: Any = angles[:-1] + suit.posture * values["joint"]
     values |= {"bend": whole, "width": width_at(whole, suit.sheath), "slope": slope_factor_at(whole, suit.sheath)}
-    values |= dict(zip(fields, states, strict=True))
+    values |= dict(zip(fields, states, strict=False))
     units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s"} | RECORDED
     units |= {"bend": "rad", "width": "1", "slope": "rad/rad"}
-    units |= {name: law.state_units.get(name.removeprefix("law."), "1") for name in fields}
-    return Trace(values, units, _settings(suit, prepared, law, reference), seed)
+    known = {f"law.{name}": unit for name, unit in law.state_units.items()}
+    known |= {f"{source.name}.{name}": unit for name, unit in source.state_units.items()}
+    units |= {name: known.get(name, "1") for name in fields}
+    return Trace(values, units, _settings(suit, prepared, law, reference, source), seed)
 
 
-def compiled_suit_loop(law: Law) -> Callable[..., int]:
-    """`run_suit_loop` with the law's kernels in it, compiled at the first call and cached on disk."""
-    return specialise(run_suit_loop, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
+def compiled_suit_loop(law: Law, source: Source = TABLE) -> Callable[..., int]:
+    """`run_suit_loop` with the law's and the source's kernels in it, compiled at the first call and cached on disk."""
+    return specialise(
+        run_suit_loop,
+        f"{law.name}_{source.name}",
+        law_start=law.start_kernel,
+        law_step=law.step_kernel,
+        source_start=source.start_kernel,
+        source_step=source.step_kernel,
+    )
 
 
-def _settings(suit: Suit, prepared: PreparedSuit, law: Law, reference: Trajectory) -> dict[str, Any]:
+def _normals(seed: int, cycles: int) -> NDArray[np.float64]:
+    """Noise of the angles' sensors (n, 3), and of current and load cell (n, 2), which leaves the others as they are."""
+    angles = np.random.default_rng(seed).standard_normal((cycles, 3))
+    return np.hstack([angles, np.random.default_rng((seed, 1)).standard_normal((cycles, 2))])
+
+
+def _settings(suit: Suit, prepared: PreparedSuit, law: Law, reference: Trajectory, source: Source) -> dict[str, Any]:
+    own = {} if source is TABLE else {source.name: _plain(source.settings)}
     return {
         "bowden": __version__,
         "law": law.name,
@@ -196,6 +240,7 @@ def _settings(suit: Suit, prepared: PreparedSuit, law: Law, reference: Trajector
         "sample_time": suit.sample_time,
         "motor_resistance": suit.motor.resistance,
         "torque_constant": suit.motor.torque_constant * suit.motor.gear,
+        **own,
     }
 
 

@@ -1,0 +1,86 @@
+"""Where a loop's reference comes from: a table that was made beforehand, or the wearer's push, cycle by cycle.
+
+    start(settings, heard) -> state
+    step(settings, state, heard, scheduled, dt) -> (state, reference, added)
+
+`scheduled` is the table's reference at this instant; `added` is an angle of the motor that is added to the law's
+command. As laws are, sources are kernels in the portable subset with flat states, and `specialise` puts them in a loop.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from bowden.core.kernel import kernel
+from bowden.core.signals import Reference
+
+
+class Heard(NamedTuple):
+    """What a source may look at."""
+
+    joint: float
+    """Measured angle of the elbow [rad]."""
+    motor: float
+    """Measured angle of the motor, in the joint's coordinate [rad]."""
+    current: float
+    """Measured current of the motor [A]."""
+    load: float
+    """Torque of the suit on the elbow as a load cell says, flexing positive; NaN where there is none [N·m]."""
+
+
+@kernel
+def source_start(settings: Any, heard: Heard) -> Any:
+    """Stand-in for a source's ``start`` in a loop's source; `specialise` puts the source's own in its place."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def source_step(settings: Any, state: Any, heard: Heard, scheduled: Reference, dt: float) -> Any:
+    """Stand-in for a source's ``step``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source of references with its settings."""
+
+    name: str
+    """For the record."""
+    settings: Any
+    """NamedTuple handed to the kernels."""
+    start_kernel: Callable[[Any, Heard], Any]
+    step_kernel: Callable[[Any, Any, Heard, Reference, float], tuple[Any, Reference, float]]
+    state_units: dict[str, str]
+    """Field of the state → its unit; a field that is not named has none."""
+
+    def start(self, heard: Heard) -> Any:
+        """The state with which the source begins."""
+        return self.start_kernel(self.settings, heard)
+
+    def step(self, state: Any, heard: Heard, scheduled: Reference, dt: float) -> tuple[Any, Reference, float]:
+        """The next state, the reference, and what is added to the law's command [rad]."""
+        return self.step_kernel(self.settings, state, heard, scheduled, dt)
+
+
+class Nothing(NamedTuple):
+    """Settings and state of the table: none; one number, since compiled code knows no empty tuple of them."""
+
+    unused: float = 0.0
+
+
+@kernel
+def table_start(settings: Nothing, heard: Heard) -> Nothing:
+    """A table remembers nothing."""
+    return settings
+
+
+@kernel
+def table_step(
+    settings: Nothing, state: Nothing, heard: Heard, scheduled: Reference, dt: float
+) -> tuple[Nothing, Reference, float]:
+    """The reference is what was scheduled."""
+    return state, scheduled, 0.0
+
+
+TABLE = Source("table", Nothing(), table_start, table_step, {})
+"""The reference as it was made beforehand."""

@@ -1,0 +1,196 @@
+"""What the wearer's push is worth on a suit: stable against whom, and how little of the suit one feels.
+
+**Stability.** A wearer of some stiffness and damping wants the elbow at 45° while the suit begins at 60°. The run
+counts as stable where the elbow has come to rest: its speed over the last two seconds is below `QUIET` RMS.
+
+**Transparency.** A wearer moves the elbow as a sine of 0.5 Hz; the figure is the RMS of the suit's torque on the elbow
+less the share of the arm's weight that it is to carry, after the first four seconds or half of a shorter run. A stiff
+wearer (`FIRM`) makes the same motion whatever the suit does, so that the figures compare.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bowden.control.admittance import Admittance
+from bowden.control.law import Law
+from bowden.control.push import push_source
+from bowden.control.reference import PointToPoint
+from bowden.core.trace import Trace
+from bowden.core.units import DEGREES, RADIANS
+from bowden.models.arm import GRAVITY, Arm, Wearer
+from bowden.sim.suit import simulate_suit
+from bowden.sim.suit_parts import Suit
+from bowden.sim.suit_sources import push_of
+
+MIDDLE = 45.0 * RADIANS
+"""Of the elbow's range [rad]."""
+FIRM = (100.0, 3.0)
+"""Stiffness [N·m/rad] and damping [N·m·s/rad] of a wearer who makes the motion that they want."""
+QUIET = 0.02
+"""Speed of an elbow that counts as at rest [rad/s]."""
+_BEGIN = 60.0 * RADIANS
+_SETTLED, _TAIL = 4.0, 2.0
+
+
+ADMITTANCE = Admittance()
+"""The default virtual elbow."""
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """How the reference is made of the wearer's push."""
+
+    law: Law
+    admittance: Admittance = ADMITTANCE
+    estimated: bool = False
+    carried: float = 0.0
+    """Share of the arm's weight that the suit holds up; the wearer holds the rest [–]."""
+
+
+@dataclass(frozen=True)
+class Felt:
+    """What a wearer felt of the suit."""
+
+    rms: float
+    """Of the suit's torque less what it is to carry [N·m]."""
+    peak: float
+    """The same [N·m]."""
+    low: float
+    """Least angle of the elbow [deg]."""
+    high: float
+    """Largest [deg]."""
+    estimate: float | None
+    """RMS error of the estimated torque; None where nothing was estimated [N·m]."""
+    by_current: float | None
+    """The same of the estimate from the current alone [N·m]."""
+    by_stretch: float | None
+    """The same of the estimate from both angles alone [N·m]."""
+
+
+def swinging(
+    amplitude: float, *, frequency: float = 0.5, firmness: tuple[float, float] = FIRM, share: float = 1.0
+) -> Wearer:
+    """A wearer who moves the elbow about its middle.
+
+    Args:
+        amplitude: [rad].
+        frequency: [Hz].
+        firmness: stiffness and damping behind the motion.
+        share: of the arm's weight that the wearer carries.
+    """
+    return Wearer(
+        share=share,
+        stiffness=firmness[0],
+        damping=firmness[1],
+        centre=MIDDLE,
+        swing=amplitude,
+        swing_frequency=frequency,
+    )
+
+
+def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
+    """The figures of a run."""
+    tail = trace.time >= min(_SETTLED, 0.5 * float(trace.time[-1]))
+    joint, torque = trace["joint"][tail], trace["interaction_torque"][tail]
+    left = torque - carried * GRAVITY * arm.mass * arm.centre * np.sin(joint + arm.elevation)
+    names = ("estimate", "from_current", "from_stretch")
+    have = "admittance.estimate" in trace.columns
+    errors = [_rms(trace[f"admittance.{name}"][tail] - torque) if have else None for name in names]
+    return Felt(
+        _rms(left),
+        float(np.max(np.abs(left))),
+        float(np.min(joint)) * DEGREES,
+        float(np.max(joint)) * DEGREES,
+        *errors,
+    )
+
+
+def back_driven(suit: Suit, law: Law, wearer: Wearer, *, powered: bool = False, duration: float = 12.0) -> Trace:
+    """The suit without admittance: its drive switched off, or holding the middle."""
+    hold = PointToPoint((0.0, 1e6), (MIDDLE, MIDDLE))
+    return simulate_suit(suit, law, hold, duration=duration, wearer=wearer, powered=powered)
+
+
+def pushed(
+    suit: Suit,
+    how: Pushed,
+    wearer: Wearer,
+    *,
+    believed: Suit | None = None,
+    duration: float = 12.0,
+    begin: float = MIDDLE,
+    seed: int = 0,
+) -> Trace:
+    """The suit with admittance.
+
+    Args:
+        suit: as it is.
+        how: the reference is made.
+        wearer: what they do.
+        believed: the suit as the source believes it to be; as it is, where it is not given.
+        duration: [s].
+        begin: motor angle before the start [rad].
+        seed: of the sensors.
+    """
+    source = push_source(
+        push_of(believed or suit, how.law, how.admittance, estimated=how.estimated, carried=how.carried)
+    )
+    hold = PointToPoint((0.0, 1e6), (begin, begin))
+    return simulate_suit(suit, how.law, hold, duration=duration, wearer=wearer, source=source, seed=seed)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """One wearer of the sweep."""
+
+    stiffness: float
+    """[N·m/rad]"""
+    damping: float
+    """[N·m·s/rad]"""
+    speed: float
+    """RMS of the elbow's speed over the last two seconds; infinite where the run ran away [rad/s]."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether the elbow has come to rest."""
+        return self.speed < QUIET
+
+
+def sweep(
+    suit: Suit,
+    how: Pushed,
+    stiffnesses: Sequence[float],
+    dampings: Sequence[float],
+    *,
+    believed: Suit | None = None,
+    duration: float = 8.0,
+    seed: int = 0,
+) -> Iterator[Settled]:
+    """Every stiffness with every damping; the wearer carries what the suit does not."""
+    for stiffness, damping in itertools.product(stiffnesses, dampings):
+        wearer = Wearer(share=1.0 - how.carried, stiffness=stiffness, damping=damping, centre=MIDDLE)
+        run = pushed(suit, how, wearer, believed=believed, duration=duration, begin=_BEGIN, seed=seed)
+        tail = run.time >= duration - _TAIL
+        speed = _rms(run["joint_velocity"][tail]) if run.stable else np.inf
+        yield Settled(stiffness, damping, speed)
+
+
+def misjudged(suit: Suit) -> Suit:
+    """A suit that is not what its source believes: each part off by as much as one may expect.
+
+    Cables 20 % stiffer, play 20 % narrower, drive's friction 10 % less, flex sensor 0.4° and 1 % off.
+    """
+    cable = suit.flexor._replace(stiffness=1.2 * suit.flexor.stiffness, half_width=0.8 * suit.flexor.half_width)
+    return suit._replace(
+        flexor=cable,
+        extensor=cable,
+        motor=suit.motor._replace(friction=0.9 * suit.motor.friction),
+        joint_sensor=suit.joint_sensor._replace(offset=0.4 * RADIANS, gain=0.01),
+    )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,143 @@
+"""What the wearer's push needs to know of a suit, read from the suit itself."""
+
+import itertools
+
+from bowden.control.admittance import Admittance, check_admittance
+from bowden.control.admittance_passivity import Limit, limit_of
+from bowden.control.admittance_port import Body, Port, bodies
+from bowden.control.interaction import Chain, Doubt
+from bowden.control.law import Law
+from bowden.control.push import Push, Under
+from bowden.core.units import RADIANS
+from bowden.models.arm import GRAVITY, Arm, arm_of
+from bowden.models.suit_angle import flexor_arm
+from bowden.sim.suit_parts import Suit, prepare_suit
+
+INVERTS = frozenset({"bowden"})
+"""Laws that make up for the drive's lag themselves."""
+FRICTION_SHARE = 0.8
+"""How much of the friction is made up for: less than there is, lest the drive hunt [–]."""
+
+
+def chain_of(suit: Suit) -> Chain:
+    """Motor and cables as the suit has them."""
+    made, motor = prepare_suit(suit), suit.motor
+    return Chain(
+        map=made.map,
+        extensor_radius=made.extensor_radius,
+        joint_radius=made.joint_radius,
+        torque_constant=motor.gear * motor.torque_constant,
+        friction=motor.friction,
+        loss=1.0 - motor.efficiency,
+        cable=suit.flexor.stiffness,
+        fabric=suit.fabric.stiffness,
+        flesh=suit.fabric.damping,
+        half_width=suit.flexor.half_width if suit.flexor.kind == "play" else 0.0,
+        start=made.flexor.start,
+    )
+
+
+def push_of(
+    suit: Suit,
+    law: Law,
+    admittance: Admittance,
+    *,
+    estimated: bool = False,
+    carried: float = 0.0,
+    arm: Arm | None = None,
+    friction_share: float = FRICTION_SHARE,
+    doubt: Doubt | None = None,
+) -> Push:
+    """The source's settings for a suit.
+
+    Args:
+        suit: as the source believes it to be.
+        law: that it works above.
+        admittance: the virtual elbow.
+        estimated: whether the torque is estimated; a load cell's otherwise.
+        carried: share of the arm's weight that the suit holds up [–].
+        arm: whose weight that is; the suit's own where it is not given.
+        friction_share: of the friction of drive, gears and sheaths that is made up for [–].
+        doubt: of the estimate; the default one where it is not given.
+
+    Raises:
+        ParameterError: an admittance or a suit that cannot be.
+    """
+    motor, arm = suit.motor, arm or suit.arm
+    omega, zeta = motor.servo.natural_frequency, motor.servo.damping
+    dead_time = (suit.delay + 0.5) * suit.sample_time
+    inverts = law.name in INVERTS
+    return Push(
+        admittance=check_admittance(admittance),
+        chain=chain_of(suit),
+        doubt=doubt or Doubt(),
+        under=Under(
+            lead=0.0 if inverts else 2.0 * zeta / omega + dead_time,
+            lead_square=0.0 if inverts else 1.0 / omega**2,
+            friction=friction_share * _friction(suit),
+            stiffness=motor.inertia * omega**2,
+            compliance=0.0 if law.name == "uncompensated" else _compliance(suit),
+        ),
+        estimated=1.0 if estimated else 0.0,
+        carried=carried,
+        weight=GRAVITY * arm.mass * arm.centre,
+        elevation=arm.elevation,
+    )
+
+
+def _friction(suit: Suit) -> float:
+    """(F + k·r·(r_f + r_e))/η: what drive, sheaths (of the kind play) and gears hold back, at the spool [N·m]."""
+    cable = suit.flexor
+    held = cable.stiffness * cable.half_width if cable.kind == "play" else 0.0
+    radii = suit.spool_radius + prepare_suit(suit).extensor_radius
+    return (suit.motor.friction + held * radii) / suit.motor.efficiency
+
+
+def _compliance(suit: Suit) -> float:
+    """Of both cables and their fabric at the elbow, in the middle of its range [rad/(N·m)]."""
+    port = ports_of(suit)[len(ANGLES) // 2 * 2]
+    return 1.0 / port.joint_stiffness
+
+
+BODIES = ((45.0, 1.50), (75.0, 1.75), (120.0, 1.95))
+"""Mass [kg] and height [m] of the wearers for whom a virtual elbow must hold."""
+ANGLES = (0.0, 45.0 * RADIANS, 90.0 * RADIANS)
+"""Of the elbow, likewise [rad]."""
+
+
+def ports_of(suit: Suit) -> list[Port]:
+    """The suit at `ANGLES`, with the extensor taut and slack, as it renders a virtual elbow."""
+    made, motor = prepare_suit(suit), suit.motor
+    omega, zeta = motor.servo.natural_frequency, motor.servo.damping
+    lead, square = 2.0 * zeta / omega + (suit.delay + 0.5) * suit.sample_time, 1.0 / omega**2
+    k_f, k_e = (1.0 / (1.0 / c.stiffness + 1.0 / suit.fabric.stiffness) for c in (suit.flexor, suit.extensor))
+    r_f, r_e, radius = made.map.radius, made.extensor_radius, made.joint_radius
+    found = []
+    for angle, taut in itertools.product(ANGLES, (1.0, 0.0)):
+        lever = float(flexor_arm(angle, made.map))
+        found.append(
+            Port(
+                inertia=motor.inertia,
+                frequency=omega,
+                ratio=zeta,
+                spool_stiffness=r_f**2 * k_f + taut * r_e**2 * k_e,
+                across=r_f * lever * k_f + taut * r_e * radius * k_e,
+                joint_stiffness=lever**2 * k_f + taut * radius**2 * k_e,
+                gear=lever / r_f,
+                lead=lead,
+                lead_square=square,
+                dt=suit.sample_time,
+                delay=suit.delay,
+            )
+        )
+    return found
+
+
+def wearers_of(suit: Suit) -> list[Body]:
+    """From limp to stiff: the suit's own arm and those of `BODIES`, 0–200 N·m/rad and 0–10 N·m·s/rad of muscle."""
+    return bodies([suit.arm, *(arm_of(mass, height) for mass, height in BODIES)])
+
+
+def limit_for(suit: Suit) -> Limit:
+    """Which virtual elbows the suit can render for `wearers_of` it."""
+    return limit_of(ports_of(suit), wearers_of(suit))

@@ -1,0 +1,119 @@
+"""The wearer's push on the suit: felt as little as promised, at rest with anyone; and a table is still a table."""
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.admittance import Admittance
+from bowden.control.push import push_source
+from bowden.control.reference import PointToPoint
+from bowden.control.source import TABLE, Heard
+from bowden.core.kernel import compiled
+from bowden.core.signals import Reference
+from bowden.core.units import RADIANS
+from bowden.design.admittance_study import MIDDLE, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
+from bowden.models.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
+from bowden.paper.suit import suit
+from bowden.sim.suit import simulate_suit
+from bowden.sim.suit_sources import limit_for, push_of
+
+SURE = LAWS["uncompensated"]
+SUIT = suit()
+FIRM = swinging(25.0 * RADIANS)
+
+
+@pytest.fixture(scope="module")
+def off() -> float:
+    """What a firm wearer feels of the suit that is switched off [N·m]."""
+    return felt(back_driven(SUIT, SURE, FIRM, duration=8.0), SUIT.arm).rms
+
+
+def test_who_swings_without_a_suit_follows_their_own_motion() -> None:
+    arm, wearer, dt = Arm(), swinging(0.4, firmness=(3.0, 0.2)), 1e-4
+    joint, velocity, errors = MIDDLE, 0.4 * np.pi, []
+    for k in range(20000):
+        wanted = MIDDLE + 0.4 * np.sin(np.pi * k * dt)
+        errors.append(joint - wanted)
+        torque = gravity_torque(arm, joint) + passive_torque(arm, joint, velocity)
+        torque += wearer_torque(wearer, arm, joint, velocity, k * dt)
+        velocity += dt * torque / arm.inertia
+        joint += dt * velocity
+    assert np.max(np.abs(errors)) < 2e-3
+
+
+@pytest.mark.parametrize("estimated", [False, True])
+@pytest.mark.parametrize("misjudges", [False, True])
+def test_the_wearer_feels_a_third_of_the_suit_and_less_than_a_newton_metre(
+    off: float, estimated: bool, misjudges: bool
+) -> None:
+    made = misjudged(SUIT) if misjudges else SUIT
+    run = pushed(made, Pushed(SURE, estimated=estimated), FIRM, believed=SUIT, duration=8.0)
+    found = felt(run, SUIT.arm)
+    assert found.rms <= 1.0
+    assert found.rms <= off / 3.0
+    assert found.high - found.low > 49.0  # the wearer does make the motion
+    assert found.estimate is not None
+    assert found.estimate < 0.5
+
+
+def test_the_estimate_is_better_than_the_current_alone() -> None:
+    found = felt(pushed(misjudged(SUIT), Pushed(SURE), FIRM, believed=SUIT, duration=8.0), SUIT.arm)
+    assert found.estimate is not None
+    assert found.by_current is not None
+    assert found.estimate < 0.5 * found.by_current
+
+
+@pytest.mark.parametrize("estimated", [False, True])
+def test_every_wearer_from_limp_to_stiff_comes_to_rest(estimated: bool) -> None:
+    for body, carried in (((45.0, 1.5), 0.0), ((120.0, 1.95), 1.0)):
+        made = SUIT._replace(arm=arm_of(*body))
+        how = Pushed(SURE, estimated=estimated, carried=carried)
+        for found in sweep(made, how, (0.0, 5.0, 20.0, 200.0), (0.0, 10.0), duration=6.0):
+            assert found.stable, (body, carried, found)
+
+
+def test_a_limp_arm_floats_where_the_suit_carries_it() -> None:
+    limp = Wearer()
+    floating = pushed(SUIT, Pushed(SURE, carried=1.0), limp, duration=8.0)
+    sinking = pushed(SUIT, Pushed(SURE, carried=0.0), limp, duration=8.0)
+    ends = floating["joint"][[1000, -1]]
+    assert ends[0] - 2.0 * RADIANS < ends[1] < NEUTRAL  # at most to where the relaxed elbow wants to be
+    assert sinking["joint"][-1] < ends[1] - 10.0 * RADIANS
+
+
+def test_a_lost_load_cell_stops_the_reference() -> None:
+    source, dt = push_source(push_of(SUIT, SURE, Admittance())), 1e-3
+    state = source.start(Heard(0.7, 0.7, 0.0, 0.0))
+    told, speeds = Reference(0.0, 0.0, 0.0), []
+    for k in range(900):
+        load = -2.0 if k < 200 else np.nan
+        state, reference, added = source.step(state, Heard(0.7, 0.7, 0.0, load), told, dt)
+        assert np.isfinite([*reference, added]).all()
+        speeds.append(reference.velocity)
+    assert speeds[199] > 0.5
+    assert speeds[-1] < 1e-3
+
+
+def test_a_source_is_the_same_compiled() -> None:
+    for source in (TABLE, push_source(push_of(SUIT, LAWS["bowden"], Admittance(), estimated=True, carried=1.0))):
+        start, step = compiled(source.start_kernel), compiled(source.step_kernel)
+        heard, told = Heard(0.7, 0.72, 0.5, 1.0), Reference(0.1, 0.2, 0.3)
+        slow, fast = source.start(heard), start(source.settings, heard)
+        for k in range(200):
+            now = Heard(0.7 + 0.001 * k, 0.7 + 0.0012 * k, np.nan if k == 50 else 0.01 * k, 0.5)
+            slow, *given = source.step(slow, now, told, 1e-3)
+            fast, *twins = step(source.settings, fast, now, told, 1e-3)
+            assert np.array_equal([*slow, *given[0], given[1]], [*fast, *twins[0], twins[1]], equal_nan=True)
+
+
+def test_the_table_is_the_reference_that_was_asked_for() -> None:
+    course = PointToPoint((0.0, 1.0), (0.2, 0.9))
+    run = simulate_suit(SUIT, SURE, course, duration=1.0)
+    assert np.array_equal(run["reference"], course.sample(run.time)[:, 0])
+    assert not any(name.startswith("table") for name in run.columns)
+
+
+def test_the_default_virtual_elbow_is_within_the_limit_of_the_suit() -> None:
+    limit = limit_for(SUIT)
+    assert limit.holds(Admittance())
+    assert not limit.holds(Admittance(inertia=0.002, damping=0.05))
