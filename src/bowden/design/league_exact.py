@@ -21,7 +21,7 @@ from bowden.core.kernel import kernel, specialise
 from bowden.models.lumped_cable import PreparedLumped
 from bowden.models.sheath import slope_factor as slope_factor_at
 from bowden.models.sheath import width as width_at
-from bowden.sim.cable_loop import cable_advance, cable_look
+from bowden.sim.cable_body import cable_advance, cable_look
 from bowden.sim.cable_plant import Cable, CablePlant
 from bowden.sim.cables import Hysteresis
 from bowden.sim.friction_cables import sliding

@@ -11,7 +11,8 @@ from bowden.control.reference import Trajectory
 from bowden.core.kernel import specialise
 from bowden.core.refill import form_of, numbers_of
 from bowden.sim.batch import BENCH, FIGURES, ROWS, Inputs, One, run_batch, spring_current, torque_current
-from bowden.sim.cable_loop import Moving, cable_moved, cable_rest, check_cable
+from bowden.sim.cable_body import Moving, cable_moved, cable_rest
+from bowden.sim.cable_loop import check_cable
 from bowden.sim.cable_plant import CablePlant, prepare_servo
 from bowden.sim.closed_loop import check_clock, edges_of, sheath_over
 from bowden.sim.faulty import Fault
