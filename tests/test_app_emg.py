@@ -10,6 +10,8 @@ import pytest
 
 from bowden.app import wearer_file
 from bowden.app.main import run
+from bowden.runtime.emg_listener import Levels, Listener
+from bowden.runtime.ports import EmgChunk
 from bowden.sim.emg import background, contractions
 
 ROOT = Path(__file__).parents[1]
@@ -83,6 +85,18 @@ def test_a_wearer_is_calibrated_and_gives_the_plain_threshold_its_mvc(capsys: py
     assert wearer_file.read(Path("b.toml")).rest == pytest.approx(wearer.rest, rel=0.3)
 
 
+@pytest.mark.parametrize("hum", [0.0, 0.1])
+def test_the_recording_of_a_wearer_goes_from_rest_to_all_of_their_maximum_as_the_loop_hears_it(hum: float) -> None:
+    values = signal() + hum * np.sin(2.0 * np.pi * 50.0 * np.arange(8000) / 1000.0)
+    assert run(["emg", "calibrate", str(write("a.csv", values))]) == 0
+    wearer = wearer_file.read(Path("wearer.toml"))
+    assert wearer.mvc > 50.0 * wearer.rest, "mains are no rest"
+    listener = Listener(1000.0, 0, levels=Levels(wearer.rest, wearer.mvc))
+    heard = [listener.take(EmgChunk(values[k : k + 1, None], np.array([1e-3 * k])), 10.0).share for k in range(8000)]
+    assert max(heard[500:]) == pytest.approx(1.0, abs=1e-5)
+    assert np.quantile(heard[500:], 0.1) == pytest.approx(0.0, abs=1e-5)
+
+
 def test_of_several_channels_one_is_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     head = "time_s,biceps_mV,triceps_mV"
     recording = str(write("two.csv", [signal(), background(1000.0, 8000, np.random.default_rng(3))], head=head))
@@ -113,6 +127,8 @@ def bad(name: str) -> Path:
         values[:] = 0.25
     elif name == "clipped":
         values = np.clip(10.0 * values, -0.5, 0.5)
+    elif name == "saturated":
+        values = np.sign(values)
     elif name == "short":
         values = values[:900]
     elif name == "text":
@@ -140,6 +156,7 @@ def bad(name: str) -> Path:
         ("nan", "row 1235: emg_mV is nan"),
         ("flat", "0.25 in every sample"),
         ("clipped", "stand at an end of its range"),
+        ("saturated", "100.0 % of emg_mV stand at an end of its range"),
         ("short", "expected at least 2 s"),
         ("text", "row 10: emg_mV is 'spam'"),
         ("gap", "time has a gap"),

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import PLAIN_THRESHOLD, EnvelopeSettings
 from bowden.sensing.onset import DEFAULTS, OnsetSettings
 from bowden.sensing.stream import Detected, EnvelopeFilter, OnsetDetector
@@ -46,7 +47,7 @@ class Findings:
     """By the plain threshold."""
     detected: Detected
     envelope: Array
-    """The paper's, in the signal's unit (n,)."""
+    """That the plain threshold looks at, in the signal's unit (n,)."""
     mvc: float
     """Envelope that counts as a maximum voluntary contraction, in the signal's unit."""
     score: Score
@@ -105,13 +106,13 @@ class Levels(NamedTuple):
 
 
 def envelope_levels(values: Array, rate: float) -> Levels:
-    """Levels of the paper's envelope of a signal, without its first half second.
+    """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
 
     Args:
         values: in any unit, finite (n,).
         rate: samples a second [Hz].
     """
-    envelope = EnvelopeFilter(rate, PAPERS).feed(values).envelope[round(0.5 * rate) :]
+    envelope = EnvelopeFilter(rate, CLEANED).feed(values).envelope[round(0.5 * rate) :]
     return Levels(*(float(level) for level in np.quantile(envelope, (0.1, 0.5, 1.0))))
 
 
@@ -128,11 +129,12 @@ def find(
         values: the signal in any unit, finite (n,).
         rate: samples a second [Hz].
         labels: contractions as they are known [s].
-        mvc: envelope of a maximum voluntary contraction; the recording's largest where it is not given.
+        mvc: of `envelope_levels`, with whose envelope the plain threshold then goes; where it is not given, with the
+            paper's and its largest.
         settings: the detector's.
     """
     detected = OnsetDetector(rate, settings).feed(values)
-    envelope = EnvelopeFilter(rate, PAPERS).feed(values).envelope
+    envelope = EnvelopeFilter(rate, PAPERS if mvc is None else CLEANED).feed(values).envelope
     most = float(envelope.max()) if mvc is None else mvc
     found, plain = spans(detected.active, rate), spans(np.where(envelope > PLAIN_THRESHOLD * most, 1.0, 0.0), rate)
     duration = len(values) / rate
