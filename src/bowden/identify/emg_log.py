@@ -26,6 +26,8 @@ _UNIT = re.compile(r"[_\s(\[]([mµu]?V)[)\]]?$")
 """At the end of a column's name."""
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
+_COARSE, _SATURATED = 16, 0.5
+"""A converter of so few steps is at an end of its range more often; above this share that is clipped, too."""
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,7 @@ def check_signal(name: str, values: Array, where: str) -> None:
             f"{where}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain"
         )
     clipped = float(np.mean((values == low) | (values == high)))
-    if clipped > _CLIPPED and len(np.unique(values)) > 16:
+    if clipped > (_CLIPPED if len(np.unique(values)) > _COARSE else _SATURATED):
         raise LogError(
             f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
             expected=f"at most {100 * _CLIPPED:g} %",
