@@ -163,6 +163,9 @@ def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_pat
     (tmp_path / "emg.csv").write_bytes(recording.read_bytes())
     made, _ = setup(rig(tmp_path, "source = 'file:emg.csv'\nduration_s = 0.6"), offline=True)
     assert isinstance(made.reference, EmgMotion)
+    assert made.duration == made.reference.duration == pytest.approx(13.0, abs=0.01), (
+        "the recording's, of 60 s asked for"
+    )
     path = made.reference.sample(np.arange(13_000) * 1e-3)
     turns = np.flatnonzero(np.diff(np.sign(path[:, 1])))
     assert len(turns) >= 10, "six contractions, a motion for each"

@@ -70,7 +70,8 @@ def setup(
         duration: in place of the file's [s].
         seed: in place of the file's.
         emg: source of EMG, in place of the file's.
-        offline: whether the reference of a run by EMG is made of its recording, in place of its largest motions.
+        offline: whether the reference of a run by EMG is made of its recording, in place of its largest motions; the
+            run then ends with the recording, unless `duration` is given.
 
     Raises:
         ParameterError: a file, key or value that cannot be used.
@@ -82,6 +83,8 @@ def setup(
     if by_emg is not None:
         recorded = emg_motion.recorded(by_emg, rig.bench.sample_time_ms * schema.MILLISECONDS) if offline else None
         reference = recorded or emg_motion.stand_in(by_emg)
+        if recorded is not None and duration is None:
+            duration = min(rig.scenario.duration_s, recorded.duration)  # as the live run, which ends with it
         if offline and recorded is None:
             notes = (f"{by_emg.source} is live: simulated is the largest motion that it can ask for",)
     built = setup_of(rig, path, duration, seed, reference)

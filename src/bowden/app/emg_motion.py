@@ -80,6 +80,11 @@ class EmgMotion:
         rows[at >= len(self._rows), 1:] = 0.0
         return rows
 
+    @property
+    def duration(self) -> float:
+        """Of the recording [s]."""
+        return len(self._rows) * self._dt
+
     def describe(self) -> dict[str, Any]:
         """See `Trajectory.describe`."""
         return {"kind": "emg", "source": self._source}
