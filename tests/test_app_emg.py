@@ -85,6 +85,18 @@ def test_a_wearer_is_calibrated_and_gives_the_plain_threshold_its_mvc(capsys: py
     assert wearer_file.read(Path("b.toml")).rest == pytest.approx(wearer.rest, rel=0.3)
 
 
+def test_a_wearer_of_another_channel_and_a_dead_electrode_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    values = signal()
+    values[7000:] = values[7000]
+    recording = str(write("a.csv", values))
+    for channel in ("emg_mV", "triceps_mV"):
+        wearer_file.write(Path("wearer.toml"), wearer_file.Wearer(0.004, 0.4, channel, "a\nb"))
+        assert run(["emg", "score", recording, "--wearer", "wearer.toml"]) == 0
+        said = capsys.readouterr()
+        assert ("measured on 'triceps_mV', and this is 'emg_mV'" in said.err) == (channel == "triceps_mV")
+        assert "nothing can be detected in 1.0 s" in said.out
+
+
 @pytest.mark.parametrize("hum", [0.0, 0.1])
 def test_the_recording_of_a_wearer_goes_from_rest_to_all_of_their_maximum_as_the_loop_hears_it(hum: float) -> None:
     values = signal() + hum * np.sin(2.0 * np.pi * 50.0 * np.arange(8000) / 1000.0)

@@ -1,6 +1,6 @@
 """``bowden emg score``: how well contractions are found in a recording."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,10 +51,17 @@ def score(
     log = read_emg(recording, channel, checked_rate(rate))
     known = None if labels is None else read_labels(labels)
     _check_labels(known, log, labels)
-    mvc = None if wearer is None else wearer_file.read(wearer).mvc
+    of = None if wearer is None else wearer_file.read(wearer)
+    if of is not None and of.channel != log.channel:
+        said = (
+            f"{wearer} was measured on {of.channel!r}, and this is {log.channel!r}: is its MVC of this muscle and unit?"
+        )
+        log = replace(log, warnings=(*log.warnings, said))
     output_folder(out)
     moved = None if known is None else [(on - log.start, off - log.start) for on, off in known]
-    found = find(log.values, log.rate, moved, mvc, DEFAULTS._replace(shortest=1e-3 * shortest_ms))
+    found = find(
+        log.values, log.rate, moved, None if of is None else of.mvc, DEFAULTS._replace(shortest=1e-3 * shortest_ms)
+    )
     page = emg_page(recording.name, log, known, found)
     with whole_files(out) as folder:
         page.write(folder / "emg.html")
@@ -65,6 +72,8 @@ def score(
         return
     warn(log)
     _print(found, shortest_ms, source)
+    if document["trouble_s"] >= 0.05:
+        print(f"nothing can be detected in {document['trouble_s']:.1f} s of movement, mains or a dead electrode")
     print(f"\nPage: {out / 'emg.html'}  ({seconds():.1f} s)")
 
 

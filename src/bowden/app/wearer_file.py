@@ -50,7 +50,7 @@ def write(path: Path, wearer: Wearer) -> None:
         OutputError: it cannot be written.
     """
     text = (
-        f"# Measured by bowden emg calibrate from {wearer.source}; envelopes in the unit of the channel.\n\n[emg]\n"
+        "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
         f"channel = {_quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
         f"source = {_quoted(wearer.source)}\n"
     )
