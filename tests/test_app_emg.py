@@ -156,6 +156,8 @@ def bad(name: str) -> Path:
         return path
     elif name == "no time":
         return write("bad.csv", values, head="x,emg_mV")
+    elif name == "twice":
+        return write("bad.csv", [values, values], head="time_s,emg_mV,emg_mV")
     elif name == "no channel":
         Path("bad.csv").write_text("time_s\n0\n0.001\n")
         return Path("bad.csv")
@@ -173,6 +175,7 @@ def bad(name: str) -> Path:
         ("text", "row 10: emg_mV is 'spam'"),
         ("gap", "time has a gap"),
         ("no time", "no column of times among 'x', 'emg_mV'"),
+        ("twice", "two columns are named 'emg_mV'"),
         ("no channel", "no channel beside 'time_s'"),
         ("slow", "100 samples a second; expected 400 to 5000 Hz"),
     ],

@@ -204,6 +204,9 @@ def check_signal(name: str, values: Array, where: str) -> None:
 
 def _read(path: Path) -> dict[str, Array]:
     table = read_table(path)
+    twice = next((name for name in table.column_names if table.column_names.count(name) > 1), None)
+    if twice is not None:
+        raise LogError(f"{path}: two columns are named {twice!r}", expected="a name for each")
     return dict(zip(table.column_names, (column.to_numpy() for column in table.columns), strict=True))
 
 
