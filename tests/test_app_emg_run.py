@@ -23,6 +23,7 @@ from bowden.app.emg_summary import figures
 from bowden.app.live_screen import _emg
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
+from bowden.runtime.emg_course import CourseSettings
 from bowden.runtime.ports import EmgChunk
 from bowden.runtime.preflight import Preflight, require
 
@@ -221,13 +222,18 @@ def test_figures_are_of_motions_and_their_delays() -> None:
         "joint": joint,
         "reference": np.where(time_s < 2.5, joint, joint + np.radians(3.0)),
     }
-    found = figures(log, SimpleNamespace(source="lsl:EMG"), SimpleNamespace(stream="a stream", lost=""))  # type: ignore[arg-type]
+    run_by, ear = SimpleNamespace(source="lsl:EMG", course=CourseSettings()), SimpleNamespace(stream="LSL", lost="")
+    found = figures(log, run_by, ear)  # type: ignore[arg-type]
     assert found["motions"] == 2
     assert found["onset_to_cycle_ms"] == {"p50": 15.0, "p99": 19.9, "max": 20.0}
     assert found["onset_to_command_ms"]["max"] == pytest.approx(210.0)
     assert found["onset_to_joint_ms"] == {"p50": 510.0, "p99": 510.0, "max": 510.0}
     assert found["peak_after_first_second_deg"] == pytest.approx(3.0)
     assert (found["samples"], found["lost"], found["age_ms"]["p50"]) == (5999, 2, 4.0)
+    run_by.course = CourseSettings(proportional=1.0)
+    follows = figures(log, run_by, ear)  # type: ignore[arg-type]
+    told = ("motions", "onset_to_cycle_ms", "onset_to_command_ms", "onset_to_joint_ms", "peak_after_first_second_deg")
+    assert [follows[name] for name in told] == [None] * 5
 
 
 def follow(path: Path, out: Path, source: str, *options: str) -> "subprocess.Popen[str]":

@@ -34,9 +34,12 @@ class Columns(Protocol):
 
 
 def figures(log: Columns, run: "EmgRun", ear: "Ear") -> dict[str, Any]:
-    """Of a run's log, as JSON values; delays count from the sample with which a contraction was told."""
-    led = log["source"] >= Source.LAW_BEGINS
-    at = _motions(log["emg.intent"], led)
+    """Of a run's log, as JSON values; delays count from the sample with which a contraction was told.
+
+    In the proportional mode the joint follows the envelope: there are no motions to speak of.
+    """
+    led, triggered = log["source"] >= Source.LAW_BEGINS, run.course.proportional < 0.5
+    at = _motions(log["emg.intent"], led) if triggered else []
     time, onset = log["time"], log["emg.onset"]
     end = int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0
     spans = list(pairwise([*at, end]))
@@ -53,7 +56,7 @@ def figures(log: Columns, run: "EmgRun", ear: "Ear") -> dict[str, Any]:
     return {
         "source": run.source,
         "stream": ear.stream,
-        "motions": len(at),
+        "motions": len(at) if triggered else None,
         **{f"onset_to_{name}_ms": _spread(delays) for name, delays in moves.items()},
         "peak_after_first_second_deg": float(settled.max() / RADIANS) if len(settled) else None,
         "age_ms": _spread(age.tolist()),
@@ -86,7 +89,8 @@ def _spread(delays: Sequence[float | None]) -> dict[str, float] | None:
 
 def print_figures(found: Mapping[str, Any]) -> None:
     """The same for a person."""
-    print(f"EMG: {found['stream'] or found['source']}; {found['motions']} motions", end="")
+    motions = "the joint follows the envelope" if found["motions"] is None else f"{found['motions']} motions"
+    print(f"EMG: {found['stream'] or found['source']}; {motions}", end="")
     if found["peak_after_first_second_deg"] is not None:
         print(f", error after the first second of each at most {found['peak_after_first_second_deg']:.2f}°", end="")
     print()
