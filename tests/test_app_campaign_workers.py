@@ -166,11 +166,12 @@ def test_a_cluster_that_loses_a_worker_gives_the_rows_of_one_process(
     assert json.loads(printed)["rows_sha256"] == alone
 
 
-def test_a_scheduler_that_does_not_answer(folder: Path) -> None:
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere"])
+def test_a_scheduler_that_does_not_answer(address: str, folder: Path) -> None:
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
     begin = time.monotonic()
     done = subprocess.run(
-        [*COMMAND, "--out", "none", "--cluster", "tcp://127.0.0.1:9"],
+        [*COMMAND, "--out", "none", "--cluster", address],
         cwd=folder,
         capture_output=True,
         text=True,
@@ -179,4 +180,4 @@ def test_a_scheduler_that_does_not_answer(folder: Path) -> None:
     assert time.monotonic() - begin < 60.0
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith("bowden: no scheduler answers at tcp://127.0.0.1:9")
+    assert done.stderr.startswith(f"bowden: no scheduler answers at {address}: ")

@@ -14,10 +14,11 @@ import pytest
 from bowden.control import user_law
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, tanh
+from bowden.export.checked import Argument, Function
 from bowden.export.code import Style
 from bowden.export.law import law_module
 from bowden.export.layout import identifier
-from bowden.export.module import Argument, Function, Module, files
+from bowden.export.module import Module, files
 from bowden.export.readme import FLAGS
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
@@ -178,7 +179,22 @@ def test_what_leaves_the_subset_is_refused_with_its_line(line: str, said: str, t
 def test_a_law_that_is_not_a_function_of_its_arguments_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(LAW.replace("LINE", "x = x + random.random()"))
-    with pytest.raises(ParameterError, match="traced twice"):
+    with pytest.raises(ParameterError, match=r"mine\.py, line \d+: step is not the same when it is traced twice"):
+        files(law_module(user_law.load(str(path))), Style("mine"), "")
+
+
+def test_a_refusal_that_the_law_catches_is_a_refusal_still(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(LAW.replace("LINE", "try: x = math.exp(x)\n    except Exception: x = 0.0"))
+    with pytest.raises(ParameterError, match=f"mine.py, line {AT}: math"):
+        files(law_module(user_law.load(str(path))), Style("mine"), "")
+
+
+@pytest.mark.parametrize("line", ["x = x if isinstance(x, float) else 0.0", "x = 2.0 * x if type(x) is float else x"])
+def test_a_law_that_does_something_else_with_symbols_is_refused(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(LAW.replace("LINE", line))
+    with pytest.raises(ParameterError, match=r"mine\.py, line \d+: step does not do with symbols"):
         files(law_module(user_law.load(str(path))), Style("mine"), "")
 
 

@@ -14,6 +14,9 @@ from bowden.core.errors import BowdenError, ParameterError
 _PATIENCE = 10.0
 """For a scheduler or a first worker to answer [s]."""
 
+_LEAVE_INTERRUPTIONS = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""Run in each new process on this machine: the terminal sends Ctrl-C to all, and the parent ends them."""
+
 
 def on_cluster(study: Study, work: Work, where: str) -> Done:
     """Over the workers of a cluster.
@@ -72,6 +75,7 @@ def _client(where: str) -> Iterator[Any]:
         "distributed.logging.distributed": "critical",
         "distributed.admin.system-monitor.interval": "10s",
         "distributed.scheduler.allowed-failures": 10,
+        "distributed.worker.preload": [_LEAVE_INTERRUPTIONS],
     }
     with dask.config.set(quiet), contextlib.ExitStack() as stack:
         stack.callback(logging.disable, logging.root.manager.disable)
@@ -92,6 +96,8 @@ def _client(where: str) -> Iterator[Any]:
                 )
             )
         try:
+            if address is where:  # a client of no address would wait, and complain in the end
+                importlib.import_module("distributed.comm").resolve_address(where)
             client = stack.enter_context(distributed.Client(address, timeout=_PATIENCE, set_as_default=False))
         except (OSError, ValueError, TimeoutError) as error:
             raise ParameterError(

@@ -56,6 +56,7 @@ def in_processes(study: Study, work: Work, count: int) -> Done:
 
 def _pooled(pack: bytes, work: Work, count: int) -> Done:
     context = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(count, context, initializer=_prepare)
     try:
         waiting = iter(work)
@@ -68,6 +69,10 @@ def _pooled(pack: bytes, work: Work, count: int) -> Done:
                 chunk = running.pop(future)
                 yield chunk, table(future.result())
             _fill(pool, pack, waiting, running, 2 * count)
+    except BaseException:  # nobody waits for what is being computed: an interruption, or what is done cannot be kept
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 

@@ -55,7 +55,7 @@ def simulate(
         laws = [compose.law_for(description.control.law, description, setup.bench, rig.parent, preset)]
     output_folder(out)
     with progress_bar(quiet=json) as progress:
-        progress(f"checking {', '.join(law.name for law in laws)}", 0.0)
+        progress(f"checking {', '.join(law.name for law in laws)} (compiled at first)", 0.0)
         checked = verdicts(setup, laws, rig.name, force=force)
         pushing = setup.pushing.notes(laws, force=force) if setup.pushing else []
         traces, interrupted = _run(setup, laws, progress)
@@ -94,7 +94,7 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
         name, again = law.name, 2
         while name in traces:
             name, again = f"{law.name}-{again}", again + 1
-        progress(f"simulating {name} (compiled at first)", 0.1 + 0.7 * i / len(laws))
+        progress(f"simulating {name}", 0.1 + 0.7 * i / len(laws))
         try:
             with user_law.explained(law):
                 traces[name] = _trace(setup, law)

@@ -4,8 +4,9 @@ import re
 
 from bowden.control.law import Law
 from bowden.core.signals import Reference, Sample
+from bowden.export.checked import Argument, Function
 from bowden.export.layout import identifier
-from bowden.export.module import Argument, Function, Module
+from bowden.export.module import Module
 
 
 def law_module(law: Law) -> Module:

@@ -9,34 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.export.checked import Argument, Function, check_graph
 from bowden.export.code import HELPERS, Body, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
 from bowden.export.layout import Leaf, Structs, comment, identifier, is_tuple_with_names, leaves, meanings, rebuilt
 from bowden.export.symbol import Symbol, Trace, exactly
-
-
-@dataclass(frozen=True)
-class Argument:
-    """What a kernel is handed."""
-
-    name: str
-    example: Any
-    """A value of the same structure; of a constant, its value."""
-    constant: bool = False
-    """Whether it is written into the code."""
-
-
-@dataclass(frozen=True)
-class Function:
-    """A kernel that becomes a function of C."""
-
-    name: str
-    kernel: Callable[..., Any]
-    arguments: tuple[Argument, ...]
-    """In the kernel's order; the one called ``state`` is what the function reads and writes."""
-    results: tuple[str, ...]
-    """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
-    summary: str
 
 
 @dataclass(frozen=True)
@@ -79,6 +56,8 @@ def traced(function: Function, again: int = 0) -> tuple[Graph, Any]:
 
         with _explained(function):
             found = function.kernel(*(rebuilt(one.example, symbol(one)) for one in function.arguments))
+            if trace.refused is not None:
+                raise trace.refused
             results = [trace.known(leaf.value) for leaf in leaves(found)]
         return graph_of(trace, symbols, results), found
 
@@ -199,10 +178,7 @@ def _signature(module: Module, one: Function, structs: Structs) -> str:
 
 def _function(module: Module, one: Function, style: Style) -> tuple[Body, str]:
     graph, found = traced(one)
-    if traced(one, again=1)[0] != graph:
-        raise ParameterError(
-            f"{one.name} is not the same when it is traced twice", do="take clocks and random numbers out of the kernel"
-        )
+    check_graph(one, graph, again=traced(one, again=1)[0])
     results = (found,) if len(one.results) == 1 else found
     texts, constants = {}, {}
     for argument in one.arguments:

@@ -2,7 +2,8 @@
 
 from bowden.core.errors import ParameterError
 from bowden.core.signals import DriveReading
-from bowden.export.module import Argument, Function, Module
+from bowden.export.checked import Argument, Function
+from bowden.export.module import Module
 from bowden.models.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise

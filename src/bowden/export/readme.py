@@ -76,7 +76,8 @@ The law is told the reference with its velocity and acceleration. A sample that 
 laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the FPU
 (`CPACR` is set before the first cycle).
 """
-    return page.replace("@NAME@", name).replace("@DT@", f"{sample_time!r}{'f' if single else ''}")
+    dt = f"{sample_time!r}{'f' if single else ''}"
+    return page.replace("@NAME@", name).replace("@DT@", dt).replace("@PERIOD@", f"{sample_time!r}")
 
 
 _LOOP = """void timer_interrupt(void)
@@ -108,7 +109,7 @@ _LOOP_WITH_GATE = """void timer_interrupt(void)
         wish = @NAME@_step(&law, &sample, &reference, @DT@);
     }
     running = moves;
-    safety_supervise(&gate, &observed, wish, @DT@, &verdict);
+    safety_supervise(&gate, &observed, wish, @PERIOD@, &verdict);
     write_drive(verdict.target, verdict.power);
 }
 """

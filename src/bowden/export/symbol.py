@@ -42,6 +42,8 @@ class Trace:
         """Where a CasADi expression comes from, by its identity."""
         self.literals: dict[str, Symbol] = {}
         """Numbers that stand in the kernels, by their bits, so that a zero keeps its sign."""
+        self.refused: ParameterError | None = None
+        """The first thing that was refused, since a kernel may catch exceptions of its own."""
         self._kept: list[Symbol] = []  # an identity is an address, which must not be used twice
 
     def variable(self, name: str) -> "Symbol":
@@ -66,11 +68,26 @@ class Trace:
         if isinstance(value, Symbol):
             return value
         if not isinstance(value, bool | int | float | np.bool_ | np.number):
-            _refuse(f"a {type(value).__name__} as a number")
+            self.refuse(f"a {type(value).__name__} as a number")
         key = float(value).hex()
         if key not in self.literals:
             self.literals[key] = self.variable(f"literal {key}")
         return self.literals[key]
+
+    def refuse(self, what: str) -> NoReturn:
+        """Say that something cannot be exported, with the line that does it.
+
+        Raises:
+            ParameterError: always.
+        """
+        file, line, _ = _line()
+        error = ParameterError(
+            f"{file}, line {line}: {what} cannot be exported",
+            expected="the portable subset of docs/kernels.md: sel(), np.fmin, np.fmax, bowden.core.kernel.exp, …",
+            do="write it so",
+        )
+        self.refused = self.refused or error
+        raise error
 
 
 def casadi() -> Any:
@@ -115,15 +132,6 @@ def _kernels_own(filename: str) -> bool:
     return file.parent != _HERE and file != _KERNEL and "numpy" not in file.parts
 
 
-def _refuse(what: str) -> NoReturn:
-    file, line, _ = _line()
-    raise ParameterError(
-        f"{file}, line {line}: {what} cannot be exported",
-        expected="the portable subset of docs/kernels.md: sel(), np.fmin, np.fmax, bowden.core.kernel.exp, …",
-        do="write it so",
-    )
-
-
 def _binary(combine: Callable[[Any, Any], Any]) -> Callable[["Symbol", Any], "Symbol"]:
     def operation(self: "Symbol", other: Any) -> "Symbol":
         return self.trace.expression(combine(self.sx, self.trace.known(other).sx))
@@ -144,7 +152,7 @@ def _unary(apply: Callable[[Any], Any]) -> Callable[["Symbol"], "Symbol"]:
 
 def _refused(what: str) -> Any:
     def operation(self: "Symbol", *arguments: Any, **options: Any) -> NoReturn:
-        _refuse(what)
+        self.trace.refuse(what)
 
     return operation
 
@@ -193,11 +201,11 @@ class Symbol:
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> "Symbol":
         if method != "__call__" or options or ufunc.__name__ not in _UFUNCS:
-            _refuse(f"np.{ufunc.__name__}")
+            self.trace.refuse(f"np.{ufunc.__name__}")
         return self.trace.expression(_UFUNCS[ufunc.__name__](*(self.trace.known(value).sx for value in inputs)))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> NoReturn:
-        _refuse(f"np.{function.__name__}")
+        self.trace.refuse(f"np.{function.__name__}")
 
     __add__, __radd__ = _binary(_UFUNCS["add"]), _reflected(_UFUNCS["add"])
     __sub__, __rsub__ = _binary(_UFUNCS["subtract"]), _reflected(_UFUNCS["subtract"])
