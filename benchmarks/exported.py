@@ -38,6 +38,7 @@ CYCLES, TIMED, INTERPRETED, ON_CHIP, ROUNDS = 100_000, 20_000, 1_000, 2_000, 15
 DT = 1e-3
 WILD = [0.0, -0.0, 5e-324, -2e-310, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
 MOST = 150e-9
+TITLE = "A cycle of each law"
 """What a step of an exported law may take [s]."""
 
 LOOP = """
@@ -268,7 +269,7 @@ def main() -> None:
     text = section([LAWS[name] for name in names or LAWS], cc)
     print(f"\n{text}")
     if not names:
-        results.write("A cycle of each law", text)
+        results.write(TITLE, text)
 
 
 if __name__ == "__main__":

@@ -88,7 +88,9 @@ def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin(
 
 def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -> str:
     ready = {"drive": "EPOS4, node 1"}
-    session: Any = SimpleNamespace(recorder=int(RecorderState.OK), log=Path(log), emergency=emergency, ready=ready)
+    session: Any = SimpleNamespace(
+        recorder=int(RecorderState.OK), log=Path(log), emergency=emergency, ready=ready, ear=None
+    )
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(picture(session, values, auto=False))
     return console.export_text()
@@ -120,7 +122,7 @@ def test_the_name_of_a_log_is_text_and_no_markup() -> None:
 
 def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     found = {
-        **dict.fromkeys(("rmse_deg", "lateness", "preflight")),
+        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg")),
         "ended_well": False,
         "faults": ["drive in fault"],
         "remedies": ["read the error code"],
