@@ -59,11 +59,14 @@ def simulate(
         checked = verdicts(setup, laws, rig.name, force=force)
         pushing = setup.pushing.notes(laws, force=force) if setup.pushing else []
         traces, interrupted = _run(setup, laws, progress)
+    metrics = {name: trace.metrics() for name, trace in traces.items()}
+    if not (json or interrupted):
+        _print_table(metrics)  # drawing takes longer than all that was before
+    with progress_bar(quiet=json) as progress:
         progress("writing traces, drawing the page", 0.8)
         files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
-    metrics = {name: trace.metrics() for name, trace in traces.items()}
     for note in (*setup.notes, *pushing, *(verdict.note for verdict in checked if verdict.note)):
         print(f"bowden: note: {note}", file=sys.stderr)
     if json:
@@ -75,7 +78,6 @@ def simulate(
         ]
         print_json({"runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
     else:
-        _print_table(metrics)
         for name, trace in traces.items():
             if found_torque := _interaction(setup, trace):
                 print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")

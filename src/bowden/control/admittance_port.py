@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from bowden.control.admittance import Admittance
 from bowden.models.arm import Arm
@@ -95,6 +94,8 @@ class Held(NamedTuple):
 
 def held_loops(port: Port, wearers: list[Body]) -> list[Held]:
     """The suit with each of the wearers, and with an elbow that is held."""
+    from scipy.linalg import expm  # a third of a second that a rig without admittance is spared
+
     drive = _drive(port)
     still = expm(np.delete(np.delete(drive, 2, 0), 2, 1) * port.dt)
     held = Held(port, still[None, :2, :2], still[None, :2, 2], np.array([-port.across, 0.0]))
