@@ -18,9 +18,17 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.identify.emg_log import read_emg, read_labels
-from bowden.identify.emg_score import Spans, find
+from bowden.identify.emg_score import Findings, Spans, find
 from bowden.paper.experiment import Finding, Runs
-from bowden.paper.suit import DRIVE_INTEGRAL, flexions, run_suit, suit_adaptive, suit_ours
+from bowden.paper.suit import (
+    DRIVE_INTEGRAL,
+    SuitCalibration,
+    flexions,
+    run_suit,
+    suit_adaptive,
+    suit_adaptive_integral,
+    suit_ours,
+)
 from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step
 from bowden.sim.emg import background, contractions
@@ -100,22 +108,40 @@ def motions(trace: Trace, found: Spans, settings: IntentSettings) -> tuple[Array
     return np.array(late), np.array(error)
 
 
-def run(runs: Runs) -> Finding:
-    """Under the adaptive law on the paper's PD drive, and under ours on a drive with an integral."""
+@dataclass(frozen=True)
+class Clinic:
+    """The contractions, what is seen of them, and the motions that they ask for."""
+
+    emg: Recording
+    seen: Findings
+    settings: IntentSettings
+    asked: Asked
+
+    def go(
+        self, law: Law, integral: float | None = None, fit: SuitCalibration | None = None
+    ) -> tuple[Trace, Array, Array]:
+        """A law's run, and of each motion its delay [s] and its largest error [deg], as in `motions`."""
+        length = LEARNING + len(self.asked.references) / RATE
+        trace = run_suit(law, reference=self.asked, duration=length, drive_integral=integral, fit=fit)
+        return trace, *motions(trace, self.seen.found, self.settings)
+
+
+def clinic() -> Clinic:
+    """The recording, seen by the detector, and the references that it makes."""
     emg, settings = recording(), IntentSettings()
     seen = find(emg.values, RATE, emg.labels)
     references = np.empty((len(emg.values), 3))
     compiled(asked_for)(settings, intent_start(0.0), seen.detected.active, references, 1.0 / RATE)
-    asked = Asked(references)
+    return Clinic(emg, seen, settings, Asked(references))
 
-    def go(law: Law, integral: float) -> tuple[Trace, Array, Array]:
-        length = LEARNING + len(references) / RATE
-        trace = run_suit(law, reference=asked, duration=length, drive_integral=integral)
-        return trace, *motions(trace, seen.found, settings)
 
-    adaptive, late, error = go(suit_adaptive(), 0.0)
-    ours, our_late, our_error = go(suit_ours(), DRIVE_INTEGRAL)
-    _, drive_late, drive_error = go(suit_adaptive(), DRIVE_INTEGRAL)
+def run(runs: Runs) -> Finding:
+    """Under the adaptive law on the paper's PD drive, and under ours on a drive with an integral."""
+    made = clinic()
+    emg, seen, references = made.emg, made.seen, made.asked.references
+    adaptive, late, error = made.go(suit_adaptive())
+    ours, our_late, our_error = made.go(suit_ours(), DRIVE_INTEGRAL)
+    _, drive_late, drive_error = made.go(suit_adaptive_integral(), DRIVE_INTEGRAL)
     wanted = references[:, 0] * DEGREES
     first = round(seen.found[0][0] * RATE)
     reference_late = float(np.argmax(wanted[first:] > MOVED_DEG)) / RATE

@@ -30,18 +30,22 @@ class SuitCalibration:
     """Of the cables' play, from the largest error [m]."""
     period: float
     """Of Fig. 6's reference, from the delay; Fig. 17 names its own, 25 s [s]."""
+    cable_stiffness: float = 8000.0
+    """Of cable and sheath; a stated choice where it is not from the energy [N/m]."""
+    drive_integral: float = 0.0
+    """Of the drive's position loop, which is PD without it [1/s]."""
 
 
-def suit_calibration() -> SuitCalibration:
-    """The frozen calibration of claims.toml."""
-    return SuitCalibration(**document()["suit"]["calibration"])
+def suit_calibration(name: str = "main") -> SuitCalibration:
+    """A frozen calibration of claims.toml: ``main``, on a PD drive, or ``second``, on one with an integral."""
+    return SuitCalibration(**document()["suit"]["calibration"][name])
 
 
 def suit(fit: SuitCalibration | None = None) -> Suit:
     """The suit with a calibration; the frozen one where none is given."""
     fit = fit or suit_calibration()
     chosen = document()["suit"]["chosen"]
-    cable = SuitCable(kind="play", stiffness=chosen["cable_stiffness"], half_width=fit.half_width)
+    cable = SuitCable(kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width)
     servo, sheath = bench().servo, bench().sheath
     return Suit(
         spool_radius=chosen["spool_radius"],
@@ -51,6 +55,7 @@ def suit(fit: SuitCalibration | None = None) -> Suit:
             friction=fit.friction,
             current_limit=chosen["current_limit"],
             supply=chosen["supply"],
+            integral=fit.drive_integral,
             servo=servo,
         ),
         flexor=cable,
@@ -74,6 +79,11 @@ def default_suit() -> Suit:
 def suit_adaptive() -> Law:
     """The adaptive law with the gains that `bowden.paper.suit_gains` chose for margin on the suit."""
     return LAWS["adaptive"].preset("suit")
+
+
+def suit_adaptive_integral() -> Law:
+    """The same where the drive has an integral, whose lag leaves half the κ; both calibrations have this choice."""
+    return suit_adaptive().with_gains(error_gain=0.03, feedback_gain=1.5, smoothing=0.2)
 
 
 def suit_ours() -> Law:
@@ -101,7 +111,7 @@ def run_suit(
     fit: SuitCalibration | None = None,
     reference: Trajectory | None = None,
     duration: float | None = None,
-    drive_integral: float = 0.0,
+    drive_integral: float | None = None,
 ) -> Trace:
     """A run of the suit from rest.
 
@@ -112,10 +122,11 @@ def run_suit(
         fit: in place of the frozen calibration.
         reference: in place of the flexions.
         duration: with it [s].
-        drive_integral: of the drive's position loop, which the paper's has not [1/s].
+        drive_integral: of the drive's position loop; the calibration's where it is not given [1/s].
     """
     made, motion = suit(fit), reference or flexions(period)
-    made = made._replace(motor=made.motor._replace(integral=drive_integral))
+    if drive_integral is not None:
+        made = made._replace(motor=made.motor._replace(integral=drive_integral))
     one = document()["suit"]["chosen"]["period"] if period is None else period
     length = count * one if duration is None else duration
     return simulate_suit(made, law, motion, duration=length, seed=document()["chosen"]["seed"])
