@@ -22,6 +22,7 @@ from bowden.identify.emg_score import Findings, Spans, find
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.suit import (
     DRIVE_INTEGRAL,
+    FRICTION_FEEDFORWARD,
     SuitCalibration,
     flexions,
     run_suit,
@@ -118,11 +119,22 @@ class Clinic:
     asked: Asked
 
     def go(
-        self, law: Law, integral: float | None = None, fit: SuitCalibration | None = None
+        self,
+        law: Law,
+        integral: float | None = None,
+        fit: SuitCalibration | None = None,
+        feedforward: float = 0.0,
     ) -> tuple[Trace, Array, Array]:
         """A law's run, and of each motion its delay [s] and its largest error [deg], as in `motions`."""
         length = LEARNING + len(self.asked.references) / RATE
-        trace = run_suit(law, reference=self.asked, duration=length, drive_integral=integral, fit=fit)
+        trace = run_suit(
+            law,
+            reference=self.asked,
+            duration=length,
+            drive_integral=integral,
+            friction_feedforward=feedforward,
+            fit=fit,
+        )
         return trace, *motions(trace, self.seen.found, self.settings)
 
 
@@ -141,6 +153,7 @@ def run(runs: Runs) -> Finding:
     emg, seen, references = made.emg, made.seen, made.asked.references
     adaptive, late, error = made.go(suit_adaptive())
     ours, our_late, our_error = made.go(suit_ours(), DRIVE_INTEGRAL)
+    _, pushed_late, pushed_error = made.go(suit_ours(), DRIVE_INTEGRAL, feedforward=FRICTION_FEEDFORWARD)
     _, drive_late, drive_error = made.go(suit_adaptive_integral(), DRIVE_INTEGRAL)
     wanted = references[:, 0] * DEGREES
     first = round(seen.found[0][0] * RATE)
@@ -159,6 +172,8 @@ def run(runs: Runs) -> Finding:
             "reference_late": reference_late,
             "ours_error": float(our_error.max()),
             "ours_delay": float(np.median(our_late)),
+            "pushed_error": float(pushed_error.max()),
+            "pushed_delay": float(np.median(pushed_late)),
             "drive_error": float(drive_error.max()),
             "drive_delay": float(np.median(drive_late)),
         },
@@ -173,7 +188,8 @@ def run(runs: Runs) -> Finding:
         f"times. From a detection the minimum-jerk reference itself takes {1e3 * reference_late:.0f} ms to move by "
         f"{MOVED_DEG}°, which is what counts as moving here. From detection to the elbow moving, each: adaptive "
         f"{_list(late)} s, ours {_list(our_late)} s; largest error after the first second of each: adaptive "
-        f"{_list(error, 1)}°, ours {_list(our_error, 1)}°.",
+        f"{_list(error, 1)}°, ours {_list(our_error, 1)}°. Where the drive also pushes against friction "
+        f"({FRICTION_FEEDFORWARD} N·m), ours: {_list(pushed_late)} s and {_list(pushed_error, 1)}°.",
     )
 
 
