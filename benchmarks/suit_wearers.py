@@ -1,6 +1,7 @@
 """The compensated suit on 500 random wearers that nobody tuned it for: is it ever unstable, how far off is the elbow?
 
-Ours and the adaptive law, both with their gains for the suit, on a drive whose position loop has an integral.
+Ours and the adaptive law, both with gains for the suit, on a drive whose position loop has an integral and that pushes
+against friction.
 """
 
 import multiprocessing
@@ -12,7 +13,7 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.design.wearers import Worn, wear
-from bowden.paper.suit import DRIVE_INTEGRAL, suit, suit_adaptive, suit_ours
+from bowden.paper.suit import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit, suit_adaptive_integral, suit_ours
 from bowden.sim.suit_parts import Suit
 from kept import Kept
 from measure import Figure
@@ -22,16 +23,16 @@ _SHARES = (50.0, 90.0, 99.0, 100.0)
 
 
 def worn_suit() -> Suit:
-    """The paper's suit with an integral in its drive."""
+    """The paper's suit with an integral in its drive, which pushes against friction alike for every wearer."""
     made = suit()
-    return made._replace(motor=made.motor._replace(integral=DRIVE_INTEGRAL))
+    return made._replace(motor=made.motor._replace(integral=DRIVE_INTEGRAL, friction_feedforward=FRICTION_FEEDFORWARD))
 
 
 def figures(count: int = COUNT) -> tuple[list[Figure], list[str]]:
     """How many runs are unstable, how many stay within 5°, and the percentiles and the worst of the errors."""
     found: list[Figure] = []
     notes = ["Wearers and sheaths: `bowden.design.wearers`; four flexions 0–90° of 25 s, the first two to learn in."]
-    for law in (suit_ours(), suit_adaptive()):
+    for law in (suit_ours(), suit_adaptive_integral()):
         kept = Kept(f"suit_wearers_{law.name}")
         there = {row[0] for row in kept.rows()}
         missing = [number for number in range(count) if number not in there]
@@ -60,7 +61,7 @@ def _runs(law: Law, numbers: list[int]) -> Iterator[list[Any]]:
 
 def _run(task: tuple[str, int]) -> list[Any]:
     name, number = task
-    law = next(law for law in (suit_ours(), suit_adaptive()) if law.name == name)
+    law = next(law for law in (suit_ours(), suit_adaptive_integral()) if law.name == name)
     return list(wear(number, worn_suit(), law))
 
 

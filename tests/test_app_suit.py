@@ -53,12 +53,14 @@ def test_worn_and_nothing_else_is_the_papers_suit_but_for_the_encoder() -> None:
 
 def test_the_keys_reach_the_suit(tmp_path: Path) -> None:
     text = MOTION + (
-        '[suit]\nworn = true\ncable = "capstan"\ndrive_integral_per_s = 20.0\nsensor_offset_deg = 0.5\n'
+        '[suit]\nworn = true\ncable = "capstan"\ndrive_integral_per_s = 20.0\nfriction_feedforward_nm = 1.5\n'
+        "sensor_offset_deg = 0.5\n"
         "[wearer]\nmass_kg = 100.0\nload_kg = 1.0\nupper_arm_deg = 20.0\nshare = 0.3\ntremor_nm = 0.2\n"
     )
     setup, rig = compose.setup(written(tmp_path, text))
     assert setup.suit is not None
     assert (setup.suit.flexor.kind, setup.suit.motor.integral, setup.suit.sheath.loss) == ("capstan", 20.0, 0.0)
+    assert setup.suit.motor.friction_feedforward == 1.5
     assert setup.suit.arm.mass == pytest.approx(3.2)
     assert setup.suit.arm.elevation == pytest.approx(20.0 * RADIANS)
     assert (setup.suit.wearer.share, setup.suit.wearer.tremor) == (0.3, 0.2)

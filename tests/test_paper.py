@@ -3,6 +3,7 @@
 import json
 import re
 import tomllib
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from bowden.paper.claims import Claim, claims, judge, select
 from bowden.paper.errata_law import largest_pole
 from bowden.paper.gain_choice import choose_gains
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, reproduce, write_report
+from bowden.paper.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.closed_loop import simulate
 
 
@@ -107,9 +109,17 @@ def test_the_frozen_calibration_is_what_the_fit_gives() -> None:
 
 
 def test_the_second_calibration_meets_the_fitted_rows(outcome: Reproduction) -> None:
-    for row in outcome.second:
+    for row in outcome.second + outcome.suit_second:
         if row["fitted"]:
             assert row["second"] == pytest.approx(row["published"], rel=0.01), row["quantity"]
+
+
+def test_the_suit_with_an_integral_in_its_drive_cannot_be_calibrated_with_cables_of_the_stated_stiffness() -> None:
+    """The play that makes 30° by itself costs more than is published, without any friction at the spool."""
+    play = replace(suit_calibration("second"), half_width=0.01081, cable_stiffness=8000.0, period=25.0)
+    trace = run_suit(LAWS["uncompensated"], count=2, fit=play)
+    assert largest_errors(trace)[1] == pytest.approx(30.0, abs=0.1)
+    assert energies(trace)[1] > 1.3 * 380.5
 
 
 def test_table_1_does_not_hang_on_the_seed_of_the_encoders() -> None:
@@ -150,7 +160,16 @@ def test_report_is_one_page_with_every_figure(outcome: Reproduction, tmp_path: P
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert text.count("<svg") == sum(len(finding.figures) for finding in outcome.findings) >= 10
     assert not re.search(r'(src|href)="https?:', text)
-    for name in ("Fig. 4", "Fig. 9", "Fig. 12", "Figs 13 and 14", "Fig. 15", "Fig. 16", "Stability over"):
+    for name in (
+        "Fig. 4",
+        "Fig. 9",
+        "Fig. 12",
+        "Figs 13 and 14",
+        "Fig. 15",
+        "Fig. 16",
+        "Stability over",
+        "Two readings of the suit",
+    ):
         assert name in text
 
 

@@ -8,10 +8,11 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
-from bowden.core.errors import ParameterError
+from bowden.core.errors import LogError, ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
+from bowden.identify.suit_friction import spool_friction
 from bowden.models.arm import GRAVITY, WEARERS, Arm, Wearer, arm_of, gravity_torque, passive_torque, resting_angle
 from bowden.models.flex_sensor import FlexSensor
 from bowden.models.geometry import extensor_extension, flexor_extension, flexor_moment_arm
@@ -210,6 +211,27 @@ def test_electrical_is_mechanical_power_and_heat_and_the_winding_warms() -> None
     warmed = trace["winding_temperature"][-1] - trace["winding_temperature"][0]
     heat = np.trapezoid(0.199 * trace["current"] ** 2, trace.time)
     assert 0.2 * heat / 15.0 < warmed < 1.1 * heat / 15.0  # 15 J/K, less what has gone to the housing
+
+
+def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> None:
+    """(F + k·r·(r_f + r_e))/η and the gears' loss on what the cables carry, of which the spool's F is the most."""
+    shown, made = spool_friction(run(), 10.0), prepare_suit(SUIT)
+    held = SUIT.flexor.stiffness * SUIT.flexor.half_width * (SUIT.spool_radius + made.extensor_radius)
+    least = (SUIT.motor.friction + held) / SUIT.motor.efficiency
+    assert 0.9 * least < shown < 1.2 * least
+
+
+def test_a_run_one_way_shows_no_friction() -> None:
+    trace = simulate_suit(SUIT, LAWS["uncompensated"], PointToPoint((0.0, 2.0), (0.0, 1.0)), duration=2.5)
+    with pytest.raises(LogError, match="passed both ways"):
+        spool_friction(trace)
+
+
+def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leaves() -> None:
+    told = SUIT._replace(motor=SUIT.motor._replace(friction_feedforward=spool_friction(run(), 10.0)))
+    helped = simulate_suit(told, LAWS["uncompensated"], MOTION, duration=20.0)
+    left, before = (float(np.max(np.abs(trace.error[trace.time > 10.0]))) for trace in (helped, run()))
+    assert left < 0.5 * before
 
 
 def test_a_bent_sheath_loses_more() -> None:

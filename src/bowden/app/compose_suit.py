@@ -79,6 +79,7 @@ def _motor(given: SuitSection, bench: Bench) -> GearedMotor:
         current_limit=bench.motor.current_limit,
         supply=given.supply_v,
         integral=given.drive_integral_per_s,
+        friction_feedforward=given.friction_feedforward_nm,
         servo=bench.servo,
     )
 

@@ -47,7 +47,7 @@ def _print_table(outcome: "Reproduction") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from bowden.paper.reproduce import number
+    from bowden.paper.claims import number
 
     colours = {"fitted": "cyan", "reproduced": "green", "better": "green", "differs": "yellow", "erratum": "magenta"}
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

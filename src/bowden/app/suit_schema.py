@@ -30,6 +30,13 @@ class SuitSection(Section):
     drive_integral_per_s: float = key(
         _SUIT.motor.integral, "integral of the drive's position loop; the paper's has none", "1/s", ge=0.0, le=1e3
     )
+    friction_feedforward_nm: float = key(
+        _SUIT.motor.friction_feedforward,
+        "the drive's torque against friction, in the direction in which its target moves",
+        "N·m",
+        ge=0.0,
+        le=100.0,
+    )
     cable: Literal["play", "capstan", "bouc_wen"] = key(
         "play", "friction of both cables; bouc_wen takes the parameters of [cable]"
     )

@@ -6,8 +6,9 @@ Without friction the spool hangs between the drive's PD loop and two springs, an
     I·φ'' = (r_f·E'·k_f + r_e·R·k_e)·θ − (E'²k_f + R²k_e + K + m·g·c·cos φ)·φ − B·φ'
 
 with E' the flexor's lever at the elbow's angle and k_f, k_e the cable's and the fabric's springs in series; k_e = 0
-where the extensor is slack. Friction is left out because it only takes energy: what holds without it is not made to
-grow by it, though it may be left swinging within the play. The drive's integral is left out too.
+where the extensor is slack. A drive with an integral has target + y in place of the target, y' = k_i·(target − θ),
+here without the band in which it rests. Friction is left out because it only takes energy: what holds without it is not
+made to grow by it, though it may be left swinging within the play.
 """
 
 import itertools
@@ -49,26 +50,31 @@ def suit_model(suit: Suit, angle: float, *, extensor: bool = True) -> StateSpace
     weight = GRAVITY * arm.mass * arm.centre * np.cos(angle + arm.elevation)
     back = lever**2 * k_f + radius**2 * k_e + arm.stiffness + weight
     damping = arm.damping + suit.fabric.damping * (lever**2 + (radius**2 if extensor else 0.0))
-    whole = np.zeros((5, 5))
+    integral = motor.integral > 0.0  # without it there is no such state, which would stand for ever
+    states = 5 if integral else 4
+    whole = np.zeros((states + 1, states + 1))
     whole[0, 1] = whole[2, 3] = 1.0
-    whole[1] = [
+    whole[1, :4] = [
         -(omega**2) - (r_f**2 * k_f + r_e**2 * k_e) / motor.inertia,
         -2.0 * zeta * omega,
         across / motor.inertia,
         0.0,
-        omega**2 * lever / r_f,
     ]
-    whole[3] = [across / arm.inertia, 0.0, -back / arm.inertia, -damping / arm.inertia, 0.0]
+    whole[1, states] = omega**2 * lever / r_f
+    whole[3, :4] = [across / arm.inertia, 0.0, -back / arm.inertia, -damping / arm.inertia]
+    if integral:
+        whole[1, 4] = omega**2
+        whole[4, 0], whole[4, states] = -motor.integral, motor.integral * lever / r_f
     held = expm(whole * suit.sample_time)
-    size = 4 + suit.delay
+    size = states + suit.delay
     a, b, c = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size))
-    a[:4, :4], c[0, 2] = held[:4, :4], 1.0
+    a[:states, :states], c[0, 2] = held[:states, :states], 1.0
     if suit.delay:
-        a[:4, 4] = held[:4, 4]
-        a[np.arange(4, size - 1), np.arange(5, size)] = 1.0
+        a[:states, states] = held[:states, states]
+        a[np.arange(states, size - 1), np.arange(states + 1, size)] = 1.0
         b[-1, 0] = 1.0
     else:
-        b[:4, 0] = held[:4, 4]
+        b[:states, 0] = held[:states, states]
     return StateSpace(a, b, c, 0.0)
 
 

@@ -4,11 +4,16 @@
     |I| ≤ I_max   and   |R·I + kτ·N·d(spool)/dt| ≤ V               the supply against the back-EMF
     J·d²spool/dt² = N·kτ·I − load − friction,    |friction| ≤ F + (1 − η)·max(|N·kτ·I|, |load|)
 
+    push' = (direction of the target − push)/T, and τ* + F_ff·push in place of τ*
+
 The paper's loop is PD (Section 3.1): y = 0, and friction and load leave the spool behind its target. Drives that one
 buys add an integral, dy/dt = k_i·e, here held inside ± `BAND` of the target, lest it hunt about the friction, and while
-the current is at a limit. The current loop is taken as immediate. Friction is Coulomb's, solved implicitly: what it
-cannot stop it slows, and it never turns the spool back. The gears' loss is a friction in proportion to the torque that
-they carry.
+the current is at a limit. F_ff, 0 unless it is asked for, makes up for friction ahead of any error, as the torque
+offset that drives take beside a position (CiA 402, object 60B2h). Its direction is that of the target's last motion
+beyond `DEAD`, so that noise turns nothing, and fades where the target rests.
+
+The current loop is taken as immediate. Friction is Coulomb's, solved implicitly: what it cannot stop it slows, and it
+never turns the spool back. The gears' loss is a friction in proportion to the torque that they carry.
 """
 
 import math
@@ -42,6 +47,8 @@ class GearedMotor(NamedTuple):
     """V [V]."""
     integral: float = 0.0
     """k_i of the position loop; 0 is the paper's PD loop [1/s]."""
+    friction_feedforward: float = 0.0
+    """F_ff, torque in the direction in which the target moves, at the spool [N·m]."""
     servo: Servo = Servo()
     """ω and ζ of the unloaded PD loop; its limits are not looked at, the current's and the supply's stand for them."""
 
@@ -57,10 +64,18 @@ class SpoolState(NamedTuple):
     """[A]"""
     offset: float
     """y, what the integral adds to the target [rad]."""
+    heard: float
+    """The target without its motions of less than `DEAD` [rad]."""
+    push: float
+    """Direction of the feed-forward, −1…1 [–]."""
 
 
 BAND = 0.002
 """Error of the spool that the integral leaves alone [rad]."""
+DEAD = 0.003
+"""Motion of the target that turns no feed-forward; about 0.07° of the elbow [rad]."""
+TURNING, FADING = 0.01, 1.0
+"""Time constants of the feed-forward's direction: where the target moves, and where it rests [s]."""
 
 
 def check_geared_motor(motor: GearedMotor) -> None:
@@ -75,7 +90,7 @@ def check_geared_motor(motor: GearedMotor) -> None:
             raise ParameterError(f"suit motor: {name} is {value:g}", expected="a number above 0")
     if not 0.0 < motor.efficiency <= 1.0:
         raise ParameterError(f"suit motor: efficiency is {motor.efficiency:g}", expected="above 0 and at most 1")
-    for name in ("friction", "integral"):
+    for name in ("friction", "integral", "friction_feedforward"):
         value = getattr(motor, name)
         if not 0.0 <= value < math.inf:
             raise ParameterError(f"suit motor: {name} is {value:g}", expected="a number not below 0")
@@ -89,13 +104,19 @@ def check_geared_motor(motor: GearedMotor) -> None:
 def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float) -> SpoolState:
     """The drive's current for a `target` of the spool [rad], and its integral a step of `dt` [s] later."""
     omega, error, velocity = motor.servo.natural_frequency, target - state.position, state.velocity
+    heard = np.fmax(target - DEAD, np.fmin(target + DEAD, state.heard))
+    moves = np.abs(heard - state.heard) > 0.0
+    goal, lag = (np.sign(heard - state.heard), TURNING) if moves else (0.0, FADING)
+    push = state.push + (goal - state.push) * dt / (lag + dt)
     wanted = motor.inertia * omega * (omega * (error + state.offset) - 2.0 * motor.servo.damping * velocity)
+    wanted = wanted + motor.friction_feedforward * push
     constant = motor.gear * motor.torque_constant
     lowest = np.fmax(-motor.current_limit, (-motor.supply - constant * velocity) / motor.resistance)
     highest = np.fmin(motor.current_limit, (motor.supply - constant * velocity) / motor.resistance)
     current = np.fmax(lowest, np.fmin(highest, wanted / constant))
     free = 1.0 if np.abs(error) > BAND and lowest < wanted / constant < highest else 0.0
-    return SpoolState(state.position, velocity, current, state.offset + free * dt * motor.integral * error)
+    offset = state.offset + free * dt * motor.integral * error
+    return SpoolState(state.position, velocity, current, offset, heard, push)
 
 
 @kernel
@@ -115,4 +136,4 @@ def turn_spool(motor: GearedMotor, state: SpoolState, load: float, stiffness: fl
     carried = np.fmax(np.abs(torque), np.abs(load))
     held = effort * (motor.friction + (1.0 - motor.efficiency) * carried)
     velocity = np.sign(free) * np.fmax(0.0, np.abs(free) - held)
-    return SpoolState(state.position + dt * velocity, velocity, state.current, state.offset)
+    return SpoolState(state.position + dt * velocity, velocity, state.current, state.offset, state.heard, state.push)

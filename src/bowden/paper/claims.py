@@ -100,3 +100,8 @@ def select(only: list[str]) -> list[Claim]:
 
 def _matches(identity: str, wanted: str) -> bool:
     return identity == wanted or identity.startswith(wanted.rstrip(".") + ".")
+
+
+def number(value: object) -> str:
+    """A figure for a table: four significant digits, a dash where there is none."""
+    return f"{value:.4g}" if isinstance(value, float | int) else "–"

@@ -18,9 +18,18 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.identify.emg_log import read_emg, read_labels
-from bowden.identify.emg_score import Spans, find
+from bowden.identify.emg_score import Findings, Spans, find
 from bowden.paper.experiment import Finding, Runs
-from bowden.paper.suit import DRIVE_INTEGRAL, flexions, run_suit, suit_adaptive, suit_ours
+from bowden.paper.suit import (
+    DRIVE_INTEGRAL,
+    FRICTION_FEEDFORWARD,
+    SuitCalibration,
+    flexions,
+    run_suit,
+    suit_adaptive,
+    suit_adaptive_integral,
+    suit_ours,
+)
 from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step
 from bowden.sim.emg import background, contractions
@@ -100,22 +109,52 @@ def motions(trace: Trace, found: Spans, settings: IntentSettings) -> tuple[Array
     return np.array(late), np.array(error)
 
 
-def run(runs: Runs) -> Finding:
-    """Under the adaptive law on the paper's PD drive, and under ours on a drive with an integral."""
+@dataclass(frozen=True)
+class Clinic:
+    """The contractions, what is seen of them, and the motions that they ask for."""
+
+    emg: Recording
+    seen: Findings
+    settings: IntentSettings
+    asked: Asked
+
+    def go(
+        self,
+        law: Law,
+        integral: float | None = None,
+        fit: SuitCalibration | None = None,
+        feedforward: float = 0.0,
+    ) -> tuple[Trace, Array, Array]:
+        """A law's run, and of each motion its delay [s] and its largest error [deg], as in `motions`."""
+        length = LEARNING + len(self.asked.references) / RATE
+        trace = run_suit(
+            law,
+            reference=self.asked,
+            duration=length,
+            drive_integral=integral,
+            friction_feedforward=feedforward,
+            fit=fit,
+        )
+        return trace, *motions(trace, self.seen.found, self.settings)
+
+
+def clinic() -> Clinic:
+    """The recording, seen by the detector, and the references that it makes."""
     emg, settings = recording(), IntentSettings()
     seen = find(emg.values, RATE, emg.labels)
     references = np.empty((len(emg.values), 3))
     compiled(asked_for)(settings, intent_start(0.0), seen.detected.active, references, 1.0 / RATE)
-    asked = Asked(references)
+    return Clinic(emg, seen, settings, Asked(references))
 
-    def go(law: Law, integral: float) -> tuple[Trace, Array, Array]:
-        length = LEARNING + len(references) / RATE
-        trace = run_suit(law, reference=asked, duration=length, drive_integral=integral)
-        return trace, *motions(trace, seen.found, settings)
 
-    adaptive, late, error = go(suit_adaptive(), 0.0)
-    ours, our_late, our_error = go(suit_ours(), DRIVE_INTEGRAL)
-    _, drive_late, drive_error = go(suit_adaptive(), DRIVE_INTEGRAL)
+def run(runs: Runs) -> Finding:
+    """Under the adaptive law on the paper's PD drive, and under ours on a drive with an integral."""
+    made = clinic()
+    emg, seen, references = made.emg, made.seen, made.asked.references
+    adaptive, late, error = made.go(suit_adaptive())
+    ours, our_late, our_error = made.go(suit_ours(), DRIVE_INTEGRAL)
+    _, pushed_late, pushed_error = made.go(suit_ours(), DRIVE_INTEGRAL, feedforward=FRICTION_FEEDFORWARD)
+    _, drive_late, drive_error = made.go(suit_adaptive_integral(), DRIVE_INTEGRAL)
     wanted = references[:, 0] * DEGREES
     first = round(seen.found[0][0] * RATE)
     reference_late = float(np.argmax(wanted[first:] > MOVED_DEG)) / RATE
@@ -133,6 +172,8 @@ def run(runs: Runs) -> Finding:
             "reference_late": reference_late,
             "ours_error": float(our_error.max()),
             "ours_delay": float(np.median(our_late)),
+            "pushed_error": float(pushed_error.max()),
+            "pushed_delay": float(np.median(pushed_late)),
             "drive_error": float(drive_error.max()),
             "drive_delay": float(np.median(drive_late)),
         },
@@ -147,7 +188,8 @@ def run(runs: Runs) -> Finding:
         f"times. From a detection the minimum-jerk reference itself takes {1e3 * reference_late:.0f} ms to move by "
         f"{MOVED_DEG}°, which is what counts as moving here. From detection to the elbow moving, each: adaptive "
         f"{_list(late)} s, ours {_list(our_late)} s; largest error after the first second of each: adaptive "
-        f"{_list(error, 1)}°, ours {_list(our_error, 1)}°.",
+        f"{_list(error, 1)}°, ours {_list(our_error, 1)}°. Where the drive also pushes against friction "
+        f"({FRICTION_FEEDFORWARD} N·m), ours: {_list(pushed_late)} s and {_list(pushed_error, 1)}°.",
     )
 
 

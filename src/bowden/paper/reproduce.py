@@ -21,8 +21,9 @@ from bowden.paper import (
     fig18_clinic,
     second,
     stability_map,
+    suit_second,
 )
-from bowden.paper.claims import Claim, Result, select
+from bowden.paper.claims import Claim, Result, number, select
 from bowden.paper.experiment import Experiment, Finding, Runs
 from bowden.report.page import Page
 
@@ -59,11 +60,13 @@ class Reproduction:
     results: list[Result]
     findings: list[Finding]
     second: list[dict[str, object]]
-    """What both calibrations give; empty where only a part was asked for."""
+    """What both calibrations of the bench give; empty where only a part was asked for."""
+    suit_second: list[dict[str, object]]
+    """The same of the suit's."""
 
     def json(self) -> dict[str, Any]:
         """The claims, and the second calibration, as the command line prints them."""
-        return {"claims": [result.json() for result in self.results], "calibrations": self.second}
+        return {"claims": [result.json() for result in self.results], "calibrations": self.second + self.suit_second}
 
 
 def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] | None = None) -> Reproduction:
@@ -82,23 +85,27 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
         for name, (experiment, beginnings) in EXPERIMENTS.items()
         if any(claim.id.startswith(beginnings) for claim in wanted)
     }
-    steps = len(needed) + (0 if only else 2)
+    steps = len(needed) + (0 if only else 3)
     runs, findings = Runs(), []
     for done, (name, experiment) in enumerate(needed.items()):
         if progress is not None:
             progress(name, done / steps)
         findings.append(experiment(runs))
     comparison: list[dict[str, object]] = []
+    of_suit: list[dict[str, object]] = []
     if not only:
         if progress is not None:
-            progress("stability map", (steps - 2) / steps)
+            progress("stability map", (steps - 3) / steps)
         findings.append(stability_map.run(runs))
         if progress is not None:
-            progress("second calibration", (steps - 1) / steps)
+            progress("second calibration", (steps - 2) / steps)
         comparison = second.table()
+        if progress is not None:
+            progress("the suit's second calibration", (steps - 1) / steps)
+        of_suit = suit_second.table()
     if progress is not None:
         progress("done", 1.0)
-    return Reproduction([_judge(claim, findings) for claim in wanted], findings, comparison)
+    return Reproduction([_judge(claim, findings) for claim in wanted], findings, comparison, of_suit)
 
 
 def claims_of(only: Sequence[str]) -> list[str]:
@@ -144,6 +151,8 @@ def write_report(outcome: Reproduction, path: Path) -> None:
         _table(page, errata)
     if outcome.second:
         _calibrations(page, outcome.second)
+    if outcome.suit_second:
+        suit_second.section(page, outcome.suit_second)
     for finding in outcome.findings:
         page.heading(finding.title)
         if finding.text:
@@ -209,8 +218,3 @@ def _calibrations(page: Page, rows: list[dict[str, object]]) -> None:
         ],
         caption="The fitted values, frozen in claims.toml.",
     )
-
-
-def number(value: object) -> str:
-    """A figure for a table: four significant digits, a dash where there is none."""
-    return f"{value:.4g}" if isinstance(value, float | int) else "–"

@@ -30,18 +30,22 @@ class SuitCalibration:
     """Of the cables' play, from the largest error [m]."""
     period: float
     """Of Fig. 6's reference, from the delay; Fig. 17 names its own, 25 s [s]."""
+    cable_stiffness: float = 8000.0
+    """Of cable and sheath; a stated choice where it is not from the energy [N/m]."""
+    drive_integral: float = 0.0
+    """Of the drive's position loop, which is PD without it [1/s]."""
 
 
-def suit_calibration() -> SuitCalibration:
-    """The frozen calibration of claims.toml."""
-    return SuitCalibration(**document()["suit"]["calibration"])
+def suit_calibration(name: str = "main") -> SuitCalibration:
+    """A frozen calibration of claims.toml: ``main``, on a PD drive, or ``second``, on one with an integral."""
+    return SuitCalibration(**document()["suit"]["calibration"][name])
 
 
 def suit(fit: SuitCalibration | None = None) -> Suit:
     """The suit with a calibration; the frozen one where none is given."""
     fit = fit or suit_calibration()
     chosen = document()["suit"]["chosen"]
-    cable = SuitCable(kind="play", stiffness=chosen["cable_stiffness"], half_width=fit.half_width)
+    cable = SuitCable(kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width)
     servo, sheath = bench().servo, bench().sheath
     return Suit(
         spool_radius=chosen["spool_radius"],
@@ -51,6 +55,7 @@ def suit(fit: SuitCalibration | None = None) -> Suit:
             friction=fit.friction,
             current_limit=chosen["current_limit"],
             supply=chosen["supply"],
+            integral=fit.drive_integral,
             servo=servo,
         ),
         flexor=cable,
@@ -76,6 +81,11 @@ def suit_adaptive() -> Law:
     return LAWS["adaptive"].preset("suit")
 
 
+def suit_adaptive_integral() -> Law:
+    """The same where the drive has an integral, whose lag leaves half the κ; both calibrations have this choice."""
+    return suit_adaptive().with_gains(error_gain=0.03, feedback_gain=1.5, smoothing=0.2)
+
+
 def suit_ours() -> Law:
     """Our own law, with its gains for the suit."""
     return LAWS["bowden"].preset("suit")
@@ -84,6 +94,9 @@ def suit_ours() -> Law:
 DRIVE_INTEGRAL = 25.0
 """k_i of a drive whose position loop has an integral, with which our law runs: 12 dB below that loop's limit, which is
 2·ζ·ω = 107 1/s [1/s]."""
+FRICTION_FEEDFORWARD = 2.79
+"""What our stack's drive pushes against friction: 0.7 of the 3.99 N·m that the uncompensated run shows
+(`bowden.identify.suit_friction`), so that it is no more than there is where friction is 30 % less [N·m]."""
 
 
 def flexions(period: float | None = None) -> PeriodicMinimumJerk:
@@ -101,7 +114,8 @@ def run_suit(
     fit: SuitCalibration | None = None,
     reference: Trajectory | None = None,
     duration: float | None = None,
-    drive_integral: float = 0.0,
+    drive_integral: float | None = None,
+    friction_feedforward: float = 0.0,
 ) -> Trace:
     """A run of the suit from rest.
 
@@ -112,10 +126,13 @@ def run_suit(
         fit: in place of the frozen calibration.
         reference: in place of the flexions.
         duration: with it [s].
-        drive_integral: of the drive's position loop, which the paper's has not [1/s].
+        drive_integral: of the drive's position loop; the calibration's where it is not given [1/s].
+        friction_feedforward: of the drive, which the paper's has not [N·m].
     """
     made, motion = suit(fit), reference or flexions(period)
-    made = made._replace(motor=made.motor._replace(integral=drive_integral))
+    made = made._replace(motor=made.motor._replace(friction_feedforward=friction_feedforward))
+    if drive_integral is not None:
+        made = made._replace(motor=made.motor._replace(integral=drive_integral))
     one = document()["suit"]["chosen"]["period"] if period is None else period
     length = count * one if duration is None else duration
     return simulate_suit(made, law, motion, duration=length, seed=document()["chosen"]["seed"])

@@ -74,7 +74,8 @@ def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> S
     extensor = start_suit_cable(suit.extensor, -suit.extensor_radius * spool, -suit.joint_radius * joint, factor)
     heat = ThermalState(suit.thermal.ambient, suit.thermal.ambient, 0.0)
     slack = Pull(0.0, 0.0)
-    return SuitState(0.0, SpoolState(spool, 0.0, 0.0, 0.0), joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
+    still = SpoolState(spool, 0.0, 0.0, 0.0, spool, 0.0)
+    return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
 
 
 @kernel
@@ -95,7 +96,8 @@ def suit_step(
     target, step = spool_of(command, suit.map), dt / suit.substeps
     for i in range(suit.substeps):
         bend = bends.before + (bends.after - bends.before) * (i + 1.0) / suit.substeps
-        spool = SpoolState(state.spool.position, state.spool.velocity, 0.0, 0.0)
+        at = state.spool.position
+        spool = SpoolState(at, state.spool.velocity, 0.0, 0.0, at, 0.0)
         if powered:
             spool = drive_motor(suit.motor, state.spool, target, step)
         state = _substep(suit, state, spool, bend, wearer, step)
