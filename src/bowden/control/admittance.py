@@ -107,7 +107,7 @@ def beyond_band(torque: float, band: float) -> float:
     """f(τ) = τ − w·tanh(τ/w) [N·m].
 
     >>> beyond_band(0.25, 0.0), round(beyond_band(2.0, 0.5), 3), round(beyond_band(-0.05, 0.5), 6)
-    (0.25, 1.5, -0.000165)
+    (0.25, 1.5, -0.000166)
     """
     width = sel(band > 0.0, band, 1.0)
     return torque - band * tanh(torque / width)
