@@ -93,7 +93,6 @@ def received(source: str, count: int) -> EmgChunk:
     return EmgChunk(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
 
 
-@pytest.mark.live
 def test_a_recording_is_played_as_a_stream_and_again_and_ends_at_ctrl_c(lsl: Any) -> None:
     values = recording(seconds=2.5)
     with playing("emg_stream", "stream", "a.csv", "--name", NAME, "--loop", "--wait") as (document, process):
@@ -107,7 +106,6 @@ def test_a_recording_is_played_as_a_stream_and_again_and_ends_at_ctrl_c(lsl: Any
     assert np.array_equal(found.values, twice[: len(found.values)])
 
 
-@pytest.mark.live
 def test_speed_is_declared_and_one_channel_may_be_chosen(lsl: Any) -> None:
     values = recording(seconds=4.0)
     words = ("a.csv", "--name", NAME, "--speed", "2.5", "--channel", "triceps_mV", "--wait")
@@ -118,7 +116,6 @@ def test_speed_is_declared_and_one_channel_may_be_chosen(lsl: Any) -> None:
     assert np.array_equal(found.values[:, 0], values[:, 1])
 
 
-@pytest.mark.live
 def test_a_recording_is_served_as_a_base_station(capsys: pytest.CaptureFixture[str]) -> None:
     values = recording()
     with playing("emg_serve", "serve", "a.csv", "--port", "0", "--emg-port", "0") as (document, process):
@@ -130,7 +127,6 @@ def test_a_recording_is_served_as_a_base_station(capsys: pytest.CaptureFixture[s
     assert found.values == pytest.approx(values[: len(found.values)], rel=1e-6)
 
 
-@pytest.mark.live
 def test_a_wearer_is_calibrated_from_a_stream_and_told_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
     """A second to make ready, two of rest, a second, two of contraction: the recording contracts from 3.6 s on."""
     recording()
@@ -231,7 +227,6 @@ def test_a_recording_without_times_has_a_declared_rate(capsys: pytest.CaptureFix
     assert found["contractions_s"][0][0] == pytest.approx(3.65, abs=0.1)
 
 
-@pytest.mark.live
 def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, capsys: pytest.CaptureFixture[str]) -> None:
     outlets = [
         LslOutlet(NAME, RATE, ["a", "b"], "mV", "one"),

@@ -131,6 +131,7 @@ def test_the_command_writes_the_gains_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 6)  # of many, so that it takes seconds
     rig = "# soft\n[cable]\nslope = 0.6\nrate_per_rad = 4.0\n"
     Path("rig.toml").write_text(rig)
     assert run(["tune", "rig.toml", "--json"]) == 0

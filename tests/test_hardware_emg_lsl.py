@@ -73,7 +73,6 @@ def sending(outlet: LslOutlet, values: np.ndarray, rate: float = RATE, speed: fl
         thread.join()
 
 
-@pytest.mark.live
 def test_a_stream_decides_as_the_file_does(lsl: Any, shared_data: Path) -> None:
     """Ten times as quick as it was recorded, every value and every decision of the detector is the file's."""
     log = read_emg(shared_data / "emg" / "biceps_bursts.csv.gz")
@@ -94,7 +93,6 @@ def test_a_stream_decides_as_the_file_does(lsl: Any, shared_data: Path) -> None:
     assert len(stream.read(0.0).times) == 0
 
 
-@pytest.mark.live
 def test_times_are_those_of_this_computers_clock_and_channels_keep_their_names(lsl: Any) -> None:
     values = np.arange(4000.0)[:, None] + np.array([0.0, 0.5])
     outlet = LslOutlet(f"times-{HERE}", RATE, ["biceps", "triceps"], "µV", f"times-{HERE}")
@@ -111,7 +109,6 @@ def test_times_are_those_of_this_computers_clock_and_channels_keep_their_names(l
     stream.close()
 
 
-@pytest.mark.live
 def test_a_stream_that_dies_is_lost_and_comes_back_with_a_gap_of_missing_samples(lsl: Any) -> None:
     def make() -> LslOutlet:
         return LslOutlet(f"dies-{HERE}", RATE, ["a"], "mV", f"dies-{HERE}")
@@ -143,7 +140,6 @@ def test_a_stream_that_dies_is_lost_and_comes_back_with_a_gap_of_missing_samples
     stream.close()
 
 
-@pytest.mark.live
 def test_streams_that_cannot_be_used_are_one_line(lsl: Any) -> None:
     name = f"bad-{HERE}"
     with pytest.raises(StreamError, match=f"no LSL stream '{name}' in 0.3 s; there"):

@@ -152,7 +152,6 @@ def drained(stream: TrignoStream, count: int = 10**9, seconds: float = 20.0) -> 
     return EmgChunk(*(np.concatenate(parts) for parts in zip(*chunks, strict=True))), said
 
 
-@pytest.mark.live
 @pytest.mark.parametrize("faults", [[], ["torn", "late=0.5"]], ids=["well", "torn and late"])
 def test_every_sample_comes_once_in_its_column_with_increasing_times(faults: list[str]) -> None:
     begin = time.monotonic()
@@ -172,7 +171,6 @@ def test_every_sample_comes_once_in_its_column_with_increasing_times(faults: lis
     stream.close()
 
 
-@pytest.mark.live
 def test_a_recording_through_the_server_decides_as_the_file_does(shared_data: Path) -> None:
     """The wire has single precision and volts; what the detector makes of that is the same."""
     log = read_emg(shared_data / "emg" / "adductor_pollicis_twitches.csv.gz")
@@ -207,7 +205,6 @@ def faulty() -> dict[str, tuple[EmgChunk, list[str]]]:
         return dict(zip(faults, pool.map(one, faults), strict=True))
 
 
-@pytest.mark.live
 def test_frames_that_are_missing_show_in_the_times(faulty: dict[str, tuple[EmgChunk, list[str]]]) -> None:
     found, _ = faulty["missing=0.03"]
     counts = counted(found)
@@ -218,7 +215,6 @@ def test_frames_that_are_missing_show_in_the_times(faulty: dict[str, tuple[EmgCh
     assert found.times[-1] - found.times[0] == pytest.approx((counts[-1] - counts[0]) / RATE, abs=0.3)
 
 
-@pytest.mark.live
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
@@ -241,7 +237,6 @@ def test_a_server_that_fails_is_lost_and_connected_anew_with_missing_samples_bet
     assert (np.diff(whole) < 0.0).any(), "the recording begins again when the server is started again"
 
 
-@pytest.mark.live
 def test_single_values_that_no_electrode_gives_are_missing_samples(
     faulty: dict[str, tuple[EmgChunk, list[str]]],
 ) -> None:
@@ -252,7 +247,6 @@ def test_single_values_that_no_electrode_gives_are_missing_samples(
     assert not any("no EMG" in loss for loss in losses)
 
 
-@pytest.mark.live
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
@@ -268,7 +262,6 @@ def test_a_server_that_cannot_be_used_is_one_line(fault: str, said: str) -> None
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.live
 def test_an_older_server_that_knows_few_questions_will_do() -> None:
     with serving(counter(channels=2), faults=["refuse=questions"]) as address:
         stream = TrignoStream(address)
@@ -278,7 +271,6 @@ def test_an_older_server_that_knows_few_questions_will_do() -> None:
     assert stream.channels == ("sensor1", "sensor2")
 
 
-@pytest.mark.live
 def test_where_the_emg_port_refuses_the_legacy_one_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     with serving(counter(channels=2)) as address, socket.create_server(("127.0.0.1", 0)) as other:
         monkeypatch.setattr(trigno_dialogue, "EMG_PORT", other.getsockname()[1])
@@ -293,7 +285,6 @@ def test_where_the_emg_port_refuses_the_legacy_one_is_taken(monkeypatch: pytest.
             TrignoStream(address._replace(emg=None)).open()
 
 
-@pytest.mark.live
 def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
     with (
         serving(counter(channels=2)) as address,
@@ -311,7 +302,6 @@ def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
         TrignoServer(counter(1.0, 17), RATE)
 
 
-@pytest.mark.live
 @pytest.mark.parametrize(
     ("sent", "said"),
     [

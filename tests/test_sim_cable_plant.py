@@ -79,13 +79,13 @@ def test_a_moved_sheath_is_the_benchs() -> None:
 @every_cable
 def test_every_cable_runs_under_a_law_and_tells_what_made_it(cable: cables.Cable) -> None:
     plant = noisy(CablePlant(cable, sheath=Sheath(bend=2.0)))
-    run = lambda seed: simulate(  # noqa: E731  # one call, three seeds
-        plant, LAWS["adaptive"], STROKE, duration=6.0, bend=scripted_bend([1.0, 4.0], [2.0, 3.0]), seed=seed
+    run = lambda seed, duration: simulate(  # noqa: E731  # one call, three runs
+        plant, LAWS["adaptive"], STROKE, duration=duration, bend=scripted_bend([1.0, 4.0], [2.0, 3.0]), seed=seed
     )
-    trace, again, other = run(1), run(1), run(2)
+    trace, again, other = run(1, 6.0), run(1, 1.0), run(2, 1.0)
     assert trace.stable
-    assert trace["joint"].tolist() == again["joint"].tolist()
-    assert trace["joint"].tolist() != other["joint"].tolist()
+    assert trace["joint"][:1000].tolist() == again["joint"].tolist()
+    assert again["joint"].tolist() != other["joint"].tolist()
     assert np.isfinite(trace["current"]).all()
     assert np.sqrt(np.mean(trace.error[3000:] ** 2)) < 0.03
     settings = json.loads(json.dumps(dict(trace.settings)))
