@@ -4,6 +4,7 @@ import inspect
 import re
 from pathlib import Path
 
+from bowden.app import made_tables
 from bowden.core.files import whole_file
 from bowden.models.thermal import Thermal
 from bowden.safety.faults import Fault
@@ -40,12 +41,7 @@ def limits_table() -> str:
 
 def with_tables(page: str) -> str:
     """The page with what stands between its markers made anew."""
-    for name, table in (("faults", faults_table()), ("limits", limits_table())):
-        begin, end = f"<!-- {name}: made by make docs -->\n", f"<!-- end of {name} -->"
-        head, _, rest = page.partition(begin)
-        _, _, tail = rest.partition(end)
-        page = f"{head}{begin}{table}\n{end}{tail}"
-    return page
+    return made_tables.with_tables(page, {"faults": faults_table(), "limits": limits_table()})
 
 
 def write_docs(docs: Path) -> None:

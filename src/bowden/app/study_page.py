@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from bowden.app import made_tables
 from bowden.app.campaign_rows import FIGURES
 from bowden.app.rig_page import keys_of
 from bowden.app.rig_section import Section
@@ -74,12 +75,7 @@ def with_tables(page: str) -> str:
         "faults": faults_list(),
         "figures": figures_table(),
     }
-    for name, table in tables.items():
-        begin, end = f"<!-- {name}: made by make docs -->\n", f"<!-- end of {name} -->"
-        head, _, rest = page.partition(begin)
-        _, _, tail = rest.partition(end)
-        page = f"{head}{begin}{table}\n{end}{tail}"
-    return page
+    return made_tables.with_tables(page, tables)
 
 
 def write_docs(docs: Path) -> None:

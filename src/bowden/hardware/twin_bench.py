@@ -128,6 +128,17 @@ def move(
     return Motion(position, velocity, (velocity - before) / dt, h, end)
 
 
+def course_at(course: NDArray[np.float64], time: float, spacing: float) -> float:
+    """A course of values `spacing` [s] apart, straight between them, after a `time` [s]; its ends go on as they are."""
+    if time <= 0.0:
+        return float(course[0])
+    place = time / spacing
+    i = int(place)
+    if i >= len(course) - 1:
+        return float(course[-1])
+    return float(course[i] + (course[i + 1] - course[i]) * (place - i))
+
+
 class TwinBench:
     """The bench at a time that only goes forward.
 
@@ -222,13 +233,7 @@ class TwinBench:
         return self.bench.motor.current_limit
 
     def _at(self, course: NDArray[np.float64], time: float) -> float:
-        if time <= self._began:
-            return float(course[0])
-        place = (time - self._began) / self.bench.sample_time
-        i = int(place)
-        if i >= len(course) - 1:
-            return float(course[-1])
-        return float(course[i] + (course[i + 1] - course[i]) * (place - i))
+        return course_at(course, time - self._began, self.bench.sample_time)
 
     @property
     def motor(self) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel
-from bowden.hardware.twin_bench import BRAKE, LONGEST_GAP, OFF, Physics, stage_temperature
+from bowden.hardware.twin_bench import BRAKE, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
 from bowden.models.arm import Wearer
 from bowden.models.encoder import reading
 from bowden.models.flex_sensor import flex_start, flex_step
@@ -126,13 +126,7 @@ class TwinSuit:
 
     def _at(self, time: float) -> float:
         """The sheaths' bend [rad]."""
-        if time <= self._began:
-            return float(self._bends[0])
-        place = (time - self._began) / self.suit.sample_time
-        i = int(place)
-        if i >= len(self._bends) - 1:
-            return float(self._bends[-1])
-        return float(self._bends[i] + (self._bends[i + 1] - self._bends[i]) * (place - i))
+        return course_at(self._bends, time - self._began, self.suit.sample_time)
 
     @property
     def motor(self) -> float:

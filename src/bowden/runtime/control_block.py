@@ -28,6 +28,22 @@ def create(path: Path, words: int = _WORDS) -> None:
         raise OutputError(f"cannot make {path}: {error.strerror}", do="make room in its folder") from error
 
 
+def mapped(path: Path, words: int, what: str) -> mmap.mmap:
+    """A block that was made before, in this process's memory.
+
+    Raises:
+        LogError: there is none.
+    """
+    try:
+        handle = os.open(path, os.O_RDWR)
+        try:
+            return mmap.mmap(handle, 8 * words, mmap.MAP_SHARED | mmap.MAP_POPULATE)
+        finally:
+            os.close(handle)
+    except (OSError, ValueError) as error:
+        raise LogError(f"cannot open the {what} {path}: {error}", do="start the run first") from error
+
+
 class ControlBlock:
     """One process's view of the block.
 
@@ -36,14 +52,7 @@ class ControlBlock:
     """
 
     def __init__(self, path: Path) -> None:
-        try:
-            handle = os.open(path, os.O_RDWR)
-            try:
-                memory = mmap.mmap(handle, 8 * _WORDS, mmap.MAP_SHARED | mmap.MAP_POPULATE)
-            finally:
-                os.close(handle)
-        except (OSError, ValueError) as error:
-            raise LogError(f"cannot open the control block {path}: {error}", do="start the run first") from error
+        memory = mapped(path, _WORDS, "control block")
         self._words = memoryview(memory).cast("q")
         self._taken = 0
 

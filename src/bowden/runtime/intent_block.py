@@ -6,13 +6,10 @@ keeps what it had (a sequence lock, as in the ring). Neither side ever waits, an
 leaves words that grow old, which the supervisor sees.
 """
 
-import mmap
-import os
 import threading
 from pathlib import Path
 from typing import NamedTuple
 
-from bowden.core.errors import LogError
 from bowden.runtime import control_block
 
 _SEQUENCE, _FIRST = 0, 1
@@ -61,14 +58,7 @@ class _Mapped:
     """One process's view of the block."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            handle = os.open(path, os.O_RDWR)
-            try:
-                memory = mmap.mmap(handle, 8 * _WORDS, mmap.MAP_SHARED | mmap.MAP_POPULATE)
-            finally:
-                os.close(handle)
-        except (OSError, ValueError) as error:
-            raise LogError(f"cannot open the block of intent {path}: {error}", do="start the run first") from error
+        memory = control_block.mapped(path, _WORDS, "block of intent")
         self._whole = memoryview(memory).cast("q")
         self._real = memoryview(memory).cast("d")
         self._fence = threading.Lock()
