@@ -3,7 +3,7 @@
     python benchmarks/admittance.py [FOLDER] [--fast]
 
 Writes ``admittance.json`` and ``admittance.svg`` to FOLDER (out/admittance), in a few minutes on one core; ``--fast``
-takes every third stiffness and one body.
+takes every third stiffness, one body and five of the drawn wearers.
 """
 
 import argparse
@@ -19,6 +19,7 @@ from bowden.control.admittance import Admittance
 from bowden.control.admittance_port import passive_to
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import FIRM, QUIET, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
+from bowden.design.admittance_unseen import unseen, unseen_felt
 from bowden.models.arm import arm_of
 from bowden.paper.suit import suit
 from bowden.sim.suit_parts import Suit
@@ -26,6 +27,7 @@ from bowden.sim.suit_sources import BODIES, limit_for, ports_of
 
 STIFFNESSES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 DAMPINGS = (0.0, 0.5, 2.0, 10.0)
+UNSEEN = 50
 SURE = LAWS["uncompensated"]
 
 
@@ -80,6 +82,23 @@ def transparency() -> list[dict[str, Any]]:
                     rows.append(common | {"way": way} | asdict(felt(run, made.arm)))
             for row in rows[-8:]:
                 _say(f"±{degrees:g}° {name}, {row['way']}: {row['rms']:.2f} N·m RMS, peak {row['peak']:.2f}")
+    return rows
+
+
+def unseen_ones(*, fast: bool) -> list[dict[str, Any]]:
+    """A row for each drawn wearer and torque source: what they feel with a source that believes the usual suit."""
+    rows = []
+    for estimated in (False, True):
+        how = Pushed(SURE, estimated=estimated)
+        for number in range(5 if fast else UNSEEN):
+            drawn = unseen(number, suit())
+            row = {"number": number, "torque": _source(estimated), "mass_kg": drawn.mass, "hz": drawn.frequency}
+            rows.append(row | {"amplitude_deg": drawn.amplitude / RADIANS} | asdict(unseen_felt(number, suit(), how)))
+        found = sorted(row["rms"] for row in rows if row["torque"] == _source(estimated))
+        within = sum(rms <= 1.0 for rms in found)
+        middle = found[len(found) // 2]
+        said = f"unseen, {_source(estimated)}: {within} of {len(found)} within 1 N·m"
+        _say(f"{said}, {middle:.2f}, at most {found[-1]:.2f}")
     return rows
 
 
@@ -155,6 +174,7 @@ def main() -> None:
         "quiet_rad_per_s": QUIET,
         "limits": limits(),
         "transparency": transparency(),
+        "unseen": unseen_ones(fast=chosen.fast),
         "stability": (rows := stability(fast=chosen.fast)),
     }
     document["seconds"] = time.perf_counter() - begun

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bowden.app.campaign_rows import chunks
 from bowden.app.campaign_workers import in_processes
 from bowden.app.study import Study
 from bowden.app.study_load import load
@@ -48,7 +49,8 @@ def figures(count: int = RUNS) -> tuple[list[Figure], list[str]]:
         one, two = (np.median([rate[i] for rate in rates]) for i in (0, 1))
         ratios = [rate[1] / rate[0] for rate in rates]
         ratio = float(np.median(ratios))
-        by_runs = _slope([count // 16, count // 8, count // 4, count // 2], lambda n: rows(minute, range(int(n))))
+        cut = chunks(minute)
+        by_runs = _slope([1, 2, 4], lambda n: [rows(minute, numbers) for numbers in cut[: int(n)]])
         lengths = [_study(Path(folder), duration) for duration in (60.0, 120.0, 240.0, 480.0)]
         many = range(max(1, count // 40))
         by_time = _slope([s.duration for s in lengths], lambda t: rows(_of(lengths, t), many))
@@ -75,7 +77,8 @@ def figures(count: int = RUNS) -> tuple[list[Figure], list[str]]:
     ], [
         f"{count} plants with varied servo, delay, slope and gain, drawn, put together, run and made into rows; "
         f"runs a second are by the clock, from the first finished chunks to the last, medians of {ROUNDS} rounds in "
-        "which one and two processes take turns (smallest … largest). Slopes: of processor time, the least of three.",
+        "which one and two processes take turns (smallest … largest). Slopes: of processor time, the least of five; "
+        f"over runs in a campaign's own chunks, {len(cut[0])} to {4 * len(cut[0])} runs.",
     ]
 
 
@@ -107,7 +110,7 @@ def _rate(study: Study, count: int, workers: int) -> float:
 def _slope(sizes: list[float] | list[int], task: Callable[[float], object]) -> float:
     """Of the logarithm of the processor time over that of the size."""
     taken = [[] for _ in sizes]  # type: list[list[float]]
-    for _ in range(3):
+    for _ in range(5):
         for size, seconds in zip(sizes, taken, strict=True):
             begin = time.process_time()
             task(size)

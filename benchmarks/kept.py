@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from bowden.core.kernel import cache_folder
+from bowden.core.kernel_cache import cache_folder
 
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
 

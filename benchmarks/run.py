@@ -48,18 +48,18 @@ def jax(count: int | None) -> Found:
     return peer_jax.rows()
 
 
-def genetic(count: int | None) -> Found:
-    """Identification against a genetic algorithm."""
-    import peer_genetic
+def search(count: int | None) -> Found:
+    """Identification against a genetic algorithm and differential evolution."""
+    import peer_search
 
-    return peer_genetic.rows()
+    return peer_search.rows()
 
 
 def start(count: int | None) -> Found:
     """The first run of a fresh process."""
     import fresh_process
 
-    return fresh_process.rows(), []
+    return fresh_process.rows()
 
 
 def batch(count: int | None) -> Found:
@@ -91,7 +91,7 @@ def wearers(count: int | None) -> Found:
 
 
 SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
-    "Speed": (c, control, scipy, jax, genetic, start),
+    "Speed": (c, control, scipy, jax, search, start),
     "Campaigns": (batch,),
     "How far `bowden check` can be trusted": (study,),
     "Our law on random plants": (plants,),

@@ -1,5 +1,6 @@
 """What the tests share."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -7,9 +8,13 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+pytest.register_assert_rewrite("live_runs", "loop_rig")
+
 os.environ["LSLAPICFG"] = str(Path(__file__).parent / "lsl_api.cfg")  # liblsl reads it once, when it is first used
 settings.register_profile("bowden", deadline=None, derandomize=True)  # compilation is slow, and a run repeats another
 settings.load_profile("bowden")
+
+gc.set_threshold(100_000, 20, 20)  # as the command has it; a tenth of a compilation would be searches for garbage
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # a shell starts what runs in its background deaf to interruptions, and every child of it too
@@ -23,3 +28,10 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("the recordings in ../shared/data are not here")
     return folder
+
+
+@pytest.fixture
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder in which commands keep what they know of a motor; the test's own, and not the user's."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state"

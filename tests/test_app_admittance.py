@@ -6,8 +6,21 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from bowden.app import main
+from bowden.app import compose_admittance, main
+from bowden.app.compose_live import Asked, compose_live
+from bowden.control import LAWS
+from bowden.control.admittance import Admittance
+from bowden.control.source import TABLE
+from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
+from bowden.core.units import RADIANS
+from bowden.design.admittance_study import MIDDLE
+from bowden.hardware.twin_bench import FOLLOW
+from bowden.hardware.twin_suit import TwinSuit
+from bowden.models.geared_motor import GearedMotor
+from bowden.sim.scenario import constant_bend
+from bowden.sim.suit_parts import Suit
+from bowden.sim.suit_sources import behind, push_of
 
 ROOT = Path(__file__).parents[1]
 RIG = """
@@ -73,9 +86,183 @@ def test_what_cannot_be_rendered_is_one_line(keys: str, said: str, capsys: pytes
     assert not Path("out").exists() or not list(Path("out").rglob("*.html"))
 
 
-def test_the_live_loop_refuses_it(capsys: pytest.CaptureFixture[str]) -> None:
+PUSH, ESTIMATE = (
+    ("worn = true", "worn = true\nfriction_feedforward_nm = 2.79"),
+    ("true\n", 'true\ntorque = "estimate"\n'),
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "said"),
+    [
+        (
+            [],
+            [],
+            'torque is "load_cell"; expected "estimate" in a live run: the drive\'s process data carry',
+        ),
+        ([ESTIMATE], [], "suit.friction_feedforward_nm is 0 in a live run by [admittance]; expected at least "),
+        (
+            [ESTIMATE, ("worn = true", "worn = true\nfriction_feedforward_nm = 0.1")],
+            [],
+            "suit.friction_feedforward_nm is 0.1 in a live run by [admittance]; expected at least ",
+        ),
+        ([ESTIMATE, PUSH], ["--emg", "lsl:EMG"], "admittance.enabled is true in a run by EMG; expected one source"),
+        (
+            [ESTIMATE, PUSH, ("worn = true", "worn = true\ndrive_integral_per_s = 40.0")],
+            [],
+            "suit.drive_integral_per_s is 40 under [admittance], where most wearers come to swing; expected 0",
+        ),
+        (
+            [ESTIMATE, PUSH, ("true\n", "true\nlow_deg = 90.0\n")],
+            [],
+            "low_deg is 90 and high_deg 120; expected some of it 5° or more inside the joint's limits, -28.65 to 85.94",
+        ),
+        (
+            [ESTIMATE, PUSH, ('"estimate"\n', '"estimate"\nlow_deg = 50.0\n[limits]\nmotor_high_deg = 40.0\n')],
+            [],
+            "low_deg is 50 and high_deg 120; expected some of it inside the motor's limits, -17.19 to 40; correct",
+        ),
+        (
+            [
+                *(ESTIMATE, PUSH),
+                (
+                    '"estimate"\n',
+                    '"estimate"\n[limits]\njoint_high_deg = 30.0\nmotor_low_deg = 26.0\nmotor_high_deg = 60.0\n',
+                ),
+            ],
+            [],
+            "some of it 5° or more inside the joint's limits, -28.65 to 30 and inside the motor's limits, 26 to 60",
+        ),
+    ],
+)
+def test_what_no_live_run_can_render_is_one_line(
+    changes: list[tuple[str, str]], options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = RIG
+    for old, new in changes:
+        head, _, tail = text.rpartition(old)
+        text = head + new + tail
+    Path("rig.toml").write_text(text)
+    assert main.run(["run", "rig.toml", "--twin", "--auto", *options]) == 2
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
+    assert not Path("out").exists()
+
+
+def test_beyond_the_limit_nothing_runs_live(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Beyond:
+        def refuse(self, settings: Admittance) -> None:
+            raise ParameterError(f"an inertia of {settings.inertia:g} swings up")
+
+    monkeypatch.setattr(compose_admittance, "limit_for", lambda suit: Beyond())
+    Path("rig.toml").write_text(RIG.replace(*PUSH) + 'torque = "estimate"\n')
     assert main.run(["run", "rig.toml", "--twin", "--auto"]) == 2
-    assert "admittance.enabled is true; expected false" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "bowden: an inertia of 0.012 swings up; change [admittance] in rig.toml, or run it anyway with --force\n"
+    )
+
+
+def test_a_live_reference_is_held_inside_the_supervisors_limits() -> None:
+    text = RIG.replace("worn = true", "worn = true\nfriction_feedforward_nm = 2.79")
+    Path("rig.toml").write_text(f'{text}torque = "estimate"\n[limits]\njoint_high_deg = 80.0\njoint_low_deg = -1.0\n')
+    live = compose_live(Asked(Path("rig.toml")))
+    virtual = live.source().settings.admittance
+    assert (virtual.low, virtual.high) == pytest.approx((4.0 * RADIANS, 75.0 * RADIANS))
+    held, tracked = live.setup.notes
+    assert held == "the reference of [admittance] is held within 4° to 75°, inside [limits]"
+    assert tracked.startswith("limits.tracking_deg is 5.73; where a motion turns, friction leaves the motor 28° behind")
+    assert live.told()["admittance"]["estimated"] == 1.0
+    assert compose_live(Asked(Path("rig.toml"), measure=True)).source() is TABLE
+
+
+def test_a_law_is_led_no_further_than_joint_and_motor_may_go_live() -> None:
+    text = RIG.replace(*PUSH) + 'torque = "estimate"\n[limits]\njoint_high_deg = 95.0\n'
+    for motor_high, room in ((120.0, 5.0), (92.0, 2.0), (80.0, 0.0)):
+        Path("rig.toml").write_text(f"{text}motor_high_deg = {motor_high}\n")
+        settings = compose_live(Asked(Path("rig.toml"), law="adaptive")).source().settings
+        assert settings.under.room == pytest.approx(room * RADIANS)
+        assert settings.admittance.high == pytest.approx(min(90.0, motor_high) * RADIANS)
+
+
+@pytest.mark.parametrize(
+    ("friction", "made_up", "said"),
+    [
+        (2.3, 0.0, "refused"),
+        (2.3, 0.3, "refused"),
+        (2.3, 1.5, "noted"),
+        (2.3, 2.79, ""),
+        (6.0, 2.79, "refused"),
+        (0.2, 0.0, ""),
+    ],
+)
+def test_the_friction_that_is_left_decides_whether_a_live_motor_can_move(
+    friction: float, made_up: float, said: str
+) -> None:
+    keys = f"friction_nm = {friction}\nfriction_feedforward_nm = {made_up}\n"
+    Path("rig.toml").write_text(RIG.replace("worn = true\n", f"worn = true\n{keys}") + 'torque = "estimate"\n')
+    asked = Asked(Path("rig.toml"))
+    if said == "refused":
+        with pytest.raises(ParameterError, match=f"friction_feedforward_nm is {made_up:g} in a live run"):
+            compose_live(asked)
+    else:
+        notes = [note for note in compose_live(asked).setup.notes if "friction_feedforward_nm" in note]
+        assert len(notes) == (said == "noted")
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("friction_feedforward_nm = 0.3", "set it, to 2.79 on the paper's suit (docs/admittance.md)"),
+        ("friction_nm = 4.0\nfriction_feedforward_nm = 0.3", "set it (docs/admittance.md)"),
+        (
+            "friction_nm = 6.0\nfriction_feedforward_nm = 2.79",
+            "the suit cannot run live with this drive; take a stronger drive, or lessen the friction",
+        ),
+    ],
+)
+def test_the_advice_on_friction_can_be_followed(keys: str, said: str) -> None:
+    Path("rig.toml").write_text(RIG.replace("worn = true\n", f"worn = true\n{keys}\n") + 'torque = "estimate"\n')
+    with pytest.raises(ParameterError) as refused:
+        compose_live(Asked(Path("rig.toml")))
+    assert refused.value.do == said
+    least = refused.value.expected.removeprefix("at least ")
+    if said.startswith("set it"):
+        given = "friction_feedforward_nm = " + least.partition(":")[0]
+        Path("rig.toml").write_text(Path("rig.toml").read_text().replace("friction_feedforward_nm = 0.3", given))
+        compose_live(Asked(Path("rig.toml")))
+    else:
+        assert least.startswith("5.34, and this drive has 4.175 at most: ")
+
+
+def test_friction_of_another_cable_is_said_not_to_be_foreseen() -> None:
+    keys = 'cable = "capstan"\ncapstan_friction = 1.0\nfriction_nm = 0.2\n'
+    Path("rig.toml").write_text(RIG.replace("worn = true\n", f"worn = true\n{keys}") + 'torque = "estimate"\n')
+    notes = compose_live(Asked(Path("rig.toml"))).setup.notes
+    assert sum("friction of its sheath is not foreseen" in note for note in notes) == 1
+
+
+def test_what_the_drive_makes_up_for_is_not_made_up_for_twice() -> None:
+    for given, left in ((0.0, 1.0), (1.0, None), (100.0, 0.0)):
+        suit = Suit(motor=GearedMotor(friction_feedforward=given))
+        friction = push_of(suit, LAWS["uncompensated"], Admittance()).under.friction
+        whole = push_of(Suit(), LAWS["uncompensated"], Admittance()).under.friction
+        assert friction == pytest.approx(whole * left if left is not None else whole - given)
+
+
+def test_friction_leaves_a_motor_without_an_integral_about_so_far_behind() -> None:
+    plant = TwinSuit(Suit(), constant_bend(Suit().sheath.bend), 1.0, 1, MIDDLE, 0.0)
+    plant.doing, plant.command, began, left = FOLLOW, MIDDLE, plant.motor, behind(Suit())
+    for k in range(1, 1001):
+        plant.command = MIDDLE + left * min(1.0, k / 500.0)
+        plant.advance(1e-3 * k)
+    assert plant.motor - began < 0.5 * left
+    for k in range(1001, 2001):
+        plant.command = MIDDLE + 2.0 * left
+        plant.advance(1e-3 * k)
+    assert plant.motor - began > 0.5 * left
 
 
 def test_no_push_without_a_suit(capsys: pytest.CaptureFixture[str]) -> None:

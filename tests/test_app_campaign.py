@@ -20,6 +20,7 @@ import pytest
 
 from bowden.app import campaign_workers, main, study_pack, study_page
 from bowden.app.study_load import load
+from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 
 ROOT = Path(__file__).parents[1]
@@ -187,6 +188,18 @@ def test_what_was_computed_is_kept(
     assert (again["chunks_computed"], again["chunks_kept"]) == (11, 5)
 
 
+@pytest.mark.parametrize("failure", [KeyboardInterrupt(), ParameterError("no cluster", do="start one")])
+def test_nothing_is_said_of_what_is_kept_where_nothing_is(
+    failure: BaseException, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: Any) -> None:
+        raise failure
+
+    monkeypatch.setattr(study_pack, "warm", failing)
+    assert campaign() in (2, 130)
+    assert one_line(capsys) in ("bowden: interrupted\n", "bowden: no cluster; start one\n")
+
+
 def test_another_study_does_not_mix_with_what_is_there(
     whole: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -282,6 +295,15 @@ def test_processes_that_die_are_replaced(monkeypatch: pytest.MonkeyPatch) -> Non
         ('["adaptive"]', '["adaptiv"]', "adaptive (did you mean this?)"),
         ('["adaptive"]', '["adaptive", "adaptive"]', "two of one name"),
         ('["adaptive"]', '["none.py"]', "cannot read the law"),
+        ("[0.6, 1.2]", "[nan, 1.2]", 'vary."cable.slope".uniform.0 is nan; expected a finite number'),
+        ('"joint_nan"]', "nan]", "fault.kind.choice.2 is nan; expected a finite number"),
+        ("uniform = [0.6, 1.2]", "unifrom = [0.6, 1.2]", "key 'unifrom' in [vary.\"cable.slope\"]"),
+        (
+            '"cable.slope"',
+            '"wearer.share"',
+            "vary has 'wearer.share', which changes nothing here; expected suit.worn = true",
+        ),
+        ('"cable.slope"', '"admittance.carried"', "expected admittance.enabled = true; add that to [set]"),
         ("runs = 32", "runs = 0", "runs is 0; expected a number not below 1"),
         ("runs = 32", "runs = 3.5", "runs is 3.5; expected a whole number"),
         ("runs = 32", "count = 32", "unknown key or section 'count'"),
@@ -322,6 +344,15 @@ def test_values_that_clash_in_one_run_name_it(capsys: pytest.CaptureFixture[str]
     error = one_line(capsys)
     assert "low_deg" in error
     assert "expected low_deg below high_deg" in error
+
+
+def test_the_cycle_may_differ_from_run_to_run(folder: Path) -> None:
+    """Also where it is longer than the rig's."""
+    text = 'runs = 4\nduration_s = 0.5\n[vary]\n"bench.sample_time_ms" = { choice = [10.0, 20.0] }\n'
+    (folder / "study.toml").write_text(text)
+    assert campaign() == 0
+    rows = ds.dataset("out/runs").to_table().to_pylist()
+    assert all(row["cycles"] * row["bench.sample_time_ms"] == 500.0 for row in rows)
 
 
 def test_the_page_and_the_schema_are_current() -> None:

@@ -40,9 +40,9 @@ def alone(folder: Path) -> str:
     return computed(folder, "alone", "--workers", "1")["rows_sha256"]
 
 
-def computed(folder: Path, out: str, *options: str) -> dict[str, Any]:
+def computed(folder: Path, out: str, *options: str, command: list[str] = COMMAND) -> dict[str, Any]:
     done = subprocess.run(
-        [*COMMAND, "--out", out, "--json", *options], cwd=folder, capture_output=True, text=True, timeout=LONG
+        [*command, "--out", out, "--json", *options], cwd=folder, capture_output=True, text=True, timeout=LONG
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -61,16 +61,20 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def children(parent: int) -> list[int]:
-    """Processes of a parent, by /proc."""
+PARENT, SESSION = 1, 3
+"""Places in /proc/NUMBER/stat, behind the name."""
+
+
+def living(place: int, number: int) -> list[int]:
+    """Processes whose parent or session has that number, by /proc."""
     found = []
-    for place in Path("/proc").glob("[0-9]*"):
+    for process in Path("/proc").glob("[0-9]*"):
         try:
-            fields = (place / "stat").read_text().rpartition(")")[2].split()
+            fields = (process / "stat").read_text().rpartition(")")[2].split()
         except OSError:
             continue
-        if int(fields[1]) == parent and fields[0] != "Z":
-            found.append(int(place.name))
+        if int(fields[place]) == number and fields[0] != "Z":
+            found.append(int(process.name))
     return found
 
 
@@ -85,7 +89,7 @@ def test_a_killed_campaign_goes_on_where_it_was_and_leaves_no_process(folder: Pa
     running = subprocess.Popen([*COMMAND, "--out", "killed", "--workers", "2"], cwd=folder, stdout=subprocess.DEVNULL)
     try:
         until(lambda: parts(folder, "killed") >= 3)
-        workers = children(running.pid)
+        workers = living(PARENT, running.pid)
         assert len(workers) >= 2
     finally:
         running.kill()
@@ -104,13 +108,58 @@ def test_two_processes_give_the_rows_of_one_though_one_of_them_is_killed(folder:
     )
     try:
         until(lambda: parts(folder, "lost") >= 2)
-        victims = [p for p in children(running.pid) if "spawn_main" in (Path("/proc") / str(p) / "cmdline").read_text()]
+        victims = [
+            p for p in living(PARENT, running.pid) if "spawn_main" in (Path("/proc") / str(p) / "cmdline").read_text()
+        ]
         os.kill(victims[0], signal.SIGKILL)
         printed, _ = running.communicate(timeout=LONG)
     finally:
         running.kill()
         running.wait()
     assert json.loads(printed)["rows_sha256"] == alone
+
+
+@pytest.mark.parametrize(
+    ("out", "options"),
+    [
+        ("stopped", ["--workers", "2"]),
+        pytest.param("local", ["--cluster", "local:2"], marks=pytest.mark.long),
+    ],
+)
+def test_ctrl_c_ends_every_process_and_keeps_what_was_computed(out: str, options: list[str], folder: Path) -> None:
+    """As a terminal sends it: to the command and to all that it has started."""
+    if "--cluster" in options:
+        pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    (folder / "long.toml").write_text(
+        STUDY.replace("duration_s = 4.0", "duration_s = 60.0")
+    )  # not over before it is told
+    command = [*COMMAND[:-1], "long.toml"]
+    running = subprocess.Popen(
+        [*command, "--out", out, *options],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        until(lambda: parts(folder, out) >= 2 or running.poll() is not None)
+        os.killpg(running.pid, signal.SIGINT)
+        _, said = running.communicate(timeout=LONG)
+        until(lambda: not living(SESSION, running.pid))
+    finally:
+        for process in living(SESSION, running.pid):
+            os.kill(process, signal.SIGKILL)
+        running.wait()
+    there = parts(folder, out)
+    assert running.returncode == 130, said
+    assert said == (
+        f"bowden: interrupted; {there} of 16 chunks are kept in {out}, and the same command goes on from there\n"
+    )
+    assert 2 <= there < 16
+    found = computed(folder, out, *options, command=command)
+    assert (found["chunks_kept"], found["chunks_computed"]) == (there, 16 - there)
+    assert found["laws"][0]["runs"] == 48
 
 
 @pytest.fixture

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bowden.app import one_run
 from bowden.app.main import run
 from bowden.core.errors import OutputError
 from bowden.core.files import whole_file, whole_files
 from bowden.core.trace import Trace
 from bowden.design import trial  # noqa: F401  # takes the loop by name, before a test puts another in its place
-from bowden.sim import closed_loop
 
 SHORT = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 4.0\n[scenario]\nduration_s = 1.0\n"
 TWO_LAWS = ["simulate", "rig.toml", "--law", "uncompensated", "--law", "observer"]
@@ -193,7 +193,7 @@ def test_a_failure_of_the_system_that_nobody_foresaw_is_one_line(
     def gone(*_: Any, **__: Any) -> None:
         raise OSError(errno.EIO, "Input/output error", "disk")
 
-    monkeypatch.setattr(closed_loop, "simulate", gone)
+    monkeypatch.setattr(one_run, "simulate", gone)
     assert run(["simulate", "rig.toml"]) == 2
     assert one_line(capsys) == "bowden: Input/output error (disk); check the paths and the room on their disk\n"
 
@@ -202,7 +202,7 @@ def test_a_failure_of_the_system_that_nobody_foresaw_is_one_line(
 def test_an_interrupted_simulation_keeps_the_laws_that_are_done(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], done: int
 ) -> None:
-    simulate, calls = closed_loop.simulate, []
+    simulate, calls = one_run.simulate, []
 
     def interrupted_later(*arguments: Any, **settings: Any) -> Trace:
         calls.append(1)
@@ -210,7 +210,7 @@ def test_an_interrupted_simulation_keeps_the_laws_that_are_done(
             raise KeyboardInterrupt
         return simulate(*arguments, **settings)
 
-    monkeypatch.setattr(closed_loop, "simulate", interrupted_later)
+    monkeypatch.setattr(one_run, "simulate", interrupted_later)
     before = tree()
     assert run([*TWO_LAWS, "--law", "adaptive", "--out", "o"]) == 130
     if done == 0:

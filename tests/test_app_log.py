@@ -60,7 +60,8 @@ def live_run() -> np.ndarray:
         rows.append(
             (
                 *(k * DT, *reference, *reading, *state.sample, wish),
-                *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 0.0, 8e-5),
+                *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 0.0),
+                *(math.nan, 8e-5),
                 *(*state.law, *state.supervisor),
             )
         )
@@ -102,8 +103,8 @@ def test_the_columns_are_in_the_order_in_which_the_loop_fills_them() -> None:
     assert ("target", *names[19:23]) == Verdict._fields
 
 
-def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str) -> Any:
-    assert main.run(["log", *arguments, "--json"]) == 0
+def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str, code: int = 0) -> Any:
+    assert main.run(["log", *arguments, "--json"]) == code
     parsed = json.loads(capsys.readouterr().out)
     jsonschema.validate(parsed, json.loads((ROOT / "docs" / "json" / f"{schema}.schema.json").read_text()))
     return parsed
@@ -215,17 +216,22 @@ def test_a_replay_shows_what_was_changed(rows: np.ndarray, capsys: pytest.Captur
     changed[2100, columns.index("mode")] = 1.0
     settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT)
     write(Path("changed.mcap"), changed, settings)
-    told = document(["replay", "changed.mcap"], capsys, "log_replay")
+    told = document(["replay", "changed.mcap"], capsys, "log_replay", code=1)
     assert told["wish_largest"] == pytest.approx(1e-3)
     assert (told["first_difference"], told["first_other_verdict"]) == (2.0, 2.1)
     assert told["verdicts_differing"] == 1
     changed[2000, columns.index("wish")] = math.nan
     write(Path("nan.mcap"), changed, settings)
-    told = document(["replay", "nan.mcap"], capsys, "log_replay")
+    told = document(["replay", "nan.mcap"], capsys, "log_replay", code=1)
     assert (told["wish_largest"], told["first_difference"]) == (0, 2.0)
+    changed = rows.copy()
+    changed[2000, columns.index("command")] = math.nan
+    write(Path("target.mcap"), changed, settings)
+    told = document(["replay", "target.mcap"], capsys, "log_replay", code=1)
+    assert (told["verdicts_differing"], told["first_other_verdict"]) == (1, 2.0)
     gains = settings["gains"] | {"feedback_gain": 5.0}
     write(Path("gains.mcap"), rows, settings | {"gains": gains})
-    assert document(["replay", "gains.mcap"], capsys, "log_replay")["wish_largest"] > 1e-5
+    assert document(["replay", "gains.mcap"], capsys, "log_replay", code=1)["wish_largest"] > 1e-5
 
 
 def test_another_law_is_fed_with_the_run(capsys: pytest.CaptureFixture[str]) -> None:

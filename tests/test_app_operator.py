@@ -22,6 +22,7 @@ from bowden.control import LAWS
 from bowden.core.errors import SafetyError
 from bowden.hardware.drive_parameters import DriveParameters
 from bowden.models.thermal import Thermal, cold
+from bowden.runtime.cycle import Source
 from bowden.runtime.preflight import Reason
 from bowden.runtime.ring_status import RecorderState
 from bowden.runtime.row import columns
@@ -111,6 +112,20 @@ def test_the_screen_tells_what_a_fault_refers_to() -> None:
     assert "cannot be armed" in shown(row(faults=2.0**Fault.RECORDER_LOST))
 
 
+def test_a_push_is_shown_only_while_it_makes_the_reference() -> None:
+    heard = {"admittance.push": 1.25, "admittance.doubt": 0.5}
+    for source, told in (
+        (Source.HOLD, "–"),
+        (Source.MOTION, "–"),
+        (Source.LAW_BEGINS, "+1.25 N·m, in doubt by 0.50"),
+        (Source.LAW, "+1.25 N·m, in doubt by 0.50"),
+    ):
+        lines = shown(row(source=float(source), **heard)).splitlines()
+        assert [line.split(maxsplit=1)[1].strip() for line in lines if line.startswith("push")] == [told]
+    assert "not known" in shown(row(source=float(Source.LAW), **(heard | {"admittance.push": math.nan})))
+    assert "push" not in shown(row(source=float(Source.LAW)))
+
+
 def test_faults_stand_where_a_low_terminal_still_shows_them() -> None:
     lines = shown(row(mode=float(Mode.LATCHED), faults=2.0**Fault.LATE)).splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["state", "fault", "keys"]
@@ -122,7 +137,7 @@ def test_the_name_of_a_log_is_text_and_no_markup() -> None:
 
 def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     found = {
-        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg")),
+        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction")),
         "ended_well": False,
         "faults": ["drive in fault"],
         "remedies": ["read the error code"],

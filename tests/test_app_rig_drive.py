@@ -18,6 +18,7 @@ from bowden.hardware.drive_parameters import DriveParameters
 from bowden.hardware.twin_bench import TwinBench
 from bowden.hardware.twin_bus import TwinBus
 from bowden.paper.bench import default_bench
+from bowden.paper.suit import suit
 from bowden.runtime.ports import Power
 from bowden.runtime.preflight import contradictions
 from bowden.sim.scenario import constant_bend
@@ -56,7 +57,7 @@ LIKELY = {
 }
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.dictionaries(st.sampled_from(sorted(DriveSection.model_fields)), VALUES, max_size=4))
 def test_any_values_give_a_drive_or_a_line(tmp_path: Path, given_: dict[str, object]) -> None:
     text = "[drive]\n" + "".join(f"{name} = {toml(value)}\n" for name, value in given_.items())
@@ -102,6 +103,17 @@ def test_any_drive_that_is_taken_can_be_brought_up_or_says_why(tmp_path: Path, g
 def test_what_cannot_go_together_is_refused(text: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=said):
         parameters("[drive]\n" + text, tmp_path)
+
+
+def test_a_push_against_friction_beyond_its_bound_is_refused_by_its_key(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text("[suit]\nworn = true\nfriction_feedforward_nm = 50.0\n", encoding="utf-8")
+    read = read_rig(rig)
+    made = suit()
+    pushed = made._replace(motor=made.motor._replace(friction_feedforward=50.0))
+    with pytest.raises(ParameterError, match=r"suit\.friction_feedforward_nm is 50") as refused:
+        drive_parameters(read, BENCH, pushed)
+    assert "at most 4.175" in str(refused.value)
 
 
 def test_slow_cycles_need_a_longer_watch(tmp_path: Path) -> None:

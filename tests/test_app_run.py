@@ -1,11 +1,10 @@
-"""`bowden run` with real processes: operator, loop, recorder and twin; how it ends, and what it refuses."""
+"""`bowden run` with real processes: operator, loop, recorder and twin; and how it ends."""
 
 import contextlib
 import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowden.app.main import run
 from bowden.app.twin_process import RunningTwin, running_twin
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
@@ -23,8 +21,9 @@ from bowden.paper.bench import default_bench
 from bowden.runtime.cycle import Source
 from bowden.runtime.mcap_read import read
 from bowden.sim.closed_loop import simulate
+from live_runs import finished, started, tries
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
 RIG = """
 [reference]
@@ -37,9 +36,8 @@ duration_s = 4.0
 [limits]
 reading_age = 10.0  # a computer shared with others stalls for longer than a rig's may
 """
-COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()", "run"]
-TRIES = 4
-"""A machine that is busy with other things stops a run by right; some run must come through."""
+SAME_END = (signal.SIGINT, signal.SIGHUP)
+"""These end a run as SIGTERM does."""
 
 
 @pytest.fixture(scope="module")
@@ -55,26 +53,10 @@ def twin(rig: Path, tmp_path: Path) -> Iterator[RunningTwin]:
         yield running
 
 
-@pytest.fixture(autouse=True)
-def _state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-
-
-def begin(rig: Path, twin: RunningTwin, out: Path, *more: str) -> "subprocess.Popen[str]":
-    words = [*COMMAND, str(rig), "--channel", twin.channel, "--out", str(out), "--auto", "--json", *more]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def finish(process: "subprocess.Popen[str]") -> dict[str, Any]:
-    out, errors = process.communicate(timeout=60.0)
-    assert out, errors
-    return dict(json.loads(out))
-
-
 def in_the_law(rig: Path, twin: RunningTwin, out: Path) -> "subprocess.Popen[str]":
     """A run that goes on, with the motor on its way: the joint moves up from where the preflight leaves it."""
-    for _ in range(TRIES):
-        process = begin(rig, twin, out, "--duration", "60")
+    for _ in tries():
+        process = started(rig, out, "--channel", twin.channel, "--duration", "60")
         while process.poll() is None:
             status = twin.control.status()
             if status["torque"] and status["motor"] > 0.3:
@@ -118,8 +100,8 @@ def wait_for_torque_off(twin: RunningTwin, since: float) -> dict[str, Any]:
 def test_a_run_is_as_good_as_its_simulation_and_every_cycle_is_in_the_log(
     rig: Path, twin: RunningTwin, tmp_path: Path
 ) -> None:
-    for _ in range(TRIES):
-        found = finish(begin(rig, twin, tmp_path))
+    for _ in tries():
+        found = finished(started(rig, tmp_path, "--channel", twin.channel))
         log = read(Path(found["log"]))
         assert found["cycles"] == found["cycles_logged"] == len(log.rows)
         assert log.whole
@@ -136,14 +118,14 @@ def test_a_run_is_as_good_as_its_simulation_and_every_cycle_is_in_the_log(
     assert found["rmse_deg"] == pytest.approx(pure.metrics().rmse_deg, rel=0.5)
 
 
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("end", [signal.SIGTERM, *(pytest.param(s, marks=pytest.mark.long) for s in SAME_END)])
 def test_a_signal_ends_in_a_controlled_release(
     end: signal.Signals, rig: Path, twin: RunningTwin, tmp_path: Path
 ) -> None:
     process = in_the_law(rig, twin, tmp_path)
     since = twin.control.status()["time"]
     process.send_signal(end)
-    found = finish(process)
+    found = finished(process)
     modes = read(Path(found["log"]))["mode"]
     order = modes[np.flatnonzero(np.diff(modes, prepend=-1.0))].astype(int).tolist()
     assert order[-2:] in ([4, 0], [4, 5]), "released, and then without power"
@@ -192,11 +174,11 @@ def test_without_its_loop_the_torque_is_off_50_ms_after_the_last_heartbeat(
 
 
 def test_ctrl_c_at_the_terminal_is_no_fault_of_the_drives(rig: Path, tmp_path: Path) -> None:
-    for _ in range(TRIES):
+    for _ in tries():
         process = with_own_twin(rig, tmp_path)
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all that belong to it
-        found = finish(process)
+        found = finished(process)
         if found["ended_well"]:
             break
     assert found["ended_well"], found
@@ -217,12 +199,9 @@ def test_a_twin_of_a_run_that_was_killed_ends_too(rig: Path, tmp_path: Path) -> 
 
 def with_own_twin(rig: Path, out: Path) -> "subprocess.Popen[str]":
     """A run with a twin of its own, in a session of its own, under the law."""
-    for _ in range(TRIES):
-        words = [*COMMAND, str(rig), "--twin", "--out", str(out), "--auto", "--json", "--duration", "60"]
+    for _ in tries():
         before = set(out.glob("*.mcap"))
-        process = subprocess.Popen(
-            words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
+        process = started(rig, out, "--twin", "--duration", "60")
         while process.poll() is None:
             for log in set(out.glob("*.mcap")) - before:
                 with contextlib.suppress(BowdenError):
@@ -234,13 +213,13 @@ def with_own_twin(rig: Path, out: Path) -> "subprocess.Popen[str]":
 
 
 def test_two_runs_on_one_rig_are_refused(rig: Path, twin: RunningTwin, tmp_path: Path) -> None:
-    for number in range(TRIES):
+    for number in tries():
         process = in_the_law(rig, twin, tmp_path)
-        second = begin(rig, twin, tmp_path / f"second-{number}")
+        second = started(rig, tmp_path / f"second-{number}", "--channel", twin.channel)
         _, errors = second.communicate(timeout=60.0)
         still = process.poll() is None
         process.terminate()
-        finish(process)
+        finished(process)
         if still:
             break
         restart(twin)  # the first was stopped by right before the second came
@@ -248,35 +227,3 @@ def test_two_runs_on_one_rig_are_refused(rig: Path, twin: RunningTwin, tmp_path:
     assert second.returncode == 2
     assert "end the other run first" in errors
     assert len(errors.strip().splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("text", "options", "said"),
-    [
-        ("", ["--auto"], "start bowden twin, or correct [drive]"),
-        ("[drive]\ninterface = 'morse'", ["--auto"], "no CAN interface 'morse'"),
-        ("[drive]\nnode_id = 127", ["--auto"], "drive.node_id is 127"),
-        ("[limits]\nmotor_low_deg = 120.0", ["--auto"], "limits.motor_low_deg is 120 and motor_high_deg 114.6"),
-        ("[limits]\nthermal_winding_capacity_j_per_k = 0.0", ["--auto"], "thermal.winding_capacity is 0.0"),
-        ("[limits]\npay_out_deg_per_s = 5000.0", ["--auto"], "limits contradict one another"),
-        ("[live]\njoint_cutoff_hz = 900.0", ["--auto"], "live.joint_cutoff_hz is 900"),
-        ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
-        ("[control]\npreset = 'paper'", ["--auto"], "adaptive does not hold"),
-        ("", [], "no terminal"),
-        ("", ["--json"], "add --auto"),
-        ("", ["--auto", "--law", "none"], "there is no law 'none'"),
-        ("", ["--auto", "--duration", "-1"], "expected a duration"),
-    ],
-)
-def test_what_cannot_run_is_refused_in_one_line(
-    text: str, options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rig = tmp_path / "rig.toml"
-    rig.write_text(text)
-    code = run(["run", str(rig), "--channel", str(tmp_path / "nobody"), "--out", str(tmp_path / "out"), *options])
-    captured = capsys.readouterr()
-    assert code == 2
-    assert said in captured.err
-    assert len(captured.err.strip().splitlines()) == 1
-    assert not list(Path("/dev/shm").glob(f"bowden-{os.getpid()}-*"))
-    assert not list(tmp_path.rglob("*.mcap")), "a run that did not begin leaves no log"

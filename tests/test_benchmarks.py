@@ -1,4 +1,4 @@
-"""The benchmarks still fit the package: every module imports, and ours is fitted to the genetic peer's log."""
+"""The benchmarks still fit the package: every module imports, and ours is fitted to the searches' log."""
 
 import importlib
 import sys
@@ -20,8 +20,8 @@ def test_every_module_imports(name: str) -> None:
     importlib.import_module(name)
 
 
-def test_our_side_of_the_genetic_comparison() -> None:
-    peer = importlib.import_module("peer_genetic")
+def test_our_side_of_the_comparison_with_searches() -> None:
+    peer = importlib.import_module("peer_search")
     log = peer.simulated_log()
     parameters = peer.ours(log)
     assert parameters["slope"] == pytest.approx(0.938, abs=0.005)

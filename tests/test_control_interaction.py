@@ -6,6 +6,7 @@ import pytest
 from bowden.control.interaction import Chain, Doubt, InteractionState, interaction_start, interaction_step
 from bowden.core.kernel import compiled
 from bowden.models.geometry import SuitGeometry
+from bowden.models.sheath import Sheath
 from bowden.models.suit_angle import flexor_arm, flexor_travel, spool_map, spool_of
 
 MAP = spool_map(SuitGeometry(), 0.025)
@@ -62,6 +63,20 @@ def test_play_is_taken_from_the_side_from_which_the_motor_came() -> None:
     # each cable's arm side lags by k·r/2 of its spring: 8 N, at the levers of both
     lost = 0.5 * 8000.0 * 0.002 * (float(flexor_arm(joint, MAP)) + 0.05)
     assert ends[1] - ends[0] == pytest.approx(2.0 * lost, rel=1e-6)
+
+
+def test_the_sheath_that_the_elbow_bends_takes_motion_away() -> None:
+    """With a loss of 16 % and 0.3 rad of bend a radian, the springs are stretched by 0.984 of the travel at 1.0 rad."""
+    sheath, joint = Sheath(loss=0.16), 1.0
+    bent = CHAIN._replace(sheath=sheath, posture=0.3)
+    slope = 1.0 - 0.16 * 0.3 * joint / np.pi
+    spool = float(spool_of(1.2, MAP))
+    flexor, extensor = springs(slope * spool, joint)
+    truth = flexor * float(flexor_arm(joint, MAP)) - extensor * 0.05
+    current = slope * (0.025 * flexor - RADIUS * extensor) / CHAIN.torque_constant
+    state = settled(bent, spool, joint, current)
+    assert state.from_stretch == pytest.approx(truth, abs=1e-9)
+    assert state.from_current == pytest.approx(truth, abs=1e-3)
 
 
 def test_a_motor_that_stands_still_leaves_the_current_in_doubt() -> None:

@@ -4,12 +4,26 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
+from bowden.control.bowden_gains import BowdenGains
+from bowden.control.held_feedback import Setting, listen, no_feedback, steer
+from bowden.control.reference import PointToPoint
+from bowden.control.stability import StateSpace, margins
+from bowden.core.units import DEGREES, RADIANS
 from bowden.design.suit_linear import corners, suit_model, worst_margins
 from bowden.design.wearers import random_wearer, wear
 from bowden.models.arm import GRAVITY
 from bowden.models.suit_angle import flexor_arm
-from bowden.paper.suit import DRIVE_INTEGRAL, suit, suit_adaptive, suit_adaptive_integral, suit_calibration, suit_ours
+from bowden.paper.suit import (
+    DRIVE_INTEGRAL,
+    FRICTION_FEEDFORWARD,
+    suit,
+    suit_adaptive,
+    suit_adaptive_integral,
+    suit_calibration,
+    suit_ours,
+)
 from bowden.paper.suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
+from bowden.sim.suit import simulate_suit
 from bowden.sim.suit_parts import prepare_suit
 
 
@@ -101,3 +115,75 @@ def test_the_compensated_suit_on_a_few_random_wearers(number: int) -> None:
     assert found.stable
     assert found.largest_deg < 8.0
     assert found.rmse_deg < 1.5
+
+
+def feedback_model(gains: BowdenGains, dt: float) -> StateSpace:
+    """Our law's feedback beyond the dead zone, from joint to minus the command: ∫κ·e dt + κ·T·(2e + T·de/dt)."""
+    kappa, lead = gains.most, gains.lead / gains.servo_frequency
+    smoothing = 0.5 * gains.smoothing / gains.servo_frequency + dt
+    f = dt / smoothing
+    a = np.array([[1.0, 0.0, 0.0], [0.0, 1.0 - f, 0.0], [0.0, f * (1.0 - f), 1.0 - f]])
+    b = np.array([[kappa * dt], [f], [f * f]])
+    both = np.array([[0.0, lead / smoothing, 2.0 - lead / smoothing]])
+    c = np.array([[1.0, 0.0, 0.0]]) + kappa * lead * both @ a
+    return StateSpace(a, b, c, float(kappa * dt + kappa * lead * (both @ b)[0, 0]))
+
+
+def test_our_feedback_is_its_linear_model() -> None:
+    gains, dt = suit_ours().gains, 1e-3
+    model, before, x = feedback_model(gains, dt), no_feedback(0.0, 0.0, 0.0), np.zeros((3, 1))
+    setting = Setting(
+        gain=gains.most,
+        lead=gains.lead / gains.servo_frequency,
+        smoothing=0.5 * gains.smoothing / gains.servo_frequency + dt,
+        quiet=0.0,
+        recovery=1e-3,
+    )
+    for error in np.random.default_rng(1).normal(0.0, 0.01, 500):
+        heard = listen(before, 0.0, error, error, 0.5 * gains.smoothing / gains.servo_frequency, dt)
+        before = steer(heard, setting, error, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, dt)
+        expected = -(model.c @ x + model.d * error)[0, 0]
+        x = model.a @ x + model.b * error
+        assert before.feedback == pytest.approx(expected, abs=1e-12)
+
+
+def test_our_feedback_has_its_margins_on_both_drives() -> None:
+    law = feedback_model(suit_ours().gains, 1e-3)
+    for integral, least in ((DRIVE_INTEGRAL, (11.7, 70.7)), (0.0, (18.5, 90.7))):
+        made = suit()._replace(motor=suit().motor._replace(integral=integral))
+        found = [margins(corner.plant, law, 1e-3, corner.answer) for corner in corners(made)]
+        assert all(each.stable for each in found)
+        assert min(each.gain_margin_db or np.inf for each in found) == pytest.approx(least[0], abs=0.1)
+        assert min(each.phase_margin_deg or np.inf for each in found) == pytest.approx(least[1], abs=0.1)
+
+
+def test_the_dead_zone_is_crossed_while_the_reference_rests() -> None:
+    """Flexions of 2 s with rests: the motor has crossed before the next motion, and the elbow waits where it should."""
+    made = suit()
+    made = made._replace(motor=made.motor._replace(integral=DRIVE_INTEGRAL, friction_feedforward=FRICTION_FEEDFORWARD))
+    top = 90.0 * RADIANS
+    rests = PointToPoint(
+        (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0), (0.0, 0.0, top, top, 0.0, 0.0, top, top, 0.0)
+    )
+    trace = simulate_suit(made, suit_ours(), rests, duration=16.0, seed=400)
+    for begin, way in ((10.0, 1.0), (14.0, -1.0)):  # the first stroke is to learn from
+        start = round(begin * 1000)
+        assert trace["law.side"][start] == way
+        moved = way * (trace["joint"][start:] - trace["joint"][start])
+        assert np.argmax(moved > 0.5 * RADIANS) < 300  # the reference itself takes 166
+        assert np.abs(trace.error[start - 200 : start]).max() * DEGREES < 3.0
+    late = trace.time > 5.0
+    assert np.abs(trace.error[late]).max() * DEGREES < 6.0
+
+
+def test_a_stroke_that_goes_on_after_a_rest_is_followed_all_the_same() -> None:
+    """The guess that the next stroke goes back is wrong here: the motor crosses again, and nothing is lost but time."""
+    made = suit()
+    made = made._replace(motor=made.motor._replace(integral=DRIVE_INTEGRAL, friction_feedforward=FRICTION_FEEDFORWARD))
+    step = 30.0 * RADIANS
+    steps = (0.0, 0.0, step, step, 2.0 * step, 2.0 * step, 3.0 * step)
+    stairs = PointToPoint((0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0), steps)
+    trace = simulate_suit(made, suit_ours(), stairs, duration=12.0, seed=400)
+    assert np.abs(trace.error).max() * DEGREES < 12.0
+    resting = (trace.time > 9.5) & (trace.time < 10.0)
+    assert np.abs(trace.error[resting]).max() * DEGREES < 3.5

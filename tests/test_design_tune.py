@@ -11,24 +11,30 @@ import jsonschema
 import numpy as np
 import pytest
 
+from bowden.app import tune_study
+from bowden.app.campaign_rows import table_of
 from bowden.app.gains_text import with_gains
 from bowden.app.main import run
+from bowden.app.study_load import load
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.control.reference import PeriodicMinimumJerk
+from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.evolution import Array, Population, Score
+from bowden.design.trial import slope_at
 from bowden.design.tune import tune
-from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, rmse, runs_of
+from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
+from bowden.design.tune_runs import NineRuns, Rig, course_of, runs_of
 from bowden.paper.bench import default_bench
 from bowden.sim.closed_loop import simulate
 from bowden.sim.plant import Bench
-from bowden.sim.scenario import constant_bend, scripted_bend
+from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 
 BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]
 BENDS, STROKE = (np.pi, 2.0 * np.pi), (0.0, np.radians(70.0))
+ROOT = Path(__file__).parents[1]
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "tune.schema.json"
 RIGS = {
     "slow": BENCH._replace(servo=BENCH.servo._replace(natural_frequency=2.0 * np.pi * 3.0)),
@@ -46,7 +52,33 @@ def others(bench: Bench, law: Law) -> float:
     return max(float(np.sqrt(np.mean(run.error**2))) for run in runs)
 
 
-@pytest.mark.parametrize("name", RIGS)
+def rmse(bench: Bench, law: Law, reference: Trajectory, path: BendPath) -> float:
+    """Of one run alone, by way of its trace [rad]."""
+    slope = slope_at(bench, float(path(np.zeros(1))[0]))
+    start = float(reference.sample(np.zeros(1))[0, 0] - bench.cable.offset) / slope
+    trace = simulate(bench, law, reference, duration=20.0, bend=path, seed=3, initial_motor=start)
+    return float(np.sqrt(np.mean(trace.error**2))) if trace.stable else np.inf
+
+
+def test_the_nine_runs_in_one_call_are_the_runs_alone_to_the_last_bit() -> None:
+    course = course_of(NineRuns(Rig(BENCH, BENDS, STROKE)))
+    laws = (ADAPTIVE, ADAPTIVE.with_gains(feedback_gain=31.0, error_gain=0.02), ADAPTIVE.preset("paper"))
+    alone = [tuple(rmse(BENCH, law, *run) for run in runs_of(BENDS, STROKE)) for law in laws]
+    assert np.inf in alone[2]
+    assert [course.errors([law] * 9) for law in laws] == alone
+    mixed = [laws[i % 2] for i in range(9)]
+    assert course.errors(mixed) == tuple(alone[i % 2][i] for i in range(9))
+    order = tuple(sorted(range(9), key=lambda i: alone[0][i]))
+    limit = alone[0][order[4]]
+    stopped = course.errors([laws[0]] * 9, order, limit, at_once=False)
+    assert stopped == tuple(alone[0][i] if i in order[:6] else 0.0 for i in range(9))
+    given_up = course.errors([laws[0]] * 9, order, limit)
+    assert given_up == tuple(np.inf if i == order[5] else value for i, value in enumerate(stopped))
+
+
+@pytest.mark.parametrize(
+    "name", [name if name == "soft" else pytest.param(name, marks=pytest.mark.long) for name in RIGS]
+)
 def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(name: str) -> None:
     bench = RIGS[name]
     found = tune(bench, ADAPTIVE, generations=4)
@@ -74,6 +106,7 @@ def test_the_result_does_not_depend_on_who_does_the_work() -> None:
     assert one.changed
 
 
+@pytest.mark.long
 def test_another_law_gains_as_well() -> None:
     law = LAWS["cascaded_pid"]
     found = tune(RIGS["slow"], law, generations=2)
@@ -143,3 +176,94 @@ def test_the_command_writes_the_gains_back(
     assert document["worst_rmse_deg"] < document["worst_rmse_before_deg"]
     assert run(["check", "rig.toml", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == "holds"
+
+
+STUDY = """
+runs = 20
+duration_s = 4.0
+[set]
+"reference.period_s" = 2.0
+[vary]
+"servo.natural_frequency_hz" = { uniform = [3, 5] }
+"cable.slope" = { uniform = [0.6, 1.0] }
+"scenario.bend.bend_deg" = { uniform = [180, 300] }
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 1)
+    Path("rig.toml").write_text("# soft\n[cable]\nrate_per_rad = 4.0\n[servo]\nnatural_frequency_hz = 4.0\n")
+    Path("study.toml").write_text(STUDY)
+    return Path("study.toml")
+
+
+def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_not_see(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err
+    document = json.loads(capsys.readouterr().out)
+    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    found = document["study"]
+    assert (found["name"], found["tuned_on"]) == ("study", 10)
+    assert found["before"]["runs"] == found["after"]["runs"] == 10
+    assert found["after"]["unstable"] == 0
+    assert found["after"]["rmse_worst_deg"] < 0.95 * found["before"]["rmse_worst_deg"]
+    loaded = load(study, Path("rig.toml"))  # with the new gains now
+    for numbers, worst in ((range(10), document["worst_rmse_deg"]), (range(10, 20), found["after"]["rmse_worst_deg"])):
+        assert max(table_of(loaded, numbers)["rmse_deg"].to_pylist()) == pytest.approx(worst, rel=1e-12)
+    assert "10 other plants, 0 unstable" in Path("rig.toml").read_text(encoding="utf-8")
+
+
+def test_a_law_of_ones_own_is_tuned_against_a_study(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its gains go to other processes, which know the study's copy of its file as well."""
+    Path("my_law.py").write_bytes((ROOT / "examples" / "my_law.py").read_bytes())
+    Path("rig.toml").write_text('[control]\nlaw = "my_law.py"\n')
+    assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err
+    assert json.loads(capsys.readouterr().out)["study"]["after"]["runs"] == 10
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (STUDY + '"control.gains.error_gain" = 0.1\n', "study.toml varies control.gains.error_gain; expected a study"),
+        ("runs = 3\n", "runs is 3; expected 4 or more"),
+        ('rig = "other.toml"\n', "its rig is 'other.toml', and the command's rig.toml; expected the same file"),
+        ('[set]\n"suit.worn" = true\n', "a suit is worn"),
+    ],
+)
+def test_studies_that_gains_cannot_be_tuned_against(
+    text: str, said: str, study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study.write_text(text)
+    assert run(["tune", "rig.toml", "--study", "study.toml"]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_what_a_study_tells_its_laws_is_not_tuned(study: Path) -> None:
+    study.write_text(STUDY + "[told]\nservo_frequency = { uniform = [0.8, 1.2] }\n")
+    Path("rig.toml").write_text('[control]\nlaw = "bowden"\n')
+    loaded = load(study, Path("rig.toml"))
+    runs = tune_study.runs_of(loaded)
+    (nominal,) = loaded.nominal
+    laws = runs.laws(nominal.with_gains(servo_frequency=1.0, feedback=0.7))
+    assert len({law.gains.servo_frequency for law in laws}) == 10
+    assert {law.gains.feedback for law in laws} == {0.7}
+    assert tune_study.fixed_of(loaded) == {"servo_frequency", "servo_damping", "delay"}
+
+
+def test_an_interrupted_search_leaves_its_best_gains(
+    study: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(self: Population, judge: object, bounds: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Population, "step", interrupted)
+    assert run(["tune", "rig.toml"]) == 130
+    assert "interrupted; the best gains after 0 generations are written to rig.toml" in capsys.readouterr().err
+    text = Path("rig.toml").read_text(encoding="utf-8")
+    assert "found by bowden tune, interrupted after 0 generations" in text
+    assert tomllib.loads(text)["control"]["gains"]

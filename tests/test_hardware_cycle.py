@@ -212,7 +212,7 @@ def test_whatever_comes_what_goes_out_is_whole_and_no_more_than_was_wanted(
     bus.sent.clear()
     drive.write(target, power, bus.time)
     assert [cob_id for cob_id, _ in bus.sent][:2] == [0x201, 0x080]
-    control, _ = frames.unpack_rpdo1(bus.sent[0][1]) or (None, None)
+    control, _, _ = frames.unpack_rpdo1(bus.sent[0][1]) or (None, None, None)
     assert control in set(Control)
     if power is not Power.ON or not math.isfinite(target):
         assert control != Control.ENABLE_OPERATION

@@ -13,11 +13,16 @@ from bowden.hardware.drive_parameters import DriveParameters, Scale, check_param
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
 
 
-@given(U16, I32)
-def test_rpdo1_goes_there_and_back(control: int, target: int) -> None:
+@given(U16, I32, I16)
+def test_rpdo1_goes_there_and_back(control: int, target: int, torque: int) -> None:
     data = frames.pack_rpdo1(control, target)
-    assert frames.unpack_rpdo1(data) == (control, target)
+    assert frames.unpack_rpdo1(data) == (control, target, 0)
     assert 8 * len(data) == sum(entry & 0xFF for entry in frames.RPDO1_MAPPING)
+    pushed = frames.pack_rpdo1(control, target, torque)
+    assert frames.unpack_rpdo1(pushed, pushed=True) == (control, target, torque)
+    assert 8 * len(pushed) == sum(entry & 0xFF for entry in (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
+    assert frames.unpack_rpdo1(pushed) is None
+    assert frames.unpack_rpdo1(data, pushed=True) is None
 
 
 @given(U16, I32, I16)

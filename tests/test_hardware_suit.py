@@ -5,17 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from bowden.core.errors import DriveError
+from bowden.core.errors import DriveError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.hardware.canopen_drive import CanopenDrive
 from bowden.hardware.drive_parameters import DriveParameters, Scale, SuitScale, motor_scale
 from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin_bus import TwinBus
+from bowden.hardware.twin_sampler import RATED_CURRENT
 from bowden.hardware.twin_suit import TwinSuit
 from bowden.models.arm import Wearer
-from bowden.models.geared_motor import GearedMotor
+from bowden.models.geared_motor import GearedMotor, SpoolState, drive_motor
 from bowden.models.suit_angle import spool_map, spool_of
 from bowden.runtime.ports import Power
+from bowden.runtime.torque_offset import TorqueOffset
+from bowden.safety.supervisor import Mode, Verdict
 from bowden.sim.scenario import constant_bend, scripted_bend
 from bowden.sim.suit_parts import Suit
 
@@ -128,6 +131,34 @@ def test_the_wearer_and_a_shrug_of_the_sheath_are_felt() -> None:
     assert suit.tension != pytest.approx(before, rel=0.02)
 
 
+def test_a_wearer_swings_with_the_scenario_and_keeps_still_before_it_and_without_power() -> None:
+    moving = SUIT._replace(wearer=Wearer(1.0, stiffness=100.0, damping=3.0, centre=0.8, swing=0.4, swing_frequency=0.5))
+    suit = twin(moving, 0.8)
+
+    def span(begin: float, doing: int) -> tuple[float, float]:
+        """Where the elbow was in the 2 s from then on, and the time after them [s]."""
+        seen, suit.doing, suit.command = [], doing, 0.8
+        for k in range(1, 2001):
+            suit.advance(begin + 1e-3 * k)
+            seen.append(suit.joint)
+        return max(seen) - min(seen), begin + 2.0
+
+    still, now = span(0.0, FOLLOW)
+    assert still < 0.02
+    suit.start_scenario(now)
+    growing, now = span(now, FOLLOW)
+    assert growing > 0.2
+    swings, now = span(now, FOLLOW)
+    assert 0.6 < swings < 0.85, "of 0.8 rad, as the cables let them"
+    assert suit.interaction is not None
+    _, now = span(now, OFF)
+    rests, now = span(now, FOLLOW)
+    assert rests < 0.02, "until there is a scenario again"
+    suit.start_scenario(now)
+    _, now = span(now, FOLLOW)
+    assert span(now, FOLLOW)[0] == pytest.approx(swings, abs=0.02)
+
+
 def test_the_sensors_show_where_it_is_with_their_noise() -> None:
     suit = twin()
     now = run(suit, 0.0, 2.0, FOLLOW, 40.0 * RADIANS)
@@ -177,6 +208,86 @@ def test_the_drives_own_limits_are_held_against_the_spool() -> None:
         with pytest.raises(DriveError, match=said):
             drive.bring_up()
         drive.close()
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_torque_offset_arrives_at_the_spool_within_its_bound_and_only_under_torque(direction: int) -> None:
+    pushed = DRIVE._replace(torque_offset=2.0, current_limit=20.0, motor_direction=direction, answer_timeout=1.0)
+    bus, drive = over_the_bus(pushed)
+    drive.bring_up()
+    plant = bus.node.bench
+
+    def told(torque: float, power: Power) -> float | None:
+        for _ in range(8):
+            reading = drive.read(bus.time)
+            drive.write(reading.motor, power, bus.time, torque)
+            bus.advance(1e-3)
+        return plant.torque_offset
+
+    step = pushed.gear * RATED_CURRENT * pushed.torque_constant * 1e-3
+    assert told(1.0, Power.READY) == 0.0
+    assert told(1.0, Power.ON) == pytest.approx(1.0, abs=0.5 * step)
+    assert told(-9.0, Power.ON) == pytest.approx(-2.0, abs=0.5 * step)
+    assert told(math.nan, Power.ON) == 0.0
+    assert told(1.0, Power.OFF) == 0.0
+    drive.close()
+
+
+def test_an_offset_that_is_told_pushes_as_one_that_the_drive_makes() -> None:
+    """A small motion of the target: friction holds the spool, unless the offset makes up for it."""
+    told, plain = twin(), twin()
+    now = run(told, 0.0, 0.5, FOLLOW)
+    run(plain, 0.0, 0.5, FOLLOW)
+    told.torque_offset = 2.3
+    run(told, now, 0.05, FOLLOW, 3.0 * RADIANS)
+    run(plain, now, 0.05, FOLLOW, 3.0 * RADIANS)
+    assert told.motor > plain.motor + 0.2 * RADIANS
+    assert told.motor < 3.5 * RADIANS
+
+
+def test_a_drive_that_maps_no_torque_offset_is_refused_in_one_line_and_one_without_is_asked_for_none() -> None:
+    pushed = DRIVE._replace(torque_offset=2.0, current_limit=20.0, answer_timeout=1.0)
+    make = lambda now: TwinSuit(SUIT, constant_bend(SUIT.sheath.bend), 1.0, 1, 0.0, now)  # noqa: E731
+    drive = CanopenDrive(pushed, TwinBus(pushed, make, {(0x60B2, 0): None}))
+    with pytest.raises(DriveError, match="takes no torque offset beside its target") as refused:
+        drive.bring_up()
+    assert "suit.friction_feedforward_nm" in str(refused.value)
+    assert "\n" not in str(refused.value)
+    drive.close()
+    plain = DRIVE._replace(answer_timeout=1.0)
+    bus = TwinBus(plain, make, {(0x60B2, 0): 300})
+    drive = CanopenDrive(plain, bus)
+    drive.bring_up()
+    assert bus.node.objects[0x60B2, 0] == 0, "what another tool has left there"
+    drive.close()
+
+
+def test_an_offset_that_the_position_loop_could_not_beat_is_refused() -> None:
+    with pytest.raises(ParameterError, match="half of what the largest current gives"):
+        CanopenDrive(DRIVE._replace(torque_offset=5.0, current_limit=20.0))
+
+
+def test_the_loops_offset_is_that_of_the_simulated_drive() -> None:
+    """One kernel, stepped by the same time: targets that rise, shake and fall."""
+    motor, map_ = GearedMotor(friction_feedforward=2.0), spool_map(SUIT.geometry, SUIT.spool_radius)
+    offset, running = TorqueOffset(2.0, 10, map_), Verdict(0.0, 3.0, float(Mode.RUNNING), 0.0, 0.0)
+    state = SpoolState(spool_of(0.0, map_), 0.0, 0.0, 0.0, spool_of(0.0, map_), 0.0, 0.0)
+    still = state._replace(heard=spool_of(0.0, map_))
+    free = motor._replace(friction_feedforward=0.0)
+    for k in range(3000):
+        target = 0.3 * math.sin(2.0 * k * 1e-3) + (1e-3 * math.sin(k) if k > 2000 else 0.0)
+        for _ in range(10):
+            state = drive_motor(motor, still._replace(heard=state.heard, push=state.push), spool_of(target, map_), 1e-4)
+        without = drive_motor(free, still, spool_of(target, map_), 1e-4)
+        torque = (state.current - without.current) * motor.gear * motor.torque_constant
+        if abs(state.current) < motor.current_limit and abs(without.current) < motor.current_limit:
+            assert offset.step(target, running, 1e-3) == pytest.approx(torque, abs=1e-9)
+        else:
+            offset.step(target, running, 1e-3)
+    assert abs(offset.row()[2]) > 0.5
+    assert offset.step(0.3, running._replace(mode=float(Mode.RELEASING)), 1e-3) == 0.0
+    assert offset.step(0.3, running._replace(reaction=1.0), 1e-3) == 0.0
+    assert offset.step(0.3, running._replace(power=0.0), 1e-3) == 0.0
 
 
 def test_a_second_that_was_lost_is_not_made_up_for() -> None:

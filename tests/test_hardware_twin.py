@@ -1,6 +1,7 @@
 """The twin as a process: two processes at 1 kHz, the host killed and stopped, faults over the control socket."""
 
 import contextlib
+import gc
 import math
 import os
 import signal
@@ -42,10 +43,13 @@ def twin(rig: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runnin
 @contextlib.contextmanager
 def host(channel: str) -> Iterator[CanopenDrive]:
     drive = CanopenDrive(DriveParameters(channel=channel))
+    gc.collect()
+    gc.disable()  # as the live loop: with all tests in memory a collection outlasts the drive's 50 ms
     try:
         drive.bring_up()
         yield drive
     finally:
+        gc.enable()
         drive.close()
 
 

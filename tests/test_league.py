@@ -16,8 +16,10 @@ from bowden.core.units import DEGREES
 from bowden.design import league, league_cells, league_identified
 from bowden.design.league import Cell, Played, standings, told
 from bowden.design.league_cells import STROKE, LeaguePlant
+from bowden.design.league_exact import exact_travel
 from bowden.paper.bench import default_bench, moved_sheath
 from bowden.report.league_page import league_page
+from bowden.sim.cable_plant import resting_motor
 from bowden.sim.closed_loop import simulate
 
 ROOT = Path(__file__).parents[1]
@@ -48,6 +50,40 @@ def test_the_bench_is_the_bench(name: str) -> None:
     assert len(one.errors) == league.STRETCHES
 
 
+@pytest.mark.parametrize(
+    ("plant", "name"), [("moved_sheath", "adaptive"), pytest.param("play", "uncompensated", marks=pytest.mark.long)]
+)
+def test_a_cell_is_what_a_trace_of_its_run_shows_to_the_last_bit(plant: str, name: str) -> None:
+    found, motion = PLANTS[plant], SCENARIOS["fast"]
+    start = resting_motor(found.plant, 0.0, float(found.bend(np.zeros(1))[0]))
+    trace = simulate(
+        found.plant,
+        told(LAWS[name], found.plant),
+        motion.motion,
+        duration=motion.duration,
+        bend=found.bend,
+        seed=1,
+        initial_motor=start,
+    )
+    figures = trace.metrics()
+    errors = np.abs(trace.error) * DEGREES
+    (one,) = played([LAWS[name]], found, "fast")
+    travel = exact_travel(found.plant, motion.motion, duration=motion.duration, bend=found.bend, initial_motor=start)
+    assert one.cell == Cell(
+        law=name,
+        plant=plant,
+        scenario="fast",
+        rmse_deg=figures.rmse_deg,
+        rmse_after_10s_deg=figures.rmse_after_10s_deg,
+        peak_deg=figures.peak_deg,
+        delay_s=figures.delay_s,
+        chatter=float(np.abs(np.diff(trace["command"], prepend=start)).sum()) / travel,
+        energy_j=figures.electrical_energy_j,
+        stable=True,
+    )
+    assert one.errors.tolist() == [part.max() for part in np.array_split(errors, league.STRETCHES)]
+
+
 def test_on_a_cable_that_loses_nothing_no_compensation_has_a_chatter_near_one() -> None:
     from bowden.sim.cables import stack
 
@@ -76,7 +112,10 @@ def test_a_law_is_told_of_the_rig_and_nothing_else() -> None:
     assert told(LAWS["adaptive"], plant).gains == LAWS["adaptive"].gains
 
 
-@pytest.mark.parametrize("name", PLANTS)
+LONG = ("dahl", "slack", "coulomb", "capstan")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in PLANTS])
 def test_every_plant_can_be_played(name: str) -> None:
     """No compensation leaves an error on each of them, and never a large one."""
     (one,) = played([LAWS["uncompensated"]], PLANTS[name], "fast")

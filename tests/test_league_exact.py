@@ -54,7 +54,7 @@ def test_the_exact_path_puts_the_joint_on_the_reference(name: str) -> None:
     assert np.abs(joint_along(CABLES[name], path) - samples[:, 0]).max() < 1e-6
 
 
-@pytest.mark.parametrize("dahl", [False, True])
+@pytest.mark.parametrize("dahl", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_masses_and_damping_do_not_show(dahl: bool) -> None:
     """The lumped tendon's path is the quasi-static one on the same grid; Dahl's presliding rounds its corners."""
     tendon = Tendon(elements=10)

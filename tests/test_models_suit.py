@@ -187,24 +187,24 @@ MOTOR = GearedMotor(servo=Servo(50.0, 1.0))
 
 
 def test_the_motor_keeps_current_and_voltage() -> None:
-    rest = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    rest = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     assert drive_motor(MOTOR, rest, 100.0, 1e-4).current == 20.0
-    fast = SpoolState(0.0, 55.0, 0.0, 0.0, 0.0, 0.0)  # the back-EMF is 23 V of 24
+    fast = SpoolState(0.0, 55.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the back-EMF is 23 V of 24
     constant = MOTOR.gear * MOTOR.torque_constant
     assert drive_motor(MOTOR, fast, 100.0, 1e-4).current * MOTOR.resistance + constant * 55.0 == pytest.approx(24.0)
 
 
 def test_friction_holds_the_spool_and_never_turns_it_back() -> None:
     constant = MOTOR.gear * MOTOR.torque_constant
-    held = SpoolState(0.0, 0.0, 0.9 * MOTOR.friction / constant, 0.0, 0.0, 0.0)
+    held = SpoolState(0.0, 0.0, 0.9 * MOTOR.friction / constant, 0.0, 0.0, 0.0, 0.0)
     assert turn_spool(MOTOR, held, 0.0, 0.0, 1e-4).velocity == 0.0
-    rolling = SpoolState(0.0, 0.01, 0.0, 0.0, 0.0, 0.0)
+    rolling = SpoolState(0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0)
     assert turn_spool(MOTOR, rolling, 0.0, 0.0, 1e-4).velocity == 0.0
 
 
 def test_the_pd_loop_leaves_friction_over_stiffness_and_the_integral_does_not() -> None:
     for integral, left in ((0.0, MOTOR.friction / MOTOR.efficiency / (MOTOR.inertia * 50.0**2)), (20.0, 0.0)):
-        motor, state = MOTOR._replace(integral=integral), SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        motor, state = MOTOR._replace(integral=integral), SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         for k in range(100_000):
             target = min(1.0, k * 5e-5)
             state = turn_spool(motor, drive_motor(motor, state, target, 1e-4), 0.0, 0.0, 1e-4)
@@ -214,7 +214,7 @@ def test_the_pd_loop_leaves_friction_over_stiffness_and_the_integral_does_not() 
 def test_the_feed_forward_of_friction_takes_away_what_the_pd_loop_leaves_both_ways() -> None:
     """Told what friction takes of the torque, F/η, the spool follows a ramp as a servo without friction does."""
     motor = MOTOR._replace(friction_feedforward=MOTOR.friction / MOTOR.efficiency)
-    state, lag, speed = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0 / 50.0, 0.5
+    state, lag, speed = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0 / 50.0, 0.5
     for way in (1.0, -1.0):
         target = state.heard
         for _ in range(20_000):
@@ -226,7 +226,7 @@ def test_the_feed_forward_of_friction_takes_away_what_the_pd_loop_leaves_both_wa
 def test_the_feed_forward_does_not_chatter_and_fades_at_rest() -> None:
     motor = MOTOR._replace(friction_feedforward=2.0)
     constant, random = MOTOR.gear * MOTOR.torque_constant, np.random.default_rng(1)
-    state = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    state = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for noise in random.uniform(-0.99 * DEAD, 0.99 * DEAD, 5_000):
         state = drive_motor(motor, state, float(noise), 1e-4)
         assert state.push == 0.0

@@ -1,7 +1,8 @@
 """The loop on a clock of the tests': overruns skip and never burst, a run follows the simulation, its ends release."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,41 +12,22 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.signals import DriveReading
 from bowden.hardware.simulated import SimulatedDrive
 from bowden.hardware.twin_bench import TwinBench
-from bowden.models.thermal import cold
 from bowden.paper.bench import default_bench
-from bowden.runtime import control_block, ring
-from bowden.runtime.clock import SECOND, next_deadline
-from bowden.runtime.control_block import ControlBlock
-from bowden.runtime.cycle import Cycle, Filters, Source
-from bowden.runtime.loop import Ended, Loop
+from bowden.runtime.clock import next_deadline
+from bowden.runtime.cycle import Source
+from bowden.runtime.loop import Ended
+from bowden.runtime.mcap_read import Recording
 from bowden.runtime.ports import Power
 from bowden.runtime.preflight import Preflight
-from bowden.runtime.ring import RingReader, RingWriter
-from bowden.runtime.ring_status import RecorderState, Report
-from bowden.runtime.row import AT, NOTHING_READ, description
+from bowden.runtime.row import NOTHING_READ
 from bowden.runtime.script import Script
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Request
+from bowden.safety.supervisor import Mode
 from bowden.sim.closed_loop import simulate
-from bowden.sim.scenario import constant_bend
+from loop_rig import PERIOD, LoopRig, twin_bench
 
-PERIOD = SECOND // 1000
 REFERENCE = PeriodicMinimumJerk(0.0, 1.0, 4.0)
 SECONDS = 6.0
-
-
-class FakeClock:
-    """Time passes only while the loop sleeps, and what `meanwhile` says on top."""
-
-    def __init__(self, meanwhile: Callable[[int], int]) -> None:
-        self.time, self.sleeps, self._meanwhile = SECOND, 0, meanwhile
-
-    def now(self) -> int:
-        return self.time
-
-    def sleep_until(self, deadline: int) -> None:
-        self.time = max(self.time, deadline) + self._meanwhile(self.sleeps)
-        self.sleeps += 1
 
 
 class Watched:
@@ -65,79 +47,31 @@ class Watched:
     def reset_fault(self) -> None:
         self._drive.reset_fault()
 
-    def write(self, target: float, power: Power, now: float) -> None:
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         self.told.append((now, power, target))
-        self._drive.write(target, power, now)
+        self._drive.write(target, power, now, torque)
 
     def close(self) -> None:
         self.closed += 1
         self._drive.close()
 
 
-class Rig:
-    """All parts of a run on a fake clock; `meanwhile(k)` is what happens in the k-th sleep, and for how long [ns]."""
-
-    def __init__(self, folder: Path, meanwhile: Callable[["Rig", int], int]) -> None:
-        law = LAWS["adaptive"]
-        cycle = Cycle(law, Limits(), Filters(), 1e-3)
-        cycle.begin(NOTHING_READ, cold(Limits().thermal))
-        table = REFERENCE.sample(np.arange(round(1000 * SECONDS)) * 1e-3)
-        path, block = folder / "ring", folder / "block"
-        ring.create(path, description(law, {}, 0, 0), 20_000)
-        control_block.create(block)
-        self.block, self.reader = ControlBlock(block), RingReader(path)
-        self.clock = FakeClock(lambda k: self._pass(k, meanwhile))
-        bench = default_bench()
-        twin = TwinBench(bench, constant_bend(bench.sheath.bend), 1.0, 1, 0.0, 1.0)
-        self.drive = Watched(twin)
-        self.operator = True
-        self.loop = Loop(
-            self.drive,
-            cycle,
-            Script(table, 0.0, 0.5, Preflight(), 1e-3),
-            RingWriter(path),
-            ControlBlock(block),
-            self.clock,
-            0,
-        )
-
-    def _pass(self, k: int, meanwhile: Callable[["Rig", int], int]) -> int:
-        report = Report(int(RecorderState.OK), self.clock.now() + SECOND, 0, 0, 0, 0, 0)
-        self.reader.recorder.write(report)
-        if self.operator:
-            self.block.beat(self.clock.now())
-        return meanwhile(self, k)
-
-    def mode(self) -> Mode:
-        row = self.reader.last()
-        return Mode(0 if row is None else int(row[AT["mode"]]))
-
-    def run(self) -> tuple[Ended, dict[str, np.ndarray]]:
-        ended = self.loop.run()
-        rows = self.reader.read().rows
-        return ended, {name: rows[:, i] for name, i in AT.items()}
-
-
-def by_itself(rig: Rig, k: int) -> int:
-    """Arm, run, and quit when it has stopped again."""
-    row = rig.reader.last()
-    if k == 20:
-        rig.block.ask(Request.ARM)
-    elif row is not None and rig.mode() == Mode.PREFLIGHT and row[AT["preflight"]] == 1.0:
-        rig.block.ask(Request.RUN)
-    elif k > 100 and rig.mode() in (Mode.STOPPED, Mode.LATCHED):
-        rig.block.quit()
-    return 40_000
+def rig_of(folder: Path, between: Callable[[LoopRig], None], **asks: Any) -> LoopRig:
+    table = REFERENCE.sample(np.arange(round(1000 * SECONDS)) * 1e-3)
+    script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+    return LoopRig(folder, LAWS["adaptive"], Limits(), Watched(twin_bench()), script, between, **asks)
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Rig, Ended, dict[str, np.ndarray]]]:
-    rig = Rig(tmp_path_factory.mktemp("run"), by_itself)
-    ended, rows = rig.run()
-    return rig, ended, rows
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoopRig, Ended, Recording]:
+    def between(rig: LoopRig) -> None:
+        rig.time += 40_000
+
+    rig = rig_of(tmp_path_factory.mktemp("run"), between)
+    return rig, *rig.run()
 
 
-def test_a_run_is_as_good_as_its_simulation(whole: tuple[Rig, Ended, dict[str, np.ndarray]]) -> None:
+def test_a_run_is_as_good_as_its_simulation(whole: tuple[LoopRig, Ended, Recording]) -> None:
     _, ended, rows = whole
     assert Mode(ended.mode) == Mode.STOPPED
     assert ended.faults == 0
@@ -149,7 +83,7 @@ def test_a_run_is_as_good_as_its_simulation(whole: tuple[Rig, Ended, dict[str, n
     assert np.sqrt(np.mean(error**2)) == pytest.approx(wanted, rel=0.1)
 
 
-def test_it_ends_in_a_release_and_the_power_stays_off(whole: tuple[Rig, Ended, dict[str, np.ndarray]]) -> None:
+def test_it_ends_in_a_release_and_the_power_stays_off(whole: tuple[LoopRig, Ended, Recording]) -> None:
     rig, _, rows = whole
     modes = [Mode(int(mode)) for mode in rows["mode"][np.flatnonzero(np.diff(rows["mode"], prepend=-1.0))]]
     assert modes == [Mode.STOPPED, Mode.PREFLIGHT, Mode.RUNNING, Mode.RELEASING, Mode.STOPPED]
@@ -159,7 +93,7 @@ def test_it_ends_in_a_release_and_the_power_stays_off(whole: tuple[Rig, Ended, d
     assert rig.reader.closed
 
 
-def test_every_cycle_is_a_row(whole: tuple[Rig, Ended, dict[str, np.ndarray]]) -> None:
+def test_every_cycle_is_a_row(whole: tuple[LoopRig, Ended, Recording]) -> None:
     rig, ended, rows = whole
     assert ended.cycles == len(rows["time"]) == len(rig.drive.told)
     assert np.all(rows["overruns"] == 0.0)
@@ -170,12 +104,10 @@ def test_every_cycle_is_a_row(whole: tuple[Rig, Ended, dict[str, np.ndarray]]) -
 def test_an_overrun_skips_and_never_bursts(tmp_path: Path) -> None:
     stalls = {50: 3_400_000, 51: 0, 80: 12_900_000, 120: 990_000}
 
-    def meanwhile(rig: Rig, k: int) -> int:
-        if k == 200:
-            rig.block.quit()
-        return stalls.get(k, 0)
+    def between(rig: LoopRig) -> None:
+        rig.time += stalls.get(rig.sleeps, 0)
 
-    rig = Rig(tmp_path, meanwhile)
+    rig = rig_of(tmp_path, between, arms=())
     ended, rows = rig.run()
     assert ended.overruns == 3 + 12 + 0
     assert rows["overruns"][[51, 81]].tolist() == [3.0, 12.0]
@@ -195,12 +127,10 @@ def test_the_next_deadline_is_the_first_that_is_to_come(late: int) -> None:
 
 
 def test_an_operator_that_is_gone_ends_the_run(tmp_path: Path) -> None:
-    def meanwhile(rig: Rig, k: int) -> int:
-        rig.operator = k < 1500
-        by_itself(rig, k if k < 100 else 99)
-        return 0
+    def between(rig: LoopRig) -> None:
+        rig.operator = rig.sleeps < 1500
 
-    rig = Rig(tmp_path, meanwhile)
+    rig = rig_of(tmp_path, between, quits=np.inf)
     ended, rows = rig.run()
     gone = 1500
     released = np.flatnonzero(rows["mode"] == Mode.RELEASING)
@@ -211,13 +141,12 @@ def test_an_operator_that_is_gone_ends_the_run(tmp_path: Path) -> None:
 
 
 def test_quitting_in_mid_run_releases_first(tmp_path: Path) -> None:
-    def meanwhile(rig: Rig, k: int) -> int:
-        if k == 4000:
+    def between(rig: LoopRig) -> None:
+        rig.time += 40_000
+        if rig.sleeps == 4000:
             rig.loop.quit()
-        return by_itself(rig, k if k < 100 else 99)
 
-    rig = Rig(tmp_path, meanwhile)
-    ended, rows = rig.run()
+    ended, rows = rig_of(tmp_path, between, quits=np.inf).run()
     assert Mode(int(rows["mode"][3999])) == Mode.RUNNING
     assert Mode(int(rows["mode"][4001])) == Mode.RELEASING
     assert Mode(ended.mode) == Mode.STOPPED

@@ -45,6 +45,8 @@ TIMED = {
     "lumped_coulomb": friction_cables.lumped(),
     "lumped_dahl": friction_cables.lumped(LumpedTendon(dahl=True, presliding=1e-4)),
 }
+LONG = ("sliding", "lumped_dahl", "poses")
+"""Of a kind that another one of the list shows in less time."""
 timeless_cable = pytest.mark.parametrize("cable", list(CABLES.values()), ids=list(CABLES))
 every_cable = pytest.mark.parametrize("cable", list((CABLES | TIMED).values()), ids=list(CABLES | TIMED))
 
@@ -76,7 +78,9 @@ def test_a_moved_sheath_is_the_benchs() -> None:
     assert ours["slope"].tolist() == theirs["slope"].tolist()
 
 
-@every_cable
+@pytest.mark.parametrize(
+    "cable", [pytest.param(c, id=n, marks=[pytest.mark.long] * (n in LONG)) for n, c in (CABLES | TIMED).items()]
+)
 def test_every_cable_runs_under_a_law_and_tells_what_made_it(cable: cables.Cable) -> None:
     plant = noisy(CablePlant(cable, sheath=Sheath(bend=2.0)))
     run = lambda seed, duration: simulate(  # noqa: E731  # one call, three runs

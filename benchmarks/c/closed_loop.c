@@ -1,9 +1,9 @@
 /* The adaptive law against the bench, written by hand: the yardstick for the package's compiled loop.
  *
  * The arithmetic is the package's own (servo, series of the cable, law, encoders, reference, current), or, where `whole`
- * is 0, with the motor and its turns in sub-steps and powers by the library, as such a loop is commonly written. The parameters are known at run
- * time only, and the same columns are stored. The encoders' normal numbers are handed in: they must be
- * NumPy's for the two to agree.
+ * is 0, with the motor and its turns in sub-steps, powers and tanh by the library, as such a loop is commonly written.
+ * The parameters are known at run time only, and the same columns are stored. The encoders' normal numbers are handed
+ * in: they must be NumPy's for the two to agree.
  */
 #include <math.h>
 
@@ -33,6 +33,22 @@ struct servo {
 static double smaller(double a, double b) { return b < a ? b : a; }
 static double larger(double a, double b) { return b > a ? b : a; }
 
+/* as `bowden.core.primitives.tanh` */
+static double tanh_by_addition(double x)
+{
+    const double shift = 6755399441055744.0, size = fabs(x), near = size > 20.0 ? 20.0 : size;
+    const double k = (near * 2.8853900817779268 + shift) - shift;
+    const double b = (near - k * 0.3465735901845619) - k * 9.541074646352939e-11, square = b * b;
+    union { double number; unsigned long long bits; } s;
+    s.number = shift + 1023.0 - k;
+    s.bits <<= 52;
+    const double u = 1.0 - s.number, v = 1.0 + s.number, c = u / v, fourth = square * square;
+    const double p = u * b * (1.0 + square * 0.11109938059851718 + fourth * 0.0010574195870983604);
+    const double q = v * (1.0 + square * 0.44443271393184475 + fourth * 0.0158683242329108);
+    const double r = v * (square * -0.3333333333333276 + fourth * -0.014810904645812441);
+    return copysign(c + (1.0 - c * c) * (b + b * ((r - p) / (q + p))), x);
+}
+
 static struct cable prepare_cable(const struct parameters *p)
 {
     struct cable c;
@@ -40,9 +56,9 @@ static struct cable prepare_cable(const struct parameters *p)
     c.exponent = p->exponent;
     c.growth = 2.0 * p->shape - 1.0;
     c.bound = pow(c.growth, -1.0 / p->exponent);
-    c.piece = 0.03 / (1.0 + p->exponent / c.bound * larger(1.0, 1.0 / c.growth));
-    c.near_zero = 0.5 * pow(0.01 / larger(1.0, c.growth), 1.0 / p->exponent);
     c.cubic = p->whole && p->exponent == 3.0;
+    c.piece = (c.cubic ? 0.045 : 0.03) / (1.0 + p->exponent / c.bound * larger(1.0, 1.0 / c.growth));
+    c.near_zero = 0.5 * pow(0.01 / larger(1.0, c.growth), 1.0 / p->exponent);
     return c;
 }
 
@@ -76,7 +92,7 @@ static double turn(double offset, double velocity, const struct servo *s, double
 static double travel_of(double way, double faster, double time, double width, double next_width)
 {
     if (next_width == width)
-        return way / width;
+        return way * (1.0 / width);
     double middle = 0.5 * (width + next_width), growth = (next_width - width) / middle;
     return (way * (1.0 + growth * growth / 12.0) - growth * faster * time / 12.0) / middle;
 }
@@ -114,29 +130,48 @@ static double away_from_zero(double y, double z, double q, double n)
     return y + z * (a1 + z * (a2 + z * (a3 + z * (a4 + z * a5))));
 }
 
+static double by_cubes(double y, double z, double growth)
+{
+    double d = growth * y, e = d * y, q = e * y, square = q * q, z_square = z * z;
+    double c3 = d * (2.5 * q - 1.0);
+    double c4 = growth * (3.5 * q - 0.25 - 4.375 * square);
+    double c5 = growth * e * (2.25 - 9.45 * q + 7.875 * square);
+    double c6 = growth * d * (0.75 - 9.75 * q + square * (23.1 - 14.4375 * q));
+    double tail = c3 + z * c4 + z_square * (c5 + z * c6);
+    return y + z * (1.0 - q) * (1.0 - 1.5 * e * z + z_square * tail);
+}
+
 static double advance(double h, double travel, const struct cable *c)
 {
-    if (fabs(copysign(c->bound, travel) - h) < 1e-12 * c->bound)
-        return h;
-    double direction = copysign(1.0, travel), left = c->rate * fabs(travel), y = direction * h;
-    while (left > 0.0 && !(fabs(c->bound - y) < 1e-12 * c->bound)) {
-        double size = fabs(y), q = (y > 0.0 ? c->growth : -1.0) * power(size, c), z;
-        if (size < c->near_zero) {
-            z = smaller(left, c->near_zero);
-            y = through_zero(y, z, q, c);
+    const double end = copysign(c->bound, travel);
+    double left = c->rate * fabs(travel);
+    while (left > 0.0 && !(fabs(end - h) < 1e-12 * c->bound)) {
+        double size = fabs(h), z;
+        int outward = h * end > 0.0;
+        if (c->cubic && size <= c->bound && (outward || size > 1.01 * c->piece)) {
+            z = smaller(left, c->piece);
+            h = by_cubes(h, copysign(z, travel), copysign(outward ? c->growth : 1.0, travel));
         } else {
-            z = smaller(smaller(left, c->piece), 0.05 * size / larger(1.0, fabs(1.0 - q)));
-            y = away_from_zero(y, z, q, c->exponent);
+            double direction = copysign(1.0, travel), y = direction * h;
+            double q = (y > 0.0 ? c->growth : -1.0) * power(size, c);
+            if (size < c->near_zero) {
+                z = smaller(left, c->near_zero);
+                y = through_zero(y, z, q, c);
+            } else {
+                z = smaller(smaller(left, c->piece), 0.05 * size / larger(1.0, fabs(1.0 - q)));
+                y = away_from_zero(y, z, q, c->exponent);
+            }
+            h = direction * y;
         }
         left -= z;
     }
-    return direction * y;
+    return h;
 }
 
-static double reading(double angle, double normal, double resolution, double noise)
+static double reading(double angle, double normal, double resolution, double inverse, double noise)
 {
     double noisy = angle + noise * normal;
-    return resolution > 0.0 ? resolution * floor(noisy / resolution + 0.5) : noisy;
+    return resolution > 0.0 ? resolution * floor(noisy * inverse + 0.5) : noisy;
 }
 
 /* The loop alone; `references` is (3, n), `normals` (n, 2), `record` (8, n) and `states` (6, n). Returns the cycles. */
@@ -149,22 +184,23 @@ long loop(const struct parameters *p, const double *references, const double *wi
     const double reach = p->whole && p->natural_frequency * p->sample_time <= 0.25 ? cycle.reach : -1.0;
     const long n = p->cycles;
     const double dt = p->sample_time;
+    const double joint_inverse = 1.0 / p->joint_resolution, motor_inverse = 1.0 / p->motor_resolution;
     double position = p->initial_motor, velocity = 0.0, acceleration = 0.0, h = 0.0;
     double joint = slopes[0] * p->slope * position + widths[0] * p->hysteresis_gain * h + p->offset;
     double integral = 0.0, slope_inverse = 0.0, bound = 0.0, joint_rate = 0.0;
-    double last = reading(joint, normals[0], p->joint_resolution, p->joint_noise);
+    double last = reading(joint, normals[0], p->joint_resolution, joint_inverse, p->joint_noise);
 
     for (long k = 0; k < n; k++) {
-        double measured = reading(joint, normals[2 * k], p->joint_resolution, p->joint_noise);
-        double motor = reading(position, normals[2 * k + 1], p->motor_resolution, p->motor_noise);
+        double measured = reading(joint, normals[2 * k], p->joint_resolution, joint_inverse, p->joint_noise);
+        double motor = reading(position, normals[2 * k + 1], p->motor_resolution, motor_inverse, p->motor_noise);
         double reference = references[k], reference_rate = references[n + k];
 
         double error = measured - reference;
         integral += error * dt;
-        joint_rate += ((measured - last) / dt - joint_rate) * dt / (p->derivative_time + dt);
+        joint_rate += ((measured - last) * (1.0 / dt) - joint_rate) * (dt / (p->derivative_time + dt));
         last = measured;
         double s = p->error_gain * error + integral;
-        double direction = tanh(s / p->smoothing);
+        double direction = p->whole ? tanh_by_addition(s * (1.0 / p->smoothing)) : tanh(s * (1.0 / p->smoothing));
         double wanted = reference - p->error_gain * (joint_rate - reference_rate) - bound * direction;
         double command = slope_inverse * wanted - p->feedback_gain * s;
         double next = slope_inverse - dt * p->slope_adaptation * (wanted * s + p->slope_leakage * slope_inverse);

@@ -88,6 +88,8 @@ def _computed(
     try:
         _fill(study, store, [(chunk, cut[chunk]) for chunk in missing], workers, cluster, progress)
     except KeyboardInterrupt:
+        if len(store.missing()) == len(cut):
+            raise  # nothing is there that could be spoken of
         raise InterruptedPartway(_standing(store, len(cut))) from None
     except BowdenError as error:
         raise type(error)(
@@ -99,7 +101,10 @@ def _computed(
 
 
 def _standing(store: "Store", chunks: int) -> str:
+    """What is kept, if anything is."""
     there = chunks - len(store.missing())
+    if not there:
+        return ""
     return f"{there} of {chunks} chunks are kept in {store.folder}, and the same command goes on from there"
 
 
@@ -146,12 +151,14 @@ def _fill(
 
 def _summed_up(study: "Study", store: "Store", path: Path, out: Path | None) -> tuple["Summary", list[Path]]:
     """The figures, and the page that shows them."""
+    from bowden.app.campaign_rows import SUIT_FIGURES
     from bowden.core.files import whole_files
     from bowden.design.campaign_figures import summarise
     from bowden.report.campaign_page import campaign_page
 
     again = f"bowden campaign {path}" + (f" --out {out}" if out else "") + " --run"
-    summary = summarise(store, [law.name for law in study.laws], [column.name for column in study.columns])
+    drawn_names, more = [column.name for column in study.columns], list(SUIT_FIGURES) if study.worn else []
+    summary = summarise(store, [law.name for law in study.laws], drawn_names, more)
     drawn = [(column.name, column.unit, column.spread) for column in study.columns]
     page = campaign_page(summary, f"Campaign {path.stem}", drawn, again, study.duration)
     with whole_files(store.folder) as stage:

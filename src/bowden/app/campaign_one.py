@@ -22,9 +22,9 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
     Raises:
         ParameterError: there is no such run.
     """
+    from bowden.app.one_run import run_of
     from bowden.control import user_law
     from bowden.report.simulate_page import write_simulation
-    from bowden.sim.closed_loop import simulate
 
     if number >= study.file.runs:
         raise ParameterError(
@@ -36,16 +36,7 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
     traces = {}
     for law in laws:
         with user_law.explained(law):
-            traces[law.name] = simulate(
-                setup.bench,
-                law,
-                setup.reference,
-                duration=setup.duration,
-                bend=setup.bend,
-                seed=setup.seed,
-                initial_motor=setup.initial_motor,
-                fault=fault,
-            )
+            traces[law.name] = run_of(setup, law, fault)
     with whole_files(folder) as stage:
         for name, trace in traces.items():
             trace.to_parquet(stage / f"{name}.parquet")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from bowden.app.study import Study
 from bowden.app.study_pack import compute, packed, rows, table
-from bowden.app.workers import another_main
+from bowden.app.workers import starting
 from bowden.core.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -61,8 +61,7 @@ def _pooled(pack: bytes, work: Work, count: int) -> Done:
     try:
         waiting = iter(work)
         running: dict[Future[bytes], int] = {}
-        with another_main():
-            _fill(pool, pack, waiting, running, 2 * count)
+        _fill(pool, pack, waiting, running, 2 * count)
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
@@ -86,7 +85,8 @@ def _fill(
 ) -> None:
     while len(running) < most and (one := next(waiting, None)) is not None:
         chunk, numbers = one
-        running[pool.submit(compute, pack, numbers.start, numbers.stop)] = chunk
+        with starting():  # this may start a process
+            running[pool.submit(compute, pack, numbers.start, numbers.stop)] = chunk
 
 
 def _prepare() -> None:

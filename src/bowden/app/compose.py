@@ -14,6 +14,7 @@ from bowden.app.compose_motion import bend_of, reference_of
 from bowden.app.compose_suit import for_suit, suit_of
 from bowden.app.config import near, read_rig
 from bowden.app.emg_setup import emg_run
+from bowden.app.known_cable import knowing
 from bowden.app.laws import KNOWN
 from bowden.control import Law, user_law
 from bowden.control.reference import Trajectory
@@ -163,8 +164,9 @@ def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str 
     """A law with the gains that this rig gives it.
 
     A law that carries a model of the cable (its gains have all the fields of `BoucWen`) is given the rig's, and the
-    uncompensated one the motor angle at which the joint is at zero: encoders zeroed apart are no backlash. Then comes
-    the preset, and the rig's own gains last, if it is the rig's law.
+    uncompensated one the motor angle at which the joint is at zero: encoders zeroed apart are no backlash. One that
+    learns slope and dead zone begins with those of an identified model. Then comes the preset, and the rig's own gains
+    last, if it is the rig's law.
 
     Args:
         name: a key of `KNOWN`, or ``FILE.py:NAME`` of a user's own.
@@ -206,6 +208,8 @@ def fitted(law: Law, rig: schema.Rig, bench: Bench, preset: str | None = None, *
         law = law.with_gains(**bench.cable._asdict())
     elif isinstance(law.gains, UncompensatedGains):
         law = law.with_gains(motor_zero=0.0 - bench.cable.offset / bench.cable.slope)
+    elif rig.cable.model is not None and not rig.suit.worn:
+        law = knowing(law, bench.cable, bench.sheath.gap)
     chosen = preset or (rig.control.preset if rigs_own else None)
     if rig.suit.worn:
         law = for_suit(law, preset=chosen, gains=rigs_own and bool(rig.control.gains))

@@ -6,7 +6,7 @@ from bowden.app import rig_schema as schema
 from bowden.app.admittance_schema import AdmittanceSection
 from bowden.control.admittance import Admittance, check_admittance
 from bowden.control.law import Law
-from bowden.control.push import push_source
+from bowden.control.push import ROOM, push_source
 from bowden.control.source import Source
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
@@ -25,6 +25,8 @@ class Pushing:
     admittance: Admittance
     suit: Suit
     section: AdmittanceSection
+    room: float = ROOM
+    """How far beyond its range the reference of a law that feeds the joint back may be led [rad]."""
 
     @property
     def cell(self) -> LoadCell:
@@ -42,8 +44,20 @@ class Pushing:
                 estimated=estimated,
                 carried=carried,
                 friction_share=self.section.friction_share,
+                room=self.room,
             )
         )
+
+    def refuse_integral(self) -> None:
+        """Refuse a drive with an integral: it is beyond the limit, which knows none, and most wearers swing with it.
+
+        Raises:
+            ParameterError: it has one.
+        """
+        given = self.suit.motor.integral
+        if given > 0.0:
+            said = f"suit.drive_integral_per_s is {given:g} under [admittance], where most wearers come to swing"
+            raise ParameterError(said, expected="0", do="set it to 0")
 
     def notes(self, laws: list[Law], *, force: bool) -> list[str]:
         """What the user should know; a virtual elbow beyond the limit is refused unless forced.
@@ -52,13 +66,17 @@ class Pushing:
             ParameterError: a virtual elbow that the suit cannot render.
         """
         notes = []
-        try:
-            limit_for(self.suit).refuse(self.admittance)
-        except ParameterError as error:
-            if not force:
-                do = "change [admittance] in rig.toml, or run it anyway with --force"
-                raise ParameterError(error.what, expected=error.expected, do=do) from error
-            notes.append(f"{error.what}; it runs because of --force")
+        for refuse, do in (
+            (self.refuse_integral, "set it to 0"),
+            (lambda: limit_for(self.suit).refuse(self.admittance), "change [admittance]"),
+        ):
+            try:
+                refuse()
+            except ParameterError as error:
+                if not force:
+                    do = f"{do} in rig.toml, or run it anyway with --force"
+                    raise ParameterError(error.what, expected=error.expected, do=do) from error
+                notes.append(f"{error.what}; it runs because of --force")
         others = [law.name for law in laws if law.name != SURE]
         if others:
             notes.append(

@@ -1,7 +1,7 @@
 """From a rig.toml to a live run: the second of the two places where things are wired."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,25 +10,27 @@ from numpy.typing import NDArray
 
 from bowden.app import compose, excitation, rig_drive
 from bowden.app import rig_schema as schema
+from bowden.app.admittance_live import live_pushing
 from bowden.app.emg_setup import EmgRun, emg_run
+from bowden.app.suit_preflight import on_suit
 from bowden.control import LAWS, Law, user_law
+from bowden.control.source import TABLE, Source
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
-from bowden.hardware.drive_parameters import DriveParameters
+from bowden.hardware.drive_parameters import DriveParameters, most_push
 from bowden.runtime.cycle import Cycle
 from bowden.runtime.emg_course import EmgCourse
 from bowden.runtime.intent_block import IntentReader
 from bowden.runtime.preflight import Preflight
 from bowden.runtime.realtime import Settings
+from bowden.runtime.run_settings import plain
 from bowden.runtime.script import Script
+from bowden.runtime.torque_offset import TorqueOffset
 from bowden.safety.limits import Limits
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
 more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
-
-SUIT_FIRST, SUIT_SETTLE = 8.0 * RADIANS, 0.6
-"""First motion of a suit's preflight [rad], and the wait after each, in which the drive's integral works [s]."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,13 @@ class Live:
 
     def cycle(self) -> Cycle:
         """Law under supervisor."""
-        return Cycle(self.law, self.limits, rig_drive.filters(self.description), self.drive.sample_time)
+        filters, period = rig_drive.filters(self.description), self.drive.sample_time
+        return Cycle(self.law, self.limits, filters, period, self.source())
+
+    def source(self) -> Source:
+        """Of the reference: the wearer's push, or else the script's."""
+        pushing = self.setup.pushing
+        return TABLE if pushing is None else pushing.source(self.law)
 
     def course(self, block: Path | None, start: int) -> EmgCourse | None:
         """The reference of a run by EMG, from what its process writes; `start` as `EmgCourse` has it."""
@@ -81,15 +89,23 @@ class Live:
             return None
         return EmgCourse(self.emg.course, IntentReader(block), start, len(self.table))
 
+    def push(self) -> TorqueOffset | None:
+        """The torque offset of a drive that takes one."""
+        torque, spool, substeps = self.drive.torque_offset, self.drive.spool, self.setup.bench.substeps
+        return None if spool is None or torque == 0.0 else TorqueOffset(torque, substeps, spool)
+
+    def _told_push(self) -> Mapping[str, Any]:
+        spool = plain(self.drive.spool)
+        return {"torque": self.drive.torque_offset, "substeps": self.setup.bench.substeps, "spool": spool}
+
     def script(self, course: EmgCourse | None = None) -> Script:
         """The run's plan."""
         speed = self.description.live.approach_deg_per_s * RADIANS
         checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
         suit = self.setup.suit
-        if suit is not None:  # gears that friction holds at first, and a flex sensor, which is less still
-            noise = checks.noise + 8.0 * suit.joint_sensor.noise + suit.joint_sensor.resolution
-            checks = checks._replace(first=SUIT_FIRST, settle=SUIT_SETTLE, noise=noise)
-        return Script(self.table, self.start, speed, checks, self.drive.sample_time, course)
+        checks = checks if suit is None else on_suit(checks, suit)
+        slope = 1.0 if suit is not None else self.setup.bench.cable.slope
+        return Script(self.table, self.start, speed, checks, self.drive.sample_time, course, slope)
 
     def told(self) -> Mapping[str, Any]:
         """What the log keeps of the rig, beside the law and the limits."""
@@ -99,6 +115,8 @@ class Live:
             "rig": self.description.model_dump(mode="json"),
             **({"law_file": self.law_file} if self.law_file else {}),
             **({"emg": self.emg.told()} if self.emg else {}),
+            **({"push": self._told_push()} if self.drive.torque_offset > 0.0 else {}),
+            **({} if self.setup.pushing is None else {"admittance": plain(self.source().settings)}),
         }
 
 
@@ -115,15 +133,14 @@ def compose_live(asked: Asked) -> Live:
             expected="a joint angle that grows with the motor's",
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
-    if setup.pushing is not None:
-        raise ParameterError(
-            f"{asked.rig}: admittance.enabled is true",
-            expected="false: the live loop follows [reference] and hears no interaction torque",
-            do="disable it there; bowden simulate has it",
-        )
     drive = rig_drive.on_bus(rig_drive.drive_parameters(rig, setup.bench, setup.suit), asked.channel, asked.interface)
     limits, source = rig_drive.limits(rig, setup.bench), ""
     emg = None if asked.measure else emg_run(rig.emg, asked.rig.parent, asked.emg)
+    if asked.measure:
+        setup = replace(setup, pushing=None)
+    if setup.pushing is not None:
+        pushing, notes = live_pushing(setup.pushing, limits, most_push(drive), by_emg=emg is not None)
+        setup = replace(setup, pushing=pushing, notes=(*setup.notes, *notes))
     if emg is not None:
         _check_range(emg, limits)
         limits = limits._replace(uses_emg=1.0)

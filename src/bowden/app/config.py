@@ -107,6 +107,7 @@ def near(name: str, known: Iterable[str]) -> str:
 
 _CORRECT = "correct it there"
 
+_TYPES = {"float", "int", "str"}
 _KINDS = {"reference": REFERENCES, "scenario.bend": BENDS}
 
 _WANTED = {
@@ -135,10 +136,13 @@ def explained(error: ValidationError, path: Path, root: type[BaseModel] = Rig) -
 
 
 def _explain(error: ErrorDetails, path: Path, root: type[BaseModel]) -> ParameterError:
-    keys, section = _place(error["loc"], root)
-    name, last, kind, context = ".".join(keys), keys[-1], error["type"], error.get("ctx", {})
+    kind, context, location = error["type"], error.get("ctx", {}), error["loc"]
+    if kind != "extra_forbidden" and location[-1] in _TYPES:  # which type was tried, of a value that may have several
+        location = location[:-1]
+    keys, section = _place(location, root)
+    name, last = _dotted(keys), keys[-1]
     if kind == "extra_forbidden":
-        where = f"key {last!r} in [{'.'.join(keys[:-1])}]" if keys[1:] else f"key or section {last!r}"
+        where = f"key {last!r} in [{_dotted(keys[:-1])}]" if keys[1:] else f"key or section {last!r}"
         return ParameterError(
             f"{path}: unknown {where}", expected=near(last, section.model_fields), do="rename or delete it"
         )
@@ -151,6 +155,11 @@ def _explain(error: ErrorDetails, path: Path, root: type[BaseModel]) -> Paramete
         return ParameterError(f"{path}: {name} is missing", do="add it")
     wanted = _WANTED.get(kind, error["msg"]).format(**context)
     return ParameterError(f"{path}: {name} is {_as_written(error['input'])}", expected=wanted, do=_CORRECT)
+
+
+def _dotted(keys: list[str]) -> str:
+    """Keys as TOML has them: one with a dot in it stands in quotation marks."""
+    return ".".join(f'"{key}"' if "." in key else key for key in keys)
 
 
 def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> tuple[list[str], type[BaseModel]]:

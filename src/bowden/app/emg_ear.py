@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import queue
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from typing import Any
 
 from bowden.core.errors import StreamError
 from bowden.runtime import intent_block
+from bowden.runtime.ring import FOLDER
 
 _START = 300.0
 """A process that has not said anything after this has failed; a slow computer compiles for a minute at first [s]."""
@@ -24,16 +26,16 @@ class Ear:
     Args:
         rig: with its [emg].
         source: in place of the rig's.
-        block: where its words go; made here, and removed by `close`.
     """
 
-    def __init__(self, rig: Path, source: str | None, block: Path) -> None:
-        self.block, self.lost = block, ""
-        """Why nothing comes any more; empty while the stream is alive."""
-        self.stream = self.channel = self.unit = ""
+    def __init__(self, rig: Path, source: str | None) -> None:
+        self.block = FOLDER / f"bowden-{os.getpid()}-{os.urandom(3).hex()}.intent"
+        """Where its words go; removed by `close`."""
+        self.stream = self.channel = self.unit = self.lost = ""
+        """`lost` is why nothing comes any more; empty while the stream is alive."""
         self._said: queue.Queue[dict[str, Any]] = queue.Queue()
-        intent_block.create(block)
-        given = json.dumps({"rig": str(rig), "source": source, "block": str(block)})
+        intent_block.create(self.block)
+        given = json.dumps({"rig": str(rig), "source": source, "block": str(self.block)})
         self._process = subprocess.Popen(
             [sys.executable, "-m", "bowden.app.intent_process", given],
             stdin=subprocess.PIPE,
@@ -82,7 +84,7 @@ class Ear:
             self._process.stdin.flush()
 
     def close(self) -> None:
-        """End it, and give its memory back."""
+        """End it, and give its memory back; safe to call twice."""
         process = self._process
         with contextlib.suppress(OSError):
             if process.stdin is not None:

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from bowden.core.units import RADIANS
 from bowden.hardware.emergencies import emergency_text
+from bowden.runtime.cycle import Source
 from bowden.runtime.preflight import REASONS, Reason
 from bowden.runtime.ring_status import RecorderState
 from bowden.safety import faults
@@ -50,12 +51,22 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     if session.ear is not None:
         table.add_row("EMG", _emg(row, session.ear.unit, session.ear.lost))
+    if "admittance.push" in row:
+        table.add_row("push", _push(row))
     table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.winding']:.0f} °C")
     table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
     table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
     table.add_row("estimates", ", ".join(f"{name} {value:.3g}" for name, value in laws[:_MOST_ESTIMATES]))
     return table
+
+
+def _push(row: dict[str, float]) -> str:
+    """The push that makes the reference; none is heard where the law has not got the motor."""
+    if row["source"] < Source.LAW_BEGINS:
+        return "–"
+    push, doubt = row["admittance.push"], row["admittance.doubt"]
+    return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
 
 
 _TROUBLE = ("", "flat or missing: look at the electrodes", "movement or mains")

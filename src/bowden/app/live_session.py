@@ -48,11 +48,12 @@ class Session:
         asked: what the command line asks for.
         live: what was made of it.
         log: the file to record to.
+        ear: of a run by EMG, started and ready; it is closed with the run.
         remembers: whether the motor's warmth is taken from the run before and kept for the next one.
     """
 
-    def __init__(self, asked: Asked, live: Live, log: Path, *, remembers: bool = True) -> None:
-        self.live, self.log, self._remembers = live, log, remembers
+    def __init__(self, asked: Asked, live: Live, log: Path, ear: Ear | None = None, *, remembers: bool = True) -> None:
+        self.live, self.log, self.ear, self._remembers = live, log, ear, remembers
         self.clock = MonotonicClock()
         self.ended: dict[str, Any] | None = None
         """What the loop said at its end."""
@@ -67,10 +68,7 @@ class Session:
         self._processes: list[subprocess.Popen[str]] = []
         name = f"{os.getpid()}-{os.urandom(3).hex()}"
         self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
-        self._intent = FOLDER / f"bowden-{name}.intent"
         self._asked = asked
-        self.ear: Ear | None = None
-        """What reads the EMG, in a run by it."""
 
     def __enter__(self) -> "Session":
         try:
@@ -92,12 +90,10 @@ class Session:
         live, now = self.live, self.clock.now()
         _sweep()
         settings = run_settings(live.law, live.limits, live.cycle().filters, live.drive.sample_time)
-        if live.emg is not None:
-            self.ear = Ear(self._asked.rig, self._asked.emg, self._intent)
-            self.ear.await_ready()  # before the drive is spoken to
-            now = self.clock.now()
-        by_emg = self.ear is not None
-        told = description(live.law, {**settings, **live.told()}, round(unix_seconds() * SECOND), now, emg=by_emg)
+        by_emg, pushed, wall = self.ear is not None, live.push() is not None, round(unix_seconds() * SECOND)
+        told = description(
+            *(live.law, {**settings, **live.told()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
+        )
         create(self._ring, told)
         control_block.create(self._block)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
@@ -114,7 +110,7 @@ class Session:
             "thermal": thermal,
             "ring": str(self._ring),
             "block": str(self._block),
-            "emg": None if self.ear is None else str(self._intent),
+            "emg": None if self.ear is None else str(self.ear.block),
             "start_ns": now,
         }
         self._loop = self._start(["bowden.app.loop_process", json.dumps(given)])

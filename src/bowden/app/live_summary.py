@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.app import emg_summary
+from bowden.app import emg_summary, push_summary
 from bowden.core.units import RADIANS
 from bowden.hardware.emergencies import emergency_text
 from bowden.runtime.cycle import Source
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 def document(session: "Session") -> dict[str, Any]:
     """The figures of a run that has ended, as JSON values."""
     emg, ear = session.live.emg, session.ear
-    log = read(session.log, _NEEDED if ear is None else tuple(dict.fromkeys((*_NEEDED, *emg_summary.NEEDED))))
+    pushing = session.live.setup.pushing
+    more = (*(() if ear is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
+    log = read(session.log, tuple(dict.fromkeys((*_NEEDED, *more))))
     led = log["source"] >= Source.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
@@ -49,6 +51,7 @@ def document(session: "Session") -> dict[str, Any]:
         "run_time_median_us": _median_us(log["run_time"]),
         "overruns": ended.get("overruns"),
         "emg": None if emg is None or ear is None else emg_summary.figures(log, emg, ear),
+        "interaction": None if pushing is None else push_summary.figures(log, pushing, session.live.drive.sample_time),
         "grants": session.ready["grants"],
         "log": str(session.log),
         "log_whole": log.whole,
@@ -77,6 +80,8 @@ def print_summary(found: dict[str, Any]) -> None:
         )
     if found["emg"]:
         emg_summary.print_figures(found["emg"])
+    if found["interaction"]:
+        push_summary.print_figures(found["interaction"])
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
         print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
     for text in found["emergencies"]:

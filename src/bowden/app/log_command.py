@@ -13,6 +13,7 @@ from bowden.core.errors import OutputError
 if TYPE_CHECKING:
     from bowden.runtime.mcap_read import Recording
     from bowden.runtime.mcap_reader import LogReader
+    from bowden.runtime.replay import Replay
 
 FileArgument = Annotated[Path, typer.Argument(help="A log, as bowden run writes it: NAME.mcap.", metavar="FILE")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
@@ -123,8 +124,11 @@ def replay(
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Feed a recorded run through a law and the supervisor, and compare with what was commanded then."""
-    from bowden.app.log_replay import law_of
+    """Feed a recorded run through a law and the supervisor, and compare with what was commanded then.
+
+    Exit code 1 where the law that ran gives other numbers than were recorded.
+    """
+    from bowden.app.log_replay import law_of, source_for
     from bowden.control import user_law
     from bowden.runtime.mcap_read import read
     from bowden.runtime.replay import replay as run
@@ -133,14 +137,22 @@ def replay(
     found = read(file)
     chosen, same = law_of(found, law)
     limits, filters = limits_of(found.settings), filters_of(found.settings)
+    period, source = float(found.settings["sample_time"]), source_for(found, chosen)
     with user_law.explained(chosen):
-        result = run(found, chosen, limits, filters, float(found.settings["sample_time"]), same=same)
+        result = run(found, chosen, limits, filters, period, same=same, source=source)
     if json:
         document = {"file": str(file), "law": chosen.name, "same_law": same, **result._asdict()}
         print_json({**document, "seconds": seconds()})
-        return
+    else:
+        _print_replay(result, chosen.name, same)
+        _warn(found, file)
+    if same and result.differs:
+        raise typer.Exit(1)
+
+
+def _print_replay(result: "Replay", law: str, same: bool) -> None:
     whose = "with the record's gains" if same else "with its default gains, in place of the record's law"
-    print(f"{chosen.name}, {whose}: {result.cycles} cycles, the law had the motor in {result.law_cycles}")
+    print(f"{law}, {whose}: {result.cycles} cycles, the law had the motor in {result.law_cycles}")
     if result.wish_largest is not None:
         print(f"wish: differs by {result.wish_largest:.3g} rad at most, {result.wish_rms:.3g} rad RMS")
     print(
@@ -148,7 +160,8 @@ def replay(
         + ("" if result.first_other_verdict is None else f", first at {result.first_other_verdict:.3f} s")
         + f"; target by {result.command_largest:.3g} rad at most"
     )
-    _warn(found, file)
+    if result.torque_largest is not None:
+        print(f"torque offset: differs by {result.torque_largest:.3g} N·m at most")
 
 
 def _warn(found: "Recording | LogReader", file: Path) -> None:

@@ -43,11 +43,11 @@ def _run(given: dict[str, Any]) -> int:
     live = compose_live(asked)
     emg = Path(given["emg"]) if given["emg"] else None
     course = live.course(emg, given["start_ns"])
-    cycle, script = live.cycle(), live.script(course)
+    cycle, script, push = live.cycle(), live.script(course), live.push()
     cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     drive = CanopenDrive(live.drive)
-    loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"], course)
+    loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"], course, push)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())
     try:

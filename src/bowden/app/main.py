@@ -3,6 +3,7 @@
 Nothing heavy is imported here or at the top of a command's module, so that ``bowden --help`` answers at once.
 """
 
+import gc
 import io
 import sys
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from bowden.app.export_command import export as export_law
 from bowden.app.identify_command import identify
 from bowden.app.identify_servo_command import identify_servo
 from bowden.app.init_command import init
+from bowden.app.interrupts import delivered
 from bowden.app.league_command import league
 from bowden.app.log_command import export, info, plot, recover, replay
 from bowden.app.measure_command import measure
@@ -115,7 +117,7 @@ _COMMANDS = [
     _Entry(
         tune,
         "Find gains for a rig, with margins, and write them into it.",
-        ["bowden tune rig.toml", "bowden tune rig.toml --dry-run --json"],
+        ["bowden tune rig.toml", "bowden tune rig.toml --dry-run --json", "bowden tune rig.toml --study study.toml"],
     ),
     _Entry(
         export_law,
@@ -245,7 +247,8 @@ app.add_typer(_log, name="log", help="What is in the log of a run, and what can 
 def run(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0, 2 for anything the user can mend, 130 when interrupted."""
     try:
-        code = app(arguments, prog_name="bowden", standalone_mode=False)
+        with delivered():
+            code = app(arguments, prog_name="bowden", standalone_mode=False)
     except BowdenError as error:
         return _fail(str(error), 2)
     except _USAGE_ERROR as error:
@@ -269,6 +272,7 @@ def _fail(message: str, code: int) -> int:
 
 def main() -> None:
     """Entry point of the command ``bowden``."""
+    gc.set_threshold(100_000, 20, 20)  # an eighth of the start would be searches for garbage in what is just imported
     for output in (sys.stdout, sys.stderr):
         if isinstance(output, io.TextIOWrapper):
             output.reconfigure(errors="backslashreplace")  # a terminal without Greek letters is no reason to fail

@@ -4,7 +4,7 @@ from bowden.app import rig_schema as schema
 from bowden.app.live_schema import limits_of
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
-from bowden.hardware.drive_parameters import DriveParameters, check_parameters
+from bowden.hardware.drive_parameters import DriveParameters, check_parameters, most_push
 from bowden.models.suit_angle import spool_map
 from bowden.runtime.cycle import Filters
 from bowden.runtime.realtime import Settings
@@ -68,9 +68,16 @@ def drive_parameters(rig: schema.Rig, bench: Bench, suit: Suit | None = None) ->
         speed_limit=allowed.motor_speed,
         following_error=allowed.target_reach,
         current_limit=allowed.current_peak,
+        torque_offset=0.0 if suit is None else suit.motor.friction_feedforward,
         answer_timeout=given.answer_timeout_ms * schema.MILLISECONDS,
         spool=None if suit is None else spool_map(suit.geometry, suit.spool_radius),
     )
+    if parameters.torque_offset > most_push(parameters):
+        raise ParameterError(
+            f"suit.friction_feedforward_nm is {parameters.torque_offset:g}",
+            expected=f"at most {most_push(parameters):.4g}, half of what the largest current gives at the spool",
+            do="correct it, or the current's limit in [limits]",
+        )
     check_parameters(parameters)
     if 2.0 * parameters.drive_heartbeat_time > allowed.heartbeat_age:
         raise ParameterError(

@@ -8,8 +8,8 @@ from pydantic import BaseModel
 
 from bowden.app.rig_schema import Rig
 
-LIVE = ("drive", "limits", "live")
-"""Sections that a simulation does not look at."""
+LIVE = ("drive", "limits", "live", "emg")
+"""Sections that a study does not look at."""
 _OWN = ("scenario.duration_s", "scenario.seed")
 """What a study says itself."""
 
@@ -23,6 +23,18 @@ def numeric_keys(rig: Rig) -> dict[str, str]:
     if rig.cable.model is not None:
         found = {name: unit for name, unit in found.items() if not name.startswith("cable.")}
     return {name: unit for name, unit in found.items() if name not in _OWN}
+
+
+def missing_for(key: str, rig: Rig) -> str | None:
+    """What the rig would need for a simulation to feel one of its numeric keys; None where it does feel it.
+
+    >>> missing_for("wearer.share", Rig()), missing_for("cable.slope", Rig())
+    ('suit.worn = true', None)
+    """
+    section = key.partition(".")[0]
+    if section in ("suit", "wearer") and not rig.suit.worn:
+        return "suit.worn = true"
+    return "admittance.enabled = true" if section == "admittance" and not rig.admittance.enabled else None
 
 
 def _numbers(path: str, section: Any) -> Iterator[tuple[str, str]]:
@@ -43,7 +55,7 @@ def _is_number(value: Any) -> bool:
 
 
 def written(rig: Rig) -> dict[str, Any]:
-    """A rig as nested dictionaries, as its file would give it, without what a simulation does not look at."""
+    """A rig as nested dictionaries, as its file would give it, without what a study does not look at."""
     return rig.model_dump(exclude_none=True, exclude=set(LIVE))
 
 

@@ -38,26 +38,33 @@ def run(
     Exit code 0 when the run ended as asked, 1 when a fault or an error ended it, 2 when it could not begin.
     """
     from bowden.app.compose_live import Asked, compose_live
+    from bowden.app.emg_ear import Ear
     from bowden.app.live_session import Session, own_twin
     from bowden.app.live_summary import document, print_summary
     from bowden.app.operator import ending_signals, operate, refuse_without_keys
     from bowden.app.verdict import verdicts
-    from bowden.hardware.buses import UNIX
+    from bowden.hardware.buses import UNIX, claim
     from bowden.runtime.preflight import require
 
     refuse_without_keys(auto, json)
     asked = Asked(rig, law, preset, duration, channel, emg=emg)
     live = compose_live(asked)
-    checked = verdicts(live.setup, [live.law], rig.name, force=force)
-    for note in (*live.setup.notes, *(verdict.note for verdict in checked if verdict.note)):
-        print(f"bowden: note: {note}", file=sys.stderr)
-    require(live.limits, live.drive.sample_time, "little_margin" if force else checked[0].name or "little_margin")
+    if not twin:  # another run's bus is told at once; the drive claims it for good
+        claim(live.drive.interface, live.drive.channel, "host").release()
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
+        ear = None if live.emg is None else stack.enter_context(contextlib.closing(Ear(rig, emg)))
+        checked = verdicts(live.setup, [live.law], rig.name, force=force)
+        pushing = live.setup.pushing.notes([live.law], force=force) if live.setup.pushing else []
+        for note in (*live.setup.notes, *pushing, *(verdict.note for verdict in checked if verdict.note)):
+            print(f"bowden: note: {note}", file=sys.stderr)
+        require(live.limits, live.drive.sample_time, "little_margin" if force else checked[0].name or "little_margin")
+        if ear is not None:
+            ear.await_ready()  # a stream that cannot be used is told before anything else is started
         if twin:
             asked = replace(asked, channel=stack.enter_context(own_twin(rig, duration)), interface=UNIX)
             live = compose_live(asked)
-        session = stack.enter_context(Session(asked, live, new_log(out, live.law.name), remembers=not twin))
+        session = stack.enter_context(Session(asked, live, new_log(out, live.law.name), ear, remembers=not twin))
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     if json:

@@ -89,6 +89,7 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
 
     An interruption before the first is done passes through.
     """
+    from bowden.app.one_run import run_of
     from bowden.control import user_law
 
     traces: dict[str, Trace] = {}
@@ -99,37 +100,12 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
         progress(f"simulating {name}", 0.1 + 0.7 * i / len(laws))
         try:
             with user_law.explained(law):
-                traces[name] = _trace(setup, law)
+                traces[name] = run_of(setup, law)
         except KeyboardInterrupt:
             if not traces:
                 raise
             return traces, True
     return traces, False
-
-
-def _trace(setup: "Setup", law: "Law") -> "Trace":
-    """One law on the bench, or on the suit where one is worn."""
-    from bowden.control.source import TABLE
-    from bowden.sim.closed_loop import simulate as on_bench
-    from bowden.sim.suit import simulate_suit as on_suit
-
-    reference, duration, bend = setup.reference, setup.duration, setup.bend
-    seed, initial = setup.seed, setup.initial_motor
-    if setup.suit is None:
-        return on_bench(setup.bench, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial)
-    push = setup.pushing
-    source, cell = (TABLE, None) if push is None else (push.source(law), push.cell)
-    return on_suit(
-        setup.suit,
-        law,
-        reference,
-        duration=duration,
-        bend=bend,
-        seed=seed,
-        initial_motor=initial,
-        source=source,
-        cell=cell,
-    )
 
 
 def _interaction(setup: "Setup", trace: "Trace") -> dict[str, float | None] | None:

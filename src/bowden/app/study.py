@@ -19,12 +19,13 @@ from bowden.app.rig_schema import Rig
 from bowden.app.study_schema import Study as StudyFile
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import cache_folder
+from bowden.core.kernel_cache import cache_folder
 from bowden.design.distributions import Distribution, Value, describe
 from bowden.design.league import told_of
 from bowden.sim.faulty import Fault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case
+from bowden.sim.suit_many import SuitCase
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
@@ -74,14 +75,21 @@ class Study:
         return written(self.rig)
 
     @cached_property
-    def _shared(self) -> compose.Setup:
+    def shared(self) -> compose.Setup:
         """The setup of the rig as it stands, whose reference and bend serve all runs that do not vary them."""
         return compose.setup_of(self.rig, self.rig_path, self.duration, 0)
 
     @cached_property
+    def nominal(self) -> tuple[Law, ...]:
+        """The laws as the rig itself has them, where nothing is drawn."""
+        names = zip(self.laws, self.file.laws, strict=True)
+        bench, own = self.shared.bench, self.rig.control.law
+        return tuple(compose.fitted(law, self.rig, bench, rigs_own=name == own) for law, name in names)
+
+    @cached_property
     def _begin(self) -> float:
         """Where its reference starts [rad]."""
-        return float(self._shared.reference.sample(np.zeros(1))[0, 0])
+        return float(self.shared.reference.sample(np.zeros(1))[0, 0])
 
     def _varies(self, *sections: str) -> bool:
         return any(column.name.startswith(sections) for column in self.columns)
@@ -110,7 +118,7 @@ class Study:
         check_points(rig, self.path)
         return rig
 
-    def setup(self, number: int, drawn: Drawn | None = None) -> tuple[compose.Setup, tuple[Law, ...], Fault]:
+    def setup(self, number: int, drawn: Drawn | None = None) -> tuple[compose.Setup, tuple[Law, ...], Fault | None]:
         """All that a run needs; `drawn` if that is known.
 
         Raises:
@@ -124,7 +132,7 @@ class Study:
                 f"{self.path}, run {number}: {text}", expected=error.expected, do="narrow what is varied"
             ) from error
 
-    def _put_together(self, drawn: Drawn) -> tuple[compose.Setup, tuple[Law, ...], Fault]:
+    def _put_together(self, drawn: Drawn) -> tuple[compose.Setup, tuple[Law, ...], Fault | None]:
         rig = self.rig_of(drawn) if self.columns else self.rig
         varied = self._varies("reference.")
         moved = self._varies("scenario.bend", "sheath.") or rig.scenario.bend.kind == "random"
@@ -133,10 +141,12 @@ class Study:
             self.rig_path,
             self.duration,
             drawn.seed,
-            None if varied else self._shared.reference,
-            None if moved else self._shared.bend,
+            None if varied else self.shared.reference,
+            None if moved else self.shared.bend,
             None if varied else self._begin,
         )
+        if setup.pushing is not None:
+            setup.pushing.refuse_integral()
         laws = tuple(
             self._fitted(law, name, rig, setup, drawn) for law, name in zip(self.laws, self.file.laws, strict=True)
         )
@@ -156,14 +166,39 @@ class Study:
         )
         return told_of(law, believed, (bench.delay + 0.5) * bench.sample_time * factors["delay"])
 
-    def _fault(self, values: dict[str, Value], dt: float) -> Fault:
-        kind = str(values.get("fault.kind", "nothing"))
+    def _fault(self, values: dict[str, Value], dt: float) -> Fault | None:
+        if "fault.kind" not in values:
+            return None
+        kind = str(values["fault.kind"])
         begin = float(values.get("fault.begin_s", 0.0))
         end = begin + float(values.get("fault.length_s", self.duration))
         return Fault(float(Injected[kind.upper()]), float(round(begin / dt)), float(round(end / dt)))
 
+    @property
+    def worn(self) -> bool:
+        """Whether the plants are suits on wearers, in place of benches."""
+        return self.rig.suit.worn
+
+    def suit_cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[SuitCase]:
+        """The runs of these numbers on the suit, for `bowden.sim.suit_many.simulate_suits`."""
+        for number, drawn in runs:
+            setup, laws, fault = self.setup(number, drawn)
+            assert setup.suit is not None  # it is worn
+            push = setup.pushing
+            yield SuitCase(
+                suit=setup.suit,
+                laws=laws,
+                reference=setup.reference,
+                bend=setup.bend,
+                seed=setup.seed,
+                initial_motor=setup.initial_motor,
+                fault=fault,
+                sources=() if push is None else tuple(map(push.source, laws)),
+                cell=None if push is None else push.cell,
+            )
+
     def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
-        """The runs of these numbers, for `bowden.sim.many.simulate_many`."""
+        """The runs of these numbers on the bench, for `bowden.sim.many.simulate_many`."""
         for number, drawn in runs:
             setup, laws, fault = self.setup(number, drawn)
             yield Case(

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from bowden.app import compose
 from bowden.app.config import check_points, explained, read_rig
-from bowden.app.rig_keys import nearest, numeric_keys, with_values, written
+from bowden.app.rig_keys import missing_for, nearest, numeric_keys, with_values, written
 from bowden.app.rig_schema import Rig
 from bowden.app.study import SENSOR_FAULTS, Column, Study
 from bowden.app.study_file import read_study
@@ -18,16 +18,36 @@ _TRIED = 100
 """Runs that are put together before any of them begins, so that most mistakes show at once."""
 
 
-def load(path: Path) -> Study:
+def load(path: Path, over: Path | None = None) -> Study:
     """Read a study, and put its first runs together, so that what cannot be is refused before anything begins.
+
+    Args:
+        path: of the study.
+        over: a rig.toml in place of the study's own, with its law in place of the study's laws.
 
     Raises:
         ParameterError: a file, key, distribution or value that cannot be used.
     """
     file, spreads = read_study(path)
-    rig_path = path.parent / file.rig if file.rig else path
-    rig = _changed(read_rig(rig_path) if file.rig else Rig(), file.set, path)
-    laws = tuple(compose.law_named(name, path.parent) for name in file.laws)
+    own = path.parent / file.rig if file.rig else None
+    if over is not None and own is not None and not (own.exists() and own.samefile(over)):
+        raise ParameterError(
+            f"{path}: its rig is {file.rig!r}, and the command's {over}",
+            expected="the same file, or a study without a rig",
+            do="delete rig there, or give that file",
+        )
+    found, folder = over or own, path.parent if over is None else over.parent
+    rig_path = found or path
+    rig = _changed(read_rig(found) if found else Rig(), file.set, path)
+    if over is not None:
+        file = file.model_copy(update={"rig": str(over), "laws": [rig.control.law]})
+    if rig.emg.source is not None:
+        raise ParameterError(
+            f"{path}: its rig goes by EMG, emg.source is {rig.emg.source!r}",
+            expected="a rig that goes by [reference]",
+            do="delete emg.source, or copy the rig without it",
+        )
+    laws = tuple(compose.law_named(name, folder) for name in file.laws)
     names = [law.name for law in laws]
     if len(set(names)) < len(names):
         raise ParameterError(f"{path}: laws has two of one name: {', '.join(names)}", do="name each law once")
@@ -37,9 +57,19 @@ def load(path: Path) -> Study:
             raise ParameterError(
                 f"{path}: vary has the unknown key {key!r}", expected=nearest(key, known), do="rename or delete it"
             )
+        if (missing := missing_for(key, rig)) is not None:
+            raise ParameterError(
+                f"{path}: vary has {key!r}, which changes nothing here", expected=missing, do="add that to [set]"
+            )
     columns = tuple(Column(name, _unit(name, known), spread) for name, spread in spreads.items())
     duration = file.duration_s or rig.scenario.duration_s
     study = Study(path, file, rig_path, rig, laws, columns, duration)
+    if study.shared.pushing is not None and "suit.drive_integral_per_s" not in file.vary:
+        try:  # where it is varied, each run says which
+            study.shared.pushing.refuse_integral()
+        except ParameterError as error:
+            where = path if "suit.drive_integral_per_s" in file.set else rig_path
+            raise ParameterError(f"{where}: {error.what}", expected=error.expected, do=f"{error.do} there") from error
     for column in columns:
         _check_ends(study, column)
     for number in range(min(file.runs, _TRIED)):

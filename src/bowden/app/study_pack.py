@@ -15,7 +15,7 @@ from bowden.app.study_schema import Study as StudyFile
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_files
-from bowden.core.kernel import cache_folder
+from bowden.core.kernel_cache import cache_folder
 from bowden.design.distributions import distribution
 
 if TYPE_CHECKING:
@@ -126,4 +126,5 @@ def warm(study: Study) -> None:
     Raises:
         ParameterError: a law that cannot be compiled.
     """
-    rows(replace(study, duration=8e-3 * study.rig.bench.sample_time_ms), range(1))
+    cycle = study.setup(0)[0].bench.sample_time  # [s]; it may be drawn
+    rows(replace(study, duration=8.0 * cycle), range(1))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.app import made_tables
-from bowden.app.campaign_rows import FIGURES
+from bowden.app.campaign_rows import FIGURES, SUIT_FIGURES
 from bowden.app.rig_page import keys_of
 from bowden.app.rig_section import Section
 from bowden.app.study import SENSOR_FAULTS
@@ -40,7 +40,8 @@ def distributions_table() -> str:
 def figures_table() -> str:
     """Every figure of a row."""
     rows = ["| column | unit | meaning |", "|---|---|---|"]
-    for name, (unit, meaning) in FIGURES.items():
+    suits = {name: (unit, f"{meaning}; where a suit is worn") for name, (unit, meaning) in SUIT_FIGURES.items()}
+    for name, (unit, meaning) in (FIGURES | suits).items():
         rows.append(f"| `{name}` | {unit} | {meaning.replace('|', chr(92) + '|')} |")
     return "\n".join(rows)
 

@@ -8,6 +8,7 @@ TEXT = """\
 
 [suit]
 worn = true
+# friction_feedforward_nm = 2.79  # [N·m] 0.7 of what identify.suit_friction reads; the drive has to map object 60B2h
 drive_integral_per_s = 40.0  # [1/s] a drive without one does not follow its target in gears with this much friction
 
 [wearer]
@@ -16,7 +17,7 @@ height_m = 1.75   # [m] of the body
 share = 0.0       # share of the arm's weight that the wearer carries
 
 [control]
-law = "adaptive"  # begins with its gains for a suit
+law = "bowden"    # begins with its gains for a suit, and with the dead zone that the preflight measures
 
 [scenario]
 duration_s = 60.0  # [s] a run by a recording ends with it

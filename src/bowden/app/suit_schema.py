@@ -32,7 +32,7 @@ class SuitSection(Section):
     )
     friction_feedforward_nm: float = key(
         _SUIT.motor.friction_feedforward,
-        "the drive's torque against friction, in the direction in which its target moves",
+        "torque against friction, in the direction in which the target moves; bowden run sends it to the drive",
         "N·m",
         ge=0.0,
         le=100.0,

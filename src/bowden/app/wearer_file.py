@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_file
+from bowden.core.toml_text import quoted
 
 
 class Wearer(NamedTuple):
@@ -51,8 +52,8 @@ def write(path: Path, wearer: Wearer) -> None:
     """
     text = (
         "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
-        f"channel = {_quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
-        f"source = {_quoted(wearer.source)}\n"
+        f"channel = {quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
+        f"source = {quoted(wearer.source)}\n"
     )
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
@@ -76,7 +77,3 @@ def read(path: Path) -> Wearer:
     if unknown:
         raise ParameterError(f"{path}: unknown key {sorted(unknown)[0]!r} in [emg]")
     return check(found, str(path))
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import resource_tracker
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -28,7 +29,7 @@ def two_workers(law: str, folder: Path) -> Iterator[Mapper]:
     try:
         context = multiprocessing.get_context("spawn")  # a fork would copy the compiler's threads and locks half-way
         pool = ProcessPoolExecutor(2, context, initializer=_prepare, initargs=(law, folder.absolute()))
-        with another_main():
+        with starting():
             for _ in range(2):
                 pool.submit(os.getpid)  # starts a process
     except (OSError, ImportError, NotImplementedError):  # no semaphores or no pipes here
@@ -41,14 +42,25 @@ def two_workers(law: str, folder: Path) -> Iterator[Mapper]:
 
 
 @contextlib.contextmanager
-def another_main() -> Iterator[None]:
-    """An empty main module meanwhile: a new process runs its parent's again, and that script may not be guarded."""
+def starting() -> Iterator[None]:
+    """Processes that are started meanwhile have an empty main module, and hear no interruption.
+
+    A new process runs its parent's main module again, and that script may not be guarded. What it imports takes a
+    second, in which Ctrl-C, which reaches it too, would print its traceback: it inherits that the signal is blocked.
+    One that comes meanwhile reaches the parent afterwards.
+    """
+    masked = hasattr(signal, "pthread_sigmask")  # not on Windows
+    if masked:
+        resource_tracker.ensure_running()  # this unblocks the signal
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
         yield
     finally:
         sys.modules["__main__"] = main
+        if masked:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _prepare(law: str, folder: Path) -> None:

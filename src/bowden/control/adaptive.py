@@ -76,12 +76,12 @@ def step(
     """Eqs 10, 11 and 14, stepped once by `dt`."""
     error = sample.joint - reference.position
     integral = state.integral + error * dt
-    difference = (sample.joint - state.joint) / dt
-    joint_rate = state.joint_rate + (difference - state.joint_rate) * dt / (gains.derivative_time + dt)
+    difference = (sample.joint - state.joint) * (1.0 / dt)
+    joint_rate = state.joint_rate + (difference - state.joint_rate) * (dt / (gains.derivative_time + dt))
     error_rate = joint_rate - reference.velocity
 
     s = gains.error_gain * error + integral
-    switch = tanh(s / gains.smoothing)
+    switch = tanh(s * (1.0 / gains.smoothing))
     wanted = reference.position - gains.error_gain * error_rate - state.bound * switch
     command = state.slope_inverse * wanted - gains.feedback_gain * s
 

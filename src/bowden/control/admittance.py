@@ -35,15 +35,15 @@ from bowden.core.units import RADIANS
 class Admittance(NamedTuple):
     """The virtual elbow; the defaults hold on the suit as it is worn by 45 to 120 kg (docs/admittance.md)."""
 
-    inertia: float = 0.015
+    inertia: float = 0.012
     """M [kg·m²]."""
-    damping: float = 0.25
+    damping: float = 0.22
     """B [N·m·s/rad]."""
     stiffness: float = 0.0
     """K [N·m/rad]."""
     rest: float = 45.0 * RADIANS
     """q0 [rad]."""
-    dead_band: float = 0.2
+    dead_band: float = 0.1
     """w; 0 for none [N·m]."""
     torque_limit: float = 30.0
     """A larger torque counts as this [N·m]."""

@@ -10,6 +10,8 @@ delay and a lag ahead.
 **Feedback** (`held_feedback`). PI with lead on e = joint − reference, as wide as servo, delay and lag allow. It does
 not turn the motor back on a cable with a dead zone, and does not hear the encoder's noise. Where the joint is known not
 to run the wrong way in the dead zone it is wider there, and in slow motion it turns the motor without waiting.
+**Ahead** (`foreseen_side`, on the suit). Where a stroke ends, the dead zone is crossed before the next begins: jumped
+in part, sought in the rest until the joint is seen to move; there the motor is held.
 **Learning** (`crossing_estimate`, `slope_estimate`). Two Kalman filters of three unknowns each.
 
 Derivation, stability and limits: ``docs/our_law.md``.
@@ -19,13 +21,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bowden.control.bowden_gains import LIMITS, SUIT, BowdenGains
 from bowden.control.crossing_estimate import CrossingEstimate, crossing_from, first_crossing, harmless, watch
-from bowden.control.held_feedback import SLIP, Feedback, Setting, answered, listen, no_feedback, steer
+from bowden.control.held_feedback import LOST, SLIP, Feedback, Setting, answered, listen, no_feedback, steer
 from bowden.control.law import Law
 from bowden.control.slope_estimate import SlopeEstimate, first_slope, learn_slope
 from bowden.control.slot_plan import (
     SlotPlan,
     advance_plan,
+    foreseen_side,
+    foreseen_way,
     heard_reference,
     planned_motion,
     rest_plan,
@@ -34,53 +39,6 @@ from bowden.control.slot_plan import (
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-
-
-class BowdenGains(NamedTuple):
-    """What the law is told; the defaults are for the paper's bench, of whose cable it knows nothing."""
-
-    servo_frequency: float = 53.6
-    """ω, natural frequency of the servo, to about ± 20 % [rad/s]."""
-    servo_damping: float = 1.0
-    """ζ of the servo [–]."""
-    delay: float = 0.0015
-    """From a sample to the middle of the time for which its command is held [s]."""
-    slope: float = 1.0
-    """First guess of the slope, to about ± 40 %; negative where the cable runs the other way [rad/rad]."""
-    width: float = 0.0
-    """First guess of the dead zone in motor angle; 0 where nothing is known [rad]."""
-    doubt: float = 1.0
-    """Doubt about the first guesses: 1 where nothing is known, 0.1 where they come from an identified model [–]."""
-    feedback: float = 1.1
-    """Largest gain of the feedback over ω [–]."""
-    most: float = 60.0
-    """Largest gain of the feedback [1/s]."""
-    budget: float = 0.6
-    """Largest gain of the feedback times filter, delay and learned lag [–]."""
-    lead: float = 1.0
-    """Time of the feedback's lead, times ω [–]."""
-    smoothing: float = 0.45
-    """Time constant of the error's filter, times ω [–]."""
-    quiet: float = 2.2
-    """Changes of the feedback that are left alone, in standard deviations of the measured noise [–]."""
-    crossing: float = 1.9
-    """Time of a jump through the dead zone, times ω [–]."""
-    early: float = 0.4
-    """Share of that time by which a jump begins before the reference turns [–]."""
-    reach: float = 0.95
-    """Share of the dead zone that is jumped [–]."""
-    worth: float = 0.0008
-    """Motion of the reference that is worth a reversal [rad]."""
-    tolerance: float = 0.007
-    """Error that is worth crossing the dead zone for, if it does not pass by itself [rad]."""
-    patience: float = 0.5
-    """Time given to an error to pass by itself [s]."""
-    slow: float = 0.01
-    """Speed of the reference below which a harmless dead zone is left to the feedback, not jumped blindly [rad/s]."""
-    caution: float = 2.0
-    """What is left out of a jump at that speed, in standard deviations of the dead zone [–]."""
-    haste: float = 2.0
-    """Factor on the feedback's gain inside a harmless dead zone [–]."""
 
 
 class BowdenState(NamedTuple):
@@ -94,6 +52,8 @@ class BowdenState(NamedTuple):
     plan: float
     owed: float
     reference: float
+    gone: float
+    seeks: float
     integral: float
     feedback: float
     error_before: float
@@ -109,6 +69,7 @@ class BowdenState(NamedTuple):
     wave_time: float
     waves: float
     calm: float
+    sway: float
     width: float
     wedge: float
     shortfall: float
@@ -156,6 +117,24 @@ RECOVERY = 0.006
 SETTLED = 2.0
 """Durations of a jump after its beginning until what is seen of it counts [–]."""
 
+BEGUN = (0.001, 0.1)
+"""Way of a new stroke until which the feedback takes nothing back: this, and this time its speed [rad, s]."""
+
+STILL = (5e-4, 0.03)
+"""A motor that rests: within this of where it was 15 ms ago, under a reference slower than this [rad, rad/s]."""
+
+PRESSING = 0.03
+"""Time in which the command comes up to a resting motor that has gone beyond it [s]."""
+
+STUCK = 0.05
+"""Motor travel without joint motion after which a joint that is late is taken to be in the dead zone again [rad]."""
+
+HURRY = (1.5 * RADIANS, 0.02, 0.2, 0.15)
+"""Way of the reference from which a search hurries, the most of it that counts, the reference's speed from which it
+carries the motor along itself, and its acceleration below which a stroke is slow [rad, rad, rad/s, rad/s²]."""
+
+AHEAD = 0.05
+"""How far the plan may be ahead of the motor in a search that hurries [rad]."""
 
 FASTEST = 50.0
 """Speed beyond which a measured motion of motor or joint is not believed [rad/s]."""
@@ -173,7 +152,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     plan = rest_plan(0.0, sample.joint)
     feedback = no_feedback(0.0, sample.joint, 4e-8)
     crossing = first_crossing(gains.width, gains.doubt, 0.0, sample.joint)
-    slope = first_slope(np.abs(gains.slope), gains.doubt, 0.0, sample.joint)
+    slope = first_slope(np.abs(gains.slope), gains.lag, gains.doubt, 0.0, sample.joint)
     return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slope[:] + (sample.motor,)))
 
 
@@ -182,9 +161,9 @@ def step(
     gains: BowdenGains, state: BowdenState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BowdenState, float]:
     """One cycle: plan, feed back, invert servo, delay and lag, learn."""
-    plan, before = SlotPlan(*state[0:8]), Feedback(*state[8:23])
-    crossing, slopes = CrossingEstimate(*state[23:43]), SlopeEstimate(*state[43:58])
-    sign, omega = np.sign(gains.slope), gains.servo_frequency
+    plan, before = SlotPlan(*state[0:10]), Feedback(*state[10:26])
+    crossing, slopes = CrossingEstimate(*state[26:46]), SlopeEstimate(*state[46:61])
+    sign, omega, swing = np.sign(gains.slope), gains.servo_frequency, 1.0 / gains.servo_frequency
     travel = sign * (sample.motor - state.origin)
     seen_both = (np.abs(sample.joint) <= 1e3) * (np.abs(travel) <= 1e3)
     most = FASTEST * dt
@@ -192,7 +171,7 @@ def step(
     motor = heard_angle(sel(seen_both, travel, crossing.far_motor), crossing.far_motor, most)
     reference = heard_reference(plan, reference, dt)
     lag = np.fmax(0.0, slopes.lag)
-    duration = gains.crossing / omega
+    duration = gains.crossing * swing
 
     # plan
     mild, pace = harmless(crossing), np.abs(reference.velocity)
@@ -201,64 +180,79 @@ def step(
     width, _ = crossing_from(crossing, 0.0, motor)
     wide = sel(width > NARROWEST, 1.0, 0.0)
     error = answered(before, motor, sel(seen_both, joint - reference.position, 0.0))
-    heard = listen(before, motor, joint, error, 0.5 * gains.smoothing / omega, dt)
-    side = wanted_side(
-        plan,
-        reference,
-        wide * 2.0 * gains.early * duration,
-        gains.worth,
-        heard.slow_error,
-        gains.tolerance,
-        gains.patience,
-        wide,
+    heard = listen(before, motor, joint, error, 0.5 * gains.smoothing * swing, dt)
+    early, off = wide * 2.0 * gains.early * duration, heard.slow_error
+    wanted = wanted_side(plan, reference, early, gains.worth, off, gains.tolerance, gains.patience, wide)
+    # gains alone come first in a choice: what they switch off is left out of exported code
+    looks, seeks = gains.foresight > 0.0, gains.search > 0.0
+    foresees = sel(looks, sel(wide * (np.abs(plan.side) > 0.5), 1.0, 0.0), 0.0)
+    way = foreseen_way(reference, gains.foresight)
+    foreseen = foreseen_side(
+        plan, reference, way, gains.rest, gains.worth, off, gains.tolerance, gains.patience, gains.stop
     )
+    side = sel(looks, sel(foresees, foreseen, wanted), wanted)
     slope = sel(side < 0.0, slopes.down, slopes.up)
     begun = mild * sel((side != plan.side) * (crossing.heading == side), 1.0, 0.0)  # the feedback has turned the motor
     zone, doubt = crossing_from(crossing, begun, motor)
     gone = begun * np.abs(motor - crossing.turn_motor) + gentle * gains.caution * doubt
     travel_to = wide * np.fmax(0.0, gains.reach * zone - gone)
-    plan = advance_plan(plan, reference, side, slope, travel_to, duration, dt)
-    asked = planned_motion(plan, reference, slope, duration, gains.delay, lag)
-    inverse = asked.position + (2.0 * gains.servo_damping * asked.velocity + asked.acceleration / omega) / omega
+    touched = (side == plan.side) * (crossing.heading == side) * (crossing.turn_open == 0.0)
+    behind, unmoved = 0.0 - side * off, np.abs(motor - before.moved_motor)
+    late = (gains.late > 0.0) * (behind > gains.late)
+    left = late * ((unmoved > STUCK) + (behind > 1.5 * gains.late) > 0.0)
+    sought = sel(seeks, sel(wide > 0.5, sel(touched, sel(left, 1.0, 0.0), 1.0), 0.0), 0.0)
+    answers = seen_both * (unmoved < LOST)  # a dead joint is not sought for ever
+    searches = (plan.phase >= 1.0) * (side * off < 0.5 * gains.tolerance) * answers
+    hurry = np.fmax(0.0, np.fmin(HURRY[1], side * way - HURRY[0]))
+    follows = side * (plan.motor + before.feedback - motor) < AHEAD  # friction holds a motor that is asked for more
+    quick = (pace < HURRY[2]) * (side * reference.acceleration > HURRY[3])
+    speed = gains.search + sel(quick * follows, gains.rush, 0.0) * hurry
+    search = sel(seeks, sel(searches, speed * sought * sel(late, 1.0, plan.seeks), 0.0), 0.0)
+    plan = advance_plan(plan, reference, side, slope, travel_to, duration, sought, search, 1.0 - foresees, dt)
+    asked = planned_motion(plan, reference, slope, duration, gains.delay, lag, search)
+    inverse = asked.position + (2.0 * gains.servo_damping * asked.velocity + asked.acceleration * swing) * swing
 
     # feedback
     jumping = plan.phase < 1.0
-    latency = gains.smoothing / omega + gains.delay + lag
+    latency = gains.smoothing * swing + gains.delay + lag
     gain = heard.calm * np.fmin(np.fmin(gains.feedback * omega, gains.most), gains.budget / latency)
     inside = mild * goes * (crossing.turn_open > 0.0)
     setting = Setting(
         gain=gain * sel(inside, gains.haste, 1.0),
-        lead=gains.lead / omega,
-        smoothing=0.5 * gains.smoothing / omega + dt,
+        lead=gains.lead * swing,
+        smoothing=0.5 * gains.smoothing * swing + dt,
         quiet=gains.quiet,
         recovery=RECOVERY,
     )
     furthest = np.fmax(side * motor, side * slopes.filtered_motor)  # the filtered one, lest it be the noise's
     ahead = sel(jumping, 0.0, side * (inverse + before.feedback) - furthest - SLIP)
-    free = np.fmax(np.abs(asked.steady) * dt, ahead)
+    moves = np.abs(asked.steady) * dt
+    begins = foresees * (plan.gone <= BEGUN[0] + BEGUN[1] * pace) * (plan.seeks == 0.0) * (plan.phase >= 1.0)
+    rests = sel(looks, sel(begins, 1.0, 0.0), 0.0)
+    still = (np.abs(motor - slopes.filtered_motor) < STILL[0]) * (pace < STILL[1])
+    asks = side * (inverse + before.feedback) - np.fmin(side * motor, side * slopes.filtered_motor)
+    pressed = sel(still, np.fmin(0.0, asks) * dt / PRESSING, 0.0)
+    back = np.fmax(moves, ahead)
+    free = sel(looks, sel(rests, pressed, sel(foresees, moves, back)), back)
     free_to_turn = gentle * (side * reference.velocity < 0.0)
     taken = (wide > 0.5) + (crossing.touches < 1.5) > 0.0  # until it is known, a dead zone is taken for granted
     held = sel(free_to_turn, 0.0, sel(taken, 1.0, 0.0))
-    feedback = steer(heard, setting, error, slope, side, jumping, held, free, dt)
+    feedback = steer(heard, setting, error, slope, side, jumping, held, free, rests, dt)
     command = state.origin + sign * (inverse + feedback.feedback)
 
     # learning
     settled = (plan.since > SETTLED * duration) + (plan.jump == 0.0) > 0.0
-    crossing, seen = watch(crossing, motor, joint, slope, np.sqrt(heard.variance), settled)
-    slopes = learn_slope(slopes, crossing, seen, motor, joint, np.abs(gains.slope), dt)
+    heard_noise = sel(gains.sway > 0.0, heard.variance + gains.sway * heard.sway, heard.variance)
+    crossing, seen = watch(crossing, motor, joint, slope, np.sqrt(heard_noise), settled)
+    slopes = learn_slope(slopes, crossing, seen, motor, joint, np.abs(gains.slope), gains.stray, dt)
     return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slopes[:] + (state.origin,))), command
 
-
-SUIT = BowdenGains(most=3.0, crossing=9.0, width=0.15, reach=0.5, tolerance=1.0 * RADIANS, worth=0.5 * RADIANS)
-"""For the suit (docs/suit.md): 12 dB and 60° of margin on a forearm that hangs in springs; jumps as slow as it swings
-and half as wide as what was learned, since the dead zone is not the same over the arm's range; and no care for what a
-flex sensor of ± 1° cannot tell."""
 
 _ANGLES = (
     *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
     *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
     *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
-    *("moved_motor", "moved_joint", "origin", "low", "dip"),
+    *("moved_motor", "moved_joint", "origin", "low", "dip", "gone"),
 )
 
 BOWDEN = Law(
@@ -268,33 +262,13 @@ BOWDEN = Law(
     step_kernel=step,
     source="this project, docs/our_law.md",
     presets={"suit": SUIT},
-    limits={
-        "servo_frequency": (1.0, 1e4),
-        "servo_damping": (0.1, 10.0),
-        "delay": (0.0, 0.1),
-        "width": (0.0, 0.5),
-        "doubt": (0.0, 10.0),
-        "feedback": (0.0, 5.0),
-        "most": (0.0, 1e3),
-        "budget": (0.0, 5.0),
-        "lead": (0.0, 10.0),
-        "smoothing": (0.01, 10.0),
-        "quiet": (0.0, 100.0),
-        "crossing": (0.5, 100.0),
-        "early": (0.0, 1.0),
-        "reach": (0.0, 1.0),
-        "worth": (0.0, 1.0),
-        "tolerance": (1e-6, 1.0),
-        "patience": (0.01, 100.0),
-        "slow": (0.0, 10.0),
-        "caution": (0.0, 10.0),
-        "haste": (1.0, 5.0),
-    },
+    limits=LIMITS,
     state_units={
         **dict.fromkeys(_ANGLES, "rad"),
         **dict.fromkeys(("since", "lag", "elapsed", "wave_time"), "s"),
         **dict.fromkeys(("wedge", "slope_up", "slope_down"), "rad/rad"),
         "from_rate": "rad/s",
         "variance": "rad²",
+        "sway": "rad²",
     },
 )

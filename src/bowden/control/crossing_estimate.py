@@ -138,7 +138,7 @@ def first_crossing(width: float, doubt: float, motor: float, joint: float) -> Cr
 def crossing_from(crossing: CrossingEstimate, turned: float, motor: float) -> tuple[float, float]:
     """The dead zone and its standard deviation [rad], from the last turn if `turned`, else if the motor turned here."""
     where = sel(turned, crossing.turn_motor, motor)
-    lacking = 1.0 - sel(turned, crossing.share, np.fmin(1.0, crossing.free / STROKE))
+    lacking = 1.0 - sel(turned, crossing.share, np.fmin(1.0, crossing.free * (1.0 / STROKE)))
     width = crossing.width + crossing.wedge * where - crossing.shortfall * lacking
     h1 = crossing.w11 + crossing.w12 * where - crossing.w13 * lacking
     h2 = crossing.w12 + crossing.w22 * where - crossing.w23 * lacking
@@ -178,7 +178,7 @@ def watch(
     turn_joint = sel(turned, crossing.far_joint, crossing.turn_joint)
     whole = sel((crossing.turn_open < 0.25) + still > 0.0, 1.0, 0.5)
     turn_open = sel(turned, sel(still, crossing.turn_open, whole), crossing.turn_open)
-    share = sel(turned * (1.0 - still), np.fmin(1.0, crossing.free / STROKE), crossing.share)
+    share = sel(turned * (1.0 - still), np.fmin(1.0, crossing.free * (1.0 / STROKE)), crossing.share)
     further = turned + (onward > 0.0) > 0.0
 
     # at a turn what is judged is the crossing before it, up to there
@@ -187,7 +187,7 @@ def watch(
     moved = (sel(turned, crossing.far_joint, joint) - began) * crossing.heading
     ended = (crossing.turn_open > 0.0) * (moved > touch) * (gone > EDGE) > 0.0
     touched = ended * settled * (1.0 - turned) > 0.0
-    found = np.fmax(0.0, np.fmin(WIDEST, gone - moved / slope))
+    found = np.fmax(0.0, np.fmin(WIDEST, gone - moved * (1.0 / slope)))
     first = crossing.touches < 0.5  # where in the dead zone the cable was at the start is not known
     lacking = (1.0 - crossing.share) * (1.0 - first)
     miss = found - (crossing.width + crossing.wedge * begun - crossing.shortfall * lacking)
@@ -204,7 +204,7 @@ def watch(
     spread = h1 + h2 * begun - h3 * lacking + _SPREAD
     kept = _FIRST[0] * found * found + _FIRST[1]  # the first touch is a bound: it moves w, but leaves it in doubt
     mean = use / (spread + sel(first, found * found, 0.0))
-    pull = use * sel(first, np.fmax(0.0, h1 - kept) / np.fmax(h1 * h1, 1e-20), 1.0 / spread)
+    pull = use * sel(first, np.fmax(0.0, h1 - kept), 1.0) / sel(first, np.fmax(h1 * h1, 1e-20), spread)
     more = mean * (1.0 - first) * miss
     dipped = sel(first, 2.0, 1.0) * (0.0 - crossing.low - 3.0 * noise)  # the first touch begins somewhere inside
     after = CrossingEstimate(

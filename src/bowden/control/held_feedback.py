@@ -34,6 +34,12 @@ _SLOW = 0.05
 _HEARING = 0.3
 """Time constant of the measured noise [s]."""
 
+_TRACKING = 0.2
+"""Time constant with which the integral follows what was held back at rest [s]."""
+
+_SWAYING = 0.5
+"""Time constant of the measured swing [s]."""
+
 _SWING = (0.002, 4.0)
 """Swing of the error that is a half-wave, at least and in standard deviations of the noise [rad, –]."""
 
@@ -77,6 +83,8 @@ class Feedback(NamedTuple):
     """Half-waves in a row [–]."""
     calm: float
     """Factor on the gain, below 1 where the loop has rung [–]."""
+    sway: float
+    """Mean square of the error's swing, of tremor above all [rad²]."""
 
 
 class Setting(NamedTuple):
@@ -97,7 +105,7 @@ class Setting(NamedTuple):
 @kernel
 def no_feedback(motor: float, joint: float, variance: float) -> Feedback:
     """At the start."""
-    return Feedback(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, joint, joint, variance, motor, joint, 0.0, 1.0, 0.0, 1.0)
+    return Feedback(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, joint, joint, variance, motor, joint, 0.0, 1.0, 0.0, 1.0, 0.0)
 
 
 @kernel
@@ -118,10 +126,10 @@ def listen(before: Feedback, motor: float, joint: float, error: float, smoothing
 
     Ringing is told by half-waves of the error that follow one another within `_HALF_WAVE`, outside jumps.
     """
-    follow = dt / (smoothing + dt)
+    follow = dt * (1.0 / (smoothing + dt))
     first = before.error_before + (error - before.error_before) * follow
     second = joint - 2.0 * before.joint + before.joint_before
-    heard = np.fmin(second * second / 6.0, 16.0 * before.variance + 1e-9)
+    heard = np.fmin(second * second * (1.0 / 6.0), 16.0 * before.variance + 1e-9)
     swing, large = before.error - before.slow_error, np.fmax(_SWING[0], _SWING[1] * np.sqrt(before.variance))
     swings = (np.abs(swing) > large) * (swing * before.wave <= 0.0) * (before.trust > 0.5) > 0.0
     late = (before.wave_time > _HALF_WAVE) + (before.trust < 0.5) > 0.0
@@ -134,17 +142,18 @@ def listen(before: Feedback, motor: float, joint: float, error: float, smoothing
         feedback=before.feedback,
         error_before=first,
         error=before.error + (first - before.error) * follow,
-        slow_error=before.slow_error + (error - before.slow_error) * dt / (_SLOW + dt),
+        slow_error=before.slow_error + (error - before.slow_error) * (dt / (_SLOW + dt)),
         trust=before.trust,
         joint=joint,
         joint_before=before.joint,
-        variance=before.variance + (heard - before.variance) * dt / (_HEARING + dt),
+        variance=before.variance + (heard - before.variance) * (dt / (_HEARING + dt)),
         moved_motor=sel(moved, motor, before.moved_motor),
         moved_joint=sel(moved, joint, before.moved_joint),
         wave=sel(swings, np.sign(swing), before.wave),
         wave_time=sel(swings, 0.0, np.fmin(1.0, before.wave_time + dt)),
         waves=sel(rings, 2.0, waves),
-        calm=sel(rings, calmer, before.calm + (1.0 - before.calm) * dt / _CALMING[2]),
+        calm=sel(rings, calmer, before.calm + (1.0 - before.calm) * dt * (1.0 / _CALMING[2])),
+        sway=before.sway + (swing * swing - before.sway) * (dt * (1.0 / (_SWAYING + dt))),
     )
 
 
@@ -158,6 +167,7 @@ def steer(
     jumping: float,
     held: float,
     free: float,
+    tracks: float,
     dt: float,
 ) -> Feedback:
     """The feedback of this cycle, for an error that `listen` has heard.
@@ -171,20 +181,23 @@ def steer(
         jumping: 1 during a jump, in which nothing is fed back.
         held: 1 where the feedback may not turn the motor back.
         free: how far it may be taken back all the same [rad].
+        tracks: 1 where the integral follows what was held back, 0 where it waits.
         dt: the cycle [s].
     """
-    trust = sel(jumping, 0.0, np.fmin(1.0, before.trust + dt / setting.recovery))
-    rate = (before.error_before - before.error) / setting.smoothing
-    integral = before.integral + sel(trust >= 1.0, setting.gain * error * dt / slope, 0.0)
+    trust = sel(jumping, 0.0, np.fmin(1.0, before.trust + dt * (1.0 / setting.recovery)))
+    rate = (before.error_before - before.error) * (1.0 / setting.smoothing)
+    integral = before.integral + sel(trust >= 1.0, setting.gain * error * dt * (1.0 / slope), 0.0)
     lead = setting.lead
-    wish = 0.0 - integral - setting.gain * trust * lead * (2.0 * before.error + lead * rate) / slope
+    wish = 0.0 - integral - setting.gain * trust * lead * (2.0 * before.error + lead * rate) * (1.0 / slope)
     change = wish - before.feedback
     noise = setting.quiet * np.sqrt(before.variance)
     change = sel(change > noise, change - noise, sel(change < -noise, change + noise, 0.0))
     onward = sel(side > 0.0, np.fmax(change, -free), np.fmin(change, free))
     kept = sel(held * (np.abs(side) > 0.5), onward, change)
     return Feedback(
-        integral=sel(kept == change, integral, before.integral),
+        integral=sel(
+            kept == change, integral, sel(tracks, integral + (change - kept) * dt / _TRACKING, before.integral)
+        ),
         feedback=before.feedback + kept,
         error_before=before.error_before,
         error=before.error,
@@ -199,4 +212,5 @@ def steer(
         wave_time=before.wave_time,
         waves=before.waves,
         calm=before.calm,
+        sway=before.sway,
     )

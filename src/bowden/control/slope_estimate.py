@@ -72,13 +72,13 @@ class SlopeEstimate(NamedTuple):
 
 
 @kernel
-def first_slope(slope: float, doubt: float, motor: float, joint: float) -> SlopeEstimate:
+def first_slope(slope: float, lag: float, doubt: float, motor: float, joint: float) -> SlopeEstimate:
     """What is believed at the start."""
     doubt2 = doubt * doubt
     return SlopeEstimate(
         up=slope,
         down=slope,
-        lag=0.0,
+        lag=lag,
         s11=0.01 * doubt2,
         s12=0.0,
         s13=0.0,
@@ -102,6 +102,7 @@ def learn_slope(
     motor: float,
     joint: float,
     guess: float,
+    stray: float,
     dt: float,
 ) -> SlopeEstimate:
     """What is believed after one more sample.
@@ -113,12 +114,13 @@ def learn_slope(
         motor: measured motor angle, counted so that the slope is positive [rad].
         joint: measured joint angle [rad].
         guess: the slope's first guess, which bounds it [rad/rad].
+        stray: standard deviation of what else moves the joint in a stretch, such as an arm that swings [rad].
         dt: the cycle [s].
     """
     span = _FILTER + dt
-    rate = (joint - slope.filtered_joint) / span
-    now_motor = slope.filtered_motor + (motor - slope.filtered_motor) * dt / span
-    now_joint = slope.filtered_joint + (joint - slope.filtered_joint) * dt / span
+    rate = (joint - slope.filtered_joint) * (1.0 / span)
+    now_motor = slope.filtered_motor + (motor - slope.filtered_motor) * (dt * (1.0 / span))
+    now_joint = slope.filtered_joint + (joint - slope.filtered_joint) * (dt * (1.0 / span))
     anew = seen.turned + seen.touched > 0.0
     from_motor = sel(anew, now_motor, slope.from_motor)
     from_joint = sel(anew, now_joint, slope.from_joint)
@@ -135,7 +137,7 @@ def learn_slope(
     h2 = slope.s12 * x1 + s22 * x2 + slope.s23 * x3
     h3 = slope.s13 * x1 + slope.s23 * x2 + s33 * x3
     drift = _DRIFT * elapsed
-    pull = use / (x1 * h1 + x2 * h2 + x3 * h3 + _SPREAD + drift * drift)
+    pull = use / (x1 * h1 + x2 * h2 + x3 * h3 + _SPREAD + drift * drift + stray * stray)
     miss = now_joint - from_joint - (slope.up * x1 + slope.down * x2 + slope.lag * x3)
     return SlopeEstimate(
         up=np.fmax(LEAST * guess, np.fmin(MOST * guess, slope.up + pull * h1 * miss)),

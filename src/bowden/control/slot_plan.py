@@ -17,6 +17,13 @@ STEP_SPEED = 5.0
 """Speed at which a step of the reference is followed, beyond twice the speed that it tells [rad/s]."""
 
 
+_AMBLING = 0.1
+"""Speed of the reference below which a joint that is ahead ends a stroke early [rad/s]."""
+
+_STEADY = 5.0
+"""By how much the patience with an error grows with the reference's speed, lest it hunts in mid-stroke [s/(rad/s)]."""
+
+
 class SlotPlan(NamedTuple):
     """The plan at one moment."""
 
@@ -36,6 +43,10 @@ class SlotPlan(NamedTuple):
     """Motion of the reference that is not planned yet, since it goes against the side [rad]."""
     reference: float
     """Reference of the last cycle [rad]."""
+    gone: float
+    """Motion of the reference with the side since it changed, up to 1 [rad]."""
+    seeks: float
+    """1 from a change of side until the joint is seen to move, where it is sought, else 0."""
 
 
 class MotorMotion(NamedTuple):
@@ -54,7 +65,7 @@ class MotorMotion(NamedTuple):
 @kernel
 def rest_plan(motor: float, joint: float) -> SlotPlan:
     """At rest in the middle of the dead zone, with the motor where it is, and the joint where it should be."""
-    return SlotPlan(side=0.0, slot=0.0, since=10.0, phase=1.0, jump=0.0, motor=motor, owed=0.0, reference=joint)
+    return SlotPlan(0.0, 0.0, 10.0, 1.0, 0.0, motor, 0.0, joint, 0.0, 0.0)
 
 
 @kernel
@@ -123,15 +134,74 @@ def wanted_side(
     first = sel(starts, np.sign(velocity), sel(asks, 0.0 - np.sign(slow_error), plan.side))
     wanted = sel(turns, 0.0 - plan.side, first)
     beyond = slow_error * plan.side  # positive: the joint is further than the reference, in the direction of motion
-    passes = (reference.velocity - slow_error / patience) * plan.side * patience
+    passes = (reference.velocity - slow_error * (1.0 / patience)) * plan.side * patience
     back = (passes < -tolerance) * (beyond > tolerance) * (plan.since > patience) * crossable
     waits = (wanted != plan.side) * (beyond < -tolerance) * (np.abs(velocity) < 0.03)
     return sel(back, 0.0 - plan.side, sel(waits, plan.side, wanted))
 
 
 @kernel
+def foreseen_way(reference: Reference, foresight: float) -> float:
+    """The reference's way within `foresight` [rad]; one that brakes is taken to stop."""
+    velocity, acceleration = reference.velocity, reference.acceleration
+    stop = np.abs(velocity) / np.fmax(np.abs(acceleration), 1e-9)
+    time = sel(velocity * acceleration < 0.0, np.fmin(foresight, stop), foresight)
+    return time * (velocity + 0.5 * time * acceleration)
+
+
+@kernel
+def foreseen_side(
+    plan: SlotPlan,
+    reference: Reference,
+    way: float,
+    rest: float,
+    worth: float,
+    slow_error: float,
+    tolerance: float,
+    patience: float,
+    stop: float,
+) -> float:
+    """The side that the way still to go asks for: the reference's within a foresight, less what the joint is ahead.
+
+    Where less than `rest` of a stroke is left (in slow motion less what the joint is ahead), and its end is near in
+    time, the side is changed ahead of the next stroke, which is taken to go the other way; once a stroke, and not while
+    the joint has still far to go.
+
+    Args:
+        plan: so far, whose side is not 0.
+        reference: now.
+        way: of the reference, as `foreseen_way` tells it [rad].
+        rest: [rad].
+        worth: way of the reference the other way that is worth a change of side [rad].
+        slow_error: joint − reference behind a filter [rad].
+        tolerance: way the other way that an error is worth [rad].
+        patience: time that the other side is kept, if the error alone asks for a change [s].
+        stop: time within which a braking reference has to stand for its stroke to count as ended; 0 for any [s].
+    """
+    velocity, acceleration = reference.velocity, reference.acceleration
+    way, beyond = plan.side * way, plan.side * slow_error
+    turns = (way < -worth) * (way - beyond < -worth)
+    errs = (0.5 * way - beyond < -tolerance) * (plan.since > patience + _STEADY * np.abs(velocity))
+    stands = (velocity == 0.0) * (reference.position == plan.reference)
+    stops = (acceleration * plan.side < 0.0) + stands > 0.0
+    left = way - sel(np.abs(velocity) < _AMBLING, np.fmax(0.0, beyond), 0.0)
+    soon = sel(stop > 0.0, sel(np.abs(velocity) <= stop * np.abs(acceleration), 1.0, 0.0), 1.0)
+    ends = stops * soon * (left < rest) * (plan.gone > 4.0 * rest) * (beyond > -0.5 * tolerance)
+    return sel(turns + errs + ends > 0.0, 0.0 - plan.side, plan.side)
+
+
+@kernel
 def advance_plan(
-    plan: SlotPlan, reference: Reference, side: float, slope: float, width: float, duration: float, dt: float
+    plan: SlotPlan,
+    reference: Reference,
+    side: float,
+    slope: float,
+    width: float,
+    duration: float,
+    sought: float,
+    search: float,
+    owes: float,
+    dt: float,
 ) -> SlotPlan:
     """The plan one cycle on.
 
@@ -142,6 +212,9 @@ def advance_plan(
         slope: joint motion per motor motion on that side [rad/rad].
         width: motor travel through the dead zone that is to be jumped from the other side; 0 for no jump [rad].
         duration: of a jump [s].
+        sought: 1 where a change of side is to be ended by the joint's motion, 0 where it has been seen.
+        search: speed of the motor until then, once the jump is done [rad/s].
+        owes: 1 where motion against the side is made up for before the plan goes on, 0 where the feedback is to.
         dt: the cycle [s].
     """
     owed = owed_now(plan, reference)
@@ -154,29 +227,31 @@ def advance_plan(
         side=side,
         slot=sel(flip, side, plan.slot),
         since=sel(flip, 0.0, np.fmin(10.0, plan.since + dt)),
-        phase=sel(jumps, 0.0, np.fmin(1.0, plan.phase + dt / duration)),
+        phase=sel(jumps, 0.0, np.fmin(1.0, plan.phase + dt * (1.0 / duration))),
         jump=sel(jumps, left + travel, plan.jump),
-        motor=plan.motor + side * due / slope + sel(jumps, travel, 0.0),
-        owed=sel((side * owed > 0.0) + (side == 0.0) > 0.0, 0.0, owed),
+        motor=plan.motor + side * due * (1.0 / slope) + sel(jumps, travel, 0.0) + side * search * dt,
+        owed=owes * sel((side * owed > 0.0) + (side == 0.0) > 0.0, 0.0, owed),
         reference=reference.position,
+        gone=sel(flip, 0.0, np.fmin(1.0, plan.gone + np.fmax(0.0, side * (reference.position - plan.reference)))),
+        seeks=sought * sel(flip, 1.0, plan.seeks),
     )
 
 
 @kernel
 def planned_motion(
-    plan: SlotPlan, reference: Reference, slope: float, duration: float, delay: float, lag: float
+    plan: SlotPlan, reference: Reference, slope: float, duration: float, delay: float, lag: float, search: float
 ) -> MotorMotion:
-    """What the motor should do now: the reference `delay` + `lag` ahead, the jump `delay` ahead."""
-    x = plan.phase
-    rate = plan.jump * 30.0 * x * x * (1.0 + x * (x - 2.0)) / duration
-    growth = plan.jump * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)) / (duration * duration)
-    goes = plan.side * reference.velocity > 0.0
-    steady, pick_up = sel(goes, reference.velocity / slope, 0.0), sel(goes, reference.acceleration / slope, 0.0)
+    """What the motor should do now: the reference `delay` + `lag` ahead, the jump `delay` ahead, and a `search`."""
+    x, speed = plan.phase, 1.0 / duration
+    rate = plan.jump * 30.0 * x * x * (1.0 + x * (x - 2.0)) * speed
+    growth = plan.jump * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)) * (speed * speed)
+    turns = sel(plan.side * reference.velocity > 0.0, 1.0 / slope, 0.0)
+    steady, pick_up = reference.velocity * turns, reference.acceleration * turns
     ahead = delay + lag
     behind = plan.jump * (1.0 - minimum_jerk_share(x))
     return MotorMotion(
         position=plan.motor - behind + ahead * steady + delay * rate,
-        velocity=steady + rate + ahead * pick_up,
+        velocity=steady + rate + ahead * pick_up + plan.side * search,
         acceleration=pick_up + growth,
-        steady=steady + rate,
+        steady=steady + rate + plan.side * search,
     )

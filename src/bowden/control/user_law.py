@@ -3,8 +3,8 @@
 The file either defines a `Law` object, or the three parts of one: a NamedTuple ``Gains`` with a default for every
 field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``. What it defines is
 tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
-compiler's rarely do. Compiled code is kept under the hash of the file (see `bowden.core.kernel`), so an edited law is
-never met by stale code.
+compiler's rarely do. Compiled code is kept under the hash of the file (see
+`bowden.core.kernel_cache`), so an edited law is never met by stale code.
 """
 
 import contextlib
@@ -14,6 +14,7 @@ import re
 import sys
 import traceback
 from collections.abc import Iterator
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
@@ -113,7 +114,11 @@ def _run(path: Path) -> ModuleType:
         raise ParameterError(
             f"cannot read the law {path}: {reason.lower()}", expected="a Python file", do="check the path"
         ) from error
-    module = ModuleType(f"bowden_user_law_{hashlib.sha256(source).hexdigest()[:16]}")
+    name = f"bowden_user_law_{hashlib.sha256(source).hexdigest()[:16]}"
+    known = sys.modules.get(name)
+    if known is not None and _is_copy(path, known, source):  # a law handed to another process names the first's types
+        return known
+    module = ModuleType(name)
     module.__file__ = str(path)
     sys.modules[module.__name__] = module
     try:
@@ -128,7 +133,14 @@ def _run(path: Path) -> ModuleType:
             exec(code, module.__dict__)
     except (Exception, SystemExit) as error:
         raise _mistake(error, path) from error
+    module.__spec__ = ModuleSpec(name, None, origin=str(path))  # it ran to its end
     return module
+
+
+def _is_copy(path: Path, known: ModuleType, source: bytes) -> bool:
+    """Whether a file is a copy, under its name, of the one elsewhere that a module was made of and still stands for."""
+    first = Path(known.__spec__.origin or "") if known.__spec__ else path
+    return first != path and first.name == path.name and first.is_file() and first.read_bytes() == source
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> Law:

@@ -11,8 +11,10 @@ wearer (`FIRM`) makes the same motion whatever the suit does, so that the figure
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.control.admittance import Admittance
 from bowden.control.law import Law
@@ -25,14 +27,18 @@ from bowden.sim.suit import simulate_suit
 from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_sources import push_of
 
+Array = NDArray[np.float64]
+
 MIDDLE = 45.0 * RADIANS
 """Of the elbow's range [rad]."""
 FIRM = (100.0, 3.0)
 """Stiffness [N·m/rad] and damping [N·m·s/rad] of a wearer who makes the motion that they want."""
 QUIET = 0.02
 """Speed of an elbow that counts as at rest [rad/s]."""
+SETTLED = 4.0
+"""What comes before, or before half of a shorter run, does not count in what a wearer feels [s]."""
 _BEGIN = 60.0 * RADIANS
-_SETTLED, _TAIL = 4.0, 2.0
+_TAIL = 2.0
 
 
 ADMITTANCE = Admittance()
@@ -91,17 +97,39 @@ def swinging(
     )
 
 
+def settled(time: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    """Which samples of a run count, from their times since its begin (n,) [s]."""
+    return time >= min(SETTLED, 0.5 * float(time[-1]))
+
+
+def beside_load(torque: Array, joint: Array, arm: Arm, carried: float) -> Array:
+    """The suit's torque on the elbow less what it is to carry (n,) [N·m].
+
+    Args:
+        torque: of the suit on the elbow (n,) [N·m].
+        joint: angle of the elbow (n,) [rad].
+        arm: whose weight that is.
+        carried: share of it that the suit holds up [–].
+    """
+    return torque - carried * GRAVITY * arm.mass * arm.centre * np.sin(joint + arm.elevation)
+
+
+def rms_and_peak(values: Array) -> tuple[float, float]:
+    """Root mean square and largest size."""
+    return _rms(values), float(np.max(np.abs(values)))
+
+
 def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
     """The figures of a run."""
-    tail = trace.time >= min(_SETTLED, 0.5 * float(trace.time[-1]))
+    tail = settled(trace.time)
     joint, torque = trace["joint"][tail], trace["interaction_torque"][tail]
-    left = torque - carried * GRAVITY * arm.mass * arm.centre * np.sin(joint + arm.elevation)
+    rms, peak = rms_and_peak(beside_load(torque, joint, arm, carried))
     names = ("estimate", "from_current", "from_stretch")
     have = "admittance.estimate" in trace.columns
     errors = [_rms(trace[f"admittance.{name}"][tail] - torque) if have else None for name in names]
     return Felt(
-        _rms(left),
-        float(np.max(np.abs(left))),
+        rms,
+        peak,
         float(np.min(joint)) * DEGREES,
         float(np.max(joint)) * DEGREES,
         *errors,

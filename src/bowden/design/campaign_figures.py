@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SHOWN = ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "lag_s", "command_travel_deg", "electrical_energy_j")
-"""Figures whose spread is shown."""
+"""Figures whose spread is shown of every study."""
 RANKING = "rmse_deg"
 """The figure by which cases are the worst, and whose dependence is looked at."""
 _WORST, _POINTS = 5, 201
@@ -57,7 +57,7 @@ class LawFigures:
     unstable: int
     """Those that ran away among them."""
     figures: dict[str, Spread]
-    """Of `SHOWN`, where any run has them."""
+    """Of those that are shown, where any run has them."""
     quantiles: dict[str, Array]
     """The same at even shares from 0 to 1, for plots."""
     worst: tuple[Worst, ...]
@@ -69,9 +69,14 @@ class LawFigures:
     @property
     def interval(self) -> tuple[float, float]:
         """Wilson's 95 % interval of the share that is unstable [–]."""
-        z, n, p = 1.959964, self.runs, self.unstable / self.runs
-        middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-        return max(0.0, (middle - half) / (1 + z * z / n)), min(1.0, (middle + half) / (1 + z * z / n))
+        return wilson(self.unstable, self.runs)
+
+
+def wilson(count: int, of: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share [–]."""
+    z, n, p = 1.959964, of, count / of
+    middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return max(0.0, (middle - half) / (1 + z * z / n)), min(1.0, (middle + half) / (1 + z * z / n))
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,8 @@ class Summary:
     """SHA-256 of the sorted rows."""
     runs: int
     laws: tuple[LawFigures, ...]
+    shown: tuple[str, ...] = SHOWN
+    """Figures whose spread is shown."""
 
     def document(self) -> dict[str, Any]:
         """As JSON values."""
@@ -115,29 +122,30 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def summarise(store: Store, laws: Sequence[str], drawn: Sequence[str]) -> Summary:
+def summarise(store: Store, laws: Sequence[str], drawn: Sequence[str], more: Sequence[str] = ()) -> Summary:
     """Read the results, and sum them up.
 
     Args:
         store: with all its chunks.
         laws: names, in their order.
         drawn: columns that were drawn.
+        more: figures beside `SHOWN` whose spread is to be shown.
 
     Raises:
         OutputError: a chunk cannot be read.
     """
-    digest = store.digest()
-    numbers = store.columns(["number", "law", "ended", "stable", *SHOWN, *drawn])
+    digest, shown = store.digest(), (*SHOWN, *more)
+    numbers = store.columns(["number", "law", "ended", "stable", *shown, *drawn])
     found = []
     for law in laws:
         import pyarrow.compute as pc
 
-        found.append(_of_law(law, numbers.filter(pc.equal(numbers["law"], law)), drawn))
-    return Summary(store.study_hash, digest, found[0].runs, tuple(found))
+        found.append(_of_law(law, numbers.filter(pc.equal(numbers["law"], law)), drawn, shown))
+    return Summary(store.study_hash, digest, found[0].runs, tuple(found), shown)
 
 
-def _of_law(law: str, table: "pa.Table", drawn: Sequence[str]) -> LawFigures:
-    values = {name: table[name].to_numpy().astype(np.float64) for name in SHOWN}
+def _of_law(law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[str]) -> LawFigures:
+    values = {name: table[name].to_numpy().astype(np.float64) for name in shown}
     ended, stable = table["ended"].to_numpy(), table["stable"].to_numpy()
     ranking = np.where(np.isfinite(values[RANKING]), values[RANKING], np.inf)
     number = table["number"].to_numpy()

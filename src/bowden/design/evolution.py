@@ -20,8 +20,6 @@ _BEST_SHARE = 6
 """The trial vectors are drawn towards the best of so many parts of the population."""
 _CROSSING = 0.9
 
-WORST: Score = (np.inf, np.inf)
-
 
 class Population:
     """Points and their scores, one generation after another."""

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.core.trace import Trace
+from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, Scenario
 from bowden.design.league_exact import exact_travel
 from bowden.models.servo import Servo
 from bowden.sim.cable_plant import CablePlant, resting_motor
-from bowden.sim.closed_loop import simulate
+from bowden.sim.many import Case, Shown, simulate_each
 
 YARDSTICK = "adaptive"
 """The law that ratios are taken to: the paper's."""
@@ -132,41 +132,34 @@ def play(
             travel = exact_travel(
                 found.plant, reference, duration=scenario.duration, bend=found.bend, initial_motor=initial
             )
+            knowing = tuple(told(law, found.plant) for law in laws)
+            runs = simulate_each(Case(found.plant, knowing, reference, found.bend, seed, initial), scenario.duration)
             for law in laws:
                 progress(f"{found.name}, {scenario.name}, {law.name}", done / total)
                 with guard(law):
-                    trace = simulate(
-                        found.plant,
-                        told(law, found.plant),
-                        reference,
-                        duration=scenario.duration,
-                        bend=found.bend,
-                        seed=seed,
-                        initial_motor=initial,
-                    )
-                yield _judged(law.name, found, scenario, trace, initial, travel)
+                    run = next(runs)
+                yield _judged(law.name, found, scenario, run, travel)
                 done += 1
 
 
-def _judged(name: str, found: LeaguePlant, scenario: Scenario, trace: Trace, initial: float, travel: float) -> Played:
-    figures = trace.metrics()
-    span = found.stroke * DEGREES
-    if figures.peak_deg is None or figures.peak_deg > span:
+def _judged(name: str, found: LeaguePlant, scenario: Scenario, run: Shown, travel: float) -> Played:
+    """The cell: no trace is made, since all that is drawn of it are the largest errors of its stretches."""
+    outcome, late = run.outcome, run.outcome.rmse_after_10s * DEGREES
+    if not (outcome.ended and outcome.peak * DEGREES <= found.stroke * DEGREES):
         cell = Cell(name, found.name, scenario.name, None, None, None, None, None, None, stable=False)
         return Played(cell, found.what, np.full(STRETCHES, np.nan))
-    gone = float(np.abs(np.diff(trace.columns["command"], prepend=initial)).sum())
-    errors = np.abs(trace.columns["joint"] - trace.columns["reference"]) * DEGREES
+    errors = np.abs(run.joint - run.reference) * DEGREES
     return Played(
         Cell(
             law=name,
             plant=found.name,
             scenario=scenario.name,
-            rmse_deg=figures.rmse_deg,
-            rmse_after_10s_deg=figures.rmse_after_10s_deg,
-            peak_deg=figures.peak_deg,
-            delay_s=figures.delay_s,
-            chatter=gone / travel if travel > 0.0 else None,
-            energy_j=figures.electrical_energy_j,
+            rmse_deg=outcome.rmse * DEGREES,
+            rmse_after_10s_deg=late if math.isfinite(late) else None,
+            peak_deg=outcome.peak * DEGREES,
+            delay_s=delay(run.time, run.reference, run.joint),
+            chatter=outcome.command_travel / travel if travel > 0.0 else None,
+            energy_j=outcome.electrical_energy,
             stable=True,
         ),
         found.what,

@@ -1,12 +1,14 @@
 """A short closed-loop run that shows what a loop does: it moves, then rests."""
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.control.reference import PointToPoint
+from bowden.control.reference import PointToPoint, Trajectory
 from bowden.models.bouc_wen import saturation
 from bowden.models.sheath import slope_factor, width
 from bowden.sim.closed_loop import simulate
@@ -61,14 +63,11 @@ def run_trial(
 ) -> Trial:
     """Move between the ends of a `stroke` [rad] at a constant `bend` [rad] for so long, then rest in its middle."""
     low, high = stroke
-    times = np.arange(0.0, moving + 0.5 * _HALF, _HALF)
     judged, end = moving + _SETTLING, moving + _SETTLING + _JUDGED
-    positions = np.where(np.arange(len(times)) % 2, high, low)
-    positions[-1] = 0.5 * (low + high)
     trace = simulate(
         bench,
         law,
-        PointToPoint((*times.tolist(), end), (*positions.tolist(), float(positions[-1]))),
+        _motion(stroke, moving),
         duration=end,
         bend=constant_bend(bend),
         seed=seed,
@@ -96,6 +95,17 @@ def run_trial(
     )
 
 
+@lru_cache(4)
+def _motion(stroke: tuple[float, float], moving: float) -> "Kept":
+    """The motion of a trial, sampled once for all the laws and benches that are tried on it."""
+    low, high = stroke
+    times = np.arange(0.0, moving + 0.5 * _HALF, _HALF)
+    positions = np.where(np.arange(len(times)) % 2, high, low)
+    positions[-1] = 0.5 * (low + high)
+    end = moving + _SETTLING + _JUDGED
+    return Kept(PointToPoint((*times.tolist(), end), (*positions.tolist(), float(positions[-1]))))
+
+
 def _period(values: Array, dt: float) -> float | None:
     """Median time between crossings of the middle of the span upwards that go on for a tenth of the span."""
     middle, band = 0.5 * (np.max(values) + np.min(values)), 0.1 * float(np.ptp(values))
@@ -103,3 +113,30 @@ def _period(values: Array, dt: float) -> float | None:
     at = np.flatnonzero(side)
     ups = at[1:][(side[at[1:]] > 0) & (side[at[:-1]] < 0)]
     return float(np.median(np.diff(ups))) * dt if len(ups) >= 3 else None
+
+
+_PIECES = 100
+"""How many of them are kept, of whatever length."""
+
+
+class Kept:
+    """A trajectory that keeps its samples, since every law is asked to follow the same ones, piece by piece."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory = trajectory
+        self._kept: dict[float, tuple[Array, Array]] = {}
+
+    def sample(self, time: Array) -> Array:
+        """Position, velocity, acceleration (n, 3)."""
+        if len(time) == 1:
+            return self._trajectory.sample(time)
+        times, samples = self._kept.get(float(time[0]), (time[:0], time))
+        if not np.array_equal(time, times):
+            if len(self._kept) == _PIECES:
+                self._kept.clear()
+            times, samples = self._kept[float(time[0])] = time.copy(), self._trajectory.sample(time)
+        return samples
+
+    def describe(self) -> dict[str, Any]:
+        """Kind and parameters."""
+        return self._trajectory.describe()

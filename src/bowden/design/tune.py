@@ -9,7 +9,7 @@
 4. A gain that can go back to where it stood at no cost does.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,9 @@ from bowden.core.errors import ParameterError
 from bowden.design.advice import gains_that_matter
 from bowden.design.check import STROKE, Check, Estimates, check, visited_estimates
 from bowden.design.evolution import Array, Population, Score
-from bowden.design.tune_judge import Judged, Rig, Task, checked, errors, judge, keeps, lack, standing_still
+from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, lack
+from bowden.design.tune_rig import easier, told
+from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
 from bowden.models.bouc_wen import BoucWen
 from bowden.sim.plant import Bench
 
@@ -62,6 +64,15 @@ class Tuning:
     """Largest RMSE over all runs, from rest [rad]."""
     worst_before: float | None
     """The same of the gains before [rad]; None where a run was unstable."""
+    generations: int
+    """After which the search was over, or broken off."""
+
+
+class BrokenOff(KeyboardInterrupt):
+    """The search was interrupted, and has gains that are better than those before: it carries them."""
+
+    def __init__(self, tuning: Tuning) -> None:
+        self.tuning = tuning
 
 
 def tune(
@@ -72,6 +83,8 @@ def tune(
     stroke: tuple[float, float] = STROKE,
     seed: int = 0,
     generations: int | None = None,
+    runs: Runs | None = None,
+    fixed: Collection[str] = (),
     workers: Workers = map,
     report: Report = lambda what, share: None,
 ) -> Tuning:
@@ -86,38 +99,55 @@ def tune(
         seed: of the search.
         generations: of the search, the time it takes grows with them; fewer than 32 for a clock faster
             than 1 kHz where it is not given.
+        runs: by whose largest error gains are judged; nine on the rig where they are not given.
+        fixed: gains that are left as they begin.
         workers: how a function is mapped over many gains; the result does not depend on it.
         report: called with what is done and the share done.
 
     Raises:
         ParameterError: the law has no gains that the loop knows, or none keep the margins and follow; the message has
             the reason and the nearest rig for which there are some.
+        BrokenOff: interrupted, with gains that keep the margins and are better than those before.
     """
     if generations is None:
         generations = max(_FEWEST, round(GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
     rig = Rig(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
-    search = _Search(rig, law, np.random.default_rng(seed), workers)
-    report("margins of random gains", 0.05)
-    search.begin(min(1.0, generations / _FULL))
-    for generation in range(generations):
-        report("simulating gains", 0.1 + 0.8 * generation / generations)
-        search.step()
-    report("checking the best", 0.9)
-    return search.finish()
+    search = _Search(rig, law, np.random.default_rng(seed), workers, runs, fixed)
+    try:
+        report("margins of random gains", 0.05)
+        search.begin(min(1.0, generations / _FULL))
+        for generation in range(generations):
+            report("simulating gains", 0.1 + 0.8 * generation / generations)
+            search.step()
+        report("checking the best", 0.9)
+        return search.finish()
+    except KeyboardInterrupt:
+        if search.best is None or search.best[2] >= min(search.still(), max(search.errors_before)):
+            raise
+        raise BrokenOff(search.tuning(*search.best)) from None
 
 
 class _Search:
     """One search: what is varied, the population, and the best that the full check confirmed."""
 
-    def __init__(self, rig: Rig, law: Law, random: np.random.Generator, workers: Workers) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        law: Law,
+        random: np.random.Generator,
+        workers: Workers,
+        runs: Runs | None,
+        fixed: Collection[str],
+    ) -> None:
         self.rig, self.law, self.random, self.workers = rig, law, random, workers
+        self.own, self.runs, self.fixed, self.steps = runs is None, runs or NineRuns(rig), fixed, 0
         self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
         usual = all(trial.bounded for trial in self.before.trials)
         estimates = visited_estimates(law, self.before.trials if usual else (), rig.bench.sample_time)
         self.estimates: tuple[Estimates, ...] = (estimates[0], estimates[-1]) if estimates[1:] else (estimates[0],)
         self.order: tuple[int, ...] = ()
         self.errors_before = errors(self._task(law))
-        self.base = _told(law, rig.bench)
+        self.base = told(law, rig.bench)
         self.names = self._names()
         self.best: tuple[Law, Check, float] | None = None
 
@@ -131,29 +161,31 @@ class _Search:
         lacking = list(self.workers(lack, [self._task(self._law(point)) for point in points]))
         first = [points[i] for i in sorted(range(len(points)), key=lambda i: (lacking[i], i))]
         first = first[: max(_MEMBERS, round(share * _SIMULATED))]
-        scores = self._judge(first, [(0.0, 2.0 * max(self.errors_before))] * len(first))
+        scores = self._judge(first, [(0.0, 2.0 * max(self.errors_before))] * len(first), at_once=False)
         best = sorted(range(len(first)), key=lambda i: (scores[i], i))[:_MEMBERS]
         self.population = Population([first[i] for i in best], [scores[i] for i in best], self.random)
-        self._steps = 0
         self._confirm()
 
     def step(self) -> None:
         """One generation; every fifth is followed by a check of what leads then."""
         self.population.step(self._judge, _REACH)
-        self._steps += 1
-        if self._steps % _CHECKED_EVERY == 0:
+        self.steps += 1
+        if self.steps % _CHECKED_EVERY == 0:
             self._confirm()
 
     def finish(self) -> Tuning:
         """The best of all, with the gains that need not differ put back."""
         self._confirm(rounds=10)
-        if self.best is None or self.best[2] >= self._still():
+        if self.best is None or self.best[2] >= self.still():
             raise self._none()
-        law, found, worst = self._put_back(*self.best)
+        return self.tuning(*self._put_back(*self.best))
+
+    def tuning(self, law: Law, found: Check, worst: float) -> Tuning:
+        """These gains and their evidence."""
         stood = self.law.gains._asdict()
         changed = {name: value for name, value in law.gains._asdict().items() if value != stood[name]}
         before = max(self.errors_before)
-        return Tuning(law, changed, found, self.before, worst, before if np.isfinite(before) else None)
+        return Tuning(law, changed, found, self.before, worst, before if np.isfinite(before) else None, self.steps)
 
     def _names(self) -> list[str]:
         """Gains that change the linear loop or the errors; parameters of a cable's model and switches are no choice."""
@@ -166,7 +198,7 @@ class _Search:
         open_ones = [
             name
             for name, value in self.law.gains._asdict().items()
-            if name not in model and value != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
+            if name not in model and name not in self.fixed and value != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
         ]
         varied = [self._with(self.base, name, 1.3 * getattr(self.base.gains, name)) for name in open_ones]
         usual, *found = self.workers(errors, [self._task(law) for law in (self.base, *varied)])
@@ -189,11 +221,12 @@ class _Search:
         return law.with_gains(**{name: float(np.clip(rounded, low, high))})
 
     def _task(self, law: Law, limit: float = np.inf) -> Task:
-        return Task(self.rig, law, self.estimates, self.order, limit)
+        return Task(self.rig, law, self.estimates, self.order, limit, self.runs)
 
-    def _judge(self, points: Iterable[Array], wanted: Iterable[Score]) -> list[Score]:
+    def _judge(self, points: Iterable[Array], wanted: Iterable[Score], *, at_once: bool = True) -> list[Score]:
+        """Scores; those above what is wanted say no more than that, unless runs are not given up `at_once`."""
         tasks = [
-            self._task(self._law(point), value if lacking == 0.0 else np.inf)
+            self._task(self._law(point), value if lacking == 0.0 else np.inf)._replace(at_once=at_once)
             for point, (lacking, value) in zip(points, wanted, strict=True)
         ]
         found: Iterable[Judged] = self.workers(judge, tasks)
@@ -230,9 +263,9 @@ class _Search:
         again = checked(self._task(plain))
         return (plain, again, max(errors(self._task(plain)))) if keeps(again) else (law, found, worst)
 
-    def _still(self) -> float:
+    def still(self) -> float:
         """What gains must stay below, to be of any use [rad]: the error of a joint that stands still."""
-        return float(np.min(standing_still(self.rig.bends, self.rig.stroke)))
+        return min(course_of(self.runs).spans)
 
     def _none(self) -> ParameterError:
         """Why there are no gains, and the nearest rig that has some."""
@@ -242,52 +275,20 @@ class _Search:
             f"a servo of {bench.servo.natural_frequency / (2.0 * np.pi):.3g} Hz and damping {bench.servo.damping:.2g} "
             f"behind {1e3 * bench.delay * bench.sample_time:.3g} ms of delay leaves them too little phase or gain"
         )
-        near = self._nearest()
+        near = self._nearest() if self.own else ""
         do = f"the nearest rig that has some: {near}" if near else "start from other gains, or choose another law"
         return ParameterError(f"{what}: {reason}", do=do)
 
     def _nearest(self) -> str:
         """The smallest change of delay, damping or frequency for which some of the gains at hand would do."""
-        bench, limit = self.rig.bench, self._still()
+        bench, limit = self.rig.bench, self.still()
         points = [self.population.points[i] for i in self.population.ranked()[: _MEMBERS // 2]]
         for factor in _TRIED_FACTORS:
-            for said, changed in _easier(bench, factor):
-                rig, base = self.rig._replace(bench=changed), _told(self.law, changed)
-                tasks = [self._task(self._law(point, base), limit)._replace(rig=rig) for point in points]
+            for said, changed in easier(bench, factor):
+                rig, base = self.rig._replace(bench=changed), told(self.law, changed)
+                tasks = [
+                    self._task(self._law(point, base), limit)._replace(rig=rig, runs=NineRuns(rig)) for point in points
+                ]
                 if any(judged.lack == 0.0 and judged.worst < limit for judged in self.workers(judge, tasks)):
                     return said
         return ""
-
-
-def _easier(bench: Bench, factor: float) -> Iterable[tuple[str, Bench]]:
-    """The bench with a shorter delay, with more damping, and with a faster servo, each as its key of rig.toml."""
-    omega, damping = bench.servo.natural_frequency, bench.servo.damping
-    if bench.delay:
-        delay = int(bench.delay / factor)
-        yield f"delay_cycles = {delay}", bench._replace(delay=delay)
-    if damping < 1.0:
-        more = min(factor * damping, 1.0)
-        yield f"damping = {more:.3g}", bench._replace(servo=bench.servo._replace(damping=more))
-    hertz = factor * omega / (2.0 * np.pi)
-    faster = bench._replace(servo=bench.servo._replace(natural_frequency=factor * omega))
-    yield f"natural_frequency_hz = {hertz:.3g}", faster
-
-
-def _told(law: Law, bench: Bench) -> Law:
-    """The law with what the rig says of itself in the gains that are named so; one that is zero was switched off."""
-    omega, damping = bench.servo.natural_frequency, bench.servo.damping
-    dead = (bench.delay + 0.5) * bench.sample_time
-    known = {
-        ("lead", "lead_square"): (
-            2.0 * damping / omega + dead,
-            omega**-2 + 2.0 * damping / omega * dead + 0.5 * dead**2,
-        ),
-        ("natural_frequency", "damping"): (omega, damping),
-        ("servo_frequency", "servo_damping", "delay"): (omega, damping, dead),
-    }
-    told: dict[str, float] = {}
-    for names, values in known.items():
-        if set(names) <= set(law.gains._fields):
-            told |= {n: v for n, v in zip(names, values, strict=True) if getattr(law.gains, n) != 0.0}
-    inside = {n: float(np.clip(float(f"{v:.3g}"), *law.limits.get(n, (-np.inf, np.inf)))) for n, v in told.items()}
-    return law.with_gains(**inside)

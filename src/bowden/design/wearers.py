@@ -19,7 +19,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.arm import Wearer, arm_of
 from bowden.models.flex_sensor import PAPER_FLEX
 from bowden.sim.scenario import BendPath, random_bend
-from bowden.sim.suit import simulate_suit
+from bowden.sim.suit_many import SuitCase, SuitRun, run_suits
 from bowden.sim.suit_parts import Suit
 
 PERIOD, FLEXIONS, LEARNING = 25.0, 4, 2
@@ -104,17 +104,16 @@ def _muscles(random: np.random.Generator) -> tuple[str, Wearer]:
 def wear(number: int, suit: Suit, law: Law) -> Worn:
     """Run a law on the wearer of that number."""
     drawn = random_wearer(number, suit)
-    reference = PeriodicMinimumJerk(0.0, 90.0 * RADIANS, PERIOD)
-    trace = simulate_suit(drawn.suit, law, reference, duration=PERIOD * FLEXIONS, bend=drawn.bend, seed=number)
-    first = (trace.time >= 1.0) & (trace.time < PERIOD * LEARNING)
-    error = trace.error * DEGREES
-    after = error[trace.time >= PERIOD * LEARNING]
-    return Worn(
-        number,
-        drawn.mass,
-        drawn.kind,
-        trace.stable,
-        float(np.max(np.abs(error[first]))),
-        float(np.max(np.abs(after))),
-        float(np.sqrt(np.mean(after**2))),
-    )
+    case = SuitCase(drawn.suit, (law,), PeriodicMinimumJerk(0.0, 90.0 * RADIANS, PERIOD), drawn.bend, number)
+    ((errors,),) = run_suits([case], PERIOD * FLEXIONS, _errors)
+    return Worn(number, drawn.mass, drawn.kind, errors is not None, *(errors or (math.nan,) * 3))
+
+
+def _errors(run: SuitRun) -> tuple[float, float, float] | None:
+    """Largest error while learning, after it, and the RMSE then [deg]; None of a run that ran away."""
+    if not run.ended:
+        return None
+    first = (run.time >= 1.0) & (run.time < PERIOD * LEARNING)
+    error = run.error * DEGREES
+    after = error[run.time >= PERIOD * LEARNING]
+    return float(np.max(np.abs(error[first]))), float(np.max(np.abs(after))), float(np.sqrt(np.mean(after**2)))

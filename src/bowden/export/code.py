@@ -1,11 +1,12 @@
 """Operations as C: expressions that keep the order of the operations, and what none of C's functions does as NumPy."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from bowden.core.primitives import TANH
 from bowden.export.graph import LIBM, Graph, Operation, evaluate
 
 _LEVEL = {"sel": 0, "eq": 1, "ne": 1, "lt": 2, "le": 2, "add": 3, "sub": 3, "mul": 4, "div": 4, "neg": 5}
@@ -15,12 +16,29 @@ _TRUTH = ("eq", "ne", "lt", "le")
 _LONGEST = 72
 """A result that is used once stands where it is used, as long as the expression is no longer than this."""
 
-HELPERS = {
-    "fmin": "{real} {name}({real} a, {real} b) {{ return a <= b || b != b ? a : b; }}",
-    "fmax": "{real} {name}({real} a, {real} b) {{ return a >= b || b != b ? a : b; }}",
+_HELPERS = {
+    "fmin": "{real} {name}({real} a, {real} b) {{ return a == a ? (b < a ? b : a) : b; }}",
+    "fmax": "{real} {name}({real} a, {real} b) {{ return a == a ? (b > a ? b : a) : b; }}",
     "sign": "{real} {name}({real} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a == 0 ? 0 : a; }}",
 }
 """NumPy's own: which zero C's fmin and fmax give is the processor's choice, and C has no sign."""
+
+_TANH = """\
+/* to within 2 units in the last place, with every library the same: tanh(k*ln2/2 + b) by the addition theorem */
+static {real} {name}({real} x)
+{{
+    union {{ {real} number; unsigned long long bits; }} s;
+    const {real} size = fabs(x), near = size > {most} ? {most} : size;
+    const {real} k = (near * {per_piece} + {shift}) - {shift};
+    const {real} b = (near - k * {high}) - k * {low}, square = b * b;
+    s.number = {shift} + 1023.0 - k; /* its last bits, in the exponent's place, are 2^-k */
+    s.bits <<= 52;
+    const {real} u = 1.0 - s.number, v = 1.0 + s.number, c = u / v, fourth = square * square;
+    const {real} p = u * b * (1.0 + square * {p1} + fourth * {p2}), q = v * (1.0 + square * {q1} + fourth * {q2});
+    const {real} r = v * (square * {r1} + fourth * {r2});
+    return copysign(c + (1.0 - c * c) * (b + b * ((r - p) / (q + p))), x);
+}}"""
+"""`bowden.core.primitives.tanh` in double."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +72,21 @@ class Style:
 
     def function(self, kind: str) -> str:
         """The name of a function of one or two numbers."""
-        return f"{self.prefix}_{kind}" if kind in HELPERS else f"{kind}f" if self.single else kind
+        return f"{self.prefix}_{kind}" if self._own(kind) else f"{kind}f" if self.single else kind
+
+    def helpers(self, kinds: Set[str]) -> list[str]:
+        """The functions of our own that operations of these kinds call, in C."""
+        constants = {name: self.number(value) for name, value in TANH.items()}
+        return [
+            (_TANH if kind == "tanh" else f"static {_HELPERS[kind]}").format(
+                real=self.real, name=self.function(kind), **constants
+            )
+            for kind in (*_HELPERS, "tanh")
+            if kind in kinds and self._own(kind)
+        ]
+
+    def _own(self, kind: str) -> bool:
+        return kind in _HELPERS or (kind == "tanh" and not self.single)
 
 
 @dataclass

@@ -156,6 +156,9 @@ def evaluate(graph: Graph, leaves: Mapping[str, float]) -> list[float | None]:
                 values.append(None if known is None else np.float64(known))
                 continue
             arguments = [values[i] for i in one.arguments]
+            if one.kind == "sel" and arguments[0] is not None:
+                values.append(arguments[1] if arguments[0] else arguments[2])
+                continue
             missing = any(value is None for value in arguments)
             values.append(None if missing else np.float64(EVALUATE[one.kind](*arguments)))
     return values

@@ -10,7 +10,7 @@ from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.export.checked import Argument, Function, check_graph
-from bowden.export.code import HELPERS, Body, Style, body
+from bowden.export.code import Body, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
 from bowden.export.layout import Leaf, Structs, comment, identifier, is_tuple_with_names, leaves, meanings, rebuilt
 from bowden.export.symbol import Symbol, Trace, exactly
@@ -105,15 +105,10 @@ def source(module: Module, style: Style, preamble: str) -> str:
     bodies = [_function(module, one, style) for one in module.functions]
     kinds = set().union(*(made.kinds for made, _ in bodies))
     constants = {name: text for made, _ in bodies for name, text in made.constants.items()}
-    helpers = [
-        f"static {text.format(real=style.real, name=style.function(kind))}"
-        for kind, text in HELPERS.items()
-        if kind in kinds
-    ]
     parts = [
         f"/* {module.title}\n *\n * {preamble}\n */",
         f'#include <math.h>\n\n#include "{module.prefix}.h"',
-        "\n".join(helpers),
+        "\n".join(style.helpers(kinds)),
         "\n".join(constants.values()),
         *(text for _, text in bodies),
     ]

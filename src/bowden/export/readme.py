@@ -37,7 +37,7 @@ def readme(law: Module, parts: Sequence[Module], said: str, sample_time: float, 
         "The law is in `float`: a Cortex-M4F has no `double` in hardware. Its commands are not those of Python to the "
         "bit; `make check` says how far they are from them."
         if single
-        else "In `double` the code gives the very numbers of Python, bit for bit, where the library's `exp`, `tanh`, "
+        else "In `double` the code gives the very numbers of Python, bit for bit, where the library's `exp`, `sin`, "
         "`pow`, … are the same."
     )
     if gate and single:

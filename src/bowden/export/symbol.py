@@ -18,7 +18,7 @@ import numpy as np
 from bowden.core.errors import ParameterError
 
 _HERE = Path(__file__).parent
-_KERNEL = _HERE.parent / "core" / "kernel.py"
+_KERNELS = [_HERE.parent / "core" / name for name in ("kernel.py", "primitives.py")]
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def exactly() -> Iterator[None]:
 
 
 def _line() -> tuple[Path, int, str]:
-    """The innermost line that is neither the exporter's nor NumPy's nor `core.kernel`'s, and its function."""
+    """The innermost line that is neither the exporter's nor NumPy's nor the kernels' own, and its function."""
     frame = sys._getframe(1)
     while frame.f_back is not None and not _kernels_own(frame.f_code.co_filename):
         frame = frame.f_back
@@ -129,7 +129,7 @@ def _line() -> tuple[Path, int, str]:
 @cache
 def _kernels_own(filename: str) -> bool:
     file = Path(filename)
-    return file.parent != _HERE and file != _KERNEL and "numpy" not in file.parts
+    return file.parent != _HERE and file not in _KERNELS and "numpy" not in file.parts
 
 
 def _binary(combine: Callable[[Any, Any], Any]) -> Callable[["Symbol", Any], "Symbol"]:

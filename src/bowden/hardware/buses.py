@@ -38,7 +38,7 @@ def claim(interface: str, channel: str, part: str) -> Claim:
     Raises:
         DriveError: another process plays it already.
     """
-    where = str(bus_folder(channel).resolve()) if interface == UNIX else channel
+    where = os.path.realpath(bus_folder(channel)) if interface == UNIX else channel
     holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         name = hashlib.sha256(f"{interface}:{where}:{part}".encode()).hexdigest()

@@ -53,7 +53,8 @@ class CanopenDrive:
         self._bus_errors = 0
         self._begin(State.NOT_READY_TO_SWITCH_ON)
         node, host = parameters.node_id, parameters.host_id
-        self._rpdo, self._sync = _frame(frames.RPDO1 + node, 6), _frame(frames.SYNC, 0)
+        self._pushed = parameters.torque_offset > 0.0
+        self._rpdo, self._sync = _frame(frames.RPDO1 + node, 8 if self._pushed else 6), _frame(frames.SYNC, 0)
         self._heartbeat = _frame(frames.HEARTBEAT + host, 1)
         self._heartbeat.data = bytearray((frames.OPERATIONAL,))
 
@@ -125,13 +126,14 @@ class CanopenDrive:
         )  # fmt: skip
         return self._values
 
-    def write(self, target: float, power: Power, now: float) -> None:
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """See `runtime.ports.Drive.write`.
 
         Until operation is enabled the target sent is the position itself, so that enabling moves nothing. A target
         that is no number, or beyond the drive's counts, is never sent: the torque goes off. There is none before the
         drive has told its position. A drive that has left
-        operation by itself is not switched on again before `Power.OFF` has been wanted.
+        operation by itself is not switched on again before `Power.OFF` has been wanted. A torque offset goes out only
+        with the order to follow the target, to a drive that does, and within the rig's bound.
         """
         if self._bus is None or self._found is None:
             return
@@ -147,12 +149,22 @@ class CanopenDrive:
         self._sent = controlword(self._state, wanted, self._reset and self._sent != Control.FAULT_RESET)
         if self._sent == Control.FAULT_RESET or self._state is not State.FAULT:
             self._reset = False
-        self._rpdo.data = bytearray(frames.pack_rpdo1(self._sent, round(counts)))
-        self._send(self._rpdo)
-        self._send(self._sync)
+        led = self._state is State.OPERATION_ENABLED and self._sent == Control.ENABLE_OPERATION
+        self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now
             self._send(self._heartbeat)
+
+    def _order(self, control: int, counts: int, torque: float = 0.0) -> None:
+        """RPDO 1 and the SYNC at which it is taken; the torque is at the spool [N·m]."""
+        drive, share = self._drive, None
+        if self._pushed and self._found is not None:
+            bounded = max(-drive.torque_offset, min(drive.torque_offset, torque))
+            share = round(1e3 * drive.motor_direction * bounded / (drive.gear * self._found.rated_torque))
+            share = max(-frames.INT16, min(frames.INT16 - 1, share))
+        self._rpdo.data = bytearray(frames.pack_rpdo1(control, counts, share))
+        self._send(self._rpdo)
+        self._send(self._sync)
 
     def reset_fault(self) -> None:
         """See `runtime.ports.Drive.reset_fault`; without effect where the drive has no fault."""
@@ -180,9 +192,7 @@ class CanopenDrive:
         """
         if self._bus is not None and self._found is not None:
             for _ in range(CLOSING_CYCLES):
-                self._rpdo.data = bytearray(frames.pack_rpdo1(Control.DISABLE_VOLTAGE, self._counts))
-                self._send(self._rpdo)
-                self._send(self._sync)
+                self._order(Control.DISABLE_VOLTAGE, self._counts)
                 with contextlib.suppress(can.CanError, OSError):
                     status = self._wait_for(frames.TPDO1, 0.002)
                     motion = frames.unpack_tpdo1(status) if status is not None else None

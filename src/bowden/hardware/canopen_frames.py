@@ -1,6 +1,7 @@
 """CANopen frames by hand: identifiers, the drive's PDOs, heartbeat and emergency, as bytes. Pure.
 
-    RPDO 1  200h + node   6040h controlword u16, 607Ah target position i32
+    RPDO 1  200h + node   6040h controlword u16, 607Ah target position i32, and where a torque offset is sent
+                          60B2h torque offset i16 [‰ of the rated torque]
     TPDO 1  180h + node   6041h statusword u16, 6064h position i32, 6077h torque i16 [‰ of the rated torque]
     TPDO 2  280h + node   60E4h:2 position of the second sensor i32, 3160h:1 analog input i16 [mV],
                           3201h:1 temperature of the power stage i16 [0.1 °C], where the drive can map it
@@ -29,14 +30,16 @@ NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL, NMT_RESET_NODE, NMT_RESET_COMMUNICATIO
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 """NMT states as a heartbeat tells them."""
 
-INT32 = 2**31
+INT16, INT32 = 2**15, 2**31
 
 RPDO1_MAPPING = (0x6040_0010, 0x607A_0020)
+TORQUE_OFFSET = 0x60B2_0010
+"""Comes third where it is sent."""
 TPDO1_MAPPING = (0x6041_0010, 0x6064_0020, 0x6077_0010)
 TPDO2_MAPPING = (0x60E4_0220, 0x3160_0110, 0x3201_0110)
 """Index, sub-index and length in bits of what is mapped, as 1600h, 1A00h and 1A01h want it."""
 
-_RPDO1, _TPDO1 = struct.Struct("<Hi"), struct.Struct("<Hih")
+_RPDO1, _RPDO1_PUSHED, _TPDO1 = struct.Struct("<Hi"), struct.Struct("<Hih"), struct.Struct("<Hih")
 _TPDO2, _TPDO2_SHORT, _EMERGENCY = struct.Struct("<ihh"), struct.Struct("<ih"), struct.Struct("<HB")
 
 
@@ -61,17 +64,17 @@ class Sensors(NamedTuple):
     """[0.1 °C]; None of a drive that does not send it."""
 
 
-def pack_rpdo1(control: int, target: int) -> bytes:
-    """Controlword and target position [counts] as bytes."""
-    return _RPDO1.pack(control, target)
+def pack_rpdo1(control: int, target: int, torque: int | None = None) -> bytes:
+    """Controlword, target position [counts] and, where it is mapped, torque offset [‰] as bytes."""
+    return _RPDO1.pack(control, target) if torque is None else _RPDO1_PUSHED.pack(control, target, torque)
 
 
-def unpack_rpdo1(data: bytes | bytearray) -> tuple[int, int] | None:
-    """Controlword and target position [counts]; None of anything but 6 bytes."""
-    if len(data) != _RPDO1.size:
+def unpack_rpdo1(data: bytes | bytearray, *, pushed: bool = False) -> tuple[int, int, int] | None:
+    """Controlword, target position [counts] and torque offset [‰], 0 where it is not mapped; None of another length."""
+    if len(data) != (_RPDO1_PUSHED if pushed else _RPDO1).size:
         return None
-    control, target = _RPDO1.unpack(data)
-    return control, target
+    control, target, torque = _RPDO1_PUSHED.unpack(data) if pushed else (*_RPDO1.unpack(data), 0)
+    return control, target, torque
 
 
 def pack_tpdo1(motion: Motion) -> bytes:

@@ -214,7 +214,7 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
         cob_id = node.read_if_there(index, 1)
         if cob_id is not None and not cob_id & PDO_OFF:
             node.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
-    _map(node, 0x1400, frames.RPDO1 + drive.node_id, frames.RPDO1_MAPPING)
+    _map_orders(node, drive)
     _map(node, 0x1800, NO_REMOTE | frames.TPDO1 + drive.node_id, frames.TPDO1_MAPPING)
     try:
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
@@ -222,6 +222,24 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
     node.write(0x1016, 1, drive.host_id << 16 | math.ceil(round(1e3 * drive.heartbeat_timeout, 6)), 4)
+
+
+def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
+    """RPDO 1, with the torque offset where the rig has one; elsewhere what somebody has left in 60B2h is taken out."""
+    cob_id = frames.RPDO1 + drive.node_id
+    if drive.torque_offset == 0.0:
+        if node.read_if_there(0x60B2):
+            node.write(0x60B2, 0, 0, 2)
+        _map(node, 0x1400, cob_id, frames.RPDO1_MAPPING)
+        return
+    try:
+        _map(node, 0x1400, cob_id, (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
+    except DriveError as error:
+        raise DriveError(
+            f"{node.name} takes no torque offset beside its target: {error.what}",
+            expected="a drive that maps object 60B2h",
+            do="set suit.friction_feedforward_nm to 0, or take another drive or firmware",
+        ) from error
 
 
 def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> None:

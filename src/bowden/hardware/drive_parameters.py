@@ -67,14 +67,24 @@ class DriveParameters(NamedTuple):
     """Largest lag behind the target that the rig allows, at the spool; 0 for none [rad]."""
     current_limit: float = 0.0
     """Largest current that the rig asks for; 0 for none [A]."""
+    torque_offset: float = 0.0
+    """Largest torque offset beside the target, at the spool; 0 where none is sent [N·m]."""
     answer_timeout: float = 0.3
     """How long the drive may take to answer one question at bring-up [s]."""
     spool: SpoolMap | None = None
     """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says (`models.suit_angle`)."""
 
 
+MOST_PUSH = 0.5
+"""Largest torque offset, as a share of what the largest current gives: the position loop must be able to beat it."""
+
 LONGEST_TIMEOUT = 40e-3
 """Torque must be zero 50 ms after our last heartbeat, and the drive looks at the time once a millisecond [s]."""
+
+
+def most_push(drive: DriveParameters) -> float:
+    """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""
+    return MOST_PUSH * drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
 
 
 def check_parameters(drive: DriveParameters) -> None:
@@ -84,6 +94,7 @@ def check_parameters(drive: DriveParameters) -> None:
         ParameterError: a value out of its range, with its name and what was expected.
     """
     named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
+    strongest = most_push(drive)
     whole_ms = 1.0 <= round(1e3 * drive.sample_time, 9) <= 255.0 and round(1e3 * drive.sample_time, 9) % 1.0 == 0.0
     rules = (
         ("channel", named, "the name of a bus"),
@@ -112,6 +123,11 @@ def check_parameters(drive: DriveParameters) -> None:
         ("speed_limit", 0.0 <= drive.speed_limit < math.inf, "0 or more"),
         ("following_error", 0.0 <= drive.following_error < math.inf, "0 or more"),
         ("current_limit", 0.0 <= drive.current_limit < math.inf, "0 or more"),
+        (
+            "torque_offset",
+            0.0 <= drive.torque_offset <= strongest and math.isfinite(drive.torque_offset),
+            f"0 to {strongest:.4g} N·m, half of what the largest current gives",
+        ),
         ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
     )
     for name, fine, expected in rules:

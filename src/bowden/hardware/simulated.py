@@ -42,12 +42,14 @@ class SimulatedDrive:
             *(0.0, float(state), 0.0, 0.0),
         )
 
-    def write(self, target: float, power: Power, now: float) -> None:
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """See `runtime.ports.Drive.write`."""
         self._bench.advance(now)
         self._joint, self._motor = self._bench.read_encoders()
         self._age, self._power = 0.0, power
         self._bench.doing, self._bench.command = _NEXT[power][1], target
+        if self._bench.torque_offset is not None:
+            self._bench.torque_offset = torque
 
     def reset_fault(self) -> None:
         """See `runtime.ports.Drive.reset_fault`; it has none."""

@@ -186,6 +186,7 @@ class Twin:
             "command": bench.command,
             "tension": bench.tension,
             "current": bench.current,
+            "interaction": bench.interaction,
             "temperature": bench.temperature,
             "last_heartbeat": node.host_heard if math.isfinite(node.host_heard) else None,
             "syncs": node.syncs,

@@ -152,6 +152,9 @@ class TwinBench:
         physics: what the rig does not say.
     """
 
+    interaction = None
+    """See `TwinPlant.interaction`."""
+
     def __init__(
         self,
         bench: Bench,
@@ -181,6 +184,7 @@ class TwinBench:
         self.doing, self.command = OFF, initial_motor
         self.slack, self.torn = 0.0, False
         self.temperature = physics.ambient
+        self.torque_offset: float | None = None  # its servo is linear: there is no friction to push against
         self.advance(now + 2.0 * self._substep)  # compiles
 
     def start_scenario(self, now: float) -> None:

@@ -13,7 +13,7 @@ from bowden.hardware.drive_parameters import DriveParameters, motor_scale
 from bowden.hardware.emergencies import HEARTBEAT_LOST
 from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin_faults import Faults
-from bowden.hardware.twin_objects import Entry, Key, Made, Objects, SdoServer, dictionary
+from bowden.hardware.twin_objects import Key, Made, Objects, SdoServer, dictionary, overridden
 from bowden.hardware.twin_plant import TwinPlant
 from bowden.hardware.twin_sampler import RATED_CURRENT, Sampler
 
@@ -71,7 +71,7 @@ class TwinNode:
         self._ready, self._booted = ready, False
         self.nmt, self.state, self.error = frames.BOOT_UP, State.NOT_READY_TO_SWITCH_ON, 0
         self._control, self._target = 0, 0
-        self._pending: tuple[int, int] | None = None
+        self._pending: tuple[int, int, int] | None = None
         self._watching = False
         self._lagging_since = math.nan
         self._next_heartbeat = -math.inf
@@ -84,13 +84,9 @@ class TwinNode:
             current=bench.current_limit,
             window=2.0 * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step),
             braking=min(bench.physics.braking * gear * RPM, 2**31),
+            pushed=bench.torque_offset is not None,
         )
-        entries = dictionary(made)
-        for key, value in self._overrides.items():
-            if value is None:
-                entries.pop(key, None)
-            else:
-                entries[key] = entries.get(key, Entry(4, 0))._replace(value=value)
+        entries = overridden(dictionary(made), self._overrides)
         current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
         self.objects = Objects(entries, self._written, current)
         self._sdo = SdoServer(self.objects)
@@ -115,7 +111,7 @@ class TwinNode:
         if cob_id == frames.SYNC and not data:
             self._synchronise(now)
         elif cob_id == frames.RPDO1 + node and self.nmt == frames.OPERATIONAL:
-            self._pending = frames.unpack_rpdo1(data) or self._pending
+            self._pending = frames.unpack_rpdo1(data, pushed=self.objects[0x1600, 0] == 3) or self._pending
         elif cob_id == frames.SDO_REQUEST + node and self.nmt in (frames.OPERATIONAL, frames.PRE_OPERATIONAL):
             answer = self._sdo.answer(data)
             if answer is not None:
@@ -184,8 +180,9 @@ class TwinNode:
             return
         self._move(now)  # up to here under the target of the SYNC before
         if self._pending is not None:
-            control, self._target = self._pending
+            control, self._target, torque = self._pending
             self._pending = None
+            self._written((0x60B2, 0), torque)
             self._command(control, now)
         self._history.append(self._sampler.sample(now))
         back = self.faults.active("delayed_readings", now)
@@ -292,9 +289,11 @@ class TwinNode:
 
     def _written(self, key: Key, value: int) -> None:
         if key == (0x6040, 0):
-            self._pending = (value, self._target)
+            self._pending = (value, self._target, 0)
         elif key == (0x607A, 0):
             self._target = value
+        elif key == (0x60B2, 0) and self.bench.torque_offset is not None:
+            self.bench.torque_offset = self._sampler.spool_torque(value)
 
     def _statusword(self) -> int:
         return encode(self.state) | (0x1000 if self.state is State.OPERATION_ENABLED else 0)

@@ -28,7 +28,7 @@ class Abort(Exception):
         self.code = code
 
 
-NO_OBJECT, NO_SUB, READ_ONLY, WRONG_LENGTH, OUT_OF_RANGE, BAD_COMMAND, GENERAL = (
+NO_OBJECT, NO_SUB, READ_ONLY, WRONG_LENGTH, OUT_OF_RANGE, BAD_COMMAND, GENERAL, NOT_MAPPABLE = (
     0x0602_0000,
     0x0609_0011,
     0x0601_0002,
@@ -36,6 +36,7 @@ NO_OBJECT, NO_SUB, READ_ONLY, WRONG_LENGTH, OUT_OF_RANGE, BAD_COMMAND, GENERAL =
     0x0609_0030,
     0x0504_0001,
     0x0800_0000,
+    0x0604_0041,
 )
 """SDO abort codes (CiA 301)."""
 
@@ -79,6 +80,13 @@ class Objects:
         if len(data) != entry.size:
             raise Abort(WRONG_LENGTH)
         value = int.from_bytes(data, "little", signed=entry.signed)
+        if (
+            key[0] & ~0x3 in (0x1600, 0x1A00)
+            and key[1]
+            and value
+            and (value >> 16, value >> 8 & 0xFF) not in self._entries
+        ):
+            raise Abort(NOT_MAPPABLE)
         self._values[key] = value
         self._changed(key, value)
 
@@ -138,6 +146,8 @@ class Made(NamedTuple):
     """Following error window [counts]."""
     braking: float
     """Quick stop deceleration of the motor's shaft [turns/min/s]."""
+    pushed: bool
+    """Whether it takes a torque offset."""
 
 
 def dictionary(made: Made) -> dict[Key, Entry]:
@@ -190,6 +200,8 @@ def dictionary(made: Made) -> dict[Key, Entry]:
         (0x60E4, 2): Entry(4, 0, signed=True),
         (0x6502, 0): Entry(4, 0x3A5),
     }
+    if made.pushed:
+        objects[0x60B2, 0] = Entry(2, 0, writable=True, signed=True)
     for number in range(4):
         receive, transmit = frames.RPDO1 + 0x100 * number + node, frames.TPDO1 + 0x100 * number + node
         for index, cob_id in ((0x1400 + number, receive), (0x1800 + number, 0x4000_0000 | transmit)):
@@ -197,3 +209,10 @@ def dictionary(made: Made) -> dict[Key, Entry]:
             objects[index, 2] = Entry(1, 255, writable=True)
             objects |= {(index + 0x200, sub): Entry(4 if sub else 1, 0, writable=True) for sub in range(9)}
     return objects
+
+
+def overridden(entries: dict[Key, Entry], others: dict[Key, int | None]) -> dict[Key, Entry]:
+    """Objects some of which have other values; None takes one away."""
+    told = {key: value for key, value in others.items() if value is not None}
+    changed = {key: entries.get(key, Entry(4, 0))._replace(value=value) for key, value in told.items()}
+    return {key: entry for key, entry in (entries | changed).items() if others.get(key, 0) is not None}

@@ -19,6 +19,8 @@ class TwinPlant(Protocol):
     """Whether the cable that pulls is torn."""
     temperature: float
     """Of the power stage [°C]."""
+    torque_offset: float | None
+    """What the drive adds to its torque, at the spool; None where it takes none [N·m]."""
 
     @property
     def motor(self) -> float:
@@ -43,6 +45,11 @@ class TwinPlant(Protocol):
     @property
     def current(self) -> float:
         """Of the motor; zero without torque [A]."""
+        ...
+
+    @property
+    def interaction(self) -> float | None:
+        """Torque of a suit on the elbow, flexing positive; None of a bench [N·m]."""
         ...
 
     @property

@@ -39,6 +39,11 @@ class Sampler:
             bench.temperature = hot.amount
         return self._packed(counts[0], counts[1], flows.amount if flows else bench.current)
 
+    def spool_torque(self, share: int) -> float:
+        """A torque in thousandths of the rated one, with the sign of the counts, at the spool [N·m]."""
+        drive = self._drive
+        return 1e-3 * share * RATED_CURRENT * drive.torque_constant * drive.gear * drive.motor_direction
+
     def true(self) -> Sampled:
         """Without noise and faults."""
         bench = self._bench

@@ -4,6 +4,9 @@ The same kernel as in `bowden.sim.suit`, a sub-step a call. Without torque the m
 lets sink are the gears' friction, the cables and the arm's weight. A quick stop holds the spool where it was when it
 began. A torn flexor has no tension, a slack one is longer by so much of the spool. The load cell sits at the flexor's
 spool, and the power stage is that of `twin_bench`.
+
+A wearer who swings keeps still until the scenario begins, as the preflight wants it, swings from then on, and comes to
+rest when the power goes off.
 """
 
 import math
@@ -17,9 +20,12 @@ from bowden.models.arm import Wearer
 from bowden.models.encoder import reading
 from bowden.models.flex_sensor import flex_start, flex_step
 from bowden.sim.scenario import BendPath
-from bowden.sim.suit import SETTLING
+from bowden.sim.suit_loop import SETTLING
 from bowden.sim.suit_parts import PreparedSuit, Suit, prepare_suit
 from bowden.sim.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+
+SWELL = 1.0
+"""Time in which a wearer's swing grows to its size, and goes [s]."""
 
 TORN = 1.0
 """A torn cable is longer by this, which is more than any arm pulls [m]."""
@@ -70,7 +76,8 @@ class TwinSuit:
     ) -> None:
         self.suit, self.physics = suit, physics
         self._substep = suit.sample_time / suit.substeps
-        self._intact = prepare_suit(suit)._replace(substeps=1)
+        motor = suit.motor._replace(friction_feedforward=0.0)  # of a drive on a bus the loop makes it
+        self._intact = prepare_suit(suit._replace(motor=motor))._replace(substeps=1)
         self._prepared = self._intact
         edges = np.arange(round(duration / suit.sample_time) + 1, dtype=np.float64) * suit.sample_time
         self._bends = np.asarray(bend(edges), dtype=np.float64)
@@ -81,7 +88,9 @@ class TwinSuit:
         self._time, self._began, self._read = now, math.inf, now
         self.doing, self.command = OFF, initial_motor
         self.slack, self.torn = 0.0, False
+        self._swinging, self._swing = False, 0.0  # whether the wearer does, and how much of it there is, 0 to 1
         self.temperature = physics.ambient
+        self.torque_offset: float | None = 0.0
         self._held = math.nan  # where a quick stop holds the motor
         first = float(self._bends[0])
         state = suit_start(self._prepared, initial_motor, initial_motor, first)
@@ -95,7 +104,8 @@ class TwinSuit:
 
     def start_scenario(self, now: float) -> None:
         """See `TwinPlant.start_scenario`."""
-        self._began = now
+        self._began, self._swinging = now, now < math.inf
+        self._state = self._state._replace(time=SETTLING)  # their swing's phase is that of a simulation then
 
     def advance(self, now: float) -> None:
         """See `TwinPlant.advance`: in whole sub-steps; what is left over waits for the next call."""
@@ -107,12 +117,14 @@ class TwinSuit:
             return
         elapsed = count * self._substep
         before, after = self._at(self._time), self._at(self._time + elapsed)
+        wearer = self._wearer(elapsed)
         self._time += elapsed
         self._held = math.nan if self.doing != BRAKE else self.motor if math.isnan(self._held) else self._held
         command = self._held if self.doing == BRAKE else self.command
+        state = self._state._replace(spool=self._state.spool._replace(told=self.torque_offset or 0.0))
         self._state = self._advance(
-            *(self._cabled(), self._state, command, self.doing != OFF, before, after),
-            *(self.suit.wearer, count, self._substep),
+            *(self._cabled(), state, command, self.doing != OFF, before, after),
+            *(wearer, count, self._substep),
         )
         self.temperature = stage_temperature(self.physics, self.temperature, self.current, elapsed)
 
@@ -123,6 +135,15 @@ class TwinSuit:
         if start != self._prepared.flexor.start:
             self._prepared = self._intact._replace(flexor=self._intact.flexor._replace(start=start))
         return self._prepared
+
+    def _wearer(self, elapsed: float) -> Wearer:
+        """The wearer, whose swing swells or fades over the time that has passed [s]."""
+        self._swinging = self._swinging and self.doing != OFF
+        swings = self._swinging and self._time >= self._began
+        grown = self._swing + (1.0 if swings else -1.0) * elapsed / SWELL
+        self._swing = max(0.0, min(1.0, grown))
+        size = self._swing**2 * (3.0 - 2.0 * self._swing)
+        return self.suit.wearer._replace(swing=size * self.suit.wearer.swing)
 
     def _at(self, time: float) -> float:
         """The sheaths' bend [rad]."""
@@ -152,6 +173,11 @@ class TwinSuit:
     def current(self) -> float:
         """See `TwinPlant.current`."""
         return 0.0 if self.doing == OFF else self._state.spool.current
+
+    @property
+    def interaction(self) -> float:
+        """See `TwinPlant.interaction`."""
+        return self._state.interaction
 
     @property
     def speed_limit(self) -> float:

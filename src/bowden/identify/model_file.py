@@ -11,6 +11,7 @@ import numpy as np
 from bowden import __version__
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_file
+from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.fit import Fit, ModelFit
 from bowden.identify.model import NAMES, CableModel, meaning
@@ -40,10 +41,10 @@ def model_text(fit: Fit, source: str) -> str:
         "# the log's first half; test_rms_deg is their error on the second half, which no decision has seen.",
         "",
         "# Recommended: the simplest model whose error on strokes left out of the fit is not clearly above the least.",
-        f"best = {_text(fit.best)}",
-        f"source = {_text(source)}",
+        f"best = {quoted(fit.best)}",
+        f"source = {quoted(_one_line(source))}",
         f"samples = {fit.samples}",
-        "warnings = [" + "".join(f"\n  {_text(warning)}," for warning in fit.warnings) + "\n]",
+        "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
     ]
     for name in NAMES:
         lines += _model_lines(name, fit.models[name])
@@ -78,11 +79,6 @@ def _number(value: float) -> str:
 
 def _one_line(text: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
-
-
-def _text(text: str) -> str:
-    escaped = _one_line(text).replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
 
 
 def load_model(path: Path | str, name: str | None = None) -> CableModel:

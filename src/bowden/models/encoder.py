@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import kernel
 
 
 class Encoder(NamedTuple):
@@ -20,5 +20,6 @@ class Encoder(NamedTuple):
 def reading(angle: float, normal: float, encoder: Encoder) -> float:
     """What the encoder shows for a true `angle` [rad], given a standard normal number."""
     noisy = angle + encoder.noise * normal
-    step = sel(encoder.resolution > 0.0, encoder.resolution, 1.0)
-    return sel(encoder.resolution > 0.0, step * np.floor(noisy / step + 0.5), noisy)
+    if encoder.resolution > 0.0:
+        return encoder.resolution * np.floor(noisy * (1.0 / encoder.resolution) + 0.5)  # one division for a whole run
+    return noisy

@@ -10,7 +10,8 @@ The paper's loop is PD (Section 3.1): y = 0, and friction and load leave the spo
 buys add an integral, dy/dt = k_i·e, here held inside ± `BAND` of the target, lest it hunt about the friction, and while
 the current is at a limit. F_ff, 0 unless it is asked for, makes up for friction ahead of any error, as the torque
 offset that drives take beside a position (CiA 402, object 60B2h). Its direction is that of the target's last motion
-beyond `DEAD`, so that noise turns nothing, and fades where the target rests.
+beyond `DEAD`, so that noise turns nothing, and fades where the target rests. A drive on a bus is told its offset by the
+loop, which makes it with the same kernel, `turn_push`.
 
 The current loop is taken as immediate. Friction is Coulomb's, solved implicitly: what it cannot stop it slows, and it
 never turns the spool back. The gears' loss is a friction in proportion to the torque that they carry.
@@ -22,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel
+from bowden.core.kernel import kernel, sel
 from bowden.models.servo import Servo
 
 
@@ -68,6 +69,17 @@ class SpoolState(NamedTuple):
     """The target without its motions of less than `DEAD` [rad]."""
     push: float
     """Direction of the feed-forward, −1…1 [–]."""
+    told: float
+    """Torque offset that the drive is told from outside, at the spool [N·m]."""
+
+
+class Push(NamedTuple):
+    """What a push against friction remembers."""
+
+    heard: float
+    """The target without its motions of less than `DEAD` [rad]."""
+    direction: float
+    """Of the push, −1…1 [–]."""
 
 
 BAND = 0.002
@@ -101,22 +113,28 @@ def check_geared_motor(motor: GearedMotor) -> None:
 
 
 @kernel
+def turn_push(push: Push, target: float, dt: float) -> Push:
+    """The push `dt` [s] later, for a `target` of the spool [rad]; portable."""
+    heard = np.fmax(target - DEAD, np.fmin(target + DEAD, push.heard))
+    moves = np.abs(heard - push.heard) > 0.0
+    goal, lag = sel(moves, np.sign(heard - push.heard), 0.0), sel(moves, TURNING, FADING)
+    return Push(heard, push.direction + (goal - push.direction) * dt / (lag + dt))
+
+
+@kernel
 def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float) -> SpoolState:
     """The drive's current for a `target` of the spool [rad], and its integral a step of `dt` [s] later."""
     omega, error, velocity = motor.servo.natural_frequency, target - state.position, state.velocity
-    heard = np.fmax(target - DEAD, np.fmin(target + DEAD, state.heard))
-    moves = np.abs(heard - state.heard) > 0.0
-    goal, lag = (np.sign(heard - state.heard), TURNING) if moves else (0.0, FADING)
-    push = state.push + (goal - state.push) * dt / (lag + dt)
+    push = turn_push(Push(state.heard, state.push), target, dt)
     wanted = motor.inertia * omega * (omega * (error + state.offset) - 2.0 * motor.servo.damping * velocity)
-    wanted = wanted + motor.friction_feedforward * push
+    wanted = wanted + motor.friction_feedforward * push.direction + state.told
     constant = motor.gear * motor.torque_constant
     lowest = np.fmax(-motor.current_limit, (-motor.supply - constant * velocity) / motor.resistance)
     highest = np.fmin(motor.current_limit, (motor.supply - constant * velocity) / motor.resistance)
     current = np.fmax(lowest, np.fmin(highest, wanted / constant))
     free = 1.0 if np.abs(error) > BAND and lowest < wanted / constant < highest else 0.0
     offset = state.offset + free * dt * motor.integral * error
-    return SpoolState(state.position, velocity, current, offset, heard, push)
+    return SpoolState(state.position, velocity, current, offset, push.heard, push.direction, state.told)
 
 
 @kernel
@@ -136,4 +154,5 @@ def turn_spool(motor: GearedMotor, state: SpoolState, load: float, stiffness: fl
     carried = np.fmax(np.abs(torque), np.abs(load))
     held = effort * (motor.friction + (1.0 - motor.efficiency) * carried)
     velocity = np.sign(free) * np.fmax(0.0, np.abs(free) - held)
-    return SpoolState(state.position + dt * velocity, velocity, state.current, state.offset, state.heard, state.push)
+    turned = state.position + dt * velocity
+    return SpoolState(turned, velocity, state.current, state.offset, state.heard, state.push, state.told)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, tanh
+from bowden.core.kernel import apart, kernel, tanh
 from bowden.models.capstan import Tendon
 from bowden.models.friction import coulomb, coulomb_slope, dahl, dahl_slope
 from bowden.models.sliding_cable import PreparedTendon, prepare_tendon, start_tendon
@@ -108,7 +108,7 @@ def prepare_lumped(lumped: LumpedTendon) -> PreparedLumped:
     return PreparedLumped(tendon, masses, damping, bool(lumped.dahl), lumped.presliding, lumped.step)
 
 
-@kernel
+@apart
 def start_lumped(cable: PreparedLumped, motor: float, width: float) -> LumpedMemory:
     """At rest at a `motor` angle [rad], with one tension all along and no friction."""
     moved = start_tendon(cable.tendon, motor, width).moved
@@ -146,16 +146,16 @@ def _tension(u: NDArray[np.float64], element: int, tendon: PreparedTendon) -> fl
 
 
 @kernel
-def _share(z: float, travel: float, cable: PreparedLumped) -> float:
-    return dahl(z, travel, cable.presliding) if cable.dahl else coulomb(z, travel, cable.presliding)
+def _share(z: float, travel: float, dahls: bool, presliding: float) -> float:
+    return dahl(z, travel, presliding) if dahls else coulomb(z, travel, presliding)
 
 
 @kernel
-def _share_slope(z: float, travel: float, cable: PreparedLumped) -> float:
-    return dahl_slope(z, travel, cable.presliding) if cable.dahl else coulomb_slope(z, travel, cable.presliding)
+def _share_slope(z: float, travel: float, dahls: bool, presliding: float) -> float:
+    return dahl_slope(z, travel, presliding) if dahls else coulomb_slope(z, travel, presliding)
 
 
-@kernel
+@apart
 def _step(cable: PreparedLumped, memory: LumpedMemory, pulled: float, width: float, dt: float) -> None:
     """One implicit step; node 0 goes to `pulled` [m]."""
     u, n, tendon = memory.moved, memory.moved.size - 1, cable.tendon
@@ -163,7 +163,7 @@ def _step(cable: PreparedLumped, memory: LumpedMemory, pulled: float, width: flo
     for i in range(1, n + 1):
         far = _tension(u, i, tendon) if i < n else max(0.0, tendon.preload + tendon.end * u[n])
         limits[i] = tanh(0.5 * width * tendon.angles[i]) * (_tension(u, i - 1, tendon) + far)
-    memory.share[0] = _share(memory.share[0], pulled - u[0], cable)
+    memory.share[0] = _share(memory.share[0], pulled - u[0], cable.dahl, cable.presliding)
     memory.speed[0] = (pulled - u[0]) / dt
     given = _Step(u.copy(), dt * memory.speed, limits, memory.share, dt)
     given.before[0], u[0] = pulled, pulled
@@ -173,15 +173,27 @@ def _step(cable: PreparedLumped, memory: LumpedMemory, pulled: float, width: flo
     for i in range(1, n + 1):
         travel = u[i] - given.before[i]
         memory.speed[i] = travel / dt
-        memory.share[i] = _share(memory.share[i], travel, cable)
+        memory.share[i] = _share(memory.share[i], travel, cable.dahl, cable.presliding)
 
 
 @kernel
 def _solve(cable: PreparedLumped, given: _Step, u: NDArray[np.float64]) -> None:
-    """Newton's method on the balance of forces, which is the gradient of a convex function of u; in place."""
+    """The balance of forces, which is the gradient of a convex function of u; in place.
+
+    After a violent jump Newton's method can creep from one node's narrow dead zone to the next; then the zones begin
+    wide, and each solution is the next one's start.
+    """
+    for wider in (1.0, 1e4, 1e3, 100.0, 10.0, 1.0):
+        if _newton(cable, given, u, wider * cable.presliding) and wider == 1.0:
+            return
+
+
+@apart
+def _newton(cable: PreparedLumped, given: _Step, u: NDArray[np.float64], presliding: float) -> bool:
+    """Newton's method with a line search, and whether it has come to the balance; in place."""
     n = u.size - 1
     force, slope, onward = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    _balance(cable, given, u, force, slope, onward)
+    _balance(cable, given, u, presliding, force, slope, onward)
     for _ in range(60):
         move, steep = np.zeros(n + 1), 0.0
         for i in range(2, n + 1):  # the symmetric tridiagonal system, down ...
@@ -194,9 +206,10 @@ def _solve(cable: PreparedLumped, given: _Step, u: NDArray[np.float64]) -> None:
             steep += force[i] * move[i]
         low, high, size, gone = 0.0, 1.0, 1.0, 0.0
         for _ in range(40):  # along the move, to where the function has stopped falling: its slope there only grows
-            u[1:] += (size - gone) * move[1:]
+            for i in range(1, n + 1):
+                u[i] += (size - gone) * move[i]
             gone = size
-            _balance(cable, given, u, force, slope, onward)
+            _balance(cable, given, u, presliding, force, slope, onward)
             left = 0.0
             for i in range(1, n + 1):
                 left += force[i] * move[i]
@@ -211,14 +224,16 @@ def _solve(cable: PreparedLumped, given: _Step, u: NDArray[np.float64]) -> None:
         for i in range(1, n + 1):
             worst = max(worst, np.abs(force[i]))
         if worst < 1e-8:
-            return
+            return True
+    return False
 
 
-@kernel
+@apart
 def _balance(
     cable: PreparedLumped,
     given: _Step,
     u: NDArray[np.float64],
+    presliding: float,
     force: NDArray[np.float64],
     slope: NDArray[np.float64],
     onward: NDArray[np.float64],
@@ -230,8 +245,8 @@ def _balance(
         travel = u[i] - given.before[i]
         inertia = cable.masses[i] / (given.dt * given.dt)
         force[i] = inertia * (travel - given.coasting[i]) - near
-        force[i] += given.limits[i] * _share(given.share[i], travel, cable)
-        slope[i] = inertia + given.limits[i] * _share_slope(given.share[i], travel, cable)
+        force[i] += given.limits[i] * _share(given.share[i], travel, cable.dahl, presliding)
+        slope[i] = inertia + given.limits[i] * _share_slope(given.share[i], travel, cable.dahl, presliding)
         slope[i] += tendon.element if near > 0.0 else 0.0
         if i < n:
             near = _tension(u, i, tendon)

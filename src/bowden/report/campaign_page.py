@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bowden.design.campaign_figures import SHOWN, LawFigures, Spread, Summary
+from bowden.design.campaign_figures import LawFigures, Spread, Summary
 from bowden.design.distributions import Distribution
 from bowden.report import style
 from bowden.report.page import Page
@@ -21,8 +21,12 @@ _NAMES = {
     "lag_s": "lag [s]",
     "command_travel_deg": "travel of the command [°]",
     "electrical_energy_j": "electrical energy [J]",
+    "shown_rmse_deg": "RMSE as the sensor shows it [°]",
+    "largest_tension_n": "largest tension [N]",
+    "largest_torque_nm": "largest torque on the elbow [N·m]",
+    "hottest_winding_c": "hottest winding [°C]",
 }
-_LOGARITHMIC = ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "command_travel_deg")
+_LOGARITHMIC = ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "command_travel_deg", "shown_rmse_deg")
 _SMALL = 6
 """Parameters with a small plot."""
 
@@ -66,7 +70,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
     )
     page.heading("Distributions")
     page.figure(
-        _spread_figure(summary.laws),
+        _spread_figure(summary.laws, summary.shown),
         "Share of the runs that reached their end in which a figure is at most as large.",
     )
     if drawn:
@@ -115,11 +119,12 @@ def _values(found: Spread | None) -> list[str]:
     return [f"{v:.3g}" for v in (found.median, found.q90, found.q99, found.most)] if found else ["–"] * 4
 
 
-def _spread_figure(laws: Sequence[LawFigures]) -> "Figure":
+def _spread_figure(laws: Sequence[LawFigures], shown: Sequence[str]) -> "Figure":
     """Empirical distribution functions, one plot a figure of merit."""
-    figure, axes = style.new_figure(2, 3, width=9.0, height=5.0)
+    rows = -(-len(shown) // 3)
+    figure, axes = style.new_figure(rows, 3, width=9.0, height=2.5 * rows)
     colours = style.colours_for([one.law for one in laws])
-    for place, name in zip(axes, SHOWN, strict=True):
+    for place, name in zip(axes, shown, strict=False):
         for one in laws:
             if name in one.quantiles:
                 x = one.quantiles[name]
@@ -129,8 +134,10 @@ def _spread_figure(laws: Sequence[LawFigures]) -> "Figure":
             _logarithmic(place, "x")
         place.set_xlabel(_NAMES[name])
         place.set_ylim(0.0, 100.0)
-    axes[0].set_ylabel("share of runs [%]")
-    axes[3].set_ylabel("share of runs [%]")
+    for place in axes[len(shown) :]:
+        place.set_axis_off()
+    for place in axes[::3]:
+        place.set_ylabel("share of runs [%]")
     style.legend(axes[2])
     return figure
 
@@ -170,13 +177,17 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
 
 
 def _logarithmic(place: "Axes", which: Literal["x", "y"]) -> None:
-    """A logarithmic axis with plain numbers at 1, 2 and 5, or at powers of ten where it is long."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    """A logarithmic axis with plain numbers at 1, 2 and 5, at powers of ten where it is long, or evenly if short."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     (place.set_xscale if which == "x" else place.set_yscale)("log")
     axis = place.xaxis if which == "x" else place.yaxis
     low, high = axis.get_data_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    if high < 4.0 * low:
+        axis.set_major_locator(MaxNLocator(4))
+        axis.set_minor_locator(NullLocator())
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 from bowden.runtime.clock import SECOND, Clock, next_deadline
 from bowden.runtime.control_block import ControlBlock
-from bowden.runtime.cycle import Cycle
+from bowden.runtime.cycle import LAW_BEGINS, Cycle
 from bowden.runtime.emg_course import EmgCourse
 from bowden.runtime.ports import Drive, Power
 from bowden.runtime.ring import RingWriter
 from bowden.runtime.ring_status import RecorderState
 from bowden.runtime.row import AT
 from bowden.runtime.script import Script
+from bowden.runtime.torque_offset import TorqueOffset
 from bowden.safety.supervisor import Mode, Observed, Request
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
@@ -44,6 +45,7 @@ class Loop:
         clock: to go by.
         start: the clock where the column ``time`` is zero [ns].
         course: of a run by EMG; the script's too.
+        push: of a drive that takes a torque offset.
     """
 
     def __init__(
@@ -56,10 +58,11 @@ class Loop:
         clock: Clock,
         start: int,
         course: EmgCourse | None = None,
+        push: TorqueOffset | None = None,
     ) -> None:
         self._drive, self._cycle, self._script = drive, cycle, script
         self._ring, self._block, self._clock, self._start = ring, block, clock, start
-        self._course, self._quit = course, False
+        self._course, self._push, self._quit = course, push, False
 
     def quit(self) -> None:
         """End the run with a controlled release, as the operator's word does; for signals."""
@@ -75,7 +78,7 @@ class Loop:
 
     def _run(self) -> Ended:
         clock, drive, cycle = self._clock, self._drive, self._cycle
-        script, ring, block, course = self._script, self._ring, self._block, self._course
+        script, ring, block, course, push = self._script, self._ring, self._block, self._course, self._push
         period, patience = round(cycle.period * SECOND), cycle.limits.operator_age
         deadline = clock.now() + period
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
@@ -97,21 +100,26 @@ class Loop:
             emg_age = 0.0 if course is None else course.look(woke)
             plan = script.plan(mode, target, reading, 1 + skipped)
 
+            if plan.source == LAW_BEGINS:
+                cycle.know(script.play)
+
             # what is done
             recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
             observed = Observed(reading, lateness, elapsed, request, age, recorder, script.outcome, emg_age)
             wish, verdict = cycle.step(observed, plan)
             mode, target = verdict.mode, verdict.target
-            drive.write(target, Power(int(verdict.power)), now)
+            torque = 0.0 if push is None else push.step(target, verdict, cycle.period)
+            drive.write(target, Power(int(verdict.power)), now, torque)
 
             # what is kept
             row, state = ring.next_row(), cycle.state
             row[:] = (
-                *((woke - self._start) * 1e-9, *plan.reference, *reading, *state.sample, wish),
+                *((woke - self._start) * 1e-9, *cycle.reference, *reading, *state.sample, wish),
                 *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
-                *(script.outcome, script.reason, 0.0),
+                *(script.outcome, script.reason, script.play, 0.0),
                 *(*state.law, *state.supervisor, *(() if course is None else course.row())),
+                *(*(() if push is None else push.row()), *cycle.asked()),
             )
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9

@@ -37,8 +37,10 @@ class Drive(Protocol):
         """All that has arrived since the last cycle; never waits, never raises."""
         ...
 
-    def write(self, target: float, power: Power, now: float) -> None:
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """Send the motor's target angle [rad] and the wanted power state, then SYNC, and the heartbeat when it is due.
+
+        `torque` is what the drive adds at the spool [N·m], where the rig has it do so, and never beyond its bound.
 
         Goes through the states of CiA 402 by itself, one step a cycle, but never leaves a fault by itself.
         """

@@ -1,16 +1,21 @@
 """Replay: a recorded run once more through law and supervisor, cycle by cycle, against what was commanded then."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from bowden.control.law import Law
+from bowden.control.source import TABLE, Heard, Source
 from bowden.core.errors import LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.runtime.cycle import LAW_BEGINS, Cycle, CycleState, Filters, Plan
 from bowden.runtime.mcap_read import Recording
+from bowden.runtime.row import asked
+from bowden.runtime.run_settings import push_of
+from bowden.runtime.torque_offset import COLUMNS, TorqueOffset
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, SupervisorState
+from bowden.safety.supervisor import Observed, SupervisorState, Verdict
 
 _SURROUNDINGS = ("lateness", "elapsed", "request", "operator_age", "recorder", "preflight")
 _VERDICT = ("command", "power", "mode", "reaction", "faults")
@@ -36,14 +41,32 @@ class Replay(NamedTuple):
     first_difference: float | None
     """The record's time at the first wish that is another number [s]."""
     verdicts_differing: int
-    """Cycles with another power, mode, reaction or set of faults."""
+    """Cycles with another power, mode, reaction or set of faults, or with a target or torque offset in one of both
+    alone."""
     command_largest: float
     """Largest difference of the supervisor's target [rad]."""
     first_other_verdict: float | None
     """The record's time at the first of them [s]."""
+    torque_largest: float | None
+    """Largest difference of the torque offset at the recorded targets; None in a run without one [N·m]."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether a wish, a verdict, a target or a torque offset is another one than was recorded."""
+        wishes = self.first_difference is not None
+        return wishes or bool(self.verdicts_differing or self.command_largest or self.torque_largest)
 
 
-def replay(found: Recording, law: Law, limits: Limits, filters: Filters, period: float, *, same: bool) -> Replay:
+def replay(
+    found: Recording,
+    law: Law,
+    limits: Limits,
+    filters: Filters,
+    period: float,
+    *,
+    same: bool,
+    source: Source = TABLE,
+) -> Replay:
     """Run the cycle of the live loop on recorded readings.
 
     The same compiled function as in the loop, so that the law and limits of the record give its very numbers. The motor
@@ -57,12 +80,14 @@ def replay(found: Recording, law: Law, limits: Limits, filters: Filters, period:
         filters: in front of the law.
         period: of the loop [s].
         same: whether it is the law of the record, whose state is taken from there; another begins where that one did.
+        source: of the record's reference, whose state is taken from there; it makes the reference anew.
 
     Raises:
         LogError: a column is missing, or the record has fewer than two rows.
     """
-    _check(found, law, same)
-    cycle = Cycle(law, limits, filters, period)
+    made = [] if source is TABLE else list(asked(source))
+    _check(found, law, same, made)
+    cycle = Cycle(law, limits, filters, period, source)
     at = {name: i for i, name in enumerate(found.columns)}
     reading, surroundings, verdict, reference, supervisor = (
         [at[name] for name in names]
@@ -82,16 +107,42 @@ def replay(found: Recording, law: Law, limits: Limits, filters: Filters, period:
         if gaps[k]:
             sample = Sample(row[at["joint_seen"]], row[at["motor_seen"]])
             cycle.state = CycleState(
-                sample, _law_state(law, sample, row, at, same), SupervisorState(*(row[i] for i in supervisor))
+                sample,
+                _law_state(law, sample, row, at, same),
+                _asked(source, sample, [row[at[name]] for name in made]),
+                SupervisorState(*(row[i] for i in supervisor)),
             )
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
         around = (*(row[i] for i in surroundings), emg_age)
         observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
+        if row[at["source"]] == LAW_BEGINS and "play" in at:
+            cycle.know(row[at["play"]])
         plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
         wishes[k], judged = cycle.step(observed, plan)
         said[k] = judged
-    return _compared(found, gaps, wishes, said, found.rows[:, verdict])
+    return _compared(found, gaps, wishes, said, found.rows[:, verdict], _torques(found, gaps, period))
+
+
+def _torques(found: Recording, gaps: Any, period: float) -> Any:
+    """Differences of the torque offset (n,) [N·m], not a number where one of both alone is none; None in a run without.
+
+    Its first value after each gap is taken from the record.
+    """
+    push, differences = push_of(found.settings), np.zeros(len(found.rows))
+    if push is None or not set(COLUMNS) <= set(found.columns):
+        return None
+    offset = TorqueOffset(*push)
+    told = found.rows[:, [found.columns.index(name) for name in COLUMNS]].tolist()
+    said = found.rows[:, [found.columns.index(name) for name in _VERDICT]].tolist()
+    for k, (gap, row, verdict) in enumerate(zip(gaps, told, said, strict=True)):
+        if gap:
+            offset.take(row)
+            continue
+        again = offset.step(verdict[0], Verdict(*verdict), period)
+        if not (math.isnan(again) and math.isnan(row[0])):
+            differences[k] = abs(again - row[0])
+    return differences
 
 
 def _law_state(law: Law, sample: Sample, row: list[float], at: dict[str, int], same: bool) -> Any:
@@ -100,13 +151,20 @@ def _law_state(law: Law, sample: Sample, row: list[float], at: dict[str, int], s
     return type(fresh)(*values)
 
 
-def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any) -> Replay:
+def _asked(source: Source, sample: Sample, values: list[float]) -> Any:
+    """The source's state as recorded; a table has none that is."""
+    fresh = source.start(Heard(sample.joint, sample.motor, 0.0, np.nan))
+    return type(fresh)(*(values or map(float, fresh)))
+
+
+def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any, torques: Any) -> Replay:
     law_had = ~gaps & (found["source"] >= LAW_BEGINS)
     wish = found["wish"]
     equal = (wishes == wish) | (np.isnan(wishes) & np.isnan(wish))
     difference = np.where(equal, 0.0, wishes - wish)[law_had]
     difference = difference[np.isfinite(difference)]
-    other = ~gaps & (said[:, 1:] != told[:, 1:]).any(axis=1)
+    other = ~gaps & ((said[:, 1:] != told[:, 1:]).any(axis=1) | (np.isnan(said[:, 0]) != np.isnan(told[:, 0])))
+    other |= torques is not None and np.isnan(torques)
     command = np.abs(said[:, 0] - told[:, 0])[~gaps]
     command = command[np.isfinite(command)]
     time = found["time"]
@@ -124,11 +182,12 @@ def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any) ->
         verdicts_differing=int(other.sum()),
         command_largest=float(command.max()) if len(command) else 0.0,
         first_other_verdict=first(other),
+        torque_largest=None if torques is None else float(np.nanmax(torques, initial=0.0)),
     )
 
 
-def _check(found: Recording, law: Law, same: bool) -> None:
-    wanted = list(_NEEDED)
+def _check(found: Recording, law: Law, same: bool, made: list[str]) -> None:
+    wanted = [*_NEEDED, *made]
     if same:
         wanted += [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
     missing = [name for name in wanted if name not in found.columns]

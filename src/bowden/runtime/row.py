@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 
 from bowden.control.law import Law
+from bowden.control.source import TABLE, Heard, Source
 from bowden.core.signals import DriveReading, Sample
 from bowden.models.thermal import ThermalState
 from bowden.runtime.emg_course import COLUMNS
 from bowden.runtime.ring import Description
+from bowden.runtime.torque_offset import COLUMNS as PUSH
 from bowden.safety.supervisor import SupervisorState
 
 CYCLE: Mapping[str, str] = {
@@ -42,9 +44,11 @@ CYCLE: Mapping[str, str] = {
     "recorder": "1",
     "preflight": "1",
     "preflight_reason": "1",
+    "play": "rad",
     "run_time": "s",
 }
-"""Column → unit of what every run has; the law's state follows, the supervisor's, and what EMG said in a run by it.
+"""Column → unit of what every run has; the law's state follows, the supervisor's, what EMG said in a run by
+it, the torque offset in a run with one, and the state of what makes the reference where the wearer's push does.
 
 ``joint`` and ``motor`` are as measured, at the same instant as the reference; ``joint_seen`` and ``motor_seen`` are
 behind the filters. ``wish`` is from before the supervisor and ``command`` from after it; ``overruns`` are the deadlines
@@ -64,18 +68,38 @@ _SUPERVISOR_UNITS = {
 }
 
 
-def columns(law: Law, *, emg: bool = False) -> dict[str, str]:
-    """Column → unit of a run under this law, and by EMG."""
+def columns(law: Law, *, emg: bool = False, pushed: bool = False, source: Source = TABLE) -> dict[str, str]:
+    """Column → unit of a run under this law, by EMG, with a torque offset, and by another source than the table."""
     states = {f"law.{name}": law.state_units.get(name, "1") for name in type(law.start(Sample(0.0, 0.0)))._fields}
     supervisor = {f"supervisor.{name}": _SUPERVISOR_UNITS.get(name, "1") for name in SupervisorState._fields}
-    return {**CYCLE, **states, **supervisor, **(COLUMNS if emg else {})}
+    return {
+        **CYCLE,
+        **states,
+        **supervisor,
+        **(COLUMNS if emg else {}),
+        **(PUSH if pushed else {}),
+        **({} if source is TABLE else asked(source)),
+    }
+
+
+def asked(source: Source) -> dict[str, str]:
+    """Column → unit of a source's state."""
+    fields = type(source.start(Heard(0.0, 0.0, 0.0, 0.0)))._fields
+    return {f"{source.name}.{name}": source.state_units.get(name, "1") for name in fields}
 
 
 def description(
-    law: Law, settings: Mapping[str, object], utc_ns: int, monotonic_ns: int, *, emg: bool = False
+    law: Law,
+    settings: Mapping[str, object],
+    utc_ns: int,
+    monotonic_ns: int,
+    *,
+    emg: bool = False,
+    pushed: bool = False,
+    source: Source = TABLE,
 ) -> Description:
     """What the ring's header says of a run whose column ``time`` is zero at these two clocks [ns]."""
-    named = columns(law, emg=emg)
+    named = columns(law, emg=emg, pushed=pushed, source=source)
     return Description(tuple(named), tuple(named.values()), settings, utc_ns, monotonic_ns)
 
 

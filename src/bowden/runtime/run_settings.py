@@ -1,11 +1,14 @@
 """What a log must know of its run so that it can be read and replayed years later, as JSON values."""
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_type_hints
 
+from bowden.control import source as references
 from bowden.control.law import Law
+from bowden.control.push import Push, push_source
 from bowden.core.errors import LogError
-from bowden.models.thermal import Thermal
+from bowden.models.suit_angle import SpoolMap
 from bowden.runtime.cycle import Filters, Source
 from bowden.runtime.ports import Power
 from bowden.runtime.preflight import Reason
@@ -50,7 +53,7 @@ def limits_of(settings: Mapping[str, Any]) -> Limits:
     Raises:
         LogError: they are not there, or of another version of bowden.
     """
-    return _again(Limits, settings, "limits", {"thermal": Thermal})
+    return _again(Limits, settings, "limits")
 
 
 def filters_of(settings: Mapping[str, Any]) -> Filters:
@@ -59,14 +62,38 @@ def filters_of(settings: Mapping[str, Any]) -> Filters:
     Raises:
         LogError: they are not there, or of another version of bowden.
     """
-    return _again(Filters, settings, "filters", {})
+    return _again(Filters, settings, "filters")
 
 
-def _again(kind: Any, settings: Mapping[str, Any], name: str, inner: Mapping[str, Any]) -> Any:
+def push_of(settings: Mapping[str, Any]) -> tuple[float, int, SpoolMap] | None:
+    """Torque offset of a recorded run [N·m], its sub-steps and the map to its spool; None of a run without one.
+
+    Raises:
+        LogError: they are of another version of bowden.
+    """
+    if "push" not in settings:
+        return None
+    given = settings["push"]
+    return float(given["torque"]), int(given["substeps"]), _again(SpoolMap, given, "spool")
+
+
+def source_of(settings: Mapping[str, Any]) -> references.Source:
+    """What made the reference of a recorded run: the wearer's push where the log has it, or else its table.
+
+    Raises:
+        LogError: its settings are of another version of bowden.
+    """
+    if "admittance" not in settings:
+        return references.TABLE
+    given = settings["admittance"]
+    if isinstance(given, Mapping) and isinstance(given.get("under"), Mapping):
+        given = {**given, "under": {**_LED_SINCE, **given["under"]}}
+    return push_source(_again(Push, {"admittance": given}, "admittance"))
+
+
+def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
     try:
-        values = {**(_SINCE if kind is Limits else {}), **settings[name]}
-        values |= {key: _number_fields(part, values[key]) for key, part in inner.items()}
-        return _number_fields(kind, values)
+        return _made(kind, {**(_SINCE if kind is Limits else {}), **settings[name]})
     except (KeyError, TypeError, ValueError) as error:
         do = "replay it with the version of bowden that wrote it (bowden log info tells which)"
         raise LogError(f"the log's settings have no {name} that this version knows: {error}", do=do) from error
@@ -75,8 +102,14 @@ def _again(kind: Any, settings: Mapping[str, Any], name: str, inner: Mapping[str
 _SINCE = {name: Limits._field_defaults[name] for name in ("uses_emg", "emg_age")}
 """Limits that older logs do not have, as they were in force then: not at all."""
 
+_LED_SINCE = {"room": math.inf}
+"""What older logs do not have of the lead, as it was then: without a bound, of the push neither."""
 
-def _number_fields(kind: Any, values: Mapping[str, Any]) -> Any:
+
+def _made(kind: Any, values: Mapping[str, Any]) -> Any:
+    """A NamedTuple of numbers, and of others of its kind, from what `plain` made of it."""
     if set(kind._fields) != set(values):
         raise ValueError(f"they differ in {', '.join(sorted(set(kind._fields) ^ set(values)))}")
-    return kind(**{key: part if isinstance(part, tuple) else float(part) for key, part in values.items()})
+    kinds = get_type_hints(kind)
+    nested = {name for name, part in kinds.items() if hasattr(part, "_fields")}
+    return kind(**{name: _made(kinds[name], part) if name in nested else float(part) for name, part in values.items()})

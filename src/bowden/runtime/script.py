@@ -16,6 +16,7 @@ from bowden.control.reference import minimum_jerk
 from bowden.core.signals import DriveReading, Reference
 from bowden.runtime import preflight
 from bowden.runtime.cycle import HOLD, LAW, LAW_BEGINS, MOTION, NOWHERE, Plan
+from bowden.runtime.dead_zone import dead_zone
 from bowden.runtime.emg_course import EmgCourse
 from bowden.runtime.row import NOTHING_READ
 from bowden.safety.supervisor import Mode
@@ -34,6 +35,7 @@ class Script:
         checks: the preflight between arming and running.
         period: of a cycle [s].
         course: of a run by EMG.
+        slope: about what the joint moves by per motor angle [rad/rad].
     """
 
     def __init__(
@@ -44,7 +46,9 @@ class Script:
         checks: preflight.Preflight,
         period: float,
         course: EmgCourse | None = None,
+        slope: float = 1.0,
     ) -> None:
+        self._slope = slope
         self._table, self._width = np.ascontiguousarray(table, dtype=np.float64).reshape(-1).data, table.shape[1]
         self._course, self._last = course, (len(table) if course is None else course.cycles) - 1
         self._start, self._speed, self._checks, self._period = start, speed, checks, period
@@ -54,6 +58,8 @@ class Script:
         self._aside = 0.0
         self.outcome = 0.0
         """Of the preflight."""
+        self.play = math.nan
+        """Dead zone that the preflight has measured; NaN before it has [rad]."""
         self.done = False
         """Whether the table has come to its end since the run began."""
 
@@ -72,6 +78,8 @@ class Script:
             self._enter(mode, target, reading, cycles)
         if mode == _PREFLIGHT:
             self._checked, wish, said = preflight.step(self._checks, self._checked, reading, cycles * self._period)
+            if said.result > self.outcome:
+                self.play = dead_zone(self._checked, reading, self._slope)
             self.outcome = said.result
             return Plan(MOTION, wish, NOWHERE)
         if mode != _RUNNING:
@@ -82,7 +90,7 @@ class Script:
             return Plan(MOTION, float(minimum_jerk(self._from, self._start, self._approach, at).position), NOWHERE)
         row = round((at - self._approach) / self._period)
         self.done = row >= self._last or (self._course is not None and self._course.over)
-        values = self._values(row, cycles)
+        values = self._values(row)
         if self._width == 1:
             return Plan(MOTION, values[0], NOWHERE)
         if not self._begun:
@@ -92,12 +100,16 @@ class Script:
         back = minimum_jerk(self._aside, 0.0, _BLEND, at - self._approach)
         return Plan(source, target, Reference(*(float(value + more) for value, more in zip(values, back, strict=True))))
 
-    def _values(self, row: int, cycles: int) -> Sequence[float]:
-        """Of a row of the table, or what EMG makes of `cycles` cycles more."""
+    def _values(self, row: int) -> Sequence[float]:
+        """Of a row of the table, or what EMG makes of one cycle more.
+
+        After cycles that were skipped a motion by EMG goes on where it was, and ends so much later: nobody has said
+        when it is to end, and a reference that jumps makes a law jump.
+        """
         if self._course is not None:
             if not self._begun:
                 self._course.begin()
-            return self._course.step(cycles * self._period)
+            return self._course.step(self._period)
         place = self._width * min(row, self._last)
         return self._table[place : place + self._width]  # no array is indexed in the loop
 

@@ -153,7 +153,8 @@ def intent_step(
 def proportional(settings: IntentSettings, before: Reference, envelope: float, full: float, dt: float) -> Reference:
     """The joint goes where the envelope is: from `low` at none to `high` at `full`, through a critically damped filter.
 
-    Its time constant is a tenth of `duration`, so that a step takes about the time of a motion to within 1 %.
+    Its time constant is a tenth of `duration`, and it is never quicker than a motion of the whole range is at its
+    quickest, 15/8·range/duration, so that a step takes about the time of a motion to within 1 %.
 
     Args:
         settings: of the way.
@@ -165,5 +166,7 @@ def proportional(settings: IntentSettings, before: Reference, envelope: float, f
     share = np.fmax(0.0, np.fmin(1.0, sel(envelope < np.inf, envelope, 0.0) / full))
     goal = settings.low + share * (settings.high - settings.low)
     rate = 10.0 / settings.duration
+    most = 1.875 * (settings.high - settings.low) / settings.duration
     velocity = (before.velocity + dt * rate * rate * (goal - before.position)) / (1.0 + rate * dt * (2.0 + rate * dt))
+    velocity = np.fmax(0.0 - most, np.fmin(most, velocity))
     return Reference(before.position + dt * velocity, velocity, (velocity - before.velocity) / dt)

@@ -7,7 +7,8 @@ Four questions to each sample, in the band above 60 Hz:
 2. **Is it new?** Mains hum repeats itself 20 ms later, or 16.7 ms. What is left of the band after subtracting itself
    one period ago must be large too: hum of any shape passes for one period when it begins, and not when it ends.
 3. **Is it broadband?** A contraction has more than a hundredth of its power above 20 Hz in that rest; movement of
-   electrodes and cables, and hum, have not.
+   electrodes and cables, and hum, have not. It must hold its own against the peak of a swing above 5 Hz as well, which
+   fades with a tenth of a second: between two of its peaks a swing may look like any noise.
 4. **Is it alive?** A signal that repeats one value for 20 ms is clipped, or its electrode is off.
 
 Time with four times yes is evidence; other time takes some of it away again (a cumulative sum, Page 1954). A click or
@@ -42,6 +43,10 @@ class OnsetSettings(NamedTuple):
     """End: below so many σ."""
     share: float = 0.1
     """End: or below this share of the contraction's size, twice its mean."""
+    swing_hz: float = 5.0
+    """Lower end of the movement whose peak the band is compared with."""
+    moved: float = 0.001
+    """Least share of that peak's square that must be new and in the band."""
     evidence: float = 0.03
     """Time with four times yes that makes an onset [s]."""
     doubt: float = 0.2
@@ -76,6 +81,7 @@ class Onset(NamedTuple):
 
     band: Biquad
     wide: Biquad
+    swing: Biquad
     delay: tuple[int, int]
     """Whole samples of one mains period, for each of `MAINS`."""
     between: tuple[float, float]
@@ -87,6 +93,7 @@ class Onset(NamedTuple):
     mean: float
     peak: float
     size: float
+    swung: float
     settings: OnsetSettings
 
 
@@ -98,12 +105,15 @@ class OnsetState(NamedTuple):
     inner: Memory
     outer: Memory
     wide: Memory
+    slow: Memory
     past: tuple[float, ...]
     """The band's last samples, the newest first, over the longest mains period."""
     age: float
     rest: float
     """σ, in the signal's unit."""
     peak: float
+    swing: float
+    """Square of the movement's recent peak."""
     power: float
     new: float
     mean: float
@@ -128,6 +138,7 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
     return Onset(
         critical_high_pass(settings.band_hz, rate),
         butterworth(settings.wide_hz, "high", rate),
+        butterworth(settings.swing_hz, "high", rate),
         (whole[0], whole[1]),
         (periods[0] - whole[0], periods[1] - whole[1]),
         dt,
@@ -137,14 +148,15 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
         1.0 - math.exp(-dt / 0.05),
         math.exp(-dt / 0.03),
         math.exp(-dt / 2.0),
+        math.exp(-dt / 0.1),
         settings,
     )
 
 
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample."""
-    memories = (EMPTY, EMPTY, EMPTY)
-    return OnsetState(first, math.nan, *memories, (0.0,) * (max(onset.delay) + 1), *([0.0] * 15))
+    memories = (EMPTY, EMPTY, EMPTY, EMPTY)
+    return OnsetState(first, math.nan, *memories, (0.0,) * (max(onset.delay) + 1), *([0.0] * 16))
 
 
 @kernel
@@ -161,6 +173,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     inner, half = biquad(onset.band, state.inner, x)
     outer, band = biquad(onset.band, state.outer, half)
     wide, all_of_it = biquad(onset.wide, state.wide, x)
+    slow, movement = biquad(onset.swing, state.slow, x)
 
     # what of the band is new, with a size of its own in place of twice its power
     past, left = state.past, np.inf
@@ -171,12 +184,14 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     size = np.fmin(np.abs(band), left)
     peak = np.fmax(np.abs(band), state.peak * onset.peak)
     power = state.power + onset.power * (all_of_it * all_of_it - state.power)
+    swing = np.fmax(movement * movement, state.swing * onset.swung)
     new = state.new + onset.power * (size * size - state.new)
 
     # what is wrong
     upper = by.high * state.rest
     flat = sel(raw == state.raw, state.flat + dt, 0.0)
-    odd = sel((new < by.broad * power) * (power > upper * upper) > 0.0, state.odd + dt, 0.0)
+    narrow = (new < by.broad * power) + (new < by.moved * swing) > 0.0
+    odd = sel(narrow * (power > upper * upper) > 0.0, state.odd + dt, 0.0)
     trouble = sel(flat > by.flat, 1.0, sel(odd > 0.0, 2.0, 0.0))
 
     # rest
@@ -214,10 +229,12 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         inner,
         outer,
         wide,
+        slow,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
         age,
         rest,
         peak,
+        swing,
         power,
         new,
         mean,

@@ -48,6 +48,9 @@ _RECORDED = list(UNITS)[3:11]
 RUNAWAY = 1e3
 """A command beyond this [rad] ends the run: the loop is unstable and the rest of the record stays NaN."""
 
+_AT_ONCE = 15_000
+"""Cycles whose reference is worked out in one go; beyond that the system hands out fresh memory for every step."""
+
 
 @kernel
 def run_loop(
@@ -231,9 +234,13 @@ def inputs_of(plant: Bench, reference: Trajectory, duration: float, bend: BendPa
     cycles = len(edges) - 1
     widths, slope_factors = sheath_over(plant, edges, bend)
     noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0
+    references = np.empty((3, cycles))
+    for begin in range(0, cycles, _AT_ONCE):
+        part = slice(begin, min(begin + _AT_ONCE, cycles))
+        references[:, part] = reference.sample(edges[part]).T
     return Inputs(
         time=edges[:-1],
-        references=np.ascontiguousarray(reference.sample(edges[:-1]).T),
+        references=references,
         widths=widths,
         slope_factors=slope_factors,
         normals=np.random.default_rng(seed).standard_normal((cycles, 2)) if noisy else np.zeros((cycles, 2)),

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel
+from bowden.core.kernel import apart, kernel
 from bowden.core.signals import DriveReading, Sample
 from bowden.sim.injected import misread
 
@@ -27,7 +27,7 @@ def as_it_is(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) ->
     return sample
 
 
-@kernel
+@apart
 def faulty(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """What the law is shown in cycle k; `kept` (2, n) holds the true readings for faults that look back."""
     kept[0, k], kept[1, k] = sample.joint, sample.motor

@@ -112,7 +112,7 @@ def _travel(way: float, faster: float, time: float, width: float, next_width: fl
     About the middle of the time 1/w = (1 − x + x²)/w_m with x = w'·(t − t_m)/w_m; what is left out is of third order.
     """
     if next_width == width:  # a still sheath is spared all this
-        return way / width
+        return way * (1.0 / width)  # the sheath is known before the way
     middle = 0.5 * (width + next_width)
     growth = (next_width - width) / middle
     return (way * (1.0 + growth * growth / 12.0) - growth * faster * time / 12.0) / middle

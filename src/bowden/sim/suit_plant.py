@@ -74,7 +74,7 @@ def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> S
     extensor = start_suit_cable(suit.extensor, -suit.extensor_radius * spool, -suit.joint_radius * joint, factor)
     heat = ThermalState(suit.thermal.ambient, suit.thermal.ambient, 0.0)
     slack = Pull(0.0, 0.0)
-    still = SpoolState(spool, 0.0, 0.0, 0.0, spool, 0.0)
+    still = SpoolState(spool, 0.0, 0.0, 0.0, spool, 0.0, 0.0)
     return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
 
 
@@ -97,7 +97,7 @@ def suit_step(
     for i in range(suit.substeps):
         bend = bends.before + (bends.after - bends.before) * (i + 1.0) / suit.substeps
         at = state.spool.position
-        spool = SpoolState(at, state.spool.velocity, 0.0, 0.0, at, 0.0)
+        spool = SpoolState(at, state.spool.velocity, 0.0, 0.0, at, 0.0, state.spool.told)
         if powered:
             spool = drive_motor(suit.motor, state.spool, target, step)
         state = _substep(suit, state, spool, bend, wearer, step)

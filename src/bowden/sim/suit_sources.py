@@ -7,7 +7,7 @@ from bowden.control.admittance_passivity import Limit, limit_of
 from bowden.control.admittance_port import Body, Port, bodies
 from bowden.control.interaction import Chain, Doubt
 from bowden.control.law import Law
-from bowden.control.push import Push, Under
+from bowden.control.push import ROOM, Push, Under
 from bowden.core.units import RADIANS
 from bowden.models.arm import GRAVITY, Arm, arm_of
 from bowden.models.suit_angle import flexor_arm
@@ -34,6 +34,8 @@ def chain_of(suit: Suit) -> Chain:
         flesh=suit.fabric.damping,
         half_width=suit.flexor.half_width if suit.flexor.kind == "play" else 0.0,
         start=made.flexor.start,
+        sheath=suit.sheath,
+        posture=suit.posture,
     )
 
 
@@ -47,6 +49,7 @@ def push_of(
     arm: Arm | None = None,
     friction_share: float = FRICTION_SHARE,
     doubt: Doubt | None = None,
+    room: float = ROOM,
 ) -> Push:
     """The source's settings for a suit.
 
@@ -57,8 +60,10 @@ def push_of(
         estimated: whether the torque is estimated; a load cell's otherwise.
         carried: share of the arm's weight that the suit holds up [–].
         arm: whose weight that is; the suit's own where it is not given.
-        friction_share: of the friction of drive, gears and sheaths that is made up for [–].
+        friction_share: of the friction of drive, gears and sheaths that is made up for; what the drive itself makes
+            up for, by its torque offset, is part of it [–].
         doubt: of the estimate; the default one where it is not given.
+        room: how far beyond the admittance's range a law that feeds the joint back may be led [rad].
 
     Raises:
         ParameterError: an admittance or a suit that cannot be.
@@ -74,9 +79,10 @@ def push_of(
         under=Under(
             lead=0.0 if inverts else 2.0 * zeta / omega + dead_time,
             lead_square=0.0 if inverts else 1.0 / omega**2,
-            friction=friction_share * _friction(suit),
+            friction=max(0.0, friction_share * friction_of(suit) - motor.friction_feedforward),
             stiffness=motor.inertia * omega**2,
             compliance=0.0 if law.name == "uncompensated" else _compliance(suit),
+            room=room,
         ),
         estimated=1.0 if estimated else 0.0,
         carried=carried,
@@ -85,7 +91,21 @@ def push_of(
     )
 
 
-def _friction(suit: Suit) -> float:
+def behind(suit: Suit, made_up: float = 0.0) -> float:
+    """How far the friction of all this leaves the motor behind its target, under a drive without an integral [rad].
+
+    In the joint's coordinate, in the middle of the elbow's range.
+
+    Args:
+        suit: as it is believed to be.
+        made_up: for how much of the friction something makes up, at the spool [N·m].
+    """
+    made, motor = prepare_suit(suit), suit.motor
+    left = max(0.0, friction_of(suit) - made_up) / (motor.inertia * motor.servo.natural_frequency**2)
+    return left * made.map.radius / float(flexor_arm(ANGLES[len(ANGLES) // 2], made.map))
+
+
+def friction_of(suit: Suit) -> float:
     """(F + k·r·(r_f + r_e))/η: what drive, sheaths (of the kind play) and gears hold back, at the spool [N·m]."""
     cable = suit.flexor
     held = cable.stiffness * cable.half_width if cable.kind == "play" else 0.0

@@ -1,0 +1,99 @@
+"""The runs by which gains are judged: nine on the rig itself, or others that are handed in."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.law import Law
+from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
+from bowden.design.trial import Kept, slope_at
+from bowden.sim.course import Course
+from bowden.sim.many import Case
+from bowden.sim.plant import Bench
+from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
+
+Array = NDArray[np.float64]
+
+_RUN = 20.0
+"""Length of one simulation [s]."""
+_TIMES = (0.0, 2.0, 3.0, 4.0, 5.5, 7.0, 8.0, 10.0, 11.0, 13.0, 14.0, 15.5, 17.0, 18.0, 20.0)
+_SHARES = (0.0, 0.6, 0.6, 0.4, 0.9, 0.5, 0.5, 1.0, 0.7, 0.1, 0.1, 0.5, 0.2, 0.4, 0.4)
+"""When the third motion is where [s], as a share of the stroke: reversals large and small, slow and fast, and rests."""
+
+
+class Runs(Protocol):
+    """Closed loops whose errors count. Plain data: other processes are handed it, and what it makes is kept by it."""
+
+    @property
+    def duration(self) -> float:
+        """Of each run [s]."""
+
+    def cases(self) -> Sequence[Case]:
+        """Each run with all that happens to it, but for the law."""
+
+    def laws(self, law: Law) -> Sequence[Law]:
+        """The law as it is in each run."""
+
+    def __hash__(self) -> int:
+        """Runs with the same name share what they are given over time."""
+
+
+class Rig(NamedTuple):
+    """For what gains are sought."""
+
+    bench: Bench
+    bends: tuple[float, float]
+    """Smallest and largest total bend [rad]."""
+    stroke: tuple[float, float]
+    """Ends of the motions [rad]."""
+
+
+class NineRuns(NamedTuple):
+    """Runs of 20 s on the rig as it is, from rest where the reference starts: those of `runs_of`."""
+
+    rig: Rig
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return _RUN
+
+    def cases(self) -> Sequence[Case]:
+        """See `Runs`."""
+        bench = self.rig.bench
+        found = []
+        for reference, path in runs_of(self.rig.bends, self.rig.stroke):
+            slope = slope_at(bench, float(path(np.zeros(1))[0]))
+            start = float(reference.sample(np.zeros(1))[0, 0] - bench.cable.offset) / slope
+            found.append(Case(bench, (), reference, path, 3, start))
+        return found
+
+    def laws(self, law: Law) -> Sequence[Law]:
+        """See `Runs`."""
+        return (law,) * len(runs_of(self.rig.bends, self.rig.stroke))
+
+
+@lru_cache(2)
+def course_of(runs: Runs) -> Course:
+    """The runs, ready for many gains."""
+    return Course(runs.cases(), runs.duration)
+
+
+@lru_cache(8)
+def runs_of(bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[tuple[Trajectory, BendPath], ...]:
+    """Minimum jerk of 4 and of 10 s, and strokes with rests; each with the sheath straight, bent, and moved."""
+    low, high = stroke
+    span = high - low
+    paths = [constant_bend(bend) for bend in dict.fromkeys(bends)]
+    if bends[0] < bends[1]:
+        paths.append(scripted_bend((5.0, 10.0, 15.0), (bends[0], bends[1], bends[0])))
+    references: Sequence[Trajectory] = (
+        PeriodicMinimumJerk(low, high, 4.0),
+        PeriodicMinimumJerk(low, high, 10.0),
+        PointToPoint(_TIMES, tuple(low + span * share for share in _SHARES)),
+    )
+    kept = [Kept(reference) for reference in references]
+    return tuple((reference, path) for path in paths for reference in kept)

@@ -1,0 +1,212 @@
+"""A run by the wearer's push under another law: its reference with the lead which that law needs, or a clear line."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bowden.app import main
+from bowden.app.compose_live import Asked, Live, compose_live
+from bowden.app.config import near
+from bowden.app.log_replay import source_for
+from bowden.app.push_summary import figures
+from bowden.app.suit_schema import SuitSection
+from bowden.control import LAWS
+from bowden.control.source import TABLE, Heard
+from bowden.core.errors import LogError
+from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.core.trace import Trace
+from bowden.core.units import RADIANS
+from bowden.design.admittance_study import felt
+from bowden.models.thermal import cold
+from bowden.runtime.cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, Source, led
+from bowden.runtime.events import Changes
+from bowden.runtime.mcap_log import LogFile, about
+from bowden.runtime.mcap_read import Recording
+from bowden.runtime.mcap_reader import Damage
+from bowden.runtime.row import columns, description
+from bowden.runtime.run_settings import run_settings
+from bowden.safety.supervisor import Observed
+from live_runs import pushed_rig
+
+DT = 1e-3
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("rig.toml").write_text(pushed_rig(), encoding="utf-8")
+    return tmp_path
+
+
+def live(law: str) -> Live:
+    return compose_live(Asked(Path("rig.toml"), law=law))
+
+
+def told(ran: Live) -> dict[str, Any]:
+    """What the log of a run keeps, as it comes back from the file."""
+    settings = run_settings(ran.law, ran.limits, Filters(), DT) | ran.told()
+    found: dict[str, Any] = json.loads(json.dumps(settings))
+    return found
+
+
+def recording(settings: dict[str, Any]) -> Recording:
+    nothing = np.empty((0, 0))
+    return Recording({}, None, (), (), np.arange(0), nothing, [], Damage(0, 0, 0), settings)
+
+
+@pytest.mark.parametrize("ran", ["uncompensated", "bowden"])
+def test_a_push_is_led_as_the_law_that_is_replayed_needs_it(ran: str) -> None:
+    log = recording(told(live(ran)))
+    for name in ("uncompensated", "bowden", "adaptive"):
+        assert source_for(log, LAWS[name]).settings == live(name).source().settings, name
+    leads = [source_for(log, LAWS[name]).settings.under for name in ("uncompensated", "bowden", "adaptive")]
+    assert [under.lead > 0.0 for under in leads] == [True, False, True]
+    assert [under.compliance > 0.0 for under in leads] == [False, True, True]
+
+
+def test_a_range_and_a_share_that_the_log_has_stay() -> None:
+    text = Path("rig.toml").read_text()
+    changed = text.replace("enabled = true", "enabled = true\nfriction_share = 0.9\ncarried = 0.5\nlow_deg = 11.0")
+    Path("rig.toml").write_text(changed.replace("joint_high_deg = 105.0", "joint_high_deg = 93.0"))
+    settings = source_for(recording(told(live("uncompensated"))), LAWS["adaptive"]).settings
+    assert settings == live("adaptive").source().settings
+    assert (settings.admittance.low, settings.admittance.high) == pytest.approx((11.0 * RADIANS, 88.0 * RADIANS))
+
+
+def test_a_table_is_the_same_table_for_any_law() -> None:
+    settings = told(live("uncompensated"))
+    del settings["admittance"]
+    assert source_for(recording(settings), LAWS["adaptive"]) is TABLE
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda s: s.pop("law"), "the log does not say which law ran, and its lead is that law's"),
+        (lambda s: s.pop("rig"), "the log has no rig, of which the wearer's push is made for another law"),
+        (
+            lambda s: s["rig"]["suit"].update(friction_mn=1),
+            "the log's rig: unknown key 'friction_mn' in [suit]; expected "
+            f"{near('friction_mn', SuitSection.model_fields)}",
+        ),
+        (
+            lambda s: s["rig"]["suit"].update(friction_nm=-1.0),
+            "the log's rig: suit.friction_nm is -1.0; expected a number not below 0",
+        ),
+        (
+            lambda s: s["rig"]["suit"].update(worn=False),
+            "the log's rig: [admittance]: [admittance] is enabled without a suit; expected suit.worn = true",
+        ),
+        (
+            lambda s: s["rig"]["suit"].update(friction_nm=3.0),
+            "the log's rig makes another source of the wearer's push: its chain.friction is 3, and ran with 2.3032",
+        ),
+        (
+            lambda s: s["admittance"]["chain"].update(cable=7000.0),
+            "the log's rig makes another source of the wearer's push: its chain.cable is 8000, and ran with 7000",
+        ),
+    ],
+)
+def test_what_cannot_be_made_again_is_refused_and_its_own_law_is_not(change: Any, said: str) -> None:
+    settings = told(live("uncompensated"))
+    change(settings)
+    log = recording(settings)
+    if "law" in settings:
+        assert source_for(log, LAWS["uncompensated"]).name == "admittance"
+    with pytest.raises(LogError) as refused:
+        source_for(log, LAWS["adaptive"])
+    assert str(refused.value) == f"{said}; replay it without --law, which needs no rig"
+
+
+def test_the_cables_model_of_the_run_is_not_looked_for(folder: Path) -> None:
+    settings = told(live("uncompensated"))
+    settings["rig"]["cable"]["model"] = "cable.toml"
+    for written in (None, "what another run has"):
+        if written:
+            Path("cable.toml").write_text(written)
+        assert source_for(recording(settings), LAWS["adaptive"]).settings == live("adaptive").source().settings
+
+
+CYCLES = 300
+
+
+def recorded(ran: Live) -> np.ndarray:
+    """Rows of the law at work from the first cycle, on a suit that is pushed to and fro."""
+    source = ran.source()
+    cycle = Cycle(ran.law, ran.limits, Filters(), DT, source)
+    reading = DriveReading(0.8, 0.8, 0.0, math.nan, 35.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+    cycle.begin(reading, cold(ran.limits.thermal))
+    rows = []
+    for k in range(CYCLES):
+        swing = 0.8 + 0.1 * math.sin(0.02 * k)
+        reading = reading._replace(joint=swing + 0.02 * math.sin(0.05 * k), motor=swing, current=0.5)
+        plan = Plan(LAW_BEGINS if k == 1 else LAW, 0.8, Reference(0.8, 0.0, 0.0))
+        observed = Observed(reading, 0.0, DT, 0.0, 0.0, 1.0, 0.0, 0.0)
+        wish, verdict = cycle.step(observed, plan)
+        rows.append(
+            (
+                *(k * DT, *cycle.reference, *reading, *cycle.state.sample, wish),
+                *(*verdict, plan.source, 0.0, DT, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, math.nan, 8e-5),
+                *(*cycle.state.law, *cycle.state.supervisor, *cycle.asked()),
+            )
+        )
+    return np.array(rows)
+
+
+def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pytest.CaptureFixture[str]) -> None:
+    ran, other = live("uncompensated"), LAWS["cascaded_pid"]
+    rows, source = recorded(ran), live("cascaded_pid").source()
+    kept = description(ran.law, told(ran), 1_700_000_000 * 10**9, 5, source=ran.source())
+    events, _ = Changes(kept).find(np.arange(CYCLES), rows)
+    with Path("run.mcap").open("xb") as opened:
+        file = LogFile(opened.fileno(), about(kept, {"software": "bowden 1", "host": "rig"}))
+        file.write(np.arange(CYCLES), rows, events)
+        file.finish({"lost": "0", "dropped": "0"})
+
+    at = {name: i for i, name in enumerate(columns(ran.law, source=ran.source()))}
+    differences, state, asked = [], None, None
+    for row in rows[1:].tolist():
+        sample = Sample(row[at["joint_seen"]], row[at["motor_seen"]])
+        heard = Heard(*sample, row[at["current"]], math.nan)
+        if state is None:
+            state, asked = other.start(sample), source.start(heard)
+        asked, reference, added = source.step(asked, heard, Reference(0.0, 0.0, 0.0), DT)
+        state, command = other.step(state, sample, reference, DT)
+        differences.append(led(ran.limits, command, added) - row[at["wish"]])
+
+    capsys.readouterr()
+    assert main.run(["log", "replay", "run.mcap", "--law", "cascaded_pid", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["same_law"], found["law_cycles"]) == (False, CYCLES - 1)
+    assert found["wish_largest"] == pytest.approx(np.abs(differences).max(), rel=1e-12)
+    assert found["wish_rms"] == pytest.approx(np.sqrt(np.mean(np.square(differences))), rel=1e-12)
+    assert main.run(["log", "replay", "run.mcap", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["wish_largest"] == 0.0
+
+
+def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -> None:
+    """The same torque over the same time, once as a live run estimated it and once as a simulation knows it."""
+    pushing = live("uncompensated").setup.pushing
+    assert pushing is not None
+    for seconds in (3.0, 9.0):
+        time = np.arange(round(seconds / DT)) * DT
+        joint, torque = 0.8 + 0.3 * np.sin(time), 2.0 * np.sin(3.0 * time) * np.exp(-time)
+        names = ("source", "joint_seen", "admittance.estimate", "admittance.doubt")
+        before = np.tile([Source.MOTION, 0.0, 50.0, 9.0], (700, 1))
+        after = np.column_stack([np.full(len(time), Source.LAW), joint, torque, np.full(len(time), 0.4)])
+        rows = np.vstack([before, after])
+        log = Recording({}, None, names, (), np.arange(len(rows)), rows, [], Damage(0, 0, 0))
+        found = figures(log, pushing, DT)
+        assert found is not None
+        trace = Trace(
+            {"time": time, "joint": joint, "interaction_torque": torque},
+            dict.fromkeys(("time", "joint", "interaction_torque"), "1"),
+        )
+        expected = felt(trace, pushing.suit.arm, pushing.section.carried)
+        assert (found["rms_nm"], found["peak_nm"]) == (expected.rms, expected.peak)
+        assert found["doubt_nm"] == 0.4
+        assert figures(Recording({}, None, names, (), np.arange(700), before, [], Damage(0, 0, 0)), pushing, DT) is None

@@ -1,0 +1,83 @@
+"""What `bowden run` refuses before anything moves: settings that cannot be, and drives that will not do."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from bowden.app.main import run
+from bowden.app.twin_process import running_twin
+from bowden.hardware.buses import UNIX, claim
+
+pytestmark = pytest.mark.usefixtures("state")
+
+
+@pytest.mark.parametrize(
+    ("objects", "text", "said"),
+    [
+        ([], "[drive]\nnode_id = 5\n", "no drive answers as node 5; there is node 1"),
+        (["1000:0=0x00030191"], "", "device profile 401"),
+        (["6061:0=1"], "", "stays in mode 1"),
+        (["607D:1=-1000", "607D:2=1000", "6502:0=0x3A5"], "", "lowest motor angle is -0.3"),
+    ],
+)
+def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
+    objects: list[str], text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text("")
+    options = [word for one in objects for word in ("--object", one)]
+    with running_twin(rig, tmp_path / "b", options) as twin:
+        rig.write_text(text)
+        assert run(["run", str(rig), "--channel", twin.channel, "--out", str(tmp_path / "out"), "--auto"]) == 2
+        assert "torque_on" not in [entry["event"] for entry in twin.control.journal()]
+    errors = capsys.readouterr().err
+    assert said in errors
+    assert len(errors.strip().splitlines()) == 1
+    assert not list((tmp_path / "b").glob("*.node"))
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "said"),
+    [
+        ("", ["--auto"], "start bowden twin, or correct [drive]"),
+        ("[drive]\ninterface = 'morse'", ["--auto"], "no CAN interface 'morse'"),
+        ("[drive]\nnode_id = 127", ["--auto"], "drive.node_id is 127"),
+        ("[limits]\nmotor_low_deg = 120.0", ["--auto"], "limits.motor_low_deg is 120 and motor_high_deg 114.6"),
+        ("[limits]\nthermal_winding_capacity_j_per_k = 0.0", ["--auto"], "thermal.winding_capacity is 0.0"),
+        ("[limits]\npay_out_deg_per_s = 5000.0", ["--auto"], "limits contradict one another"),
+        ("[live]\njoint_cutoff_hz = 900.0", ["--auto"], "live.joint_cutoff_hz is 900"),
+        ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
+        ("[control]\npreset = 'paper'", ["--auto"], "adaptive does not hold"),
+        ("", [], "no terminal"),
+        ("", ["--json"], "add --auto"),
+        ("", ["--auto", "--law", "none"], "there is no law 'none'"),
+        ("", ["--auto", "--duration", "-1"], "expected a duration"),
+    ],
+)
+def test_what_cannot_run_is_refused_in_one_line(
+    text: str, options: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(text)
+    code = run(["run", str(rig), "--channel", str(tmp_path / "nobody"), "--out", str(tmp_path / "out"), *options])
+    captured = capsys.readouterr()
+    assert code == 2
+    assert said in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+    assert not list(Path("/dev/shm").glob(f"bowden-{os.getpid()}-*"))
+    assert not list(tmp_path.rglob("*.mcap")), "a run that did not begin leaves no log"
+
+
+def test_a_bus_that_another_run_has_is_told_before_the_law_is_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text("")
+    monkeypatch.setattr("bowden.app.verdict.verdicts", lambda *_, **__: pytest.fail("the law is checked"))
+    other = claim(UNIX, str(tmp_path / "b"), "host")
+    assert run(["run", str(rig), "--auto", "--channel", str(tmp_path / "b")]) == 2
+    assert "end the other run first" in capsys.readouterr().err
+    other.release()
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    claim(UNIX, str(tmp_path / "loop"), "host").release()

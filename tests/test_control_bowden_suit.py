@@ -1,0 +1,154 @@
+"""Our law with its gains for the suit: when it crosses the dead zone, how fast, and when it goes on or gives up."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.bowden import BowdenState
+from bowden.control.bowden_gains import SUIT
+from bowden.control.held_feedback import LOST
+from bowden.control.law import Law
+from bowden.control.reference import PointToPoint, Trajectory
+from bowden.core.kernel import compiled
+from bowden.core.signals import Reference, Sample
+from bowden.core.units import RADIANS
+
+DT = 1e-3
+
+
+def ours(**gains: float) -> Law:
+    return LAWS["bowden"].with_gains(**(SUIT._asdict() | gains))
+
+
+def led(
+    law: Law,
+    motion: Trajectory,
+    duration: float,
+    joint: Callable[[float, float, float], float],
+    motor: Callable[[float, float], float] = lambda time, command: command,
+) -> tuple[np.ndarray, list[BowdenState]]:
+    """Commands and states over a `duration` [s]; what is measured follows from time, reference and last command."""
+    start, step = compiled(law.start_kernel), compiled(law.step_kernel)
+    state, command, commands, states = start(law.gains, Sample(0.0, 0.0)), 0.0, [], []
+    times = np.arange(0.0, duration, DT)
+    for time, wanted in zip(times.tolist(), motion.sample(times).tolist(), strict=True):
+        sample = Sample(joint(time, wanted[0], command), motor(time, command))
+        state, command = step(law.gains, state, sample, Reference(*wanted), DT)
+        commands.append(command)
+        states.append(state)
+    return np.array(commands), states
+
+
+@pytest.mark.parametrize("told", ["the same", "nothing"])
+def test_a_joint_that_does_not_answer_is_not_sought_for_ever(told: str) -> None:
+    """The joint dies where a stroke ends, just before the search for its touch; without readings nothing is sought."""
+    last = 0.0
+
+    def joint(time: float, _wanted: float, command: float) -> float:
+        nonlocal last
+        last = command if time < 1.6 else last
+        return last if told == "the same" or time < 1.6 else np.nan
+
+    commands, states = led(ours(), PointToPoint((0.0, 2.0, 12.0), (0.0, 1.0, 1.0)), 12.0, joint)
+    assert states[-1].seeks == 1.0
+    assert np.ptp(commands[2000:]) < (0.2 if told == "nothing" else LOST + 0.3)
+
+
+@pytest.mark.parametrize(
+    ("duration", "gains", "earliest", "latest"),
+    [(2.0, {}, 0.25, 0.1), (12.5, {}, 0.3, 0.05), (12.5, {"stop": 10.0}, 2.0, 0.5)],
+    ids=["quick", "slow", "slow, any time to stop"],
+)
+def test_a_stroke_is_crossed_shortly_before_its_end(
+    duration: float, gains: dict[str, float], earliest: float, latest: float
+) -> None:
+    """What a sheath does in the second before a slow stroke ends would be on the wrong side of the dead zone."""
+    strokes = PointToPoint((0.0, duration, 2.0 * duration), (0.0, 1.5, 0.0))
+    _, states = led(ours(**gains), strokes, 1.3 * duration, lambda _time, wanted, _command: wanted)
+    turned = np.flatnonzero(np.diff([state.side for state in states]) < -1.5)
+    assert len(turned) == 1
+    assert latest < duration - DT * turned[0] < earliest
+
+
+QUICK = PointToPoint((0.0, 2.0, 3.0, 5.0), (0.0, 1.5, 1.5, 0.0))
+
+
+def gone(law: Law, held: float | None = None) -> float:
+    """By how much the command turns back in the first 0.3 s of a quick stroke, while the joint stands.
+
+    Plan and feedback are alike for all; what differs is the search. A motor that is `held` stays there.
+    """
+    highest = 0.0
+
+    def joint(_time: float, wanted: float, _command: float) -> float:
+        nonlocal highest
+        highest = max(highest, wanted)
+        return highest
+
+    def motor(time: float, command: float) -> float:
+        return command if held is None or time < 1.7 else held
+
+    commands, _ = led(law, QUICK, 3.3, joint, motor)
+    return float(commands[-1] - commands[3000])
+
+
+def test_a_quick_stroke_hurries_the_search() -> None:
+    assert gone(ours()) < gone(ours(rush=0.0)) - 0.05
+
+
+def test_a_motor_that_friction_holds_is_not_hurried() -> None:
+    """Its plan is far ahead of it: what would be sought faster now, would be gone at once when friction lets go."""
+    assert gone(ours(), held=1.5) == pytest.approx(gone(ours(rush=0.0), held=1.5), abs=0.005)
+
+
+CREEP = 2.0 * RADIANS
+
+
+@pytest.mark.parametrize(
+    ("behind", "creep", "after", "sought"),
+    [
+        (0.8, 0.0, 0.5, False),
+        (1.35, 0.0, 0.08, False),
+        (1.1, 0.0, 0.8, True),
+        (1.4, CREEP, 0.4, False),
+        (1.9, CREEP, 0.4, True),
+    ],
+    ids=["not late", "late, not stuck yet", "late and stuck", "late but moving", "very late"],
+)
+def test_a_crossing_that_seemed_to_have_ended_goes_on_where_the_joint_is_late(
+    behind: float, creep: float, after: float, sought: bool
+) -> None:
+    """In a slow stroke back, seen to move, the joint falls `behind` [late], and stands or creeps on."""
+    stands = 0.0
+
+    def joint(time: float, wanted: float, _command: float) -> float:
+        nonlocal stands
+        stands = wanted + behind * SUIT.late if time < 8.0 else stands
+        return wanted if time < 7.97 else stands - creep * max(0.0, time - 8.0)
+
+    strokes = PointToPoint((0.0, 2.0, 2.5, 14.5), (0.0, 1.5, 1.5, 1.4))
+    moved = []
+    for late in (SUIT.late, 0.0):
+        _, states = led(ours(late=late), strokes, 8.0 + after, joint)
+        assert states[-1].side == -1.0
+        assert states[-1].seeks == 0.0
+        moved.append(states[-1].plan - states[-31].plan)
+    assert moved[0] - moved[1] == pytest.approx(-0.03 * SUIT.search if sought else 0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(("length", "waits"), [(12.5, 1.3), (60.0, 0.5)])
+def test_an_error_that_changes_its_sign_in_mid_stroke_does_not_make_it_hunt(length: float, waits: float) -> None:
+    """An error of 8° that turns round at 1.5 Hz; the side is kept for 0.35 s and 5 s for each rad/s."""
+    middle = 0.5 * length
+
+    def joint(time: float, wanted: float, _command: float) -> float:
+        wave = 8.0 * RADIANS if (1.5 * time) % 1.0 < 0.5 else -8.0 * RADIANS
+        return wanted + (wave if time > middle - 1.5 else 0.0)
+
+    _, states = led(ours(), PointToPoint((0.0, length), (0.0, 1.5)), middle + 1.5, joint)
+    sides = np.array([state.side for state in states])
+    up, down = (np.flatnonzero(np.diff(sides) * way > 1.5) * DT for way in (1.0, -1.0))
+    kept = [down[down > back][0] - back for back in up if np.any(down > back)]
+    assert min(kept) > waits

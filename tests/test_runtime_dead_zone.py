@@ -1,0 +1,83 @@
+"""What the preflight measures of a cable, and that a law begins with it, live and in replay."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowden.app.known_cable import dead_zone as of_model
+from bowden.app.known_cable import knowing
+from bowden.control import LAWS
+from bowden.core.units import RADIANS
+from bowden.hardware.simulated import SimulatedDrive
+from bowden.paper.bench import default_bench
+from bowden.runtime.cycle import Filters, Source
+from bowden.runtime.dead_zone import DOUBT, dead_zone, told
+from bowden.runtime.preflight import Preflight, begin, step
+from bowden.runtime.replay import replay
+from bowden.runtime.script import Script
+from bowden.safety.limits import Limits
+from loop_rig import LoopRig, twin_bench
+
+LAW, LIMITS, BENCH = LAWS["bowden"], Limits(), default_bench()
+
+
+def test_the_preflight_measures_the_dead_zone_of_the_bench() -> None:
+    """Against the width that the cable's equation has: 2·αh·h_max/αφ, less what a small stroke leaves of it."""
+    drive, settings, now = SimulatedDrive(twin_bench()), Preflight(moved=1.5 * RADIANS), 1.0
+    state, said, wish = begin(settings, drive.read(now)), None, 0.0
+    from bowden.runtime.ports import Power
+
+    while said is None or said.result == 0.0:
+        drive.write(wish, Power.ON, now)
+        now += 1e-3
+        reading = drive.read(now)
+        state, wish, said = step(settings, state, reading, 1e-3)
+    assert said.result == 1.0
+    whole = of_model(BENCH.cable, BENCH.sheath.gap)
+    assert 0.5 * whole < dead_zone(state, reading, BENCH.cable.slope) < 1.1 * whole
+    assert math.isnan(dead_zone(state, reading._replace(joint=math.nan), 1.0))
+    assert dead_zone(state, reading._replace(motor=99.0), 1.0) == 0.5, "no more than a law believes"
+
+
+def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path) -> None:
+    rest = np.zeros((300, 3))  # the preflight is what moves the motor
+    script = Script(rest, 0.0, 0.5, Preflight(moved=1.5 * RADIANS), 1e-3, slope=BENCH.cable.slope)
+    _, log = LoopRig(tmp_path, LAW, LIMITS, SimulatedDrive(twin_bench()), script).run()
+    first = int(np.argmax(log["source"] == Source.LAW_BEGINS))
+    assert log["source"][first] == Source.LAW_BEGINS
+    measured = log["play"][first]
+    assert measured > 0.02
+    assert np.isnan(log["play"][0])
+    assert log["law.width"][first] == measured
+    same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
+    assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("gains", "width", "begins"),
+    [
+        ({}, 0.1, (0.1, DOUBT)),
+        ({"width": 0.15}, 0.1, (0.1, DOUBT)),
+        ({"width": 0.07, "doubt": 0.1}, 0.1, (0.07, 0.1)),
+        ({}, math.nan, (0.0, 1.0)),
+        ({}, 0.0, (0.0, 1.0)),
+    ],
+)
+def test_what_is_known_better_is_kept(gains: dict[str, float], width: float, begins: tuple[float, float]) -> None:
+    after = told(LAW.with_gains(**gains), width)
+    assert (after.width, after.doubt) == begins
+
+
+def test_a_law_that_learns_no_dead_zone_is_told_nothing() -> None:
+    adaptive = LAWS["adaptive"]
+    assert told(adaptive, 0.1) is adaptive.gains
+    assert knowing(adaptive, BENCH.cable, 1.0) is adaptive
+
+
+def test_an_identified_cable_is_a_laws_first_guess() -> None:
+    law = knowing(LAW, BENCH.cable, 0.5)
+    assert law.gains.slope == BENCH.cable.slope
+    assert law.gains.width == pytest.approx(0.5 * of_model(BENCH.cable, 1.0))
+    assert law.gains.doubt == 0.1

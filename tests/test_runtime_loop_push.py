@@ -1,0 +1,244 @@
+"""The wearer's push in the loop, on a clock of the tests': as in the simulation, in the log, in replay, and lost."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.admittance import Admittance
+from bowden.control.push import Push, push_source
+from bowden.control.reference import PointToPoint
+from bowden.control.source import Heard
+from bowden.core.errors import LogError
+from bowden.core.kernel import compiled
+from bowden.core.signals import DriveReading, Reference
+from bowden.core.units import RADIANS
+from bowden.design.admittance_study import felt, swinging
+from bowden.hardware.simulated import SimulatedDrive
+from bowden.hardware.twin_suit import TwinSuit
+from bowden.models.geared_motor import GearedMotor
+from bowden.models.suit_angle import spool_map
+from bowden.runtime.clock import SECOND
+from bowden.runtime.cycle import Filters, Source, led
+from bowden.runtime.loop import Ended
+from bowden.runtime.mcap_read import Recording
+from bowden.runtime.preflight import Preflight, Reason
+from bowden.runtime.replay import replay
+from bowden.runtime.run_settings import plain, source_of
+from bowden.runtime.script import Script
+from bowden.runtime.torque_offset import TorqueOffset
+from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode
+from bowden.sim.scenario import constant_bend
+from bowden.sim.suit import simulate_suit
+from bowden.sim.suit_parts import Suit
+from bowden.sim.suit_sources import behind, friction_of, push_of
+from loop_rig import LoopRig
+
+LAW, MIDDLE, CYCLES = LAWS["uncompensated"], 45.0 * RADIANS, 6000
+SUIT = Suit(motor=GearedMotor(friction_feedforward=2.79), wearer=swinging(25.0 * RADIANS))
+LIMITS = Limits(
+    motor_low=-12.0 * RADIANS,
+    motor_margin=8.0 * RADIANS,
+    joint_high=105.0 * RADIANS,
+    play=20.0 * RADIANS,
+    tracking=35.0 * RADIANS,
+    pay_out=120.0 * RADIANS,
+    thermal=Limits().thermal._replace(continuous_current=12.0),
+)
+SETTINGS = push_of(SUIT, LAW, Admittance(high=100.0 * RADIANS), estimated=True)
+SOURCE = push_source(SETTINGS)
+
+
+class Losing(SimulatedDrive):
+    """A drive of which one measurement is lost from a cycle on, or is off by something in that cycle."""
+
+    lost, missing, off = "", False, math.nan
+
+    def read(self, now: float) -> DriveReading:
+        found = super().read(now)
+        if not self.missing:
+            return found
+        wrong, self.off = self.off, self.off if math.isnan(self.off) else 0.0
+        return found._replace(**{self.lost: getattr(found, self.lost) + wrong})
+
+
+def run_of(
+    folder: Path, lost: str = "", after: int = 0, suit: Suit = SUIT, off: float = math.nan
+) -> tuple[Ended, Recording, list[float]]:
+    """A run of `CYCLES`, and the torques that the wearer felt under the law [N·m]; the measurement of that name is
+    `lost` so many cycles `after` the law has the motor, or `off` once.
+    """
+    plant, pushes = TwinSuit(suit, constant_bend(suit.sheath.bend), 1.0, 1, MIDDLE, 1.0), list[float]()
+    drive = Losing(plant)
+    drive.lost, drive.off = lost, off
+
+    def between(rig: LoopRig) -> None:
+        if rig.led > len(pushes):
+            if not pushes:
+                plant.start_scenario(rig.time / SECOND)
+            pushes.append(plant.interaction)
+        drive.missing = bool(lost) and rig.led > after
+
+    checks = Preflight(first=20.0 * RADIANS, settle=0.6, noise=0.03, follows=0.25, moved=1.5 * RADIANS)
+    script = Script(np.tile([MIDDLE, 0.0, 0.0], (CYCLES, 1)), MIDDLE, 0.5, checks, 1e-3)
+    push = TorqueOffset(suit.motor.friction_feedforward, suit.substeps, spool_map(suit.geometry, suit.spool_radius))
+    rig = LoopRig(folder, LAW, LIMITS, drive, script, between, arms=(100,), quits=300, source=SOURCE, push=push)
+    return *rig.run(), pushes
+
+
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ended, Recording, list[float]]:
+    return run_of(tmp_path_factory.mktemp("push"))
+
+
+def test_the_wearer_feels_of_the_live_suit_what_they_feel_of_the_simulated_one(followed: Any) -> None:
+    ended, log, pushes = followed
+    assert (ended.mode, ended.faults) == (Mode.STOPPED, 0)
+    hold = PointToPoint((0.0, 1e6), (MIDDLE, MIDDLE))
+    trace = simulate_suit(SUIT, LAW, hold, duration=6.0, source=SOURCE)
+    simulated, live = felt(trace, SUIT.arm).rms, np.array(pushes[3000:-1])
+    rms = float(np.sqrt(np.mean(live**2)))
+    assert rms == pytest.approx(simulated, rel=0.1)
+    assert rms < 1.0
+    joint = log["joint"][log["source"] == Source.LAW][3000:]
+    assert joint.min() == pytest.approx(20.0 * RADIANS, abs=2.0 * RADIANS)
+    assert joint.max() == pytest.approx(70.0 * RADIANS, abs=2.0 * RADIANS)
+
+
+def test_what_the_log_has_makes_the_same_reference_and_command_interpreted(followed: Any) -> None:
+    _, log, _ = followed
+    begins = int(np.argmax(log["source"] == Source.LAW_BEGINS))
+    names = ("joint_seen", "motor_seen", "current", "reference", "reference_velocity", "wish")
+    rows = np.column_stack([log[name] for name in names])[begins : begins + 300].tolist()
+    nothing, state = Reference(math.nan, math.nan, math.nan), None
+    for joint, motor, current, position, velocity, wish in rows:
+        heard = Heard(joint, motor, current, math.nan)
+        state = SOURCE.start(heard) if state is None else state
+        state, made, added = SOURCE.step(state, heard, nothing, 1e-3)
+        assert (made.position, made.velocity) == (position, velocity)
+        assert made.position + added == wish
+
+
+def test_the_log_replays_with_no_difference_across_a_gap_too(followed: Any) -> None:
+    _, log, _ = followed
+    keep = np.r_[0:6500, 6600 : len(log.rows)]
+    found = replace(log, numbers=log.numbers[keep], rows=log.rows[keep])
+    source = source_of({"admittance": plain(SETTINGS)})
+    again = replay(found, LAW, LIMITS, Filters(), 1e-3, same=True, source=source)
+    assert (again.wish_largest, again.first_difference, again.verdicts_differing) == (0.0, None, 0)
+    assert again.law_cycles > 5000
+    assert again.beginnings == 2
+    heavier = SETTINGS._replace(admittance=SETTINGS.admittance._replace(damping=0.23))
+    other = replay(found, LAW, LIMITS, Filters(), 1e-3, same=True, source=push_source(heavier))
+    assert other.wish_largest
+
+
+def test_a_torque_offset_that_is_no_number_is_a_difference(followed: Any) -> None:
+    _, log, _ = followed
+    spool = plain(spool_map(SUIT.geometry, SUIT.spool_radius))
+    told = {"push": {"torque": SUIT.motor.friction_feedforward, "substeps": SUIT.substeps, "spool": spool}}
+    source = source_of({"admittance": plain(SETTINGS)})
+    for spoilt in (False, True):
+        rows = log.rows[:3000].copy()
+        if spoilt:
+            rows[2000, log.columns.index("push.torque")] = math.nan
+        found = replace(log, numbers=log.numbers[:3000], rows=rows, settings=told)
+        again = replay(found, LAW, LIMITS, Filters(), 1e-3, same=True, source=source)
+        assert again.torque_largest == 0.0
+        assert (again.verdicts_differing, again.differs) == (spoilt, spoilt)
+
+
+@pytest.mark.parametrize(
+    ("lost", "fault"),
+    [
+        ("current", Fault.CURRENT_LOST),
+        ("joint", Fault.JOINT_LOST),
+        pytest.param("motor", Fault.MOTOR_LOST, marks=pytest.mark.long),
+    ],
+)
+def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, lost: str, fault: Fault) -> None:
+    ended, log, _ = run_of(tmp_path, lost, 1500)
+    assert ended.mode == Mode.LATCHED
+    assert ended.faults & 2**fault
+    gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == Source.LAW)))
+    ends = gone + int(np.argmax(log["mode"][gone:] >= Mode.RELEASING))
+    assert ends - gone <= 8
+    assert np.isnan(log["admittance.estimate"][gone]), "a torque that is not known"
+    speeds = np.abs(log["admittance.velocity"][gone - 1 : ends])
+    assert (np.diff(speeds) <= 0.0).all(), "the reference comes to rest"
+    assert np.isfinite(log["command"]).all()
+    assert log["power"][-1] == 0.0
+
+
+def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Path) -> None:
+    strong = SUIT._replace(wearer=swinging(60.0 * RADIANS, share=1.0))
+    ended, log, _ = run_of(tmp_path, suit=strong)
+    led_by = log["source"] >= Source.LAW_BEGINS
+    assert log["reference"][led_by].max() == pytest.approx(100.0 * RADIANS, abs=1e-9)
+    assert log["reference"][led_by].min() == pytest.approx(0.0, abs=1e-9)
+    assert log["wish"][led_by].min() >= LIMITS.motor_low
+    assert log["wish"][led_by].max() <= LIMITS.motor_high
+    assert (ended.mode, ended.faults) == (Mode.STOPPED, 0)
+
+
+@pytest.mark.parametrize(
+    ("reading", "off"),
+    [("joint", 3.0), *(pytest.param(*other, marks=pytest.mark.long) for other in (("joint", -100.0), ("motor", 3.0)))],
+)
+def test_a_reading_that_the_supervisor_bridges_is_no_push(reading: str, off: float, tmp_path: Path) -> None:
+    still = SUIT._replace(wearer=SUIT.wearer._replace(swing=0.0))
+    ended, log, _ = run_of(tmp_path, reading, 1500, still, off)
+    led = np.flatnonzero(log["source"] == Source.LAW)[1300:1900]
+    assert ended.faults == 0
+    assert np.abs(np.diff(log[reading][led])).max() > 2.0
+    assert np.ptp(log["reference"][led]) < 1.0 * RADIANS  # without this 18° and more
+
+
+@pytest.mark.parametrize(("left", "moves"), [(15.5, False), (7.0, True)])
+def test_friction_that_leaves_a_motor_far_behind_holds_it_in_the_preflight(
+    left: float, moves: bool, tmp_path: Path
+) -> None:
+    """15° of 20° is where `bowden run` refuses, beforehand; 7.5° where it says nothing."""
+    made_up = friction_of(SUIT) * (1.0 - left * RADIANS / behind(SUIT))
+    suit = SUIT._replace(motor=SUIT.motor._replace(friction_feedforward=made_up))
+    assert behind(suit, made_up) == pytest.approx(left * RADIANS)
+    _, log, pushes = run_of(tmp_path, suit=suit)
+    assert (len(pushes) > 0) == moves
+    assert log["preflight_reason"].max() == (Reason.NONE if moves else Reason.MOTOR_STILL)
+
+
+@pytest.mark.parametrize("run", [led, compiled(led)])
+def test_what_is_added_leaves_no_range_and_hides_no_bad_command(run: Any) -> None:
+    low, high = LIMITS.motor_low, LIMITS.motor_high
+    for command in np.linspace(low - 1.0, high + 1.0, 41).tolist():
+        for added in np.linspace(-3.0, 3.0, 25).tolist():
+            wish = run(LIMITS, command, added)
+            if low <= command <= high:
+                assert low <= wish <= high
+                assert wish == min(high, max(low, command + added))
+            else:
+                assert wish == command
+        assert run(LIMITS, command, 0.0) == command
+        assert math.isnan(run(LIMITS, command, math.nan)) == (low <= command <= high)
+    assert math.isnan(run(LIMITS, math.nan, 0.0))
+    assert run(LIMITS, math.inf, 0.0) == math.inf
+
+
+def test_settings_of_another_version_are_one_line() -> None:
+    told = plain(SETTINGS)
+    assert source_of({"admittance": told}).settings == SETTINGS
+    assert isinstance(source_of({"admittance": told}).settings, Push)
+    del told["under"]["room"]  # as logs had it before the lead was bounded: it was not
+    assert source_of({"admittance": told}).settings.under == SETTINGS.under._replace(room=math.inf)
+    for wrong in (1.0, {"under": 1.0}):
+        with pytest.raises(LogError, match="no admittance that this version knows"):
+            source_of({"admittance": wrong})
+    del told["chain"]["sheath"]["gap"]
+    with pytest.raises(LogError, match="no admittance that this version knows: they differ in gap"):
+        source_of({"admittance": told})
