@@ -152,3 +152,43 @@ def test_an_error_that_changes_its_sign_in_mid_stroke_does_not_make_it_hunt(leng
     up, down = (np.flatnonzero(np.diff(sides) * way > 1.5) * DT for way in (1.0, -1.0))
     kept = [down[down > back][0] - back for back in up if np.any(down > back)]
     assert min(kept) > waits
+
+
+SLOW = PointToPoint((0.0, 12.5, 25.0), (0.0, 1.5, 0.0))
+
+
+def short_of_the_end(_time: float, wanted: float, _command: float) -> float:
+    """A joint that goes no further than 2° before the end of the stroke."""
+    return min(wanted, 1.5 - 2.0 * RADIANS)
+
+
+def test_a_joint_that_has_not_arrived_is_turned_round_as_the_reference_comes_back() -> None:
+    """Earlier than by the foresight alone, and once the reference comes back the motor is pulled no further."""
+    turned, pulled = [], []
+    for sight in (SUIT.sight, 0.0):
+        commands, states = led(ours(sight=sight), SLOW, 15.0, short_of_the_end)
+        sides = np.array([state.side for state in states])
+        turned.append(DT * np.flatnonzero(np.diff(sides) < -1.5)[0])
+        pulled.append(commands[: round(turned[-1] / DT)].max() - commands[12500])
+    assert 12.5 < turned[0] < turned[1] - 0.3
+    assert pulled[0] < 0.5 * RADIANS < pulled[1]
+
+
+def sought_in(chase: float, until: float) -> float:
+    """How far the plan has gone since a slow stroke back, after which the joint stands, has turned the motor."""
+    highest = 0.0
+
+    def joint(_time: float, wanted: float, _command: float) -> float:
+        nonlocal highest
+        highest = max(highest, wanted)
+        return highest
+
+    _, states = led(ours(chase=chase), SLOW, until, joint)
+    turn = next(k for k, state in enumerate(states) if k > 11000 and state.side < 0.0)
+    return states[turn].plan - states[-1].plan
+
+
+def test_a_slow_search_chases_the_reference_once_the_believed_dead_zone_is_nearly_crossed() -> None:
+    """9° are believed; 3° are jumped, and the search of 9°/s is at 7° some tenths of a second later."""
+    assert sought_in(SUIT.chase, 12.6) == pytest.approx(sought_in(0.0, 12.6), abs=1e-9)
+    assert sought_in(SUIT.chase, 16.0) > sought_in(0.0, 16.0) + 5.0 * RADIANS

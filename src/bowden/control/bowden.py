@@ -133,6 +133,9 @@ HURRY = (1.5 * RADIANS, 0.02, 0.2, 0.15)
 """Way of the reference from which a search hurries, the most of it that counts, the reference's speed from which it
 carries the motor along itself, and its acceleration below which a stroke is slow [rad, rad, rad/s, rad/s²]."""
 
+OVERDUE = (0.8, 0.6)
+"""Share of the believed dead zone from which a search in a slow stroke may chase, and its largest speed [–, rad/s]."""
+
 AHEAD = 0.05
 """How far the plan may be ahead of the motor in a search that hurries [rad]."""
 
@@ -187,8 +190,10 @@ def step(
     looks, seeks = gains.foresight > 0.0, gains.search > 0.0
     foresees = sel(looks, sel(wide * (np.abs(plan.side) > 0.5), 1.0, 0.0), 0.0)
     way = foreseen_way(reference, gains.foresight)
+    slow = np.abs(reference.acceleration) < HURRY[3]
+    return_way = sel(slow, foreseen_way(reference, gains.sight), 0.0)
     foreseen = foreseen_side(
-        plan, reference, way, gains.rest, gains.worth, off, gains.tolerance, gains.patience, gains.stop
+        plan, reference, way, gains.rest, gains.worth, off, gains.tolerance, gains.patience, gains.stop, return_way
     )
     side = sel(looks, sel(foresees, foreseen, wanted), wanted)
     slope = sel(side < 0.0, slopes.down, slopes.up)
@@ -207,6 +212,10 @@ def step(
     follows = side * (plan.motor + before.feedback - motor) < AHEAD  # friction holds a motor that is asked for more
     quick = (pace < HURRY[2]) * (side * reference.acceleration > HURRY[3])
     speed = gains.search + sel(quick * follows, gains.rush, 0.0) * hurry
+    believed, _ = crossing_from(crossing, 1.0, motor)
+    overdue = (crossing.heading == side) * (side * (motor - crossing.turn_motor) > OVERDUE[0] * believed)
+    chased = np.fmin(OVERDUE[1], gains.chase * (behind + np.fmax(0.0, side * way)))
+    speed = sel(gains.chase > 0.0, sel(slow * follows * overdue, np.fmax(speed, chased), speed), speed)
     search = sel(seeks, sel(searches, speed * sought * sel(late, 1.0, plan.seeks), 0.0), 0.0)
     plan = advance_plan(plan, reference, side, slope, travel_to, duration, sought, search, 1.0 - foresees, dt)
     asked = planned_motion(plan, reference, slope, duration, gains.delay, lag, search)
@@ -237,7 +246,9 @@ def step(
     free_to_turn = gentle * (side * reference.velocity < 0.0)
     taken = (wide > 0.5) + (crossing.touches < 1.5) > 0.0  # until it is known, a dead zone is taken for granted
     held = sel(free_to_turn, 0.0, sel(taken, 1.0, 0.0))
-    feedback = steer(heard, setting, error, slope, side, jumping, held, free, rests, dt)
+    comes = foresees * slow * (side * reference.velocity < 0.0) * (side * off < 0.0)  # the reference, to the joint
+    pulled = sel(gains.sight > 0.0, sel(comes, 0.0, error), error)
+    feedback = steer(heard, setting, pulled, slope, side, jumping, held, free, rests, dt)
     command = state.origin + sign * (inverse + feedback.feedback)
 
     # learning

@@ -63,7 +63,6 @@ class BowdenGains(NamedTuple):
     """Share of the error's swing, of tremor above all, that counts as noise where a touch is looked for [–]."""
     stray: float = 0.0
     """What moves the joint beside the motor while a slope is learned, such as an arm that swings [rad]."""
-
     stop: float = 0.0
     """Time within which a braking reference has to stand for its stroke to count as ended; with `rest` only, 0 for any
     time [s]."""
@@ -72,6 +71,12 @@ class BowdenGains(NamedTuple):
     and two thirds of what any may; with `search` only, 0 for never [rad]."""
     rush: float = 0.0
     """Speed added to a search for each way of the reference foreseen beyond 1.5°; with `search` only [1/s]."""
+    sight: float = 0.0
+    """Time for which a slow reference that comes back to a joint that has not arrived is seen ahead, and the joint is
+    pulled no further; with `foresight` only, 0 for none [s]."""
+    chase: float = 0.0
+    """Speed of a search in a slow stroke over what the joint will be behind, once most of the believed dead zone is
+    crossed; with `search` only [1/s]."""
 
 
 SUIT = BowdenGains(
@@ -94,6 +99,8 @@ SUIT = BowdenGains(
     stop=0.1,
     late=0.04,
     rush=30.0,
+    sight=1.0,
+    chase=5.0,
 )
 """For the suit (docs/suit.md): a feedback with 12 dB and 60° of margin on a forearm that hangs in springs, with a lead
 for it; crossings ahead of the next stroke, jumped in part and sought in the rest; slopes that a swinging arm does not
@@ -129,5 +136,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "stop": (0.0, 10.0),
     "late": (0.0, 1.0),
     "rush": (0.0, 1e3),
+    "sight": (0.0, 10.0),
+    "chase": (0.0, 100.0),
 }
 """Smallest and largest value of each gain that has a limit."""

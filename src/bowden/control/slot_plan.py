@@ -160,12 +160,14 @@ def foreseen_side(
     tolerance: float,
     patience: float,
     stop: float,
+    return_way: float,
 ) -> float:
     """The side that the way still to go asks for: the reference's within a foresight, less what the joint is ahead.
 
     Where less than `rest` of a stroke is left (in slow motion less what the joint is ahead), and its end is near in
     time, the side is changed ahead of the next stroke, which is taken to go the other way; once a stroke, and not while
-    the joint has still far to go.
+    the joint has still far to go. Where the joint has not arrived and the reference comes back, the side is changed as
+    soon as the reference is seen to pass it.
 
     Args:
         plan: so far, whose side is not 0.
@@ -177,17 +179,19 @@ def foreseen_side(
         tolerance: way the other way that an error is worth [rad].
         patience: time that the other side is kept, if the error alone asks for a change [s].
         stop: time within which a braking reference has to stand for its stroke to count as ended; 0 for any [s].
+        return_way: of a reference that comes back to a joint that has not arrived, seen further ahead [rad].
     """
     velocity, acceleration = reference.velocity, reference.acceleration
     way, beyond = plan.side * way, plan.side * slow_error
     turns = (way < -worth) * (way - beyond < -worth)
+    passes = (plan.side * velocity < 0.0) * (beyond < 0.0) * (plan.side * return_way - beyond < -worth)
     errs = (0.5 * way - beyond < -tolerance) * (plan.since > patience + _STEADY * np.abs(velocity))
     stands = (velocity == 0.0) * (reference.position == plan.reference)
     stops = (acceleration * plan.side < 0.0) + stands > 0.0
     left = way - sel(np.abs(velocity) < _AMBLING, np.fmax(0.0, beyond), 0.0)
     soon = sel(stop > 0.0, sel(np.abs(velocity) <= stop * np.abs(acceleration), 1.0, 0.0), 1.0)
     ends = stops * soon * (left < rest) * (plan.gone > 4.0 * rest) * (beyond > -0.5 * tolerance)
-    return sel(turns + errs + ends > 0.0, 0.0 - plan.side, plan.side)
+    return sel(turns + passes + errs + ends > 0.0, 0.0 - plan.side, plan.side)
 
 
 @kernel
