@@ -136,6 +136,10 @@ carries the motor along itself, and its acceleration below which a stroke is slo
 OVERDUE = (0.8, 0.6)
 """Share of the believed dead zone from which a search in a slow stroke may chase, and its largest speed [–, rad/s]."""
 
+WOUND = 0.35
+"""How far the command may be ahead of the motor until an error that asks for more is not summed up any further: a drive at
+the limit of its current goes through all of it once it can [rad]."""
+
 AHEAD = 0.05
 """How far the plan may be ahead of the motor in a search that hurries [rad]."""
 
@@ -216,7 +220,7 @@ def step(
     overdue = (crossing.heading == side) * (side * (motor - crossing.turn_motor) > OVERDUE[0] * believed)
     chased = np.fmin(OVERDUE[1], gains.chase * (behind + np.fmax(0.0, side * way)))
     speed = sel(gains.chase > 0.0, sel(slow * follows * overdue, np.fmax(speed, chased), speed), speed)
-    search = sel(seeks, sel(searches, speed * sought * sel(late, 1.0, plan.seeks), 0.0), 0.0)
+    search = sel(seeks, sel(searches, speed * sought * sel(late * follows, 1.0, plan.seeks), 0.0), 0.0)
     plan = advance_plan(plan, reference, side, slope, travel_to, duration, sought, search, 1.0 - foresees, dt)
     asked = planned_motion(plan, reference, slope, duration, gains.delay, lag, search)
     inverse = asked.position + (2.0 * gains.servo_damping * asked.velocity + asked.acceleration * swing) * swing
@@ -247,7 +251,8 @@ def step(
     taken = (wide > 0.5) + (crossing.touches < 1.5) > 0.0  # until it is known, a dead zone is taken for granted
     held = sel(free_to_turn, 0.0, sel(taken, 1.0, 0.0))
     comes = foresees * slow * (side * reference.velocity < 0.0) * (side * off < 0.0)  # the reference, to the joint
-    pulled = sel(gains.sight > 0.0, sel(comes, 0.0, error), error)
+    wound = (side * (inverse + before.feedback - motor) > WOUND) * (side * error < 0.0)
+    pulled = sel(gains.sight > 0.0, sel(comes + wound > 0.0, 0.0, error), error)
     feedback = steer(heard, setting, pulled, slope, side, jumping, held, free, rests, dt)
     command = state.origin + sign * (inverse + feedback.feedback)
 
