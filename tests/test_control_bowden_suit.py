@@ -192,3 +192,19 @@ def test_a_slow_search_chases_the_reference_once_the_believed_dead_zone_is_nearl
     """9° are believed; 3° are jumped, and the search of 9°/s is at 7° some tenths of a second later."""
     assert sought_in(SUIT.chase, 12.6) == pytest.approx(sought_in(0.0, 12.6), abs=1e-9)
     assert sought_in(SUIT.chase, 16.0) > sought_in(0.0, 16.0) + 5.0 * RADIANS
+
+
+def test_a_drive_at_the_limit_of_its_current_is_not_asked_for_more_and_more() -> None:
+    """Motor and joint are held in a slow stroke: the feedback does not sum up its error for ever."""
+    held, found = 0.5, []
+    for sight in (SUIT.sight, 0.0):
+        slow = PointToPoint((0.0, 40.0), (0.0, 2.0))
+        _, states = led(
+            ours(sight=sight),
+            slow,
+            22.0,
+            lambda _t, wanted, _c: min(wanted, held),
+            lambda _t, command: min(command, held),
+        )
+        found.append(states[-1].feedback)
+    assert found[0] < 0.35 < found[1]

@@ -137,8 +137,8 @@ OVERDUE = (0.8, 0.6)
 """Share of the believed dead zone from which a search in a slow stroke may chase, and its largest speed [–, rad/s]."""
 
 WOUND = 0.35
-"""How far the command may be ahead of the motor until an error that asks for more is not summed up any further: a drive at
-the limit of its current goes through all of it once it can [rad]."""
+"""How far the command may be ahead of the motor until an error that asks for more is not summed up any further: a drive
+at the limit of its current goes through all of it once it can [rad]."""
 
 AHEAD = 0.05
 """How far the plan may be ahead of the motor in a search that hurries [rad]."""
