@@ -178,7 +178,7 @@ def bad(name: str) -> Path:
         ("no time", "no column of times among 'x', 'emg_mV'"),
         ("twice", "two columns are named 'emg_mV'"),
         ("no channel", "no channel beside 'time_s'"),
-        ("slow", "100 samples a second; expected 400 to 5000 Hz"),
+        ("slow", "100 samples a second; expected 900 to 5000 Hz"),
     ],
 )
 @pytest.mark.parametrize("command", ["score", "calibrate"])

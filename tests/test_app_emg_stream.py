@@ -238,7 +238,7 @@ def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, capsys: 
     jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / "doctor.schema.json").read_text()))
     ours = {one["source_id"]: one for one in found["emg"]["streams"] if NAME in one["name"]}
     assert (ours["one"]["channels"], ours["one"]["rate_hz"], ours["one"]["problem"]) == (2, 1000.0, "")
-    assert "10 samples a second; expected 400 to 5000 Hz" in ours["three"]["problem"]
+    assert "10 samples a second; expected 900 to 5000 Hz" in ours["three"]["problem"]
     assert any(f"2 LSL streams are named '{NAME}'" in advice for advice in found["advice"])
     for outlet in outlets:
         outlet.close()
