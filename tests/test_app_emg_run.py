@@ -165,6 +165,21 @@ def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_pat
     assert "lsl:EMG is live" in stream.notes[-1]
 
 
+def test_a_simulated_joint_follows_no_envelope_while_either_electrode_is_in_trouble(tmp_path: Path) -> None:
+    random, time_s = np.random.default_rng(1), np.arange(8000) / RATE
+    biceps = 0.01 * np.where(time_s > 2.0, 20.0, 1.0) * random.standard_normal(8000)
+    triceps = 0.01 * random.standard_normal(8000) + np.sin(100.0 * np.pi * time_s) * (abs(time_s - 5.0) < 1.0)
+    table, header = np.column_stack([time_s, biceps, triceps]), "time_s,biceps_mV,triceps_mV"
+    np.savetxt(tmp_path / "emg.csv", table, ["%.3f", "%.5f", "%.5f"], ",", header=header, comments="")
+    (tmp_path / "me.toml").write_text(WEARER.format(channel="biceps_mV", rest=0.008, mvc=0.2))
+    keys = ("source = 'file:emg.csv'", "mode = 'proportional'", "wearer = 'me.toml'", "extensor = 'triceps_mV'")
+    made, _ = setup(rig(tmp_path, "\n".join([*keys, "duration_s = 0.5"])), offline=True)
+    calm, before, within, after = made.reference.sample(np.array([1.5, 3.9, 5.8, 7.4]))[:, 0]
+    assert calm == pytest.approx(0.0, abs=0.05)
+    assert min(before, after) > 0.5
+    assert within == pytest.approx(0.0, abs=0.02)
+
+
 @pytest.mark.parametrize(
     ("source", "said"),
     [("file:nowhere.csv", "nowhere.csv"), ("carrier:pigeon", "is no source of EMG"), ("file:empty.csv", "empty.csv")],

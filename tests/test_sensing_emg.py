@@ -13,7 +13,7 @@ from bowden.identify.emg_log import read_emg, read_labels
 from bowden.identify.emg_score import Findings, find, score, spans
 from bowden.sensing.biquad import PASS, notch
 from bowden.sensing.envelope import EnvelopeSettings, envelope_start, envelope_step, prepare_envelope
-from bowden.sensing.onset import DEFAULTS, OnsetSettings, least_of, onset_start, onset_step, prepare_onset
+from bowden.sensing.onset import DEFAULTS, OnsetSettings, of_wearer, onset_start, onset_step, prepare_onset
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sim.emg import NOISE, background, contractions, rest
 
@@ -198,7 +198,7 @@ def test_a_start_too_quiet_is_got_over_and_harmless_where_the_wearer_is_known(sh
         values[:1000] *= share
         ((on, off),) = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
         assert off - on < 30.0
-        known = DEFAULTS._replace(least=least_of(0.8 * NOISE, 0.2))
+        known = of_wearer(0.8 * NOISE)
         assert spans(OnsetDetector(1000.0, known).feed(values).active, 1000.0) == []
 
 

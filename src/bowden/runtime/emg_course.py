@@ -55,7 +55,7 @@ class CourseState(NamedTuple):
 def course_step(
     settings: CourseSettings, state: CourseState, flexor: float, extensor: float, share: float, dt: float
 ) -> tuple[CourseState, Reference]:
-    """One cycle of `dt` [s]; `share` of MVC is NaN where the signal is in trouble or the wearer is not known."""
+    """One cycle of `dt` [s]; `share` of MVC is NaN where a signal is in trouble or the wearer is not known."""
     intent, led = intent_step(settings.intent, state.intent, flexor, extensor, dt)
     followed = proportional(settings.intent, state.followed, share, settings.full, dt)
     follows = settings.proportional > 0.5

@@ -84,7 +84,7 @@ class OnsetSettings(NamedTuple):
     unsure_time: float = 5.0
     """Time constant of σ in a contraction until then [s]."""
     least: float = 1e-12
-    """σ is never less, in the signal's unit; `least_of` a wearer."""
+    """σ is never less, in the signal's unit; see `of_wearer`."""
     rest_time: float = 2.0
     """Time constant of σ at rest [s]."""
     active_time: float = 60.0
@@ -96,19 +96,12 @@ class OnsetSettings(NamedTuple):
 DEFAULTS = OnsetSettings()
 
 
-def least_of(rest: float, mvc: float) -> float:
-    """σ that a wearer's signal is never below: half of rest, and a fortieth of a maximum contraction.
+def of_wearer(rest: float) -> OnsetSettings:
+    """For a wearer whose envelope at `rest` is known, in the signal's unit: σ is never below half of it.
 
-    A start that is muted, or quieter than the muscle's rest, does not make a contraction of the rest that follows.
-
-    Args:
-        rest: envelope at rest, in the signal's unit.
-        mvc: envelope of the maximum contraction, in the same unit.
-
-    >>> least_of(0.01, 1.0)
-    0.025
+    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows.
     """
-    return max(0.5 * rest, 0.025 * mvc)
+    return DEFAULTS._replace(least=0.5 * rest)
 
 
 class Onset(NamedTuple):
