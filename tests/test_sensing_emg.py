@@ -122,6 +122,17 @@ def test_contractions_are_found_at_any_rate_and_in_any_unit(rate: float, scale: 
     assert got.latency_max_s < 0.12
 
 
+@pytest.mark.parametrize("rate", [1000.0, 2000.0, 5000.0])
+def test_contractions_that_saturate_the_amplifier_are_found(rate: float) -> None:
+    """At 0.7 of their standard deviation: half of the samples are at a rail."""
+    want = [(3.0 + 3.0 * i, 4.5 + 3.0 * i, 40.0 * NOISE) for i in range(10)]
+    count = round(34.0 * rate)
+    values = background(rate, count, np.random.default_rng(31)) + contractions(rate, want, count, 31)
+    rail = 0.7 * 40.0 * NOISE
+    got = find(np.clip(values, -rail, rail), rate, [(on, off) for on, off, _ in want]).score
+    assert (got.misses, got.false_activations) == (0, 0)
+
+
 def swung(times: float) -> list[tuple[float, float]]:
     """What is found in a contraction that comes `times` its size deep in a swing of the cable at 6 Hz."""
     count, size = 6000, 40.0 * NOISE

@@ -69,7 +69,7 @@ class OnsetSettings(NamedTuple):
     """Trouble that ends a contraction [s]."""
     still: float = 0.05
     """A step from one sample to the next that is less than this share of the recent largest is none [–]."""
-    stuck: float = 0.4
+    stuck: float = 0.6
     """Share of samples without a step that is too much [–]."""
     settle: float = 0.5
     """From the start, in which rest is measured; time without a signal does not count [s]."""
