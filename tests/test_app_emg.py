@@ -10,8 +10,12 @@ import pytest
 
 from bowden.app import wearer_file
 from bowden.app.main import run
+from bowden.identify.emg_levels import envelope_levels
+from bowden.identify.emg_log import read_emg
 from bowden.runtime.emg_listener import Levels, Listener
 from bowden.runtime.ports import EmgChunk
+from bowden.sensing.envelope import DEFAULTS
+from bowden.sensing.stream import EnvelopeFilter
 from bowden.sim.emg import background, contractions
 
 ROOT = Path(__file__).parents[1]
@@ -107,7 +111,57 @@ def test_the_recording_of_a_wearer_goes_from_rest_to_all_of_their_maximum_as_the
     listener = Listener(1000.0, 0, levels=Levels(wearer.rest, wearer.mvc))
     heard = [listener.take(EmgChunk(values[k : k + 1, None], np.array([1e-3 * k])), 10.0).share for k in range(8000)]
     assert max(heard[500:]) == pytest.approx(1.0, abs=1e-5)
-    assert np.quantile(heard[500:], 0.1) == pytest.approx(0.0, abs=1e-5)
+    assert np.quantile(heard[500:], 0.1) == pytest.approx(0.0, abs=1e-3), "but for what calibration left out"
+
+
+def artefact(name: str) -> np.ndarray:
+    """A recording with a second of rest more than `signal`, and with what no muscle makes in it."""
+    values, time = (
+        np.concatenate([background(1000.0, 3000, np.random.default_rng(4)), signal()]),
+        np.arange(11000) / 1e3,
+    )
+    rest, contracts = time > 1.5, time > 8.5
+    if name == "step":
+        return values + 3.0 * rest
+    if name == "swing":
+        return values + 2.0 * np.sin(4.0 * np.pi * time) * (rest & (time < 3.0))
+    if name == "click":
+        return values + 5.0 * (rest & (time < 1.503))
+    if name == "click in a contraction":
+        return values + 5.0 * (contracts & (time < 8.503))
+    if name == "step in a contraction":
+        return values + 0.5 * contracts
+    assert name == "dead"
+    return np.where(rest & (time < 3.0), 0.0, values)
+
+
+@pytest.mark.parametrize("name", ["step", "swing", "click", "dead", "click in a contraction", "step in a contraction"])
+def test_what_no_muscle_makes_is_neither_rest_nor_maximum(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    clean = np.concatenate([background(1000.0, 3000, np.random.default_rng(4)), signal()])
+    truth = document(["emg", "calibrate", str(write("clean.csv", clean))], capsys, "emg_calibrate")
+    assert truth["left_out_s"] < 1.5, "a contraction that breaks off leaves a tail"
+    found = document(["emg", "calibrate", str(write("a.csv", artefact(name)))], capsys, "emg_calibrate")
+    assert found["mvc"] == pytest.approx(truth["mvc"], rel=0.2)
+    assert found["rest"] == pytest.approx(truth["rest"], rel=0.25)
+    assert truth["left_out_s"] < found["left_out_s"] < 5.0
+    assert run(["emg", "calibrate", "a.csv"]) == 0
+    assert f"note: a.csv: {found['left_out_s']:.1f} s of dead electrode" in capsys.readouterr().err
+
+
+def test_a_calibration_with_too_little_left_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    dead = signal()
+    dead[600:] = np.where(np.arange(7400) % 400 < 200, 0.0, dead[600:])
+    assert run(["emg", "calibrate", str(write("a.csv", dead))]) == 2
+    said = capsys.readouterr().err
+    assert "a.csv: 0.0 of 8.0 s are free of dead electrodes, movement, mains and clicks; expected at least 1 s" in said
+    assert not Path("wearer.toml").exists()
+
+
+@pytest.mark.parametrize("name", ["biceps_bursts", "biceps_fatigue", "adductor_pollicis_twitches"])
+def test_nothing_of_a_real_maximum_is_left_out(name: str, shared_data: Path) -> None:
+    log = read_emg(shared_data / "emg" / f"{name}.csv.gz")
+    largest = EnvelopeFilter(log.rate, DEFAULTS).feed(log.values).envelope[round(0.5 * log.rate) :].max()
+    assert envelope_levels(log.values, log.rate).high == pytest.approx(largest, rel=1e-3)
 
 
 def test_of_several_channels_one_is_chosen(capsys: pytest.CaptureFixture[str]) -> None:

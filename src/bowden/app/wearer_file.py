@@ -39,7 +39,7 @@ def check(wearer: Wearer, where: str) -> Wearer:
         raise ParameterError(
             f"{where}: the envelope is {wearer.rest:.4g} at rest and {wearer.mvc:.4g} at the largest contraction",
             expected=f"at least {_LEAST_RATIO:g} times as much",
-            do="contract as hard as you can in the recording, or look at the electrodes",
+            do="contract as hard as you can in the recording, rest longer or apart (--rest), or look at the electrodes",
         )
     return wearer
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,28 +93,6 @@ def score(found: Spans, labels: Sequence[tuple[float, float]] | None, duration: 
     )
 
 
-class Levels(NamedTuple):
-    """An envelope's levels, in the signal's unit."""
-
-    low: float
-    """A tenth of the time it is below."""
-    middle: float
-    """Half of the time."""
-    high: float
-    """Never above."""
-
-
-def envelope_levels(values: Array, rate: float) -> Levels:
-    """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
-
-    Args:
-        values: in any unit, finite (n,).
-        rate: samples a second [Hz].
-    """
-    envelope = EnvelopeFilter(rate, CLEANED).feed(values).envelope[round(0.5 * rate) :]
-    return Levels(*(float(level) for level in np.quantile(envelope, (0.1, 0.5, 1.0))))
-
-
 def find(
     values: Array,
     rate: float,
@@ -129,8 +106,8 @@ def find(
         values: the signal in any unit, finite (n,).
         rate: samples a second [Hz].
         labels: contractions as they are known [s].
-        mvc: of `envelope_levels`, with whose envelope the plain threshold then goes; where it is not given, with the
-            paper's and its largest.
+        mvc: of `bowden.identify.emg_levels`, with whose envelope the plain threshold then goes; where it is not given,
+            with the paper's and its largest.
         settings: the detector's.
     """
     detected = OnsetDetector(rate, settings).feed(values)
