@@ -272,11 +272,47 @@ def test_a_wearer_that_cannot_be_is_one_line(text: str, said: str, capsys: pytes
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("head", ["onset_s,offset_s", "onset,offset", "start_s,end_s", "Start [s],End [s]"])
+@pytest.mark.parametrize("unit", ["s", "ms"])
+def test_labels_have_the_names_and_units_that_they_come_with(
+    head: str, unit: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scale = 1.0
+    if unit == "ms":
+        named = "_s" in head or "[s]" in head
+        head, scale = head.replace("_s", "_ms").replace("[s]", "[ms]"), 1e3 if named else 1.0
+    known = str(labels(spans=[(scale * on, scale * off) for on, off, _ in SPANS], head=head))
+    found = document(["emg", "score", str(write("a.csv", signal())), "--labels", known], capsys, "emg_score")
+    assert (found["misses"], found["false_activations"]) == (0, 0)
+    assert 0.0 < found["latency_median_s"] < 0.12
+
+
+def test_bytes_that_are_no_table_are_one_line_that_can_be_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("a.csv").write_bytes(np.random.default_rng(1).bytes(4000) + b"\n\x1b[31m,1,2\n")
+    assert run(["emg", "score", "a.csv"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "a.csv" in said
+    assert said.isprintable()
+    assert len(said) < 500
+
+
 @pytest.mark.parametrize(
     ("spans", "head", "said"),
     [
-        ([(2.0, 3.0), (2.5, 4.0)], "onset_s,offset_s", "overlap or are out of order"),
-        ([(2.0, 3.0)], "a,b", "expected onset_s and offset_s"),
+        (
+            [(0.5, 1.0), (2.0, 3.0), (2.5, 4.0)],
+            "onset_s,offset_s",
+            "row 3: a contraction begins at 2.5 s, and the one before it ends at 3 s; expected onset < offset",
+        ),
+        ([(2.0, 3.0), (5.0, 4.0)], "start,end", "row 2: a contraction from 5 to 4 s; expected onset < offset"),
+        ([(2.0, 3.0), ("nan", 4.0)], "onset_s,offset_s", "row 2: onset_s is nan; expected a time; remove that row"),
+        ([(2.0, 3.0), (4.0, "inf")], "onset_s,offset_s", "row 2: offset_s is inf"),
+        ([(2.0, 3.0), (4.0, "x")], "onset_s,offset_s", "row 2: offset_s is 'x'; expected a number"),
+        ([(2.0, 3.0)], "a,b", "expected onset_s and offset_s, or start_s and end_s, named in the first row"),
+        ([(2.0, 3.0)], "onset_s,off_s", "columns 'onset_s', 'off_s'; expected onset_s and offset_s"),
+        ([(2.0, 3.0)], "onset_deg,offset_deg", "columns 'onset_deg', 'offset_deg'; expected onset_s and offset_s"),
+        ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "columns '2.0', '3.0'; expected onset_s and offset_s"),
+        ([(2.0, 3.0)], "on\x1b[31mset_s,offset_s", "a column is named 'on\\x1b[31mset_s'"),
         ([(2.0, 30.0)], "onset_s,offset_s", "the recording lasts from 0 to 8 s"),
     ],
 )
