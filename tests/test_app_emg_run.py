@@ -100,6 +100,17 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> Non
     assert "\n" not in found
 
 
+@pytest.mark.parametrize("source", ["foo", "lsl:", "file:", "usb:1", "trigno:host:port"])
+def test_what_is_no_source_is_one_line_for_every_command(
+    source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig(tmp_path, f"source = '{source}'")
+    for command in ("simulate", "check"):
+        assert run([command, str(path)]) == 2
+        assert f"{source!r} is no source of EMG; expected lsl:NAME" in capsys.readouterr().err
+    assert f"{source!r} is no source of EMG" in refused(tmp_path, "", source)
+
+
 @pytest.mark.parametrize(
     ("wearer", "said"),
     [

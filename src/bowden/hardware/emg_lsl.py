@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from bowden.core.errors import StreamError
-from bowden.hardware.lsl_info import channel_names, check_info, unit_of
+from bowden.hardware.lsl_info import channel_names, check_info, unit_of, which
 from bowden.hardware.lsl_library import library
 from bowden.hardware.sample_times import SampleTimes
 from bowden.runtime.clock import SECOND, Clock, MonotonicClock
@@ -120,8 +120,8 @@ class LslStream:
         if len(found) > 1:
             sources = ", ".join(f"{info.source_id() or 'no id'} of {info.hostname()}" for info in found)
             raise StreamError(
-                f"{len(found)} LSL streams are named {self._name!r}: {sources}",
-                do=f"say which by its source id, lsl:{self._name}#ID",
+                f"{len(found)} LSL streams are named {self._said()}: {sources}",
+                do=which(self._name, [info.source_id() for info in found]),
             )
         if not found:
             raise StreamError(f"the LSL stream {self._said()} has gone", do="look at its sender")
