@@ -196,6 +196,10 @@ def bad(name: str) -> Path:
         values = np.clip(10.0 * values, -0.5, 0.5)
     elif name == "saturated":
         values = np.sign(values)
+    elif name == "huge":
+        values = 1e300 * values
+    elif name == "volts":
+        return write("bad.csv", 2e3 * values, head="time_s,emg_V")
     elif name == "short":
         values = values[:900]
     elif name == "text":
@@ -226,6 +230,8 @@ def bad(name: str) -> Path:
         ("flat", "0.25 in every sample"),
         ("clipped", "stand at an end of its range"),
         ("saturated", "100.0 % of emg_mV stand at an end of its range"),
+        ("huge", "expected at most 100000 mV, which are 100 V; look at the unit in the column's name"),
+        ("volts", "expected at most 100 V, which are 100 V"),
         ("short", "expected at least 2 s"),
         ("text", "row 10: emg_mV is 'spam'"),
         ("gap", "time has a gap"),
@@ -260,7 +266,8 @@ def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> 
     ("text", "said"),
     [
         ("", "no key 'emg'"),
-        ("[emg]\nrest = 'x'\nmvc = 1\nchannel = 'a'\nsource = 'b'", "could not convert"),
+        ("[emg]\nrest = 'x'\nmvc = 1\nchannel = 'a'\nsource = 'b'", 'rest is "x", which is no number; expected [emg]'),
+        ("[emg]\nrest = 0.1\nmvc = true\nchannel = 'a'\nsource = 'b'", "mvc is true, which is no number"),
         ("[emg]\nrest = 0.1\nmvc = 1\nchannel = 'a'\nsource = 'b'\nfoo = 1", "unknown key 'foo'"),
         ("[emg]\nrest = nan\nmvc = 1\nchannel = 'a'\nsource = 'b'", "expected numbers above 0"),
         ("= 3", "expected [emg]"),

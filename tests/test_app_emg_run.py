@@ -74,6 +74,14 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
     ("keys", "said"),
     [
         ("low_deg = 60.0", "emg.low_deg is 60 and high_deg 60"),
+        (
+            "duration_s = 0.05",
+            "emg.duration_s is 0.05, for 60°; expected at least 0.3 s, by the joint's speed, limits.j",
+        ),
+        (
+            "mode = 'proportional'\nwearer = 'anna.toml'\nduration_s = 0.2",
+            "for 60°; expected at least 0.25 s, by the jo",
+        ),
         ("low_deg = -40.0", "within the joint's limits, -28.6"),
         ("flexor = 'biceps'\nextensor = 'biceps'", "both 'biceps'"),
         ("flexor = 'deltoid'", "lsl:EMG has no channel 'deltoid'; expected one of 'biceps', 'triceps'"),
@@ -89,6 +97,7 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
 )
 def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> None:
     for name, channel, low, high in (
+        ("anna", "biceps_mV", 0.01, 0.2),
         ("weak", "biceps_mV", 0.1, 0.2),
         ("below", "biceps_mV", 0.2, 0.1),
         ("other", "deltoid_mV", 0.01, 0.2),

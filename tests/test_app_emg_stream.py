@@ -219,6 +219,9 @@ def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: t
         (["stream", "a.csv", "--channel", "c"], "no channel 'c'"),
         (["stream", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
         (["serve", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
+        (["serve", "huge.csv"], "huge.csv: biceps_mV reaches"),
+        (["stream", "huge.csv"], "huge.csv: biceps_mV reaches"),
+        (["serve", "a.csv", "--fault", "missing=2"], "--fault is 'missing=2'"),
         (["serve", "a.csv", "--fault", "spam"], "--fault is 'spam'"),
         (["serve", "a.csv", "--port", "70000"], "a port is 70000"),
     ],
@@ -227,6 +230,8 @@ def test_what_makes_no_sense_is_one_line(words: list[str], said: str, capsys: py
     recording(seconds=3.0)
     recording("bare.csv", 3.0, times=False)
     lines = Path("a.csv").read_text().splitlines()
+    huge = [line.partition(",")[0] + ",1e300," + line.rpartition(",")[2] for line in lines[2:]]
+    Path("huge.csv").write_text("\n".join([*lines[:2], *huge]))
     lines[2001] = lines[2001].rpartition(",")[0] + ",nan"
     Path("nan.csv").write_text("\n".join(lines))
     assert run(["emg", *words]) == 2

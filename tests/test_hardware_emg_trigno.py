@@ -112,7 +112,9 @@ def test_a_frame_that_cannot_be_is_refused(most: str) -> None:
         rate_of(EMG_PORT, "NO", "NO", "0.0135", most)
 
 
-@pytest.mark.parametrize("text", ["late", "late=x", "torn=1", "garbage=tea", "spam", "missing=-1", "missing=nan"])
+@pytest.mark.parametrize(
+    "text", ["late", "late=x", "torn=1", "garbage=tea", "spam", "missing=-1", "missing=nan", "missing=2"]
+)
 def test_faults_that_are_none_are_one_line(text: str) -> None:
     with pytest.raises(ParameterError, match=r"--fault is .*; expected torn, late=SECONDS"):
         read_faults([text])

@@ -11,6 +11,10 @@ from hypothesis import strategies as st
 from bowden.core.kernel import compiled
 from bowden.core.signals import Reference
 from bowden.sensing.intent import (
+    FOLLOWED_ACCELERATION,
+    FOLLOWED_SPEED,
+    TURNED_ACCELERATION,
+    TURNED_SPEED,
     Intent,
     IntentSettings,
     intent_start,
@@ -106,6 +110,21 @@ def test_a_motion_turns_round_at_any_moment_without_a_jump_and_in_its_range(at: 
     smooth(rows)
     assert rows[:, 0].min() >= -1e-9
     assert rows[:, 0].max() <= TWO.high + 1e-9
+
+
+def test_the_largest_speed_and_acceleration_are_known() -> None:
+    """Of a motion that is turned round once, at the worst moment, and of what follows an envelope that steps."""
+    turned = np.array([played(TWO, [(0.0, 0.005)], [(at, 3.0)], 4.0)[0] for at in np.linspace(0.02, 1.98, 99)])
+    unit = TWO.high / TWO.duration
+    assert np.abs(turned[:, :, 1]).max() / unit == pytest.approx(TURNED_SPEED, rel=2e-3)
+    assert np.abs(turned[:, :, 2]).max() / unit * TWO.duration == pytest.approx(TURNED_ACCELERATION, rel=0.02)
+    reference, rows = Reference(0.0, 0.0, 0.0), []
+    for k in range(6000):
+        reference = compiled(proportional)(ONE, reference, 1.0 if k % 2000 < 1000 else 0.0, 0.4, DT)
+        rows.append(reference)
+    followed = np.abs(np.array(rows)).max(axis=0)
+    assert followed[1] / unit == pytest.approx(FOLLOWED_SPEED)
+    assert followed[2] / unit * TWO.duration == pytest.approx(FOLLOWED_ACCELERATION, rel=0.1)
 
 
 @settings(max_examples=60)

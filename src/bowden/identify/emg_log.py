@@ -26,6 +26,10 @@ _RATE_ERROR = 0.01
 """How far the times may be from a declared rate."""
 _UNIT = re.compile(r"[_\s(\[]([mµu]?V)[)\]]?$")
 """At the end of a column's name."""
+_VOLTS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6, "uV": 1e-6}
+"""Unit → V."""
+_MOST_VOLTS, _MOST = 100.0, 1e12
+"""Larger values no amplifier gives: in volts, and as numbers in no known unit, such as counts of a converter."""
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
 _COARSE, _SATURATED = 16, 0.5
@@ -74,7 +78,7 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
 
     Raises:
         LogError: no such file or column, text or NaN in it, an uneven clock, a rate that the detector does not take or
-            that is not the declared one, too short, flat, or clipped; one line that says where.
+            that is not the declared one, too short, flat, clipped, or too large; one line that says where.
     """
     table = _read(path)
     others = _signals(table, path)
@@ -203,14 +207,22 @@ def check_signal(name: str, values: Array, where: str) -> None:
     """Refuse a signal that no electrode gives.
 
     Args:
-        name: of the channel.
+        name: of the channel, with its unit at its end where it has one.
         values: finite (n,).
         where: the recording or stream, for messages.
 
     Raises:
-        LogError: flat, or clipped.
+        LogError: flat, clipped, or too large to be one.
     """
     low, high = float(values.min()), float(values.max())
+    unit = suffix[1] if (suffix := _UNIT.search(name)) else ""
+    most = _MOST_VOLTS / _VOLTS[unit] if unit in _VOLTS else _MOST
+    if not max(-low, high) <= most:
+        raise LogError(
+            f"{where}: {name} reaches {max(-low, high):g}",
+            expected=f"at most {most:g}" + (f" {unit}, which are {_MOST_VOLTS:g} V" if unit in _VOLTS else ""),
+            do="look at the unit in the column's name, and at the file",
+        )
     if not high > low:
         raise LogError(
             f"{where}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain"

@@ -64,6 +64,11 @@ class IntentState(NamedTuple):
 
 
 REST, FLEX, HOLD, EXTEND = (float(intent) for intent in Intent)
+TURNED_SPEED, TURNED_ACCELERATION = 2.28, 20.2
+"""Largest speed and acceleration of a motion that is turned round once, over range/duration and range/duration²; those of
+one that is not are 1.875 and 5.774 [–]."""
+FOLLOWED_SPEED, FOLLOWED_ACCELERATION = 1.875, 100.0
+"""The same of `proportional`."""
 _SHORTEST = 0.3
 """A motion takes at least this share of `duration`, however short its way [–]."""
 _LESS, _TRIES, _POINTS = 0.8, 10, 20
@@ -198,7 +203,7 @@ def proportional(settings: IntentSettings, before: Reference, envelope: float, f
     share = np.fmax(0.0, np.fmin(1.0, sel(envelope < np.inf, envelope, 0.0) / full))
     goal = settings.low + share * (settings.high - settings.low)
     rate = 10.0 / settings.duration
-    most = 1.875 * (settings.high - settings.low) / settings.duration
+    most = FOLLOWED_SPEED * (settings.high - settings.low) / settings.duration
     velocity = (before.velocity + dt * rate * rate * (goal - before.position)) / (1.0 + rate * dt * (2.0 + rate * dt))
     velocity = np.fmax(0.0 - most, np.fmin(most, velocity))
     return Reference(before.position + dt * velocity, velocity, (velocity - before.velocity) / dt)
