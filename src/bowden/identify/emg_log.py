@@ -203,6 +203,11 @@ def read_labels(path: Path) -> list[tuple[float, float]]:
     return [(float(first), float(last)) for first, last in zip(onset, end, strict=True)]
 
 
+def largest(unit: str) -> float:
+    """What no value of a signal exceeds, in its unit; empty where it is not known."""
+    return _MOST_VOLTS / _VOLTS[unit] if unit in _VOLTS else _MOST
+
+
 def check_signal(name: str, values: Array, where: str) -> None:
     """Refuse a signal that no electrode gives.
 
@@ -216,7 +221,7 @@ def check_signal(name: str, values: Array, where: str) -> None:
     """
     low, high = float(values.min()), float(values.max())
     unit = suffix[1] if (suffix := _UNIT.search(name)) else ""
-    most = _MOST_VOLTS / _VOLTS[unit] if unit in _VOLTS else _MOST
+    most = largest(unit)
     if not max(-low, high) <= most:
         raise LogError(
             f"{where}: {name} reaches {max(-low, high):g}",

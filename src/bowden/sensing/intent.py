@@ -65,8 +65,8 @@ class IntentState(NamedTuple):
 
 REST, FLEX, HOLD, EXTEND = (float(intent) for intent in Intent)
 TURNED_SPEED, TURNED_ACCELERATION = 2.28, 20.2
-"""Largest speed and acceleration of a motion that is turned round once, over range/duration and range/duration²; those of
-one that is not are 1.875 and 5.774 [–]."""
+"""Largest speed and acceleration of a motion that is turned round once, over range/duration and range/duration²; those
+of one that is not are 1.875 and 5.774 [–]."""
 FOLLOWED_SPEED, FOLLOWED_ACCELERATION = 1.875, 100.0
 """The same of `proportional`."""
 _SHORTEST = 0.3
