@@ -74,6 +74,14 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
     ("keys", "said"),
     [
         ("low_deg = 60.0", "emg.low_deg is 60 and high_deg 60"),
+        (
+            "duration_s = 0.05",
+            "emg.duration_s is 0.05, for 60°; expected at least 0.3 s, by the joint's speed, limits.j",
+        ),
+        (
+            "mode = 'proportional'\nwearer = 'anna.toml'\nduration_s = 0.2",
+            "for 60°; expected at least 0.25 s, by the jo",
+        ),
         ("low_deg = -40.0", "within the joint's limits, -28.6"),
         ("flexor = 'biceps'\nextensor = 'biceps'", "both 'biceps'"),
         ("flexor = 'deltoid'", "lsl:EMG has no channel 'deltoid'; expected one of 'biceps', 'triceps'"),
@@ -89,6 +97,7 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
 )
 def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> None:
     for name, channel, low, high in (
+        ("anna", "biceps_mV", 0.01, 0.2),
         ("weak", "biceps_mV", 0.1, 0.2),
         ("below", "biceps_mV", 0.2, 0.1),
         ("other", "deltoid_mV", 0.01, 0.2),
@@ -98,6 +107,17 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> Non
     found = refused(tmp_path, keys)
     assert said in found
     assert "\n" not in found
+
+
+@pytest.mark.parametrize("source", ["foo", "lsl:", "file:", "usb:1", "trigno:host:port"])
+def test_what_is_no_source_is_one_line_for_every_command(
+    source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig(tmp_path, f"source = '{source}'")
+    for command in ("simulate", "check"):
+        assert run([command, str(path)]) == 2
+        assert f"{source!r} is no source of EMG; expected lsl:NAME" in capsys.readouterr().err
+    assert f"{source!r} is no source of EMG" in refused(tmp_path, "", source)
 
 
 @pytest.mark.parametrize(

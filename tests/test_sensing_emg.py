@@ -90,6 +90,16 @@ def test_the_plain_threshold_fires_34_times_on_nine_contractions(shared_data: Pa
     assert (plain.detections, plain.misses, plain.false_activations) == (34, 0, 25)
 
 
+@pytest.mark.parametrize("shortest", [0.1, 1.0])
+@pytest.mark.parametrize("name", ["biceps_bursts", "biceps_fatigue", "adductor_pollicis_twitches"])
+def test_a_contraction_that_is_told_after_its_end_is_right_and_one_that_is_too_short_is_no_miss(
+    name: str, shortest: float, shared_data: Path
+) -> None:
+    found = found_in(name, shared_data, DEFAULTS._replace(shortest=shortest)).score
+    assert (found.misses, found.false_activations) == (0, 0)
+    assert found.rejected == (12 if name == "adductor_pollicis_twitches" and shortest == 1.0 else 0)
+
+
 def test_what_is_shorter_than_chosen_is_not_told_and_the_rest_is_told_so_much_later(shared_data: Path) -> None:
     waits = DEFAULTS._replace(shortest=0.1)
     prompt, late = (found_in("biceps_fatigue", shared_data, by).score for by in (DEFAULTS, waits))
@@ -258,6 +268,9 @@ def test_scores_of_detections_that_are_early_late_twice_or_nowhere() -> None:
     assert (got.detections, got.misses, got.false_activations, got.false_per_minute) == (4, 1, 2, 2.0)
     assert got.latency_median_s == pytest.approx(0.05)
     assert got.latency_max_s == pytest.approx(0.2)
+    late = score([(3.6, 4.0)], [(3.0, 3.2), (5.0, 5.2), (7.0, 8.0)], 60.0, 0.5)
+    assert (late.misses, late.rejected, late.false_activations) == (1, 1, 0), "told 0.4 s after the end"
+    assert late.latency_max_s == pytest.approx(0.6)
     assert score([], labels, 60.0).latency_max_s is None
     assert score(found, None, 60.0).misses is None
     assert score(found, [], 60.0).false_activations == 4

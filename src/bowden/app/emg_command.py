@@ -21,7 +21,9 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 
 def score(
     recording: Annotated[Path, typer.Argument(help="CSV, csv.gz or Parquet with time_s and one or more channels.")],
-    labels: Annotated[Path | None, typer.Option(help="CSV of contractions: onset_s, offset_s.")] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="CSV of contractions: onset_s, offset_s, or start, end; also in ms.")
+    ] = None,
     wearer: Annotated[Path | None, typer.Option(help="Of bowden emg calibrate: rest and MVC.")] = None,
     channel: ChannelOption = None,
     rate: RateOption = None,
@@ -130,7 +132,10 @@ def _print(found: "Findings", shortest_ms: float, source: str) -> None:
         print(f"{name:18}{one.detections:11}{_text(one.misses, 8)}{_text(one.false_activations, 7)}{_rest(one)}")
     print(f"plain threshold: 20 % of MVC, an envelope of {found.mvc:.4g}, from {source}")
     if shortest_ms:
-        print(f"contractions shorter than {shortest_ms:g} ms are not told: that costs {shortest_ms:g} ms of latency")
+        rejected = found.score.rejected
+        said = f"; {rejected} labelled ones are, and count neither as missed nor as found" if rejected else ""
+        print(f"contractions shorter than {shortest_ms:g} ms are not told{said}")
+        print(f"that costs {shortest_ms:g} ms of latency")
 
 
 def _text(value: float | None, width: int) -> str:
