@@ -74,6 +74,14 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
     ("keys", "said"),
     [
         ("low_deg = 60.0", "emg.low_deg is 60 and high_deg 60"),
+        (
+            "duration_s = 0.05",
+            "emg.duration_s is 0.05, for 60°; expected at least 0.3 s, by the joint's speed, limits.j",
+        ),
+        (
+            "mode = 'proportional'\nwearer = 'anna.toml'\nduration_s = 0.2",
+            "for 60°; expected at least 0.25 s, by the jo",
+        ),
         ("low_deg = -40.0", "within the joint's limits, -28.6"),
         ("flexor = 'biceps'\nextensor = 'biceps'", "both 'biceps'"),
         ("flexor = 'deltoid'", "lsl:EMG has no channel 'deltoid'; expected one of 'biceps', 'triceps'"),
@@ -89,6 +97,7 @@ def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
 )
 def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> None:
     for name, channel, low, high in (
+        ("anna", "biceps_mV", 0.01, 0.2),
         ("weak", "biceps_mV", 0.1, 0.2),
         ("below", "biceps_mV", 0.2, 0.1),
         ("other", "deltoid_mV", 0.01, 0.2),
@@ -98,6 +107,17 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, keys: str, said: str) -> Non
     found = refused(tmp_path, keys)
     assert said in found
     assert "\n" not in found
+
+
+@pytest.mark.parametrize("source", ["foo", "lsl:", "file:", "usb:1", "trigno:host:port"])
+def test_what_is_no_source_is_one_line_for_every_command(
+    source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig(tmp_path, f"source = '{source}'")
+    for command in ("simulate", "check"):
+        assert run([command, str(path)]) == 2
+        assert f"{source!r} is no source of EMG; expected lsl:NAME" in capsys.readouterr().err
+    assert f"{source!r} is no source of EMG" in refused(tmp_path, "", source)
 
 
 @pytest.mark.parametrize(
@@ -163,6 +183,21 @@ def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_pat
     assert checked.reference.sample(np.linspace(0.0, 4.0, 100))[:, 0].max() == pytest.approx(np.pi / 3.0, abs=1e-2)
     stream, _ = setup(rig(tmp_path, "source = 'lsl:EMG'"), offline=True)
     assert "lsl:EMG is live" in stream.notes[-1]
+
+
+def test_a_simulated_joint_follows_no_envelope_while_either_electrode_is_in_trouble(tmp_path: Path) -> None:
+    random, time_s = np.random.default_rng(1), np.arange(8000) / RATE
+    biceps = 0.01 * np.where(time_s > 2.0, 20.0, 1.0) * random.standard_normal(8000)
+    triceps = 0.01 * random.standard_normal(8000) + np.sin(100.0 * np.pi * time_s) * (abs(time_s - 5.0) < 1.0)
+    table, header = np.column_stack([time_s, biceps, triceps]), "time_s,biceps_mV,triceps_mV"
+    np.savetxt(tmp_path / "emg.csv", table, ["%.3f", "%.5f", "%.5f"], ",", header=header, comments="")
+    (tmp_path / "me.toml").write_text(WEARER.format(channel="biceps_mV", rest=0.008, mvc=0.2))
+    keys = ("source = 'file:emg.csv'", "mode = 'proportional'", "wearer = 'me.toml'", "extensor = 'triceps_mV'")
+    made, _ = setup(rig(tmp_path, "\n".join([*keys, "duration_s = 0.5"])), offline=True)
+    calm, before, within, after = made.reference.sample(np.array([1.5, 3.9, 5.8, 7.4]))[:, 0]
+    assert calm == pytest.approx(0.0, abs=0.05)
+    assert min(before, after) > 0.5
+    assert within == pytest.approx(0.0, abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -106,6 +106,22 @@ def test_a_recording_is_played_as_a_stream_and_again_and_ends_at_ctrl_c(lsl: Any
     assert np.array_equal(found.values, twice[: len(found.values)])
 
 
+def test_a_stream_that_is_there_already_is_not_made_again(lsl: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    recording(seconds=2.5)
+    outlets = [LslOutlet(NAME, RATE, ["a"], "mV", f"bowden-{NAME}") for _ in range(2)]
+    words = ["emg", "stream", "a.csv", "--name", NAME, "--speed", "100"]
+    assert run(words) == 2
+    said = capsys.readouterr().err
+    assert f"there is an LSL stream '{NAME}' with the source id 'bowden-{NAME}' already" in said
+    assert "end it, or choose another --name or --source-id" in said
+    for source in (f"lsl:{NAME}", f"lsl:{NAME}#bowden-{NAME}"):
+        stream = open_source(source)
+        with pytest.raises(StreamError, match=r"2 LSL streams are named .*; end all of them but one, or give each"):
+            stream.open()
+    for outlet in outlets:
+        outlet.close()
+
+
 def test_speed_is_declared_and_one_channel_may_be_chosen(lsl: Any) -> None:
     values = recording(seconds=4.0)
     words = ("a.csv", "--name", NAME, "--speed", "2.5", "--channel", "triceps_mV", "--wait")
@@ -198,10 +214,14 @@ def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: t
         (["score", "a.csv", "--rate", "-1"], "--rate is -1"),
         (["stream", "none.csv"], "cannot read none.csv"),
         (["stream", "a.csv", "--speed", "0"], "--speed is 0"),
-        (["stream", "a.csv", "--name", "it's"], "expected a name without quotes"),
+        (["stream", "a.csv", "--name", "it's"], "expected a name, and neither with quotes"),
+        (["stream", "a.csv", "--source-id", "it's"], '--source-id "it\'s"; expected a name, and neither with quotes'),
         (["stream", "a.csv", "--channel", "c"], "no channel 'c'"),
         (["stream", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
         (["serve", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
+        (["serve", "huge.csv"], "huge.csv: biceps_mV reaches"),
+        (["stream", "huge.csv"], "huge.csv: biceps_mV reaches"),
+        (["serve", "a.csv", "--fault", "missing=2"], "--fault is 'missing=2'"),
         (["serve", "a.csv", "--fault", "spam"], "--fault is 'spam'"),
         (["serve", "a.csv", "--port", "70000"], "a port is 70000"),
     ],
@@ -210,6 +230,8 @@ def test_what_makes_no_sense_is_one_line(words: list[str], said: str, capsys: py
     recording(seconds=3.0)
     recording("bare.csv", 3.0, times=False)
     lines = Path("a.csv").read_text().splitlines()
+    huge = [line.partition(",")[0] + ",1e300," + line.rpartition(",")[2] for line in lines[2:]]
+    Path("huge.csv").write_text("\n".join([*lines[:2], *huge]))
     lines[2001] = lines[2001].rpartition(",")[0] + ",nan"
     Path("nan.csv").write_text("\n".join(lines))
     assert run(["emg", *words]) == 2
@@ -238,7 +260,7 @@ def test_the_doctor_lists_streams_and_what_is_wrong_with_them(lsl: Any, capsys: 
     jsonschema.validate(found, json.loads((ROOT / "docs" / "json" / "doctor.schema.json").read_text()))
     ours = {one["source_id"]: one for one in found["emg"]["streams"] if NAME in one["name"]}
     assert (ours["one"]["channels"], ours["one"]["rate_hz"], ours["one"]["problem"]) == (2, 1000.0, "")
-    assert "10 samples a second; expected 400 to 5000 Hz" in ours["three"]["problem"]
+    assert "10 samples a second; expected 900 to 5000 Hz" in ours["three"]["problem"]
     assert any(f"2 LSL streams are named '{NAME}'" in advice for advice in found["advice"])
     for outlet in outlets:
         outlet.close()

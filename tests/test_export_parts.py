@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
+from bowden.export.checked import Argument, Function
 from bowden.export.code import Style
 from bowden.export.layout import leaves
 from bowden.export.module import Module, files
@@ -20,6 +21,7 @@ from bowden.export.readme import FLAGS
 from bowden.models.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict, begin, supervise
+from bowden.sensing.intent import IntentSettings, intent_start, intent_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sim.emg import contractions
 
@@ -104,11 +106,11 @@ def muscle(rate: float, count: int) -> Array:
     values = 0.2 + random.normal(0.0, 0.01, count) + contractions(rate, spans, count, seed=1)
     values += 0.05 * np.sin(2.0 * np.pi * 50.0 * time) * (time % 7.0 > 5.0)
     values[count // 2 : count // 2 + 100] = np.nan
-    values[count // 3 : count // 3 + 300] = 0.4
+    values[round(rate) : round(1.7 * rate)] = values[count // 3 : count // 3 + 300] = 0.4
     return values
 
 
-@pytest.mark.parametrize("rate", [400.0, 1925.93, 5000.0])
+@pytest.mark.parametrize("rate", [900.0, 1925.93, 5000.0])
 def test_exported_detector_gives_the_bits_of_python(rate: float, tmp_path: Path) -> None:
     values = muscle(rate, 40_000)
     found = run(emg_modules(rate), DETECT, values, tmp_path)
@@ -129,8 +131,8 @@ def test_detector_in_float_finds_the_same_contractions(tmp_path: Path) -> None:
 
 
 def test_a_rate_that_the_detector_does_not_take_is_refused() -> None:
-    for rate in (399.0, 5001.0, float("nan")):
-        with pytest.raises(ParameterError, match="from 400 to 5000 Hz"):
+    for rate in (899.0, 5001.0, float("nan")):
+        with pytest.raises(ParameterError, match="from 900 to 5000 Hz"):
             emg_modules(rate)
 
 
@@ -174,3 +176,55 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
     modes = set(rows[:, -len(Verdict._fields) + Verdict._fields.index("mode")])
     assert {float(mode) for mode in Mode} <= modes
     assert (bits(found) == bits(rows)).all()
+
+
+INTENT = """#include <stdio.h>
+#include "intent.h"
+int main(void)
+{
+    static intent_state state;
+    double row[2];
+    intent_start(&state, 0.0);
+    while (fread(row, 8, 2, stdin) == 2) {
+        intent_reference reference;
+        intent_step(&state, row[0], row[1], 0.001, &reference);
+        double out[5] = {state.mode, state.owed, reference.position, reference.velocity, reference.acceleration};
+        fwrite(out, sizeof out, 1, stdout);
+    }
+    return 0;
+}
+"""
+
+
+def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
+    state, two = intent_start(0.0), IntentSettings(muscles=2.0)
+    module = Module(
+        "intent",
+        "",
+        (
+            Function("start", intent_start, (Argument("position", 0.0),), ("state",), ""),
+            Function(
+                "step",
+                intent_step,
+                (
+                    Argument("settings", two, constant=True),
+                    *(Argument("state", state), Argument("flexor", 0.0), Argument("extensor", 0.0)),
+                    Argument("dt", DT),
+                ),
+                ("state", "reference"),
+                "",
+            ),
+        ),
+        structs={"state": "state"},
+    )
+    time = np.arange(12000) * DT
+    on = np.column_stack([time % 3.1 < 1.2, (time + 2.3) % 3.1 < 1.2]).astype(np.float64)
+    on[3000:3010] = np.nan
+    rows = run((module,), INTENT, on, tmp_path)
+    twin, owed = compiled(intent_step), 0
+    for k, row in enumerate(rows):
+        state, reference = twin(two, state, on[k, 0], on[k, 1], DT)
+        assert (bits(np.array([state.mode, state.owed, *reference])) == bits(row)).all(), k
+        owed += state.owed != 0.0
+    assert owed > 500
+    assert np.ptp(rows[:, 2]) > 1.0

@@ -6,7 +6,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -112,7 +112,9 @@ def test_a_frame_that_cannot_be_is_refused(most: str) -> None:
         rate_of(EMG_PORT, "NO", "NO", "0.0135", most)
 
 
-@pytest.mark.parametrize("text", ["late", "late=x", "torn=1", "garbage=tea", "spam", "missing=-1", "missing=nan"])
+@pytest.mark.parametrize(
+    "text", ["late", "late=x", "torn=1", "garbage=tea", "spam", "missing=-1", "missing=nan", "missing=2"]
+)
 def test_faults_that_are_none_are_one_line(text: str) -> None:
     with pytest.raises(ParameterError, match=r"--fault is .*; expected torn, late=SECONDS"):
         read_faults([text])
@@ -293,7 +295,7 @@ def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
         TrignoStream(address, ["sensor9"]).open()
     with (
         serving(counter(channels=2), 200.0) as address,
-        pytest.raises(StreamError, match="200 samples a second; expected 400 to 5000 Hz"),
+        pytest.raises(StreamError, match="200 samples a second; expected 900 to 5000 Hz"),
     ):
         TrignoStream(address).open()
     with pytest.raises(StreamError, match=r"no command port [0-9]+ at 127.0.0.1: Connection refused"):
@@ -306,8 +308,8 @@ def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
     ("sent", "said"),
     [
         (b"SSH-2.0-OpenSSH_9.2\r\n", "greets with 'SSH-2.0-OpenSSH_9.2'; expected Delsys Trigno System"),
-        (b"", "is silent for 0.3 s; expected a Trigno SDK server"),
-        (b"Delsys Trigno System Digital Protocol Version 3.6.0\r\n\r\nSTOPPED\r\n\r\n", "is silent for 0.3 s"),
+        (b"", "gives no answer in 0.3 s; expected a Trigno SDK server"),
+        (b"Delsys Trigno System Digital Protocol Version 3.6.0\r\n\r\nSTOPPED\r\n\r\n", "gives no answer in 0.3 s"),
     ],
 )
 def test_another_kind_of_server_is_one_line(sent: bytes, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -326,6 +328,61 @@ def test_another_kind_of_server_is_one_line(sent: bytes, said: str, monkeypatch:
         with pytest.raises(StreamError, match=said):
             TrignoStream(Address("127.0.0.1", port, port)).open()
         thread.join()
+
+
+@contextlib.contextmanager
+def talking(say: Callable[[socket.socket], None]) -> Iterator[int]:
+    """The port of a server that does `say` with the one client that it takes, until that is gone."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            one, _ = listener.accept()
+            with one, contextlib.suppress(OSError):
+                say(one)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield listener.getsockname()[1]
+        thread.join()
+
+
+def blank_lines(one: socket.socket) -> None:
+    while True:
+        one.sendall(b"\r\n\r\n" * 100)
+
+
+def drips(one: socket.socket) -> None:
+    while True:
+        one.sendall(b"D")
+        time.sleep(0.02)
+
+
+def stops_again_and_again(one: socket.socket) -> None:
+    while True:
+        one.sendall(b"STOPPED\r\n\r\n")
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize("say", [blank_lines, drips, stops_again_and_again])
+def test_a_server_that_talks_and_never_answers_is_given_up_in_the_time_of_one_answer(
+    say: Callable[[socket.socket], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trigno_dialogue, "_ANSWER", 0.3)
+    with talking(say) as port, pytest.raises(StreamError, match=r"gives no answer in 0\.3 s"):
+        TrignoStream(Address("127.0.0.1", port, port)).open()
+
+
+def test_a_server_that_takes_its_time_with_every_answer_is_given_up_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trigno_dialogue, "_TALK", 0.3)
+
+    def slow(one: socket.socket) -> None:
+        one.sendall(b"Delsys Trigno System Digital Protocol Version 3.6.0\r\n\r\n")
+        while one.recv(4096):
+            time.sleep(0.05)
+            one.sendall(b"OK\r\n\r\n")
+
+    with talking(slow) as port, pytest.raises(StreamError, match=r"does not answer all questions in 0\.3 s"):
+        TrignoStream(Address("127.0.0.1", port, port)).open()
 
 
 def test_a_recording_becomes_whole_frames_in_volts() -> None:

@@ -18,7 +18,7 @@ from bowden.paper.calibrate import calibrate
 from bowden.paper.claims import Claim, claims, judge, select
 from bowden.paper.errata_law import largest_pole
 from bowden.paper.gain_choice import choose_gains
-from bowden.paper.reproduce import EXPERIMENTS, Reproduction, reproduce, write_report
+from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce, write_report
 from bowden.paper.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.closed_loop import simulate
 
@@ -153,6 +153,14 @@ def test_part_of_the_claims() -> None:
     assert part.second == []
     with pytest.raises(ParameterError, match=r"fig99.*expected"):
         reproduce(["fig99"])
+
+
+def test_every_figure_of_the_suits_experiments_names_its_claims() -> None:
+    for figure, beginning in (("fig6", "fig6."), ("fig17", "fig17."), ("fig18", "fig19."), ("fig19", "fig19.")):
+        found = select(claims_of([figure]))
+        assert found
+        assert all(claim.id.startswith(beginning) for claim in found)
+    assert len(select(claims_of(["fig18", "fig19.delay"]))) == len(select(["fig19"])), "each claim once"
 
 
 def test_report_is_one_page_with_every_figure(outcome: Reproduction, tmp_path: Path) -> None:

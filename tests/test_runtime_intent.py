@@ -123,6 +123,24 @@ def test_a_missing_sample_is_counted_makes_nothing_new_and_no_envelope_that_is_n
     assert math.isnan(heard.share)
 
 
+def test_a_first_sample_that_is_missing_is_no_jump_from_nothing_to_the_offset() -> None:
+    signal = 0.4 + contraction(3.0, [])[:, None]
+    signal[:5] = np.nan
+    listener = Listener(RATE, 0, levels=Levels(0.01, 0.21))
+    shares = [listener.take(chunk, 100.0).share for chunk in chunks(signal, list(range(2, 3000, 7)))]
+    assert np.nanmax(np.abs(shares)) < 0.1
+
+
+def test_a_wearers_rest_is_not_taken_for_a_contraction_after_a_start_that_was_muted() -> None:
+    signal = contraction(20.0, [(15.0, 16.0)])
+    signal[:2000] *= 0.1
+    for levels, begins in ((None, 2.0), (Levels(0.008, 0.2), 15.0)):
+        listener = Listener(RATE, 0, levels=levels)
+        heard = [listener.take(chunk, 100.0) for chunk in chunks(signal[:, None], list(range(10, 20_000, 10)))]
+        first = next(one.onset for one in heard if one.onset)
+        assert begins < first / SECOND < begins + 0.15
+
+
 def test_a_sample_of_the_future_counts_from_now_on() -> None:
     listener = Listener(RATE, 0)
     heard = listener.take(EmgChunk(np.zeros((2, 1)), np.array([5.0, 5.001])), 4.0)

@@ -11,6 +11,10 @@ from hypothesis import strategies as st
 from bowden.core.kernel import compiled
 from bowden.core.signals import Reference
 from bowden.sensing.intent import (
+    FOLLOWED_ACCELERATION,
+    FOLLOWED_SPEED,
+    TURNED_ACCELERATION,
+    TURNED_SPEED,
     Intent,
     IntentSettings,
     intent_start,
@@ -62,6 +66,39 @@ def test_two_muscles_have_a_direction_each_and_both_at_once_are_no_wish() -> Non
     smooth(rows)
 
 
+@pytest.mark.parametrize("overlap", [0.01, 0.1, 0.5, 2.0])
+def test_a_wish_that_begins_in_the_other_muscles_tail_is_done_once_it_is_alone(overlap: float) -> None:
+    """The flexor until 4 s, the extensor a second longer; and the same the other way round."""
+    there, back = [(1.0, 4.0), (10.0 - overlap, 11.0)], [(4.0 - overlap, 5.0), (7.0, 10.0)]
+    rows, modes = played(TWO, there, back, 13.5)
+    assert order(modes) == ["REST", "FLEX", "HOLD", "EXTEND", "REST", "FLEX", "HOLD"]
+    (turns,) = np.nonzero(np.diff(modes))
+    assert turns[2] * DT == pytest.approx(4.15, abs=0.003)
+    assert turns[4] * DT == pytest.approx(10.15, abs=0.003)
+    smooth(rows)
+
+
+@pytest.mark.parametrize("skew", [-0.19, -0.05, 0.0, 0.05, 0.19])
+@pytest.mark.parametrize("longer", [-1.0, -0.1, 0.1, 1.0])
+def test_muscles_that_are_contracted_together_move_nothing_when_one_lets_go(skew: float, longer: float) -> None:
+    """The first of two may have moved before the other one begins; after that nothing moves."""
+    _, modes = played(TWO, [(1.0 + max(0.0, skew), 5.0)], [(1.0 + max(0.0, -skew), 5.0 + longer)], 9.0)
+    assert order(modes) == (["REST", "FLEX", "HOLD"] if skew < 0.0 else ["REST"])
+
+
+def test_a_stiffened_arm_that_is_let_go_stays_where_it_is() -> None:
+    """The extensor joins a flexor that holds, and both end at nearly the same time; or it ends first."""
+    for end in (4.9, 5.1):
+        assert order(played(TWO, [(1.0, 5.0)], [(3.0, end)], 8.0)[1]) == ["REST", "FLEX", "HOLD"]
+
+
+def test_a_late_wish_is_forgotten_with_its_contraction() -> None:
+    """A short one, over before the flexor is; the next onset of the extensor alone is a wish of its own."""
+    _, modes = played(TWO, [(1.0, 5.0)], [(3.0, 3.5), (6.0, 6.2)], 9.0)
+    assert order(modes) == ["REST", "FLEX", "HOLD", "EXTEND", "REST"]
+    assert np.nonzero(np.diff(modes))[0][2] * DT == pytest.approx(6.0, abs=0.002)
+
+
 def test_a_long_contraction_is_one() -> None:
     assert order(played(ONE, [(0.5, 7.0)], [], 8.0)[1]) == ["REST", "FLEX", "HOLD"]
 
@@ -73,6 +110,21 @@ def test_a_motion_turns_round_at_any_moment_without_a_jump_and_in_its_range(at: 
     smooth(rows)
     assert rows[:, 0].min() >= -1e-9
     assert rows[:, 0].max() <= TWO.high + 1e-9
+
+
+def test_the_largest_speed_and_acceleration_are_known() -> None:
+    """Of a motion that is turned round once, at the worst moment, and of what follows an envelope that steps."""
+    turned = np.array([played(TWO, [(0.0, 0.005)], [(at, 3.0)], 4.0)[0] for at in np.linspace(0.02, 1.98, 99)])
+    unit = TWO.high / TWO.duration
+    assert np.abs(turned[:, :, 1]).max() / unit == pytest.approx(TURNED_SPEED, rel=2e-3)
+    assert np.abs(turned[:, :, 2]).max() / unit * TWO.duration == pytest.approx(TURNED_ACCELERATION, rel=0.02)
+    reference, rows = Reference(0.0, 0.0, 0.0), []
+    for k in range(6000):
+        reference = compiled(proportional)(ONE, reference, 1.0 if k % 2000 < 1000 else 0.0, 0.4, DT)
+        rows.append(reference)
+    followed = np.abs(np.array(rows)).max(axis=0)
+    assert followed[1] / unit == pytest.approx(FOLLOWED_SPEED)
+    assert followed[2] / unit * TWO.duration == pytest.approx(FOLLOWED_ACCELERATION, rel=0.1)
 
 
 @settings(max_examples=60)
@@ -94,13 +146,14 @@ def test_what_is_unknown_is_no_contraction() -> None:
     assert (state.mode, reference) == (Intent.REST, Reference(0.0, 0.0, 0.0))
 
 
-def test_interpreted_and_compiled_agree_bit_for_bit() -> None:
+@pytest.mark.parametrize("by", [ONE, TWO], ids=["one muscle", "two"])
+def test_interpreted_and_compiled_agree_bit_for_bit(by: IntentSettings) -> None:
     slow = fast = intent_start(0.1)
     level, quick = Reference(0.0, 0.0, 0.0), Reference(0.0, 0.0, 0.0)
     for k in range(1500):
-        on = float(k % 700 < 50)
-        slow, a = intent_step(ONE, slow, on, 0.0, DT)
-        fast, b = compiled(intent_step)(ONE, fast, on, 0.0, DT)
+        on, back = float(k % 700 < 350), float(300 <= k % 700 < 600)
+        slow, a = intent_step(by, slow, on, back, DT)
+        fast, b = compiled(intent_step)(by, fast, on, back, DT)
         level = proportional(ONE, level, on, 0.4, DT)
         quick = compiled(proportional)(ONE, quick, on, 0.4, DT)
         assert (slow, a, level) == (fast, b, quick)

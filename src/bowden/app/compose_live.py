@@ -1,5 +1,6 @@
 """From a rig.toml to a live run: the second of the two places where things are wired."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,10 +28,14 @@ from bowden.runtime.run_settings import plain
 from bowden.runtime.script import Script
 from bowden.runtime.torque_offset import TorqueOffset
 from bowden.safety.limits import Limits
+from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
 more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
+
+_NONE = 1e-9
+"""A limit of zero, where something is divided by it."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +148,7 @@ def compose_live(asked: Asked) -> Live:
         setup = replace(setup, pushing=pushing, notes=(*setup.notes, *notes))
     if emg is not None:
         _check_range(emg, limits)
+        _check_duration(emg, limits)
         limits = limits._replace(uses_emg=1.0)
     if asked.measure:
         law, moved = LAWS["uncompensated"], excitation.excitation(limits, drive.sample_time)
@@ -165,4 +171,27 @@ def _check_range(emg: EmgRun, limits: Limits) -> None:
             f"emg.low_deg is {low / RADIANS:g} and high_deg {high / RADIANS:g}",
             expected=f"within the joint's limits, {limits.joint_low / RADIANS:g} to {limits.joint_high / RADIANS:g}",
             do="correct them, or [limits]",
+        )
+
+
+def _check_duration(emg: EmgRun, limits: Limits) -> None:
+    """Refuse motions that are quicker than the supervisor lets joint and motor be."""
+    intent, given = emg.course.intent, emg.course.intent.duration
+    turned = emg.course.proportional < 0.5
+    speed, acceleration = (TURNED_SPEED, TURNED_ACCELERATION) if turned else (FOLLOWED_SPEED, FOLLOWED_ACCELERATION)
+    joint = intent.high - intent.low
+    motor = joint / max(limits.slope_low, _NONE)
+    least, what = max(
+        (speed * joint / max(limits.joint_speed, _NONE), "the joint's speed, limits.joint_speed_deg_per_s"),
+        (speed * motor / max(limits.motor_speed, _NONE), "the motor's speed, limits.motor_speed_deg_per_s"),
+        (
+            math.sqrt(acceleration * motor / max(limits.acceleration, _NONE)),
+            "the motor's acceleration, limits.acceleration_deg_per_s2",
+        ),
+    )
+    if given < least:
+        raise ParameterError(
+            f"emg.duration_s is {given:g}, for {joint / RADIANS:g}°",
+            expected=f"at least {math.ceil(100.0 * least) / 100.0:g} s, by {what}",
+            do="make it longer, or the range smaller",
         )

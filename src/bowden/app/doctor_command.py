@@ -25,6 +25,7 @@ def doctor(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Measure how late this machine wakes a loop at 1 kHz, and say what it may do, what is missing, what to change."""
+    from bowden.hardware.lsl_info import which
     from bowden.runtime import machine
     from bowden.runtime.lateness import EDGES_US, bare_loop_apart, figures, histogram
     from bowden.runtime.realtime import Settings, check_processor, privileges
@@ -54,9 +55,12 @@ def doctor(
         "emg": _emg(),
     }
     advice = _advice(here, measured, [*privileges(), *grants])
-    names = [one["name"] for one in document["emg"]["streams"]]
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        advice.append(f"{names.count(name)} LSL streams are named {name!r}: name one by its source id as well")
+    sources: dict[str, list[str]] = {}
+    for one in document["emg"]["streams"]:
+        sources.setdefault(one["name"], []).append(one["source_id"])
+    for name, ids in sorted(sources.items()):
+        if len(ids) > 1:
+            advice.append(f"{len(ids)} LSL streams are named {name!r}: {which(name, ids)}")
     if json:
         print_json(document | {"advice": advice, "seconds": seconds()})
     else:

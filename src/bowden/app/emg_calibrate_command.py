@@ -35,7 +35,8 @@ def calibrate(
     """Measure a wearer's rest and maximum voluntary contraction (MVC), and save both.
 
     MVC is the largest envelope in RECORDING. A recording without a maximum contraction gives its largest one, which
-    stands in for MVC. From a stream the wearer is told on standard error when to rest and when to contract.
+    stands in for MVC. Dead electrodes, movement, mains and clicks are left out. From a stream the wearer
+    is told on standard error when to rest and when to contract.
     """
     from bowden.app import wearer_file
     from bowden.core.errors import ParameterError
@@ -48,41 +49,47 @@ def calibrate(
     if source is not None:
         if rest is not None or rate is not None:
             raise ParameterError("--rest and --rate are of recordings", do="leave them out with --source")
-        wearer = _from_stream(source, channel, lasting, json)
+        wearer, left_out = _from_stream(source, channel, lasting, json)
     else:
         assert recording is not None
-        wearer = _from_recordings(recording, rest, channel, rate, json)
+        wearer, left_out = _from_recordings(recording, rest, channel, rate, json)
     wearer_file.write(out, wearer_file.check(wearer, wearer.source))
     if json:
-        print_json({"rest": wearer.rest, "mvc": wearer.mvc, "channel": wearer.channel, "files": [str(out)]})
+        document = {"rest": wearer.rest, "mvc": wearer.mvc, "channel": wearer.channel, "left_out_s": left_out}
+        print_json(document | {"files": [str(out)]})
         return
     print(f"rest {wearer.rest:.4g}, MVC {wearer.mvc:.4g} (envelopes, in the unit of {wearer.channel}) → {out}")
 
 
 def _from_recordings(
     recording: Path, rest: Path | None, channel: str | None, rate: float | None, quiet: bool
-) -> "Wearer":
+) -> "tuple[Wearer, float]":
+    """The wearer, and how much was left out [s]."""
     from bowden.app.wearer_file import Wearer
+    from bowden.identify.emg_levels import envelope_levels
     from bowden.identify.emg_log import read_emg
-    from bowden.identify.emg_score import envelope_levels
 
     log = read_emg(recording, channel, checked_rate(rate))
-    levels = envelope_levels(log.values, log.rate)
     if not quiet:
         warn(log)
+    levels = envelope_levels(log.values, log.rate, str(recording))
+    left_out = _told(levels.left_out, str(recording), quiet)
     if rest is None:
-        return Wearer(levels.low, levels.high, log.channel, recording.name)
+        return Wearer(levels.low, levels.high, log.channel, recording.name), left_out
     calm = read_emg(rest, log.channel, rate)
-    level = envelope_levels(calm.values, calm.rate).middle
-    return Wearer(level, levels.high, log.channel, f"{recording.name} and {rest.name}")
+    resting = envelope_levels(calm.values, calm.rate, str(rest))
+    left_out += _told(resting.left_out, str(rest), quiet)
+    wearer = Wearer(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}")
+    return wearer, left_out
 
 
-def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) -> "Wearer":
+def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) -> "tuple[Wearer, float]":
+    """The wearer, and how much was left out [s]."""
     from bowden.app.emg_listen import listen
     from bowden.app.wearer_file import Wearer
     from bowden.core.errors import ParameterError
     from bowden.hardware.emg_sources import open_source
-    from bowden.identify.emg_score import envelope_levels
+    from bowden.identify.emg_levels import envelope_levels
 
     if not 2.0 <= lasting <= 60.0:
         raise ParameterError(f"--seconds is {lasting:g}", expected="a number from 2 to 60")
@@ -102,8 +109,18 @@ def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) 
             _tell("done, let go")
     finally:
         stream.close()
-    levels = [envelope_levels(values, stream.rate) for values in (calm, hard)]
-    return Wearer(levels[0].middle, levels[1].high, with_unit(name, stream.unit), source)
+    rest = envelope_levels(calm, stream.rate, "rest")
+    contraction = envelope_levels(hard, stream.rate, "the contraction")
+    left_out = _told(rest.left_out, "rest", quiet)
+    left_out += _told(contraction.left_out, "the contraction", quiet)
+    return Wearer(rest.middle, contraction.high, with_unit(name, stream.unit), source), left_out
+
+
+def _told(left_out: float, where: str, quiet: bool) -> float:
+    """How much of a recording was left out [s], once that is said."""
+    if left_out >= 0.05 and not quiet:
+        _tell(f"note: {where}: {left_out:.1f} s of dead electrode, movement, mains or clicks are left out")
+    return left_out
 
 
 def with_unit(channel: str, unit: str) -> str:

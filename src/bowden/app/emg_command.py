@@ -21,8 +21,10 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON documen
 
 def score(
     recording: Annotated[Path, typer.Argument(help="CSV, csv.gz or Parquet with time_s and one or more channels.")],
-    labels: Annotated[Path | None, typer.Option(help="CSV of contractions: onset_s, offset_s.")] = None,
-    wearer: Annotated[Path | None, typer.Option(help="Of bowden emg calibrate, for the plain threshold's MVC.")] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="CSV of contractions: onset_s, offset_s, or start, end; also in ms.")
+    ] = None,
+    wearer: Annotated[Path | None, typer.Option(help="Of bowden emg calibrate: rest and MVC.")] = None,
     channel: ChannelOption = None,
     rate: RateOption = None,
     shortest_ms: Annotated[
@@ -44,7 +46,7 @@ def score(
     from bowden.identify.emg_log import read_emg, read_labels
     from bowden.identify.emg_score import find
     from bowden.report.emg_page import emg_page
-    from bowden.sensing.onset import DEFAULTS
+    from bowden.sensing.onset import DEFAULTS, of_wearer
 
     if not 0.0 <= shortest_ms <= 5000.0:
         raise ParameterError(f"--shortest-ms is {shortest_ms:g}", expected="a number from 0 to 5000")
@@ -59,9 +61,8 @@ def score(
         log = replace(log, warnings=(*log.warnings, said))
     output_folder(out)
     moved = None if known is None else [(on - log.start, off - log.start) for on, off in known]
-    found = find(
-        log.values, log.rate, moved, None if of is None else of.mvc, DEFAULTS._replace(shortest=1e-3 * shortest_ms)
-    )
+    by = DEFAULTS if of is None or of.channel != log.channel else of_wearer(of.rest)
+    found = find(log.values, log.rate, moved, None if of is None else of.mvc, by._replace(shortest=1e-3 * shortest_ms))
     page = emg_page(recording.name, log, known, found)
     with whole_files(out) as folder:
         page.write(folder / "emg.html")
@@ -131,7 +132,10 @@ def _print(found: "Findings", shortest_ms: float, source: str) -> None:
         print(f"{name:18}{one.detections:11}{_text(one.misses, 8)}{_text(one.false_activations, 7)}{_rest(one)}")
     print(f"plain threshold: 20 % of MVC, an envelope of {found.mvc:.4g}, from {source}")
     if shortest_ms:
-        print(f"contractions shorter than {shortest_ms:g} ms are not told: that costs {shortest_ms:g} ms of latency")
+        rejected = found.score.rejected
+        said = f"; {rejected} labelled ones are, and count neither as missed nor as found" if rejected else ""
+        print(f"contractions shorter than {shortest_ms:g} ms are not told{said}")
+        print(f"that costs {shortest_ms:g} ms of latency")
 
 
 def _text(value: float | None, width: int) -> str:

@@ -13,6 +13,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference
 from bowden.runtime.emg_course import CourseSettings, CourseState, course_step
 from bowden.sensing.intent import intent_start
+from bowden.sensing.onset import DEFAULTS, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -39,16 +40,17 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     stream = Playback(Path(path), run.wanted)
     stream.open()
     flexor, extensor = columns(run, stream)
-    found = read_channels(Path(path), run.wanted)
+    found = read_channels(Path(path), stream.channels)
     of = levels(run)
     signal = found.values[:, flexor]
-    told = OnsetDetector(found.rate).feed(signal)
+    told = OnsetDetector(found.rate, DEFAULTS if of is None else of_wearer(of.rest)).feed(signal)
     envelope = EnvelopeFilter(found.rate).feed(signal).envelope
     share = np.full(len(signal), np.nan) if of is None else (envelope - of.rest) / (of.mvc - of.rest)
-    share[told.trouble > 0.0] = np.nan
-    extends = np.zeros(len(signal))
+    trouble, extends = told.trouble, np.zeros(len(signal))
     if extensor is not None:
-        extends = OnsetDetector(found.rate).feed(found.values[:, extensor]).active
+        other = OnsetDetector(found.rate).feed(found.values[:, extensor])
+        trouble, extends = np.maximum(trouble, other.trouble), other.active
+    share[trouble > 0.0] = np.nan
     at = np.minimum((np.arange(int(len(signal) / found.rate / dt)) * dt * found.rate).astype(int), len(signal) - 1)
     return EmgMotion(run, told.active[at], extends[at], share[at], dt)
 

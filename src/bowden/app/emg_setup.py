@@ -11,6 +11,7 @@ from bowden.app.emg_schema import EmgSection
 from bowden.app.wearer_file import Wearer
 from bowden.core.errors import ParameterError, StreamError
 from bowden.core.units import RADIANS
+from bowden.hardware.emg_sources import open_source
 from bowden.runtime.emg_course import CourseSettings
 from bowden.runtime.emg_listener import Levels
 from bowden.runtime.ports import EmgStream
@@ -57,9 +58,12 @@ def emg_run(section: EmgSection, folder: Path, source: str | None = None) -> Emg
 
     Raises:
         ParameterError: keys that do not fit one another, or a wearer's file that cannot be used.
+        StreamError: what names no source.
     """
-    if source is None and section.source is None:
+    named = section.source if source is None else source
+    if named is None:
         return None
+    open_source(named)
     if not section.low_deg < section.high_deg:
         raise ParameterError(
             f"emg.low_deg is {section.low_deg:g} and high_deg {section.high_deg:g}",
@@ -83,7 +87,7 @@ def emg_run(section: EmgSection, folder: Path, source: str | None = None) -> Emg
     muscles = 1.0 if section.extensor is None else 2.0
     low, high = section.low_deg * RADIANS, section.high_deg * RADIANS
     return EmgRun(
-        source if source is not None else _from(str(section.source), folder),
+        source if source is not None else _from(named, folder),
         section.flexor,
         section.extensor,
         wearer,

@@ -32,16 +32,19 @@ def stream(
     json: JsonOption = False,
 ) -> None:
     """Play a recording in real time as a stream of the Lab Streaming Layer, until its end or Ctrl-C."""
-    from bowden.hardware.lsl_outlet import LslOutlet, replay
+    from bowden.hardware.lsl_outlet import LslOutlet, check_alone, replay
     from bowden.identify.emg_log import read_channels
 
     if not 0.01 <= speed <= 100.0:
         raise ParameterError(f"--speed is {speed:g}", expected="a number from 0.01 to 100")
     log = read_channels(recording, channel or (), checked_rate(rate))
     called = recording.name.partition(".")[0] if name is None else name
-    if not called or "'" in called:
-        raise ParameterError(f"--name is {called!r}", expected="a name without quotes")
     source = f"bowden-{called}" if source_id is None else source_id
+    if not called or "'" in called + source:
+        raise ParameterError(
+            f"--name is {called!r} and --source-id {source!r}", expected="a name, and neither with quotes"
+        )
+    check_alone(called, source)
     outlet = LslOutlet(called, log.rate * speed, log.channels, log.unit, source)
     lasting = len(log.values) / (log.rate * speed)
     document = {

@@ -3,7 +3,7 @@
 import math
 import tomllib
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_file
@@ -39,7 +39,7 @@ def check(wearer: Wearer, where: str) -> Wearer:
         raise ParameterError(
             f"{where}: the envelope is {wearer.rest:.4g} at rest and {wearer.mvc:.4g} at the largest contraction",
             expected=f"at least {_LEAST_RATIO:g} times as much",
-            do="contract as hard as you can in the recording, or look at the electrodes",
+            do="contract as hard as you can in the recording, rest longer or apart (--rest), or look at the electrodes",
         )
     return wearer
 
@@ -67,7 +67,8 @@ def read(path: Path) -> Wearer:
     """
     try:
         section = tomllib.loads(path.read_text(encoding="utf-8"))["emg"]
-        found = Wearer(float(section["rest"]), float(section["mvc"]), str(section["channel"]), str(section["source"]))
+        rest, mvc = (_number(section, key) for key in ("rest", "mvc"))
+        found = Wearer(rest, mvc, str(section["channel"]), str(section["source"]))
         unknown = set(section) - {"rest", "mvc", "channel", "source"}
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}", do="run bowden emg calibrate") from error
@@ -77,3 +78,12 @@ def read(path: Path) -> Wearer:
     if unknown:
         raise ParameterError(f"{path}: unknown key {sorted(unknown)[0]!r} in [emg]")
     return check(found, str(path))
+
+
+def _number(section: dict[str, Any], key: str) -> float:
+    value = section[key]
+    if isinstance(value, bool) or not isinstance(value, float | int):
+        raise TypeError(
+            f"{key} is {quoted(value) if isinstance(value, str) else str(value).lower()}, which is no number"
+        )
+    return float(value)

@@ -46,7 +46,7 @@ def emg_modules(rate: float) -> tuple[Module, Module]:
         "onset",
         f"Contractions in an EMG signal of {rate:g} samples a second.",
         (
-            Function("start", onset_start, (detector, first), ("state",), "Before the first sample, a finite one."),
+            Function("start", onset_start, (detector, first), ("state",), "Before the first sample, NAN if missing."),
             Function(
                 "step",
                 onset_step,

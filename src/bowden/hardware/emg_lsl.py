@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from bowden.core.errors import StreamError
-from bowden.hardware.lsl_info import channel_names, check_info, unit_of
+from bowden.hardware.lsl_info import channel_names, check_info, unit_of, which
 from bowden.hardware.lsl_library import library
 from bowden.hardware.sample_times import SampleTimes
+from bowden.identify.emg_log import largest
 from bowden.runtime.clock import SECOND, Clock, MonotonicClock
 from bowden.runtime.ports import EmgChunk
 
@@ -82,6 +83,7 @@ class LslStream:
             check_info(info, self._name)
             self.channels = channel_names(info, self._wanted)
             self.rate, self.unit = info.nominal_srate(), unit_of(info)
+            self._most = largest(self.unit)
             self._times = SampleTimes(self.rate)
             self._inlet.open_stream(_ANSWER)
             self._correct(self._inlet.time_correction(_ANSWER))
@@ -120,8 +122,8 @@ class LslStream:
         if len(found) > 1:
             sources = ", ".join(f"{info.source_id() or 'no id'} of {info.hostname()}" for info in found)
             raise StreamError(
-                f"{len(found)} LSL streams are named {self._name!r}: {sources}",
-                do=f"say which by its source id, lsl:{self._name}#ID",
+                f"{len(found)} LSL streams are named {self._said()}: {sources}",
+                do=which(self._name, [info.source_id() for info in found]),
             )
         if not found:
             raise StreamError(f"the LSL stream {self._said()} has gone", do="look at its sender")
@@ -199,6 +201,8 @@ class LslStream:
             if now - self._heard > SILENCE:
                 self._lost = f"nothing from the LSL stream {self._name!r} for {1e3 * SILENCE:g} ms"
             return []
+        values = values.astype(np.float64)
+        values[~(np.abs(values) <= self._most)] = np.nan
         if not math.isfinite(self._stamp):
             self._first = float(stamps[0])
         chunks, begin = [], 0
@@ -206,7 +210,7 @@ class LslStream:
             if after > begin:
                 latest = float(stamps[after - 1]) + self._correction + self._offset
                 times = self._times.next(int(after) - begin, latest, now)
-                chunks.append(EmgChunk(values[begin:after].astype(np.float64), times))
+                chunks.append(EmgChunk(values[begin:after], times))
             if after < len(stamps) and math.isfinite(self._stamp):
                 self._corrections.clear()  # it may be another sender, of another clock
                 missing = self._times.gap(float(stamps[after]) + self._correction + self._offset)

@@ -67,7 +67,7 @@ class TrignoStream:
 
     def open(self) -> str:
         """See `EmgStream.open`."""
-        dialogue = Dialogue(self._address)
+        dialogue = Dialogue(self._address, self._clock)
         try:
             base = self._base = dialogue.base
             if not SLOWEST <= base.rate <= QUICKEST:
@@ -214,7 +214,7 @@ class TrignoStream:
         """Try once to connect anew; waits a while where it fails."""
         dialogue = None
         try:
-            dialogue = Dialogue(self._address)
+            dialogue = Dialogue(self._address, self._clock)
             self._check_same(dialogue.base)
             dialogue.start(again=True)
             return dialogue

@@ -78,6 +78,17 @@ def unit_of(info: Any) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
+def which(name: str, sources: Sequence[str]) -> str:
+    """What to do about several streams of one name, given their source ids.
+
+    >>> which("EMG", ["a", "b"]), which("EMG", ["a", "a"])
+    ('say which by its source id, lsl:EMG#ID', 'end all of them but one, or give each a name or source id of its own')
+    """
+    if any(source and sources.count(source) == 1 for source in sources):
+        return f"say which by its source id, lsl:{name}#ID"
+    return "end all of them but one, or give each a name or source id of its own"
+
+
 def _described(info: Any, what: str) -> list[str]:
     """One entry of each channel's description; none where channels are not described."""
     found, channel = [], info.desc().child("channels").child("channel")

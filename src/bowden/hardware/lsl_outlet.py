@@ -17,6 +17,24 @@ _LSL_UNITS = {"µV": "microvolts", "mV": "millivolts", "V": "volts"}
 """As LSL's description of EMG spells them."""
 
 
+_LOOK = 0.6
+"""How long others of the same name are looked for [s]."""
+
+
+def check_alone(name: str, source: str) -> None:
+    """See that there is no stream of this name and source id yet: readers could tell neither from the other.
+
+    Raises:
+        StreamError: there is one, or liblsl is not there.
+    """
+    found = library().resolve_bypred(f"name='{name}' and source_id='{source}'", 1, _LOOK)
+    if found:
+        raise StreamError(
+            f"there is an LSL stream {name!r} with the source id {source!r} already, of {found[0].hostname()}",
+            do="end it, or choose another --name or --source-id",
+        )
+
+
 class LslOutlet:
     """One stream, from its making to `close`.
 

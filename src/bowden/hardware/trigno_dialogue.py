@@ -21,9 +21,12 @@ from bowden.hardware.trigno_protocol import (
     shown,
     yes,
 )
+from bowden.runtime.clock import SECOND, Clock, MonotonicClock
 
 _ANSWER = 2.0
-"""Longest that an answer may take [s]."""
+"""Longest that an answer may take, from the question to its last byte, whatever else comes meanwhile [s]."""
+_TALK = 20.0
+"""Longest that all questions to a server may take [s]."""
 
 
 class Address(NamedTuple):
@@ -54,12 +57,18 @@ class Base(NamedTuple):
 class Dialogue:
     """One connection to a server, from its making to `close`.
 
+    Args:
+        address: of the server.
+        clock: that answers are waited for by.
+
     Raises:
         StreamError: nobody there, another kind of server, or nothing that can be measured.
     """
 
-    def __init__(self, address: Address) -> None:
+    def __init__(self, address: Address, clock: Clock | None = None) -> None:
         self._address = address
+        self._clock = MonotonicClock() if clock is None else clock
+        self._end = self._now() + _TALK
         self._lines = Lines()
         self._waiting: list[str] = []
         self.data: socket.socket
@@ -71,6 +80,9 @@ class Dialogue:
         except BaseException:
             self.close()
             raise
+
+    def _now(self) -> float:
+        return self._clock.now() / SECOND
 
     def _connect(self, port: int, kind: str) -> socket.socket:
         try:
@@ -136,6 +148,7 @@ class Dialogue:
         Raises:
             StreamError: the server refuses.
         """
+        self._end = self._now() + _TALK
         answer = self.ask("START")
         if again and refused(answer):
             self.ask("STOP")
@@ -167,22 +180,35 @@ class Dialogue:
 
     def _line(self) -> str:
         """The next line; one that says by itself that the server has stopped is left out."""
+        until = min(self._now() + _ANSWER, self._end)
         while True:
             while self._waiting:
                 line = self._waiting.pop(0)
                 if line != "STOPPED":
                     return line
+            left = until - self._now()
+            if left <= 0.0:
+                raise self._silent()
+            self._command.settimeout(left)
             try:
                 data = self._command.recv(4096)
-            except TimeoutError as error:
-                raise StreamError(
-                    f"{self._address.said()} is silent for {_ANSWER:g} s", expected="a Trigno SDK server"
-                ) from error
+            except TimeoutError:
+                raise self._silent() from None
             except OSError as error:
                 raise self._gone(error) from error
+            finally:
+                self._command.settimeout(_ANSWER)
             if not data:
                 raise self._gone(None)
             self._waiting = self._lines.feed(data)
+
+    def _silent(self) -> StreamError:
+        said = (
+            f"does not answer all questions in {_TALK:g} s"
+            if self._now() >= self._end
+            else f"gives no answer in {_ANSWER:g} s"
+        )
+        return StreamError(f"{self._address.said()} {said}", expected="a Trigno SDK server")
 
     def _gone(self, error: OSError | None) -> StreamError:
         said = f": {error.strerror or error}" if error else ""

@@ -50,12 +50,12 @@ def read_faults(texts: Sequence[str]) -> Faults:
                 found[name] = True
             elif kind is str and value in _WORDS[name]:
                 found[name] = value
-            elif kind is float and 0.0 <= float(value) < 1e4:
+            elif kind is float and 0.0 <= float(value) <= (1.0 if name == "missing" else 1e4):
                 found[name] = float(value)
             else:
                 raise ValueError
         except ValueError:
-            said = "torn, late=SECONDS, missing=SHARE, disconnect=SECONDS, silent=SECONDS, "
+            said = "torn, late=SECONDS, missing=SHARE (0 to 1), disconnect=SECONDS, silent=SECONDS, "
             words = ", ".join(f"{key}={'|'.join(choices)}" for key, choices in _WORDS.items())
             raise ParameterError(f"--fault is {text!r}", expected=said + words) from None
     return Faults(**found)  # type: ignore[arg-type] # each was read by its field's type

@@ -18,12 +18,18 @@ from bowden.sensing.onset import QUICKEST, SLOWEST
 Array = NDArray[np.float64]
 
 _TIMES = ("time", "t", "timestamp", "seconds", "sec", "clock")
+_LABELS = (("onset", "start"), ("offset", "end"))
+"""Names of the columns of labels."""
 _SHORTEST = 2.0
 """A recording of less has no rest to speak of [s]."""
 _RATE_ERROR = 0.01
 """How far the times may be from a declared rate."""
 _UNIT = re.compile(r"[_\s(\[]([mµu]?V)[)\]]?$")
 """At the end of a column's name."""
+_VOLTS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6, "uV": 1e-6}
+"""Unit → V."""
+_MOST_VOLTS, _MOST = 100.0, 1e12
+"""Larger values no amplifier gives: in volts, and as numbers in no known unit, such as counts of a converter."""
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
 _COARSE, _SATURATED = 16, 0.5
@@ -72,7 +78,7 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
 
     Raises:
         LogError: no such file or column, text or NaN in it, an uneven clock, a rate that the detector does not take or
-            that is not the declared one, too short, flat, or clipped; one line that says where.
+            that is not the declared one, too short, flat, clipped, or too large; one line that says where.
     """
     table = _read(path)
     others = _signals(table, path)
@@ -158,37 +164,70 @@ def _recording(table: dict[str, Array], names: tuple[str, ...], declared: float 
 
 
 def read_labels(path: Path) -> list[tuple[float, float]]:
-    """Onset and end of contractions from a CSV with the columns ``onset_s`` and ``offset_s``, in order [s].
+    """Onset and end of contractions, in order [s].
+
+    Args:
+        path: CSV with the columns ``onset_s`` and ``offset_s``, or ``start_s`` and ``end_s``; also in ``ms`` or ``us``,
+            and in seconds where they name no unit.
 
     Raises:
         LogError: not readable, other columns, or times that are no contractions in order.
     """
     table = _read(path)
-    names = {split_name(name)[0]: name for name in table}
-    if not {"onset", "offset"} <= set(names):
-        raise LogError(f"{path}: columns {_listed(table)}", expected="onset_s and offset_s")
-    onset, end = (_numbers(table, names[name], path) for name in ("onset", "offset"))
-    order = np.ravel(np.column_stack([onset, end]))
-    if not np.all(np.isfinite(order)) or not np.all(np.diff(order) > 0.0):
-        bad = int(np.argmin(np.concatenate([np.diff(order) > 0.0, [False]]))) // 2
-        raise LogError(
-            f"{path}, row {bad + 1}: contractions overlap or are out of order", expected="onset < offset < next onset"
-        )
+    times = []
+    for choices in _LABELS:
+        name = next((name for choice in choices for name in table if split_name(name)[0] == choice), None)
+        unit = (split_name(name)[1] or "s") if name else ""
+        if name is None or unit not in ("s", "ms", "us"):
+            raise LogError(
+                f"{path}: columns {_listed(table)}",
+                expected="onset_s and offset_s, or start_s and end_s, named in the first row; _ms will do as well",
+            )
+        values = _numbers(table, name, path)
+        unknown = np.flatnonzero(~np.isfinite(values))
+        if len(unknown):
+            row = int(unknown[0])
+            raise LogError(f"{path}, row {row + 1}: {name} is {values[row]:g}", expected="a time", do="remove that row")
+        times.append(values * FACTORS[unit])
+    onset, end = times
+    before = -np.inf
+    for row, (first, last) in enumerate(zip(onset, end, strict=True)):
+        if not first < last:
+            problem = f"a contraction from {first:g} to {last:g} s"
+        elif not before < first:
+            problem = f"a contraction begins at {first:g} s, and the one before it ends at {before:g} s"
+        else:
+            before = last
+            continue
+        raise LogError(f"{path}, row {row + 1}: {problem}", expected="onset < offset < next onset")
     return [(float(first), float(last)) for first, last in zip(onset, end, strict=True)]
+
+
+def largest(unit: str) -> float:
+    """What no value of a signal exceeds, in its unit; empty where it is not known."""
+    return _MOST_VOLTS / _VOLTS[unit] if unit in _VOLTS else _MOST
 
 
 def check_signal(name: str, values: Array, where: str) -> None:
     """Refuse a signal that no electrode gives.
 
     Args:
-        name: of the channel.
+        name: of the channel, with its unit at its end where it has one.
         values: finite (n,).
         where: the recording or stream, for messages.
 
     Raises:
-        LogError: flat, or clipped.
+        LogError: flat, clipped, or too large to be one.
     """
     low, high = float(values.min()), float(values.max())
+    unit = suffix[1] if (suffix := _UNIT.search(name)) else ""
+    most = largest(unit)
+    if not max(-low, high) <= most:
+        raise LogError(
+            f"{where}: {name} reaches {max(-low, high):g}",
+            expected=f"at most {most:g}" + (f" {unit}, which are {_MOST_VOLTS:g} V" if unit in _VOLTS else ""),
+            do="look at the unit in the column's name, and at the file",
+        )
     if not high > low:
         raise LogError(
             f"{where}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain"
@@ -207,6 +246,9 @@ def _read(path: Path) -> dict[str, Array]:
     twice = next((name for name in table.column_names if table.column_names.count(name) > 1), None)
     if twice is not None:
         raise LogError(f"{path}: two columns are named {twice!r}", expected="a name for each")
+    odd = next((name for name in table.column_names if not name.isprintable()), None)
+    if odd is not None:
+        raise LogError(f"{path}: a column is named {odd[:40]!r}", expected="names that can be printed")
     return dict(zip(table.column_names, (column.to_numpy() for column in table.columns), strict=True))
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,9 @@ class Score:
 
     detections: int
     misses: int | None = None
-    """Labelled contractions without a detection."""
+    """Labelled contractions without a detection, but for those that are `rejected`."""
+    rejected: int | None = None
+    """Labelled contractions without a detection that are shorter than the shortest that is told."""
     false_activations: int | None = None
     """Detections without a label, and every detection of a contraction after its first."""
     latency_median_s: float | None = None
@@ -64,56 +65,40 @@ def spans(active: Array, rate: float) -> Spans:
     return [(float(first) / rate, float(end) / rate) for first, end in edges.reshape(-1, 2)]
 
 
-def score(found: Spans, labels: Sequence[tuple[float, float]] | None, duration: float) -> Score:
+def score(found: Spans, labels: Sequence[tuple[float, float]] | None, duration: float, shortest: float = 0.0) -> Score:
     """Set detections against labels.
 
-    A contraction's detection is the first one that begins between `EARLY` before the label's onset and its end.
+    A contraction's detection is the first one whose contraction begins between `EARLY` before the label's onset and its
+    end; it is told later by `shortest`, which may be after the end.
 
     Args:
-        found: detections.
+        found: detections, from when they are told.
         labels: contractions; None where there are no labels, empty where there are no contractions.
         duration: of the recording [s].
+        shortest: contractions that are shorter are not told, and all others so much later [s].
     """
     if labels is None:
         return Score(len(found))
     taken: set[int] = set()
-    latencies = []
+    latencies, rejected = [], 0
     for onset, end in labels:
-        first = next((i for i, (on, _) in enumerate(found) if onset - EARLY <= on < end and i not in taken), None)
+        begins = (i for i, (on, _) in enumerate(found) if onset - EARLY <= on - shortest < end and i not in taken)
+        first = next(begins, None)
         if first is not None:
             taken.add(first)
             latencies.append(found[first][0] - onset)
+        elif end - onset < shortest:
+            rejected += 1
     false = len(found) - len(taken)
     return Score(
         len(found),
-        len(labels) - len(taken),
+        len(labels) - len(taken) - rejected,
+        rejected,
         false,
         float(np.median(latencies)) if latencies else None,
         max(latencies) if latencies else None,
         60.0 * false / duration,
     )
-
-
-class Levels(NamedTuple):
-    """An envelope's levels, in the signal's unit."""
-
-    low: float
-    """A tenth of the time it is below."""
-    middle: float
-    """Half of the time."""
-    high: float
-    """Never above."""
-
-
-def envelope_levels(values: Array, rate: float) -> Levels:
-    """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
-
-    Args:
-        values: in any unit, finite (n,).
-        rate: samples a second [Hz].
-    """
-    envelope = EnvelopeFilter(rate, CLEANED).feed(values).envelope[round(0.5 * rate) :]
-    return Levels(*(float(level) for level in np.quantile(envelope, (0.1, 0.5, 1.0))))
 
 
 def find(
@@ -129,8 +114,8 @@ def find(
         values: the signal in any unit, finite (n,).
         rate: samples a second [Hz].
         labels: contractions as they are known [s].
-        mvc: of `envelope_levels`, with whose envelope the plain threshold then goes; where it is not given, with the
-            paper's and its largest.
+        mvc: of `bowden.identify.emg_levels`, with whose envelope the plain threshold then goes; where it is not given,
+            with the paper's and its largest.
         settings: the detector's.
     """
     detected = OnsetDetector(rate, settings).feed(values)
@@ -138,5 +123,5 @@ def find(
     most = float(envelope.max()) if mvc is None else mvc
     found, plain = spans(detected.active, rate), spans(np.where(envelope > PLAIN_THRESHOLD * most, 1.0, 0.0), rate)
     duration = len(values) / rate
-    both = (score(one, labels, duration) for one in (found, plain))
-    return Findings(found, plain, detected, envelope, most, *both)
+    ours = score(found, labels, duration, settings.shortest)
+    return Findings(found, plain, detected, envelope, most, ours, score(plain, labels, duration))

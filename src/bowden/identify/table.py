@@ -23,5 +23,15 @@ def read_table(path: Path) -> "pa.Table":
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}", expected="a CSV or Parquet file") from error
     except pa.ArrowInvalid as error:
-        said = " ".join(str(error).split())
+        said = _printable(" ".join(str(error).split()))
         raise LogError(f"{path} is not a table: {said}", expected="CSV or Parquet with a row of names") from error
+
+
+def _printable(text: str, most: int = 200) -> str:
+    """A text for one line of a message, whatever bytes of a file are in it.
+
+    >>> _printable("got \\x00\\x1b[31m of 2")
+    'got ··[31m of 2'
+    """
+    shown = "".join(letter if letter.isprintable() and letter != "\ufffd" else "·" for letter in text[:most])
+    return shown + ("…" if len(text) > most else "")

@@ -111,6 +111,7 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
 def claims_of(only: Sequence[str]) -> list[str]:
     """Figures without a claim of their own stand for the claims that they show."""
     shown = {"fig12": ["table1.observer.constant"], "fig13": ["table1.adaptive.constant"]}
+    shown["fig18"] = ["fig19"]  # the EMG of the motions, and the motions
     shown["fig15"] = ["fig15", "table1.observer.varying", "table1.adaptive.varying"]
     return [claim for name in only for claim in shown.get(name, [name])]
 

@@ -43,13 +43,15 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
             "",
             "detections",
             "misses",
+            "rejected as too short",
             "false activations",
             "latency, median [ms]",
             "latency, worst [ms]",
             "false a minute",
         ],
         [_row("our detector", found.score), _row("plain threshold, 20 % MVC", found.plain_score)],
-        "A detection counts for a label if it begins up to 0.3 s before it or within it; each further one is false.",
+        "A detection counts for a label if its contraction begins up to 0.3 s before it or within it; each further one "
+        "is false. A labelled contraction that is not told and is shorter than --shortest-ms is rejected, not missed.",
     )
     page.figure(
         signal_figure(log, labels, found),
@@ -111,6 +113,7 @@ def _row(name: str, score: Score) -> list[str]:
         name,
         str(score.detections),
         "–" if score.misses is None else str(score.misses),
+        "–" if score.rejected is None else str(score.rejected),
         "–" if score.false_activations is None else str(score.false_activations),
         milliseconds(score.latency_median_s),
         milliseconds(score.latency_max_s),

@@ -55,7 +55,7 @@ class CourseState(NamedTuple):
 def course_step(
     settings: CourseSettings, state: CourseState, flexor: float, extensor: float, share: float, dt: float
 ) -> tuple[CourseState, Reference]:
-    """One cycle of `dt` [s]; `share` of MVC is NaN where the signal is in trouble or the wearer is not known."""
+    """One cycle of `dt` [s]; `share` of MVC is NaN where a signal is in trouble or the wearer is not known."""
     intent, led = intent_step(settings.intent, state.intent, flexor, extensor, dt)
     followed = proportional(settings.intent, state.followed, share, settings.full, dt)
     follows = settings.proportional > 0.5
@@ -71,20 +71,22 @@ def course_step(
 def _in_place(settings: Array, memory: Array, flexor: float, extensor: float, share: float, dt: float) -> None:
     """`course_step` on arrays: settings and states as tuples would cost 30 µs a cycle to hand over."""
     m, s = memory, settings
-    intent = IntentState(m[0], m[1], m[2], Reference(m[3], m[4], m[5]), m[6], m[7], m[8])
-    state = CourseState(intent, Reference(m[9], m[10], m[11]))
+    intent = IntentState(m[0], m[1], m[2], Reference(m[3], m[4], m[5]), m[6], m[7], m[8], m[9], m[10])
+    state = CourseState(intent, Reference(m[11], m[12], m[13]))
     given = CourseSettings(IntentSettings(s[0], s[1], s[2], s[3]), s[4], s[5])
     (intent, followed), reference = course_step(given, state, flexor, extensor, share, dt)
-    m[0], m[1], m[2], m[6], m[7], m[8] = (
+    m[0], m[1], m[2], m[6], m[7], m[8], m[9], m[10] = (
         intent.mode,
         intent.flexor,
         intent.extensor,
         intent.end,
         intent.lasts,
         intent.gone,
+        intent.owed,
+        intent.alone,
     )
     for i in range(3):
-        m[3 + i], m[9 + i], m[12 + i] = intent.begin[i], followed[i], reference[i]
+        m[3 + i], m[11 + i], m[14 + i] = intent.begin[i], followed[i], reference[i]
 
 
 class EmgCourse:
@@ -101,9 +103,9 @@ class EmgCourse:
         self.cycles = cycles
         self._low, self._reader, self._start = settings.intent.low, reader, start
         self._settings = np.array([*settings.intent, settings.proportional, settings.full])
-        self._memory = np.zeros(15)
+        self._memory = np.zeros(17)
         self._mode = self._memory[:1].data
-        self._reference = self._memory[12:].data
+        self._reference = self._memory[14:].data
         self._step = compiled(_in_place)
         self._heard, self._age = Heard(), math.inf
         self.over = False

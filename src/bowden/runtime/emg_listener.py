@@ -1,5 +1,6 @@
 """From a stream of EMG to what it says: each sample through envelope and detector, as it comes."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from bowden.runtime.clock import SECOND
 from bowden.runtime.intent_block import Heard
 from bowden.runtime.ports import EmgChunk
+from bowden.sensing.onset import DEFAULTS, OnsetSettings, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -25,9 +27,9 @@ class Levels(NamedTuple):
 class _Muscle:
     """One channel through its filters."""
 
-    def __init__(self, column: int, rate: float) -> None:
-        self.column, self._envelope, self._onset = column, EnvelopeFilter(rate), OnsetDetector(rate)
-        self._last = 0.0
+    def __init__(self, column: int, rate: float, settings: OnsetSettings) -> None:
+        self.column, self._envelope, self._onset = column, EnvelopeFilter(rate), OnsetDetector(rate, settings)
+        self._last = math.nan
         self.active = self.level = self.trouble = 0.0
 
     def feed(self, values: Array) -> NDArray[np.bool_]:
@@ -36,9 +38,11 @@ class _Muscle:
         before, detected = self.active, self._onset.feed(signal)
         known = np.isfinite(signal)
         held = np.maximum.accumulate(np.where(known, np.arange(1, len(signal) + 1), 0))
-        filled = np.concatenate([[self._last], np.where(known, signal, 0.0)])[held]  # a missing sample: the one before
+        filled = np.concatenate([[self._last], signal])[held]  # a missing sample: the one before
         self._last = float(filled[-1])
-        self.level = float(self._envelope.feed(filled).envelope[-1])
+        begun = filled[np.isfinite(filled)]  # the envelope begins at the first sample that came
+        if len(begun):
+            self.level = float(self._envelope.feed(begun).envelope[-1])
         self.active, self.trouble = float(detected.active[-1]), float(detected.trouble[-1])
         begins: NDArray[np.bool_] = np.diff(detected.active, prepend=before) > 0.5
         return begins
@@ -55,8 +59,8 @@ class Listener:
     """
 
     def __init__(self, rate: float, flexor: int, extensor: int | None = None, levels: Levels | None = None) -> None:
-        self._flexor = _Muscle(flexor, rate)
-        self._extensor = None if extensor is None else _Muscle(extensor, rate)
+        self._flexor = _Muscle(flexor, rate, DEFAULTS if levels is None else of_wearer(levels.rest))
+        self._extensor = None if extensor is None else _Muscle(extensor, rate, DEFAULTS)
         self._levels = levels
         self.heard = Heard()
 

@@ -1,8 +1,10 @@
 """From contractions to where the joint should be: rest → flex → hold → extend, with minimum jerk, as kernels.
 
 One muscle takes turns: its contraction begins a flexion from rest and an extension from hold. Two muscles have a
-direction each, and a contraction of both at once (a stiffened arm) is no wish. In both cases a contraction in mid-way
-that asks for the other direction turns the motion round.
+direction each, and a contraction of both at once (a stiffened arm) is no wish. A muscle that begins while the other one
+still contracts, or is still taken to, has its motion once it has gone on alone for a moment; one that begins at nearly
+the same time as the other has none. In both cases a contraction in mid-way that asks for the other direction turns the
+motion round.
 
 A motion is the quintic of least jerk (Flash and Hogan 1985) from where the reference is, with the velocity and the
 acceleration that it has, to its end at rest; so that neither of them jumps when a motion is turned round.
@@ -45,7 +47,7 @@ class IntentState(NamedTuple):
     mode: float
     """Number of an `Intent`."""
     flexor: float
-    """Whether it contracted in the cycle before."""
+    """How long it has contracted, up to 1 s; 0 where it does not [s]."""
     extensor: float
     begin: Reference
     """Where the motion began."""
@@ -55,13 +57,29 @@ class IntentState(NamedTuple):
     """[s]"""
     gone: float
     """[s]"""
+    owed: float = 0.0
+    """1 where the flexor, -1 where the extensor began during the other one's contraction and has had no motion yet."""
+    alone: float = 0.0
+    """How long that one has gone on without the other [s]."""
 
 
 REST, FLEX, HOLD, EXTEND = (float(intent) for intent in Intent)
+TURNED_SPEED, TURNED_ACCELERATION = 2.28, 20.2
+"""Largest speed and acceleration of a motion that is turned round once, over range/duration and range/duration²; those
+of one that is not are 1.875 and 5.774 [–]."""
+FOLLOWED_SPEED, FOLLOWED_ACCELERATION = 1.875, 100.0
+"""The same of `proportional`."""
 _SHORTEST = 0.3
 """A motion takes at least this share of `duration`, however short its way [–]."""
 _LESS, _TRIES, _POINTS = 0.8, 10, 20
 """A motion that would leave its range is tried so much quicker, so often, and looked at in so many points."""
+
+
+_TOGETHER = 0.2
+"""Muscles that begin within this time are contracted at once: neither has a motion after that [s]."""
+_ALONE = 0.15
+"""A muscle that began during the other one's contraction has its motion so long after that has ended: two that are let
+go at once end at somewhat different times [s]."""
 
 
 def intent_start(position: float) -> IntentState:
@@ -126,12 +144,21 @@ def intent_step(
     """
     gone = np.fmin(state.gone + dt, state.lasts)
     now = least_jerk(state.begin, state.end, state.lasts, gone)
-    begins = (flexor > 0.5) * (state.flexor < 0.5)
-    other = (extensor > 0.5) * (state.extensor < 0.5)
+    flexes, extends = flexor > 0.5, extensor > 0.5
+    begins, other = flexes * (state.flexor <= 0.0), extends * (state.extensor <= 0.0)
     two, up = settings.muscles > 1.5, (state.mode == FLEX) + (state.mode == HOLD) > 0.0
-    both = (flexor > 0.5) * (extensor > 0.5)
-    flex = sel(two, begins * (1.0 - both), begins * (1.0 - up)) * (1.0 - up) > 0.0
-    extend = sel(two, other * (1.0 - both), begins) * up > 0.0
+    both = flexes * extends
+
+    # who began while the other one contracted, and whether it is alone by now
+    owed = sel(both * begins, sel(state.extensor > _TOGETHER, 1.0, 0.0), state.owed)
+    owed = sel(both * other, sel(state.flexor > _TOGETHER, -1.0, 0.0), owed)
+    owed = sel((owed > 0.0) * flexes + (owed < 0.0) * extends > 0.0, owed, 0.0)
+    alone = sel((np.abs(owed) > 0.5) * (1.0 - both) > 0.0, state.alone + dt, 0.0)
+    due = alone >= _ALONE
+    flex_due, extend_due = due * (owed > 0.0), due * (owed < 0.0)
+
+    flex = sel(two, begins * (1.0 - both) + flex_due, begins * (1.0 - up)) * (1.0 - up) > 0.0
+    extend = sel(two, other * (1.0 - both) + extend_due, begins) * up > 0.0
 
     end = sel(flex, settings.high, sel(extend, settings.low, state.end))
     turns = flex + extend > 0.0
@@ -145,7 +172,17 @@ def intent_step(
     arrived = gone >= lasts
     moved = sel(flex, FLEX, sel(extend, EXTEND, state.mode))
     mode = sel(arrived * (moved == FLEX) > 0.0, HOLD, sel(arrived * (moved == EXTEND) > 0.0, REST, moved))
-    after = IntentState(mode, sel(flexor > 0.5, 1.0, 0.0), sel(extensor > 0.5, 1.0, 0.0), begin, end, lasts, gone)
+    after = IntentState(
+        mode,
+        sel(flexes, np.fmin(1.0, state.flexor + dt), 0.0),
+        sel(extends, np.fmin(1.0, state.extensor + dt), 0.0),
+        begin,
+        end,
+        lasts,
+        gone,
+        sel(due, 0.0, owed),
+        sel(due, 0.0, alone),
+    )
     return after, now
 
 
@@ -166,7 +203,7 @@ def proportional(settings: IntentSettings, before: Reference, envelope: float, f
     share = np.fmax(0.0, np.fmin(1.0, sel(envelope < np.inf, envelope, 0.0) / full))
     goal = settings.low + share * (settings.high - settings.low)
     rate = 10.0 / settings.duration
-    most = 1.875 * (settings.high - settings.low) / settings.duration
+    most = FOLLOWED_SPEED * (settings.high - settings.low) / settings.duration
     velocity = (before.velocity + dt * rate * rate * (goal - before.position)) / (1.0 + rate * dt * (2.0 + rate * dt))
     velocity = np.fmax(0.0 - most, np.fmin(most, velocity))
     return Reference(before.position + dt * velocity, velocity, (velocity - before.velocity) / dt)

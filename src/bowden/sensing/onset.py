@@ -2,14 +2,18 @@
 
 Four questions to each sample, in the band above 60 Hz:
 
-1. **Is it large?** |band| above 3 σ, where σ is the size of the signal at rest. σ follows the median of |band| slowly,
-   and hardly at all during a contraction; after one, what the signal has calmed down to counts as rest.
+1. **Is it large?** |band| above 3 σ, where σ is the size of the signal at rest. It is measured in the first half second
+   of a signal without trouble, and again after half a second without any, or when hum that has stayed is gone: an
+   electrode that comes back need not be as it was. σ follows the median of |band| slowly, and hardly at all during a
+   contraction; after one, what the signal has calmed down to counts as rest. While little of rest has been seen, σ
+   grows quicker in a contraction, so that a start that was too quiet is got over, and afterwards returns.
 2. **Is it new?** Mains hum repeats itself 20 ms later, or 16.7 ms. What is left of the band after subtracting itself
    one period ago must be large too: hum of any shape passes for one period when it begins, and not when it ends.
 3. **Is it broadband?** A contraction has more than a hundredth of its power above 20 Hz in that rest; movement of
    electrodes and cables, and hum, have not. It must hold its own against the peak of a swing above 5 Hz as well, which
    fades with a tenth of a second: between two of its peaks a swing may look like any noise.
-4. **Is it alive?** A signal that repeats one value for 20 ms is clipped, or its electrode is off.
+4. **Is it alive?** A signal that repeats one value for 20 ms is clipped, or its electrode is off; so is one that hardly
+   moves for most of the time between its largest steps, as hum does that is clipped.
 
 Time with four times yes is evidence; other time takes some of it away again (a cumulative sum, Page 1954). A click or
 the step of an electrode rings for less than the 30 ms that are needed. The second threshold, for the end, is lower:
@@ -26,8 +30,8 @@ from bowden.sensing.biquad import EMPTY, Biquad, Memory, biquad, butterworth, cr
 
 MAINS = (50.0, 60.0)
 """[Hz]; both are looked for."""
-SLOWEST, QUICKEST = 400.0, 5000.0
-"""Rates that the detector takes [Hz]."""
+SLOWEST, QUICKEST = 900.0, 5000.0
+"""Rates that the detector takes [Hz]; with fewer samples in 30 ms, an open input may pass for a contraction."""
 
 
 class OnsetSettings(NamedTuple):
@@ -63,8 +67,24 @@ class OnsetSettings(NamedTuple):
     """A value that lasts so long is no signal [s]."""
     trouble: float = 0.15
     """Trouble that ends a contraction [s]."""
+    still: float = 0.05
+    """A step from one sample to the next that is less than this share of the recent largest is none [–]."""
+    stuck: float = 0.6
+    """Share of samples without a step that is too much [–]."""
     settle: float = 0.5
-    """From the start, in which rest is measured [s]."""
+    """From the start, in which rest is measured; time without a signal does not count [s]."""
+    wait: float = 0.05
+    """The first part of that, in which filters and the memory of a period fill [s]."""
+    stays: float = 1.0
+    """Time constant of the share of time in trouble, above half of which trouble is what rest is like [s]."""
+    gone: float = 0.25
+    """Below this share of its power, trouble that had stayed is gone [–]."""
+    unsure: float = 10.0
+    """Rest that has been seen for less than this is not yet known [s]."""
+    unsure_time: float = 5.0
+    """Time constant of σ in a contraction until then [s]."""
+    least: float = 1e-12
+    """σ is never less, in the signal's unit; see `of_wearer`."""
     rest_time: float = 2.0
     """Time constant of σ at rest [s]."""
     active_time: float = 60.0
@@ -74,6 +94,14 @@ class OnsetSettings(NamedTuple):
 
 
 DEFAULTS = OnsetSettings()
+
+
+def of_wearer(rest: float) -> OnsetSettings:
+    """For a wearer whose envelope at `rest` is known, in the signal's unit: σ is never below half of it.
+
+    So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows.
+    """
+    return DEFAULTS._replace(least=0.5 * rest)
 
 
 class Onset(NamedTuple):
@@ -89,6 +117,8 @@ class Onset(NamedTuple):
     dt: float
     grow: float
     grow_active: float
+    grow_unsure: float
+    stay: float
     power: float
     mean: float
     peak: float
@@ -108,9 +138,20 @@ class OnsetState(NamedTuple):
     slow: Memory
     past: tuple[float, ...]
     """The band's last samples, the newest first, over the longest mains period."""
+    hum: float
+    """Power above 20 Hz of movement and mains, averaged over a second of rest."""
+    murky: float
+    """Share of that second with such trouble."""
+    leap: float
+    """Recent largest step from one sample to the next."""
+    stuck: float
+    """Share of recent samples without a step."""
     age: float
+    """Rest that has been seen since the signal began [samples]."""
     rest: float
     """σ, in the signal's unit."""
+    before: float
+    """σ when the last contraction began, in the signal's unit."""
     peak: float
     swing: float
     """Square of the movement's recent peak."""
@@ -144,6 +185,8 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
         dt,
         math.exp(dt / settings.rest_time),
         math.exp(dt / settings.active_time),
+        math.exp(dt / settings.unsure_time),
+        1.0 - math.exp(-dt / settings.stays),
         1.0 - math.exp(-dt / 0.015),
         1.0 - math.exp(-dt / 0.05),
         math.exp(-dt / 0.03),
@@ -154,9 +197,9 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
 
 
 def onset_start(onset: Onset, first: float) -> OnsetState:
-    """Before the `first` sample."""
+    """Before the `first` sample, which may be NaN."""
     memories = (EMPTY, EMPTY, EMPTY, EMPTY)
-    return OnsetState(first, math.nan, *memories, (0.0,) * (max(onset.delay) + 1), *([0.0] * 16))
+    return OnsetState(first, math.nan, *memories, (0.0,) * (max(onset.delay) + 1), *([0.0] * 21))
 
 
 @kernel
@@ -168,8 +211,10 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         mains.
     """
     by, dt = onset.settings, onset.dt
-    raw = sel(np.abs(value) < np.inf, value, state.raw)
-    x = sel(np.abs(raw) < np.inf, raw, state.origin) - state.origin
+    here = np.abs(value) < np.inf
+    raw = sel(here, value, state.raw)
+    origin = sel(np.abs(state.origin) < np.inf, state.origin, raw)
+    x = sel(np.abs(raw) < np.inf, raw - origin, 0.0)
     inner, half = biquad(onset.band, state.inner, x)
     outer, band = biquad(onset.band, state.outer, half)
     wide, all_of_it = biquad(onset.wide, state.wide, x)
@@ -189,26 +234,43 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
 
     # what is wrong
     upper = by.high * state.rest
-    flat = sel(raw == state.raw, state.flat + dt, 0.0)
-    narrow = (new < by.broad * power) + (new < by.moved * swing) > 0.0
+    step = sel(np.abs(state.raw) < np.inf, np.abs(raw - state.raw), 0.0)
+    leap = np.fmax(step, state.leap * onset.peak)
+    stuck = state.stuck + onset.power * (sel(step <= by.still * leap, 1.0, 0.0) - state.stuck)
+    flat = sel(here * (raw != state.raw) > 0.0, 0.0, state.flat + dt)
+    narrow = (new < by.broad * power) + (new < by.moved * swing) + (stuck > by.stuck) > 0.0
     odd = sel(narrow * (power > upper * upper) > 0.0, state.odd + dt, 0.0)
     trouble = sel(flat > by.flat, 1.0, sel(odd > 0.0, 2.0, 0.0))
 
+    # what rest is like: hum that stays belongs to it until it is gone
+    idle = state.active < 0.5
+    rate = sel(idle * (trouble != 1.0) > 0.0, onset.stay, 0.0)
+    murky = state.murky + rate * (sel(trouble == 2.0, 1.0, 0.0) - state.murky)
+    hum = state.hum + rate * (sel(trouble == 2.0, power, 0.0) - state.hum)
+    usual = murky > 0.5
+    seen = (trouble == 0.0) + (trouble == 2.0) * usual > 0.0
+    off = flat > sel(state.age * dt < by.settle, by.flat, by.settle)
+    again = off + idle * usual * (power < by.gone * hum) > 0.0
+    age = sel(again, 0.0, sel(idle * seen > 0.0, state.age + 1.0, state.age))
+    murky, hum = sel(again, 0.0, murky), sel(again, 0.0, hum)
+
     # rest
-    age = state.age + 1.0
     settling = age * dt < by.settle
-    factor = sel(state.active > 0.5, onset.grow_active, onset.grow)
+    measured = age - np.floor(by.wait / dt)
+    average = state.rest + (1.6 * size - state.rest) / np.fmax(measured, 1.0)
+    factor = sel(idle, onset.grow, sel(age * dt < by.unsure, onset.grow_unsure, onset.grow_active))
     factor = sel(size > 0.6 * state.rest, factor, 1.0 / factor)
     calm_enough = (state.active > 0.5) + (state.evidence < 0.25 * by.evidence) > 0.0
-    followed = sel((trouble == 0.0) * calm_enough > 0.0, state.rest * factor, state.rest)
-    rest = sel(settling, state.rest + (1.6 * size - state.rest) / age, followed)
-    rest = np.fmax(rest, 1e-12)
+    followed = sel(calm_enough, state.rest * factor, state.rest)
+    rest = sel(settling, sel(measured > 0.5, average, state.rest), followed)
+    rest = np.fmax(sel(seen, rest, state.rest), by.least)
     upper = by.high * rest
 
     # evidence for an onset, and for an end
     mean = state.mean + onset.mean * (1.25 * size - state.mean)
     most = sel(state.active > 0.5, np.fmax(mean, state.size * onset.size), state.size)
-    yes = (size > upper) * (left > by.new * peak) > 0.0
+    there = power > sel(usual, 0.5 * hum, -1.0)  # a contraction does not take from the power that stays
+    yes = (size > upper) * (left > by.new * peak) * there > 0.0
     evidence = np.fmin(2.0 * by.evidence, np.fmax(0.0, state.evidence + sel(yes, dt, -by.doubt * dt)))
     hold = np.fmax(0.0, state.hold - dt)
     evidence = sel((trouble > 0.5) + (hold > 0.0) + settling > 0.0, 0.0, evidence)
@@ -218,21 +280,27 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
 
     begins = (state.active < 0.5) * (evidence >= by.evidence) > 0.0
     ends = (state.active > 0.5) * ((quiet > by.quiet) + (odd > by.trouble) + (flat > by.flat) > 0.0) > 0.0
-    rested = (state.hold > 0.0) * (hold == 0.0) * (trouble == 0.0) > 0.0
-    rest = sel(rested, np.fmax(rest, calm), rest)
+    rested = (state.hold > 0.0) * (hold == 0.0) * seen > 0.0
+    before = sel(begins, rest, state.before)
+    rest = sel(rested, np.fmax(before, calm), rest)
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
     held = sel(active > 0.5, state.held + dt, 0.0)
     told = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
     after = OnsetState(
-        state.origin,
+        origin,
         raw,
         inner,
         outer,
         wide,
         slow,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
+        hum,
+        murky,
+        leap,
+        stuck,
         age,
         rest,
+        before,
         peak,
         swing,
         power,

@@ -62,7 +62,7 @@ class EnvelopeFilter:
 
 
 class OnsetDetector:
-    """Contractions in a signal of `rate` samples a second, 400 to 5000 Hz; NaN stands for a sample that is missing."""
+    """Contractions in a signal of `rate` samples a second, 900 to 5000 Hz; NaN stands for a sample that is missing."""
 
     def __init__(self, rate: float, settings: OnsetSettings = onset.DEFAULTS) -> None:
         self._onset = prepare_onset(rate, settings)
@@ -73,7 +73,7 @@ class OnsetDetector:
         piece = np.ascontiguousarray(values, dtype=np.float64)
         out = np.empty((3, len(piece)))
         if len(piece):
-            first = float(piece[0]) if np.isfinite(piece[0]) else 0.0
+            first = float(piece[0])
             state = onset_start(self._onset, first) if self._state is None else self._state
             self._state = compiled(_onset)(self._onset, state, piece, out)
         return Detected(*out)
