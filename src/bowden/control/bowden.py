@@ -209,7 +209,8 @@ def step(
     behind, unmoved = 0.0 - side * off, np.abs(motor - before.moved_motor)
     late = (gains.late > 0.0) * (behind > gains.late)
     left = late * ((unmoved > STUCK) + (behind > 1.5 * gains.late) > 0.0)
-    sought = sel(seeks, sel(wide > 0.5, sel(touched, sel(left, 1.0, 0.0), 1.0), 0.0), 0.0)
+    worth_it = sel(side == plan.side, 1.0, wide)  # what is sought was wide enough when the side changed
+    sought = sel(seeks, sel(touched, sel(left, wide, 0.0), worth_it), 0.0)
     answers = seen_both * (unmoved < LOST)  # a dead joint is not sought for ever
     searches = (plan.phase >= 1.0) * (side * off < 0.5 * gains.tolerance) * answers
     hurry = np.fmax(0.0, np.fmin(HURRY[1], side * way - HURRY[0]))
