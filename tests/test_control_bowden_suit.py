@@ -208,3 +208,11 @@ def test_a_drive_at_the_limit_of_its_current_is_not_asked_for_more_and_more() ->
         )
         found.append(states[-1].feedback)
     assert found[0] < 0.35 < found[1]
+
+
+@pytest.mark.parametrize(("when", "turns"), [(6.0, False), (11.7, True)], ids=["in mid-stroke", "near its end"])
+def test_less_is_borne_of_a_joint_that_is_ahead_where_the_stroke_ends_soon(when: float, turns: bool) -> None:
+    """2.6° ahead, as a sheath that straightens makes it, for the last 0.6 s."""
+    ahead = 2.6 * RADIANS
+    _, states = led(ours(), SLOW, when + 0.6, lambda time, wanted, _c: wanted + (ahead if time > when else 0.0))
+    assert (states[-1].side < 0.0) is turns

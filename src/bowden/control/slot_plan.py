@@ -20,6 +20,9 @@ STEP_SPEED = 5.0
 _AMBLING = 0.1
 """Speed of the reference below which a joint that is ahead ends a stroke early [rad/s]."""
 
+_ENDING = 0.6
+"""Share of the tolerance that a joint may be ahead in the last of a stroke, which ends soon on the other side [–]."""
+
 _STEADY = 5.0
 """By how much the patience with an error grows with the reference's speed, lest it hunts in mid-stroke [s/(rad/s)]."""
 
@@ -185,7 +188,9 @@ def foreseen_side(
     way, beyond = plan.side * way, plan.side * slow_error
     turns = (way < -worth) * (way - beyond < -worth)
     passes = (plan.side * velocity < 0.0) * (beyond < 0.0) * (plan.side * return_way - beyond < -worth)
-    errs = (0.5 * way - beyond < -tolerance) * (plan.since > patience + _STEADY * np.abs(velocity))
+    nearly = (acceleration * plan.side < 0.0) * (velocity * plan.side > 0.0) * (np.abs(velocity) < _AMBLING)
+    most = tolerance * sel(nearly, _ENDING, 1.0)
+    errs = (0.5 * way - beyond < -most) * (plan.since > patience + _STEADY * np.abs(velocity))
     stands = (velocity == 0.0) * (reference.position == plan.reference)
     stops = (acceleration * plan.side < 0.0) + stands > 0.0
     left = way - sel(np.abs(velocity) < _AMBLING, np.fmax(0.0, beyond), 0.0)
