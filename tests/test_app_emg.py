@@ -10,6 +10,8 @@ import pytest
 
 from bowden.app import wearer_file
 from bowden.app.main import run
+from bowden.core.errors import StreamError
+from bowden.hardware.emg_playback import Playback
 from bowden.identify.emg_levels import envelope_levels
 from bowden.identify.emg_log import read_emg
 from bowden.runtime.emg_listener import Levels, Listener
@@ -63,6 +65,15 @@ def test_a_recording_is_scored_in_its_own_time(capsys: pytest.CaptureFixture[str
     assert found["plain_threshold"]["misses"] == 0
     assert Path("out/emg/emg.html").is_file()
     assert "Contractions in a.csv" in Path("out/emg/emg.html").read_text()
+
+
+def test_a_slow_recording_is_scored_with_a_warning_and_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    recording = write("slow.csv", signal(rate=500.0), rate=500.0)
+    found = document(["emg", "score", str(recording), "--labels", str(labels())], capsys, "emg_score")
+    assert (found["detections"], found["misses"], found["false_activations"]) == (2, 0, 0)
+    assert found["warnings"] == ["500 samples a second are few: below 900 an open input may pass for a contraction"]
+    with pytest.raises(StreamError, match="500 samples a second; expected 900 to 5000 Hz"):
+        Playback(recording).open()
 
 
 def test_without_labels_there_are_detections_alone(capsys: pytest.CaptureFixture[str]) -> None:
@@ -238,7 +249,7 @@ def bad(name: str) -> Path:
         ("no time", "no column of times among 'x', 'emg_mV'"),
         ("twice", "two columns are named 'emg_mV'"),
         ("no channel", "no channel beside 'time_s'"),
-        ("slow", "100 samples a second; expected 900 to 5000 Hz"),
+        ("slow", "100 samples a second; expected 400 to 5000 Hz"),
     ],
 )
 @pytest.mark.parametrize("command", ["score", "calibrate"])

@@ -8,7 +8,7 @@ from bowden.models.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
-from bowden.sensing.onset import QUICKEST, SLOWEST, onset_start, onset_step, prepare_onset
+from bowden.sensing.onset import QUICKEST, SAFE, onset_start, onset_step, prepare_onset
 
 
 def emg_modules(rate: float) -> tuple[Module, Module]:
@@ -20,9 +20,9 @@ def emg_modules(rate: float) -> tuple[Module, Module]:
     Raises:
         ParameterError: a rate that the detector does not take.
     """
-    if not SLOWEST <= rate <= QUICKEST:
+    if not SAFE <= rate <= QUICKEST:
         raise ParameterError(
-            f"the EMG's rate is {rate:g} Hz", expected=f"from {SLOWEST:g} to {QUICKEST:g} Hz", do="change --emg-rate"
+            f"the EMG's rate is {rate:g} Hz", expected=f"from {SAFE:g} to {QUICKEST:g} Hz", do="change --emg-rate"
         )
     value, first = Argument("value", 0.0), Argument("first", 0.0)
     chain = Argument("chain", prepare_envelope(rate), constant=True)

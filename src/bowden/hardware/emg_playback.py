@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bowden.core.errors import LogError, StreamError
-from bowden.hardware.lsl_info import check_wanted
+from bowden.hardware.lsl_info import check_rate, check_wanted
 from bowden.identify.emg_log import EmgRecording, read_channels
 from bowden.runtime.ports import EmgChunk
 
@@ -35,6 +35,7 @@ class Playback:
         except LogError as error:
             raise StreamError(error.what, expected=error.expected, do=error.do) from error
         check_wanted(found.channels, self._wanted, str(self._path))
+        check_rate(found.rate, str(self._path))
         self.rate, self.channels, self.unit = found.rate, found.channels, found.unit
         self._values, self._lost = found.values, ""
         self._start, self._played = None, 0

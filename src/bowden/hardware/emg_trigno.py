@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import StreamError
-from bowden.hardware.lsl_info import check_wanted
+from bowden.hardware.lsl_info import check_rate, check_wanted
 from bowden.hardware.sample_times import SampleTimes
 from bowden.hardware.trigno_dialogue import Address, Base, Dialogue
 from bowden.hardware.trigno_protocol import LARGEST, LEAST, Samples
 from bowden.runtime.clock import SECOND, Clock, MonotonicClock
 from bowden.runtime.ports import EmgChunk
-from bowden.sensing.onset import QUICKEST, SLOWEST
 
 Array = NDArray[np.float64]
 
@@ -70,11 +69,7 @@ class TrignoStream:
         dialogue = Dialogue(self._address, self._clock)
         try:
             base = self._base = dialogue.base
-            if not SLOWEST <= base.rate <= QUICKEST:
-                raise StreamError(
-                    f"{self._address.said()} sends {base.rate:.4g} samples a second",
-                    expected=f"{SLOWEST:g} to {QUICKEST:g} Hz",
-                )
+            check_rate(base.rate, self._address.said())
             channels = tuple(column.name for column in base.columns)
             check_wanted(channels, self._wanted, self._address.said())
             self.rate, self.channels = base.rate, channels

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bowden.core.errors import StreamError
-from bowden.sensing.onset import QUICKEST, SLOWEST
+from bowden.sensing.onset import QUICKEST, SAFE
 
 TYPES = ("EMG", "SEMG", "EXG")
 """Content types of streams that hold EMG, in capitals."""
@@ -34,10 +34,7 @@ def check_info(info: Any, name: str) -> None:
         raise StreamError(
             f"the LSL stream {name!r} has an irregular rate", expected="a rate that it declares and keeps"
         )
-    if not SLOWEST <= rate <= QUICKEST:
-        raise StreamError(
-            f"the LSL stream {name!r} has {rate:g} samples a second", expected=f"{SLOWEST:g} to {QUICKEST:g} Hz"
-        )
+    check_rate(rate, f"the LSL stream {name!r}")
 
 
 def channel_names(info: Any, wanted: Sequence[str] = ()) -> tuple[str, ...]:
@@ -59,6 +56,16 @@ def channel_names(info: Any, wanted: Sequence[str] = ()) -> tuple[str, ...]:
         raise StreamError(f"two channels of the LSL stream {name!r} are named {twice!r}", expected="a name for each")
     check_wanted(names, wanted, f"the LSL stream {name!r}")
     return names
+
+
+def check_rate(rate: float, where: str) -> None:
+    """See that a rate is one by whose contractions something may be moved.
+
+    Raises:
+        StreamError: it is not.
+    """
+    if not SAFE <= rate <= QUICKEST:
+        raise StreamError(f"{where} has {rate:.6g} samples a second", expected=f"{SAFE:g} to {QUICKEST:g} Hz")
 
 
 def check_wanted(names: Sequence[str], wanted: Sequence[str], where: str) -> None:

@@ -13,7 +13,7 @@ from bowden.core.errors import LogError
 from bowden.identify.checks import check_finite, even_time
 from bowden.identify.columns import FACTORS, split_name
 from bowden.identify.table import read_table
-from bowden.sensing.onset import QUICKEST, SLOWEST
+from bowden.sensing.onset import QUICKEST, SAFE, SLOWEST
 
 Array = NDArray[np.float64]
 
@@ -154,6 +154,9 @@ def _recording(table: dict[str, Array], names: tuple[str, ...], declared: float 
             expected=f"{SLOWEST:g} to {QUICKEST:g} Hz",
             do="look at the unit of the time (time_s, time_ms), or resample",
         )
+    if rate < SAFE:
+        slow = f"{rate:.4g} samples a second are few: below {SAFE:g} an open input may pass for a contraction"
+        warnings = [*warnings, slow]
     if len(even) < _SHORTEST * rate:
         raise LogError(f"{path}: {len(even) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
     for name, values in zip(names, columns, strict=True):

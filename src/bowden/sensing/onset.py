@@ -30,8 +30,9 @@ from bowden.sensing.biquad import EMPTY, Biquad, Memory, biquad, butterworth, cr
 
 MAINS = (50.0, 60.0)
 """[Hz]; both are looked for."""
-SLOWEST, QUICKEST = 900.0, 5000.0
-"""Rates that the detector takes [Hz]; with fewer samples in 30 ms, an open input may pass for a contraction."""
+SLOWEST, SAFE, QUICKEST = 400.0, 900.0, 5000.0
+"""Rates that the detector takes, from `SLOWEST` to `QUICKEST` [Hz]. Below `SAFE` 30 ms have so few samples that an open
+input may pass for a contraction: good for a recording, but nothing is moved by it."""
 
 
 class OnsetSettings(NamedTuple):

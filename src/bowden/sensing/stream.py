@@ -62,7 +62,7 @@ class EnvelopeFilter:
 
 
 class OnsetDetector:
-    """Contractions in a signal of `rate` samples a second, 900 to 5000 Hz; NaN stands for a sample that is missing."""
+    """Contractions in a signal of `rate` samples a second, 400 to 5000 Hz; NaN stands for a sample that is missing."""
 
     def __init__(self, rate: float, settings: OnsetSettings = onset.DEFAULTS) -> None:
         self._onset = prepare_onset(rate, settings)
