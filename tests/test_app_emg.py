@@ -264,6 +264,31 @@ def test_what_cannot_be_used_is_one_line(
     assert not Path("wearer.toml").exists()
 
 
+def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(capsys: pytest.CaptureFixture[str]) -> None:
+    """60 Hz of some ten times rest's noise; the wearer's file has it, and the live envelope goes by it."""
+    hum = 0.05 * np.sin(2.0 * np.pi * 60.0 * np.arange(8000) / 1000.0)
+    recording = str(write("hum.csv", signal() + hum))
+    found = {}
+    for mains in ("50", "60"):
+        document(["emg", "calibrate", recording, "--mains", mains, "--out", f"{mains}.toml"], capsys, "emg_calibrate")
+        found[mains] = wearer_file.read(Path(f"{mains}.toml"))
+    assert found["60"].mains == 60.0
+    assert found["60"].rest < 0.3 * found["50"].rest
+    times = np.arange(1500) / 1000.0
+    share = [
+        Listener(1000.0, 0, levels=Levels(of.rest, of.mvc, mains)).take(EmgChunk(hum[:1500, None], times), 1.5).share
+        for of, mains in ((found["60"], 60.0), (found["60"], 50.0))
+    ]
+    assert abs(share[0]) < 0.02
+    assert share[1] > 0.05
+    assert run(["emg", "calibrate", recording, "--mains", "55"]) == 2
+    assert "--mains is 55; expected 50, 60, or 0 for none" in capsys.readouterr().err
+    text = Path("60.toml").read_text()
+    Path("60.toml").write_text(text.replace("mains_hz = 60", "mains_hz = 16"))
+    assert run(["emg", "score", recording, "--wearer", "60.toml"]) == 2
+    assert "mains_hz is 16" in capsys.readouterr().err
+
+
 def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
     assert run(["emg", "calibrate", calm]) == 2

@@ -13,7 +13,8 @@ from bowden.identify.emg_log import read_emg, read_labels
 from bowden.identify.emg_score import Findings, find, score, spans
 from bowden.sensing.biquad import PASS, notch
 from bowden.sensing.envelope import EnvelopeSettings, envelope_start, envelope_step, prepare_envelope
-from bowden.sensing.onset import DEFAULTS, OnsetSettings, of_wearer, onset_start, onset_step, prepare_onset
+from bowden.sensing.onset import onset_start, onset_step, prepare_onset
+from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sim.emg import NOISE, background, contractions, rest
 

@@ -29,6 +29,7 @@ def calibrate(
     lasting: Annotated[float, typer.Option("--seconds", help="Of a stream: of rest, and of contraction.")] = 5.0,
     channel: ChannelOption = None,
     rate: RateOption = None,
+    mains: Annotated[float, typer.Option(help="Hum to take out of the envelope: 50 or 60 Hz; 0 for none.")] = 50.0,
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("wearer.toml"),
     json: JsonOption = False,
 ) -> None:
@@ -40,19 +41,22 @@ def calibrate(
     """
     from bowden.app import wearer_file
     from bowden.core.errors import ParameterError
+    from bowden.sensing.envelope import MAINS_HZ
 
     if (recording is None) == (source is None):
         raise ParameterError(
             "there are a recording and a --source" if source else "there is no recording and no --source",
             expected="one of them",
         )
+    if mains not in MAINS_HZ:
+        raise ParameterError(f"--mains is {mains:g}", expected="50, 60, or 0 for none")
     if source is not None:
         if rest is not None or rate is not None:
             raise ParameterError("--rest and --rate are of recordings", do="leave them out with --source")
-        wearer, left_out = _from_stream(source, channel, lasting, json)
+        wearer, left_out = _from_stream(source, channel, lasting, mains, json)
     else:
         assert recording is not None
-        wearer, left_out = _from_recordings(recording, rest, channel, rate, json)
+        wearer, left_out = _from_recordings(recording, rest, channel, rate, mains, json)
     wearer_file.write(out, wearer_file.check(wearer, wearer.source))
     if json:
         document = {"rest": wearer.rest, "mvc": wearer.mvc, "channel": wearer.channel, "left_out_s": left_out}
@@ -62,7 +66,7 @@ def calibrate(
 
 
 def _from_recordings(
-    recording: Path, rest: Path | None, channel: str | None, rate: float | None, quiet: bool
+    recording: Path, rest: Path | None, channel: str | None, rate: float | None, mains: float, quiet: bool
 ) -> "tuple[Wearer, float]":
     """The wearer, and how much was left out [s]."""
     from bowden.app.wearer_file import Wearer
@@ -72,18 +76,18 @@ def _from_recordings(
     log = read_emg(recording, channel, checked_rate(rate))
     if not quiet:
         warn(log)
-    levels = envelope_levels(log.values, log.rate, str(recording))
+    levels = envelope_levels(log.values, log.rate, str(recording), mains)
     left_out = _told(levels.left_out, str(recording), quiet)
     if rest is None:
-        return Wearer(levels.low, levels.high, log.channel, recording.name), left_out
+        return Wearer(levels.low, levels.high, log.channel, recording.name, mains), left_out
     calm = read_emg(rest, log.channel, rate)
-    resting = envelope_levels(calm.values, calm.rate, str(rest))
+    resting = envelope_levels(calm.values, calm.rate, str(rest), mains)
     left_out += _told(resting.left_out, str(rest), quiet)
-    wearer = Wearer(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}")
+    wearer = Wearer(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}", mains)
     return wearer, left_out
 
 
-def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) -> "tuple[Wearer, float]":
+def _from_stream(source: str, channel: str | None, lasting: float, mains: float, quiet: bool) -> "tuple[Wearer, float]":
     """The wearer, and how much was left out [s]."""
     from bowden.app.emg_listen import listen
     from bowden.app.wearer_file import Wearer
@@ -109,11 +113,11 @@ def _from_stream(source: str, channel: str | None, lasting: float, quiet: bool) 
             _tell("done, let go")
     finally:
         stream.close()
-    rest = envelope_levels(calm, stream.rate, "rest")
-    contraction = envelope_levels(hard, stream.rate, "the contraction")
+    rest = envelope_levels(calm, stream.rate, "rest", mains)
+    contraction = envelope_levels(hard, stream.rate, "the contraction", mains)
     left_out = _told(rest.left_out, "rest", quiet)
     left_out += _told(contraction.left_out, "the contraction", quiet)
-    return Wearer(rest.middle, contraction.high, with_unit(name, stream.unit), source), left_out
+    return Wearer(rest.middle, contraction.high, with_unit(name, stream.unit), source, mains), left_out
 
 
 def _told(left_out: float, where: str, quiet: bool) -> float:

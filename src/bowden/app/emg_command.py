@@ -46,7 +46,7 @@ def score(
     from bowden.identify.emg_log import read_emg, read_labels
     from bowden.identify.emg_score import find
     from bowden.report.emg_page import emg_page
-    from bowden.sensing.onset import DEFAULTS, of_wearer
+    from bowden.sensing.onset_settings import DEFAULTS, of_wearer
 
     if not 0.0 <= shortest_ms <= 5000.0:
         raise ParameterError(f"--shortest-ms is {shortest_ms:g}", expected="a number from 0 to 5000")
@@ -62,7 +62,9 @@ def score(
     output_folder(out)
     moved = None if known is None else [(on - log.start, off - log.start) for on, off in known]
     by = DEFAULTS if of is None or of.channel != log.channel else of_wearer(of.rest)
-    found = find(log.values, log.rate, moved, None if of is None else of.mvc, by._replace(shortest=1e-3 * shortest_ms))
+    by = by._replace(shortest=1e-3 * shortest_ms)
+    mvc, mains = (None, 0.0) if of is None else (of.mvc, of.mains)
+    found = find(log.values, log.rate, moved, mvc, by, mains)
     page = emg_page(recording.name, log, known, found)
     with whole_files(out) as folder:
         page.write(folder / "emg.html")

@@ -144,7 +144,7 @@ def _parts(channel: str, unit: str = "") -> tuple[str, str]:
 
 def levels(run: EmgRun) -> Levels | None:
     """The wearer's, for the envelope's share of MVC."""
-    return None if run.wearer is None else Levels(run.wearer.rest, run.wearer.mvc)
+    return None if run.wearer is None else Levels(run.wearer.rest, run.wearer.mvc, run.wearer.mains)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_file
 from bowden.core.toml_text import quoted
+from bowden.sensing.envelope import MAINS_HZ
 
 
 class Wearer(NamedTuple):
@@ -21,6 +22,8 @@ class Wearer(NamedTuple):
     """Name of the recording's column, with its unit."""
     source: str
     """Recordings it was measured from."""
+    mains: float = 50.0
+    """What was taken out of the envelopes, and is taken out of those that are compared with them: 50, 60 or 0 [Hz]."""
 
 
 _LEAST_RATIO = 3.0
@@ -31,10 +34,12 @@ def check(wearer: Wearer, where: str) -> Wearer:
     """`wearer`, if it can be one.
 
     Raises:
-        ParameterError: an MVC that is not well above rest.
+        ParameterError: an MVC that is not well above rest, or mains that no country has.
     """
     if not (0.0 <= wearer.rest < math.inf and 0.0 < wearer.mvc < math.inf):
         raise ParameterError(f"{where}: rest is {wearer.rest:g} and MVC {wearer.mvc:g}", expected="numbers above 0")
+    if wearer.mains not in MAINS_HZ:
+        raise ParameterError(f"{where}: mains_hz is {wearer.mains:g}", expected="50, 60, or 0 for none")
     if wearer.mvc < _LEAST_RATIO * wearer.rest:
         raise ParameterError(
             f"{where}: the envelope is {wearer.rest:.4g} at rest and {wearer.mvc:.4g} at the largest contraction",
@@ -53,7 +58,7 @@ def write(path: Path, wearer: Wearer) -> None:
     text = (
         "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
         f"channel = {quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
-        f"source = {quoted(wearer.source)}\n"
+        f"source = {quoted(wearer.source)}\nmains_hz = {wearer.mains:g}\n"
     )
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
@@ -67,9 +72,9 @@ def read(path: Path) -> Wearer:
     """
     try:
         section = tomllib.loads(path.read_text(encoding="utf-8"))["emg"]
-        rest, mvc = (_number(section, key) for key in ("rest", "mvc"))
-        found = Wearer(rest, mvc, str(section["channel"]), str(section["source"]))
-        unknown = set(section) - {"rest", "mvc", "channel", "source"}
+        rest, mvc, mains = (_number({"mains_hz": 50.0} | section, key) for key in ("rest", "mvc", "mains_hz"))
+        found = Wearer(rest, mvc, str(section["channel"]), str(section["source"]), mains)
+        unknown = set(section) - {"rest", "mvc", "channel", "source", "mains_hz"}
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}", do="run bowden emg calibrate") from error
     except (KeyError, TypeError, ValueError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors

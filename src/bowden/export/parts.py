@@ -8,7 +8,8 @@ from bowden.models.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
-from bowden.sensing.onset import QUICKEST, SAFE, onset_start, onset_step, prepare_onset
+from bowden.sensing.onset import onset_start, onset_step, prepare_onset
+from bowden.sensing.onset_settings import QUICKEST, SAFE
 
 
 def emg_modules(rate: float) -> tuple[Module, Module]:

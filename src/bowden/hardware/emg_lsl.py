@@ -113,11 +113,13 @@ class LslStream:
             raise StreamError(f"an LSL stream {self._name!r} cannot be looked for", expected="a name without quotes")
         where = " and ".join(conditions)
         if not lsl.resolve_bypred(where, 1, self._wait):
-            others = sorted({info.name() for info in lsl.resolve_streams(_OTHERS)})
-            raise StreamError(
-                f"no LSL stream {self._said()} in {self._wait:g} s; there {_there(others)}",
-                do="start its sender, or look at the network (bowden doctor lists streams)",
-            )
+            there = lsl.resolve_streams(_OTHERS)
+            if not any(info.name() == self._name and self._source in ("", info.source_id()) for info in there):
+                raise StreamError(
+                    f"no LSL stream {self._said()} in {self._wait:g} s; there "
+                    f"{_there(sorted({info.name() for info in there}))}",
+                    do="start its sender, or look at the network (bowden doctor lists streams)",
+                )
         found = lsl.resolve_bypred(where, 2, _OTHERS) or lsl.resolve_bypred(where, 1, self._wait)
         if len(found) > 1:
             sources = ", ".join(f"{info.source_id() or 'no id'} of {info.hostname()}" for info in found)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bowden.core.errors import StreamError
-from bowden.sensing.onset import QUICKEST, SAFE
+from bowden.sensing.onset_settings import QUICKEST, SAFE
 
 TYPES = ("EMG", "SEMG", "EXG")
 """Content types of streams that hold EMG, in capitals."""

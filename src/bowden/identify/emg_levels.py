@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.sensing.envelope import DEFAULTS as CLEANED
+from bowden.sensing.envelope import EnvelopeSettings
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -45,7 +46,9 @@ class Levels(NamedTuple):
     """What was not looked at, beside the first half second [s]."""
 
 
-def envelope_levels(values: Array, rate: float, where: str = "the recording") -> Levels:
+def envelope_levels(
+    values: Array, rate: float, where: str = "the recording", mains: float = CLEANED.mains_hz
+) -> Levels:
     """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
 
     Left out are dead electrodes, movement, mains and clicks, with what tells them late and the half second in which an
@@ -55,13 +58,15 @@ def envelope_levels(values: Array, rate: float, where: str = "the recording") ->
         values: in any unit, finite (n,).
         rate: samples a second [Hz].
         where: the recording or stream, for messages.
+        mains: that is taken out; 0 for none [Hz].
 
     Raises:
         LogError: too little is left.
     """
     begin, parts = round(SETTLES * rate), [np.empty(0)]
-    for first, end in _stretches(~_artefacts(values, rate)):
-        parts.append(EnvelopeFilter(rate, CLEANED).feed(values[first:end]).envelope[begin:])
+    chain = CLEANED._replace(mains_hz=mains)
+    for first, end in _stretches(~_artefacts(values, rate, chain)):
+        parts.append(EnvelopeFilter(rate, chain).feed(values[first:end]).envelope[begin:])
     envelope = np.concatenate(parts)
     if len(envelope) < _LEAST * rate:
         raise LogError(
@@ -74,12 +79,12 @@ def envelope_levels(values: Array, rate: float, where: str = "the recording") ->
     return Levels(low, middle, high, (len(values) - begin - len(envelope)) / rate)
 
 
-def _artefacts(values: Array, rate: float) -> Flags:
+def _artefacts(values: Array, rate: float, chain: EnvelopeSettings) -> Flags:
     """Samples of dead electrodes, movement, mains and clicks, each with what is around it (n,)."""
     from scipy.ndimage import percentile_filter
 
-    cleaned = EnvelopeFilter(rate, CLEANED).feed(values)
-    muscle = EnvelopeFilter(rate, CLEANED._replace(offset_hz=_MUSCLE_HZ)).feed(values).envelope
+    cleaned = EnvelopeFilter(rate, chain).feed(values)
+    muscle = EnvelopeFilter(rate, chain._replace(offset_hz=_MUSCLE_HZ)).feed(values).envelope
     dead = OnsetDetector(rate).feed(values).trouble == 1.0
     if dead.all():
         return dead

@@ -13,7 +13,7 @@ from bowden.core.errors import LogError
 from bowden.identify.checks import check_finite, even_time
 from bowden.identify.columns import FACTORS, split_name
 from bowden.identify.table import read_table
-from bowden.sensing.onset import QUICKEST, SAFE, SLOWEST
+from bowden.sensing.onset_settings import QUICKEST, SAFE, SLOWEST
 
 Array = NDArray[np.float64]
 

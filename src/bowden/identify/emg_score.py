@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import PLAIN_THRESHOLD, EnvelopeSettings
-from bowden.sensing.onset import DEFAULTS, OnsetSettings
+from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings
 from bowden.sensing.stream import Detected, EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -107,6 +107,7 @@ def find(
     labels: Sequence[tuple[float, float]] | None = None,
     mvc: float | None = None,
     settings: OnsetSettings = DEFAULTS,
+    mains: float = CLEANED.mains_hz,
 ) -> Findings:
     """Find contractions, causally, with the detector and with the plain threshold.
 
@@ -117,9 +118,10 @@ def find(
         mvc: of `bowden.identify.emg_levels`, with whose envelope the plain threshold then goes; where it is not given,
             with the paper's and its largest.
         settings: the detector's.
+        mains: taken out of the envelope that is compared with `mvc` [Hz].
     """
     detected = OnsetDetector(rate, settings).feed(values)
-    envelope = EnvelopeFilter(rate, PAPERS if mvc is None else CLEANED).feed(values).envelope
+    envelope = EnvelopeFilter(rate, PAPERS if mvc is None else CLEANED._replace(mains_hz=mains)).feed(values).envelope
     most = float(envelope.max()) if mvc is None else mvc
     found, plain = spans(detected.active, rate), spans(np.where(envelope > PLAIN_THRESHOLD * most, 1.0, 0.0), rate)
     duration = len(values) / rate

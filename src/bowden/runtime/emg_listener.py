@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from bowden.runtime.clock import SECOND
 from bowden.runtime.intent_block import Heard
 from bowden.runtime.ports import EmgChunk
-from bowden.sensing.onset import DEFAULTS, OnsetSettings, of_wearer
+from bowden.sensing.envelope import DEFAULTS as CLEANED
+from bowden.sensing.envelope import EnvelopeSettings
+from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -22,13 +24,15 @@ class Levels(NamedTuple):
     """Envelope at rest, in the stream's unit."""
     mvc: float
     """Envelope of the maximum contraction, in the same unit."""
+    mains: float = CLEANED.mains_hz
+    """What is taken out of the envelopes [Hz]."""
 
 
 class _Muscle:
     """One channel through its filters."""
 
-    def __init__(self, column: int, rate: float, settings: OnsetSettings) -> None:
-        self.column, self._envelope, self._onset = column, EnvelopeFilter(rate), OnsetDetector(rate, settings)
+    def __init__(self, column: int, rate: float, settings: OnsetSettings, chain: EnvelopeSettings) -> None:
+        self.column, self._envelope, self._onset = column, EnvelopeFilter(rate, chain), OnsetDetector(rate, settings)
         self._last = math.nan
         self.active = self.level = self.trouble = 0.0
 
@@ -59,8 +63,9 @@ class Listener:
     """
 
     def __init__(self, rate: float, flexor: int, extensor: int | None = None, levels: Levels | None = None) -> None:
-        self._flexor = _Muscle(flexor, rate, DEFAULTS if levels is None else of_wearer(levels.rest))
-        self._extensor = None if extensor is None else _Muscle(extensor, rate, DEFAULTS)
+        chain = CLEANED if levels is None else CLEANED._replace(mains_hz=levels.mains)
+        self._flexor = _Muscle(flexor, rate, DEFAULTS if levels is None else of_wearer(levels.rest), chain)
+        self._extensor = None if extensor is None else _Muscle(extensor, rate, DEFAULTS, chain)
         self._levels = levels
         self.heard = Heard()
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowden.core.kernel import compiled, kernel
-from bowden.sensing import envelope, onset
+from bowden.sensing import envelope, onset_settings
 from bowden.sensing.envelope import (
     Envelope,
     EnvelopeSettings,
@@ -15,7 +15,8 @@ from bowden.sensing.envelope import (
     envelope_step,
     prepare_envelope,
 )
-from bowden.sensing.onset import Onset, OnsetSettings, OnsetState, onset_start, onset_step, prepare_onset
+from bowden.sensing.onset import Onset, OnsetState, onset_start, onset_step, prepare_onset
+from bowden.sensing.onset_settings import OnsetSettings
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class EnvelopeFilter:
 class OnsetDetector:
     """Contractions in a signal of `rate` samples a second, 400 to 5000 Hz; NaN stands for a sample that is missing."""
 
-    def __init__(self, rate: float, settings: OnsetSettings = onset.DEFAULTS) -> None:
+    def __init__(self, rate: float, settings: OnsetSettings = onset_settings.DEFAULTS) -> None:
         self._onset = prepare_onset(rate, settings)
         self._state: OnsetState | None = None
 
