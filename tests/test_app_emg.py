@@ -268,16 +268,17 @@ def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(capsys: pytest.Ca
     """60 Hz of some ten times rest's noise; the wearer's file has it, and the live envelope goes by it."""
     hum = 0.05 * np.sin(2.0 * np.pi * 60.0 * np.arange(8000) / 1000.0)
     recording = str(write("hum.csv", signal() + hum))
-    found = {}
-    for mains in ("50", "60"):
-        document(["emg", "calibrate", recording, "--mains", mains, "--out", f"{mains}.toml"], capsys, "emg_calibrate")
-        found[mains] = wearer_file.read(Path(f"{mains}.toml"))
-    assert found["60"].mains == 60.0
-    assert found["60"].rest < 0.3 * found["50"].rest
+    assert run(["emg", "calibrate", recording]) == 2
+    assert "and --mains" in capsys.readouterr().err
+    document(["emg", "calibrate", recording, "--mains", "60", "--out", "60.toml"], capsys, "emg_calibrate")
+    found = wearer_file.read(Path("60.toml"))
+    assert found.mains == 60.0
     times = np.arange(1500) / 1000.0
     share = [
-        Listener(1000.0, 0, levels=Levels(of.rest, of.mvc, mains)).take(EmgChunk(hum[:1500, None], times), 1.5).share
-        for of, mains in ((found["60"], 60.0), (found["60"], 50.0))
+        Listener(1000.0, 0, levels=Levels(found.rest, found.mvc, mains))
+        .take(EmgChunk(hum[:1500, None], times), 1.5)
+        .share
+        for mains in (60.0, 50.0)
     ]
     assert abs(share[0]) < 0.02
     assert share[1] > 0.05

@@ -275,3 +275,38 @@ def test_scores_of_detections_that_are_early_late_twice_or_nowhere() -> None:
     assert score([], labels, 60.0).latency_max_s is None
     assert score(found, None, 60.0).misses is None
     assert score(found, [], 60.0).false_activations == 4
+
+
+@pytest.mark.parametrize("swing", [1.0, 3.0, 10.0])
+def test_a_movement_just_before_a_contraction_does_not_hide_it(swing: float) -> None:
+    """A wearer who has just moved contracts: slow swings of a second are no rest, and what follows them is none."""
+    count, want = 20000, [(5.0, 6.0, 8.0 * NOISE), (9.0, 10.0, 8.0 * NOISE), (14.0, 15.0, 8.0 * NOISE)]
+    for seed, frequency in ((31, 4.0), (32, 6.0), (33, 8.0)):
+        values = background(1000.0, count, np.random.default_rng(seed)) + contractions(1000.0, want, count, seed)
+        time = np.arange(count) / 1000.0
+        for begin, end in ((3.7, 4.85), (12.7, 13.6)):
+            moved = (time > begin) & (time < end)
+            values[moved] += swing * 8.0 * NOISE * np.sin(2.0 * np.pi * frequency * (time[moved] - begin))
+        got = find(values, 1000.0, [(on, off) for on, off, _ in want]).score
+        assert (got.misses, got.false_activations) == (0, 0)
+
+
+def test_only_what_is_contracted_while_rest_is_measured_anew_is_lost() -> None:
+    """Hum of thirty times rest goes just before the first, and the electrode comes back in the second."""
+    time = np.arange(16000) / 1000.0
+    want = [(4.2, 5.4, 8.0 * NOISE), (6.6, 7.8, 8.0 * NOISE), (9.5, 10.5, 8.0 * NOISE), (12.5, 13.5, 8.0 * NOISE)]
+    values = background(1000.0, 16000, np.random.default_rng(41)) + contractions(1000.0, want, 16000, 41)
+    values += np.where(time < 4.0, 30.0 * NOISE * np.sin(2.0 * np.pi * 50.0 * time), 0.0)
+    values[(time > 9.7) & (time < 10.3)] = np.nan
+    found = [on for on, _ in spans(OnsetDetector(1000.0).feed(values).active, 1000.0)]
+    for on, _, _ in want[1:]:
+        assert any(on < told < on + 0.15 for told in found)
+
+
+@pytest.mark.parametrize("counts", [0.5, 0.4])
+def test_a_converter_whose_count_is_larger_than_rest_will_do(counts: float) -> None:
+    want = [(4.0, 5.5, 8.0 * NOISE), (7.0, 8.3, 8.0 * NOISE)]
+    for seed in (51, 52):
+        values = background(1000.0, 10000, np.random.default_rng(seed)) + contractions(1000.0, want, 10000, seed)
+        got = find(np.round(values / NOISE * counts + 500.2), 1000.0, [(on, off) for on, off, _ in want]).score
+        assert (got.misses, got.false_activations) == (0, 0)

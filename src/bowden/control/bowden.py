@@ -221,7 +221,8 @@ def step(
     overdue = (crossing.heading == side) * (side * (motor - crossing.turn_motor) > OVERDUE[0] * believed)
     chased = np.fmin(OVERDUE[1], gains.chase * (behind + np.fmax(0.0, side * way)))
     speed = sel(gains.chase > 0.0, sel(slow * follows * overdue, np.fmax(speed, chased), speed), speed)
-    search = sel(seeks, sel(searches, speed * sought * sel(late * follows, 1.0, plan.seeks), 0.0), 0.0)
+    goes_on = sel(late * follows, np.fmax(wide, plan.seeks), plan.seeks)
+    search = sel(seeks, sel(searches, speed * sought * goes_on, 0.0), 0.0)
     plan = advance_plan(plan, reference, side, slope, travel_to, duration, sought, search, 1.0 - foresees, dt)
     asked = planned_motion(plan, reference, slope, duration, gains.delay, lag, search)
     inverse = asked.position + (2.0 * gains.servo_damping * asked.velocity + asked.acceleration * swing) * swing

@@ -15,8 +15,8 @@ Flags = NDArray[np.bool_]
 
 SETTLES = 0.5
 """An envelope is none before so long after the beginning of its signal [s]."""
-_LEAST = 1.0
-"""What must be left of a recording [s]."""
+_LEAST, _LEFT = 1.0, 0.4
+"""What must be left of a recording [s], and what share of it [–]."""
 _LONG, _CLOSE = 0.3, 0.05
 """Shorter trouble is what the end of a contraction has, too; with so short a pause it is one trouble [s]."""
 _BEFORE = 0.15
@@ -68,12 +68,12 @@ def envelope_levels(
     for first, end in _stretches(~_artefacts(values, rate, chain)):
         parts.append(EnvelopeFilter(rate, chain).feed(values[first:end]).envelope[begin:])
     envelope = np.concatenate(parts)
-    if len(envelope) < _LEAST * rate:
+    if len(envelope) < max(_LEAST * rate, _LEFT * len(values)):
         raise LogError(
             f"{where}: {len(envelope) / rate:.1f} of {len(values) / rate:.1f} s are free of dead electrodes, movement, "
             "mains and clicks",
-            expected=f"at least {_LEAST:g} s",
-            do="look at the electrodes and their cables, and record again",
+            expected=f"at least {_LEAST:g} s, and {_LEFT:g} of it",
+            do="look at the electrodes, the amplifier's range and --mains, and record again",
         )
     low, middle, high = (float(level) for level in np.quantile(envelope, (0.1, 0.5, 1.0)))
     return Levels(low, middle, high, (len(values) - begin - len(envelope)) / rate)

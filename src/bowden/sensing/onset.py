@@ -45,6 +45,7 @@ class Onset(NamedTuple):
     """The rest of it."""
     dt: float
     grow: float
+    grow_early: float
     grow_active: float
     grow_unsure: float
     stay: float
@@ -113,6 +114,7 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
         (periods[0] - whole[0], periods[1] - whole[1]),
         dt,
         math.exp(dt / settings.rest_time),
+        math.exp(dt / settings.early_time),
         math.exp(dt / settings.active_time),
         math.exp(dt / settings.unsure_time),
         1.0 - math.exp(-dt / settings.stays),
@@ -167,18 +169,20 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     leap = np.fmax(step, state.leap * onset.peak)
     stuck = state.stuck + onset.power * (sel(step <= by.still * leap, 1.0, 0.0) - state.stuck)
     flat = sel(here * (raw != state.raw) > 0.0, 0.0, state.flat + dt)
-    narrow = (new < by.broad * power) + (new < by.moved * swing) + (stuck > by.stuck) > 0.0
+    railed = (stuck > by.stuck) * (power > by.steps * leap * leap)  # rest of half a count has small steps, but rarely
+    narrow = (new < by.broad * power) + (new < by.moved * swing) + railed > 0.0
     odd = sel(narrow * (power > upper * upper) > 0.0, state.odd + dt, 0.0)
     trouble = sel(flat > by.flat, 1.0, sel(odd > 0.0, 2.0, 0.0))
 
     # what rest is like: hum that stays belongs to it until it is gone
     idle = state.active < 0.5
     rate = sel(idle * (trouble != 1.0) > 0.0, onset.stay, 0.0)
-    murky = state.murky + rate * (sel(trouble == 2.0, 1.0, 0.0) - state.murky)
+    mains = (trouble == 2.0) * (power > by.level * swing)  # what swings slowly is movement, which does not stay
+    murky = state.murky + rate * (sel(mains, 1.0, 0.0) - state.murky)
     hum = state.hum + rate * (sel(trouble == 2.0, power, 0.0) - state.hum)
     usual = murky > 0.5
     seen = (trouble == 0.0) + (trouble == 2.0) * usual > 0.0
-    off = flat > sel(state.age * dt < by.settle, by.flat, by.settle)
+    off = flat > sel(state.age * dt < by.settle, by.off, by.settle)
     again = off + idle * usual * (power < by.gone * hum) > 0.0
     age = sel(again, 0.0, sel(idle * seen > 0.0, state.age + 1.0, state.age))
     murky, hum = sel(again, 0.0, murky), sel(again, 0.0, hum)
@@ -187,7 +191,8 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     settling = age * dt < by.settle
     measured = age - np.floor(by.wait / dt)
     average = state.rest + (1.6 * size - state.rest) / np.fmax(measured, 1.0)
-    factor = sel(idle, onset.grow, sel(age * dt < by.unsure, onset.grow_unsure, onset.grow_active))
+    following = sel(age * dt < by.early, onset.grow_early, onset.grow)
+    factor = sel(idle, following, sel(age * dt < by.unsure, onset.grow_unsure, onset.grow_active))
     factor = sel(size > 0.6 * state.rest, factor, 1.0 / factor)
     calm_enough = (state.active > 0.5) + (state.evidence < 0.25 * by.evidence) > 0.0
     followed = sel(calm_enough, state.rest * factor, state.rest)

@@ -44,12 +44,18 @@ class OnsetSettings(NamedTuple):
     """A step from one sample to the next that is less than this share of the recent largest is none [–]."""
     stuck: float = 0.6
     """Share of samples without a step that is too much [–]."""
+    steps: float = 0.1
+    """As long as the power is more than this share of that step's square [–]."""
+    off: float = 0.15
+    """A value that lasts so long while rest is measured is an electrode that is off [s]."""
     settle: float = 0.5
     """From the start, in which rest is measured; time without a signal does not count [s]."""
     wait: float = 0.05
     """The first part of that, in which filters and the memory of a period fill [s]."""
     stays: float = 1.0
     """Time constant of the share of time in trouble, above half of which trouble is what rest is like [s]."""
+    level: float = 0.1
+    """Least share of the movement's squared peak that the power of mains has; a slow swing has less [–]."""
     gone: float = 0.25
     """Below this share of its power, trouble that had stayed is gone [–]."""
     unsure: float = 10.0
@@ -60,6 +66,10 @@ class OnsetSettings(NamedTuple):
     """σ is never less, in the signal's unit; see `of_wearer`."""
     rest_time: float = 2.0
     """Time constant of σ at rest [s]."""
+    early: float = 4.0
+    """Rest that has been seen for less than this may have been a contraction [s]."""
+    early_time: float = 0.5
+    """Time constant of σ at rest until then [s]."""
     active_time: float = 60.0
     """Time constant of σ in a contraction [s]."""
     shortest: float = 0.0
@@ -74,4 +84,4 @@ def of_wearer(rest: float) -> OnsetSettings:
 
     So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows.
     """
-    return DEFAULTS._replace(least=0.5 * rest)
+    return DEFAULTS._replace(least=max(0.5 * rest, DEFAULTS.least))
