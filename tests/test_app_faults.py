@@ -232,7 +232,7 @@ def test_an_interruption_from_the_keyboard_leaves_nothing_half_written(arguments
     time.sleep(2.5)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 130, err
     assert out == b""
     assert err.startswith(b"bowden: interrupted")
     assert err.count(b"\n") == 1

@@ -44,6 +44,34 @@ def test_one_that_was_ignored_at_the_very_end_is_not_lost(monkeypatch: pytest.Mo
     interrupted(monkeypatch, seconds=0.0)
 
 
+def test_what_fails_by_one_that_was_ignored_is_an_interruption(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def command(*arguments: object, **options: object) -> int:
+        ignored()
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr(main, "app", command)
+    assert main.run([]) == 130
+    assert capsys.readouterr().err == "bowden: interrupted\n"
+
+
+def test_one_that_comes_while_llvm_works_waits_until_it_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+    names = {"signal": signal, "time": time, "done": done}
+    code = "signal.raise_signal(signal.SIGINT)\ntime.sleep(0.2)\ndone.append('compiled')"
+
+    def command(*arguments: object, **options: object) -> int:
+        exec(compile(code, "site-packages/llvmlite/binding/executionengine.py", "exec"), names)
+        time.sleep(60.0)
+        return 0
+
+    monkeypatch.setattr(main, "app", command)
+    assert main.run([]) == 130
+    assert done == ["compiled"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_other_things_that_are_ignored_are_told_as_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[object] = []
     monkeypatch.setattr(sys, "unraisablehook", lambda lost: told.append(lost.exc_type))

@@ -5,43 +5,69 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from types import FrameType
 from typing import Any
 
 AGAIN = 0.05
 """How long after it was lost an interruption is sent again [s]: the callback has returned by then."""
 
 
+_LLVM = ("llvmlite", "numba/core/codegen.py")
+"""Files in whose functions LLVM is at work, or calls back."""
+
+
 @contextlib.contextmanager
 def delivered() -> Iterator[None]:
-    """Send an interruption again that came where it could only be ignored.
+    """Let an interruption wait where it could only do harm, and send it again.
 
-    While Numba compiles, LLVM calls back into Python; an exception cannot pass through it, and Ctrl-C there would print
-    a warning and change nothing. So it is in a ``__del__``. Python hands what it ignores to ``sys.unraisablehook``.
+    While Numba compiles, LLVM calls back into Python; an exception cannot pass through it. Ctrl-C there would print a
+    warning and leave a kernel half made, or end the process. So it would in a ``__del__``: what Python ignores it hands
+    to ``sys.unraisablehook``.
 
     Raises:
-        KeyboardInterrupt: one that was lost, at the latest when what is inside is done.
+        KeyboardInterrupt: one that had to wait, at the latest when what is inside is done or has failed by it.
     """
-    before = sys.unraisablehook
+    hook_before, handler_before = sys.unraisablehook, signal.getsignal(signal.SIGINT)
     waiting: list[threading.Timer] = []
+
+    def wait() -> None:
+        waiting.append(threading.Timer(AGAIN, _interrupt))
+        waiting[-1].start()
 
     def hook(lost: Any) -> None:
         if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
-            waiting.append(threading.Timer(AGAIN, _interrupt))
-            waiting[-1].start()
+            wait()
         else:
-            before(lost)
+            hook_before(lost)
 
+    def handler(number: int, frame: FrameType | None) -> None:
+        here = frame
+        while here is not None:
+            if any(part in here.f_code.co_filename for part in _LLVM):
+                return wait()
+            here = here.f_back
+        signal.default_int_handler(number, frame)
+
+    ours = handler_before is signal.default_int_handler and threading.current_thread() is threading.main_thread()
     sys.unraisablehook = hook
+    if ours:
+        signal.signal(signal.SIGINT, handler)
     try:
         yield
+    except Exception as error:
+        if any(timer.is_alive() for timer in waiting):
+            raise KeyboardInterrupt from error
+        raise
+    else:
+        if any(timer.is_alive() for timer in waiting):
+            raise KeyboardInterrupt
     finally:
-        sys.unraisablehook = before
-        late = any(timer.is_alive() for timer in waiting)
+        sys.unraisablehook = hook_before
         for timer in waiting:
             timer.cancel()
             timer.join()
-    if late:
-        raise KeyboardInterrupt
+        if ours:
+            signal.signal(signal.SIGINT, handler_before)
 
 
 def _interrupt() -> None:
