@@ -41,15 +41,13 @@ def calibrate(
     """
     from bowden.app import wearer_file
     from bowden.core.errors import ParameterError
-    from bowden.sensing.envelope import MAINS_HZ
 
     if (recording is None) == (source is None):
         raise ParameterError(
             "there are a recording and a --source" if source else "there is no recording and no --source",
             expected="one of them",
         )
-    if mains not in MAINS_HZ:
-        raise ParameterError(f"--mains is {mains:g}", expected="50, 60, or 0 for none")
+    wearer_file.check_mains(mains, "--mains")
     if source is not None:
         if rest is not None or rate is not None:
             raise ParameterError("--rest and --rate are of recordings", do="leave them out with --source")

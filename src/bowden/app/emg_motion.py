@@ -12,9 +12,8 @@ from bowden.core.errors import StreamError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference
 from bowden.runtime.emg_course import CourseSettings, CourseState, course_step
-from bowden.sensing.envelope import DEFAULTS as CLEANED
+from bowden.runtime.emg_listener import filters_of, share_of
 from bowden.sensing.intent import intent_start
-from bowden.sensing.onset_settings import DEFAULTS, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -44,10 +43,9 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     found = read_channels(Path(path), stream.channels)
     of = levels(run)
     signal = found.values[:, flexor]
-    told = OnsetDetector(found.rate, DEFAULTS if of is None else of_wearer(of.rest)).feed(signal)
-    chain = CLEANED if of is None else CLEANED._replace(mains_hz=of.mains)
-    envelope = EnvelopeFilter(found.rate, chain).feed(signal).envelope
-    share = np.full(len(signal), np.nan) if of is None else (envelope - of.rest) / (of.mvc - of.rest)
+    settings, chain = filters_of(of)
+    told = OnsetDetector(found.rate, settings).feed(signal)
+    share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, of)
     trouble, extends = told.trouble, np.zeros(len(signal))
     if extensor is not None:
         other = OnsetDetector(found.rate).feed(found.values[:, extensor])

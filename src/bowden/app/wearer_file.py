@@ -38,8 +38,7 @@ def check(wearer: Wearer, where: str) -> Wearer:
     """
     if not (0.0 <= wearer.rest < math.inf and 0.0 < wearer.mvc < math.inf):
         raise ParameterError(f"{where}: rest is {wearer.rest:g} and MVC {wearer.mvc:g}", expected="numbers above 0")
-    if wearer.mains not in MAINS_HZ:
-        raise ParameterError(f"{where}: mains_hz is {wearer.mains:g}", expected="50, 60, or 0 for none")
+    check_mains(wearer.mains, f"{where}: mains_hz")
     if wearer.mvc < _LEAST_RATIO * wearer.rest:
         raise ParameterError(
             f"{where}: the envelope is {wearer.rest:.4g} at rest and {wearer.mvc:.4g} at the largest contraction",
@@ -47,6 +46,16 @@ def check(wearer: Wearer, where: str) -> Wearer:
             do="contract as hard as you can in the recording, rest longer or apart (--rest), or look at the electrodes",
         )
     return wearer
+
+
+def check_mains(mains: float, name: str) -> None:
+    """See that a frequency [Hz] is one of mains, or 0.
+
+    Raises:
+        ParameterError: it is not; `name` says which key or option has it.
+    """
+    if mains not in MAINS_HZ:
+        raise ParameterError(f"{name} is {mains:g}", expected="50, 60, or 0 for none")
 
 
 def write(path: Path, wearer: Wearer) -> None:

@@ -28,6 +28,20 @@ class Levels(NamedTuple):
     """What is taken out of the envelopes [Hz]."""
 
 
+def filters_of(levels: Levels | None) -> tuple[OnsetSettings, EnvelopeSettings]:
+    """What a wearer's flexor is heard with; the defaults where they are not known."""
+    if levels is None:
+        return DEFAULTS, CLEANED
+    return of_wearer(levels.rest), CLEANED._replace(mains_hz=levels.mains)
+
+
+def share_of(envelope: Array, levels: Levels | None) -> Array:
+    """Envelopes as shares of MVC, 0 at rest (n,) [–]; NaN where the wearer is not known."""
+    if levels is None:
+        return np.full(len(envelope), np.nan)
+    return (envelope - levels.rest) / (levels.mvc - levels.rest)
+
+
 class _Muscle:
     """One channel through its filters."""
 
@@ -63,8 +77,8 @@ class Listener:
     """
 
     def __init__(self, rate: float, flexor: int, extensor: int | None = None, levels: Levels | None = None) -> None:
-        chain = CLEANED if levels is None else CLEANED._replace(mains_hz=levels.mains)
-        self._flexor = _Muscle(flexor, rate, DEFAULTS if levels is None else of_wearer(levels.rest), chain)
+        settings, chain = filters_of(levels)
+        self._flexor = _Muscle(flexor, rate, settings, chain)
         self._extensor = None if extensor is None else _Muscle(extensor, rate, DEFAULTS, chain)
         self._levels = levels
         self.heard = Heard()
@@ -92,7 +106,7 @@ class Listener:
             heard.ends,
             self._flexor.active,
             0.0 if extends is None else extends.active,
-            self._share(),
+            float(share_of(np.array([self._flexor.level]), self._levels)[0]),
             self._flexor.level,
             max(muscle.trouble for muscle in self._muscles()),
         )
@@ -100,8 +114,3 @@ class Listener:
 
     def _muscles(self) -> list[_Muscle]:
         return [self._flexor, *([] if self._extensor is None else [self._extensor])]
-
-    def _share(self) -> float:
-        if self._levels is None:
-            return float("nan")
-        return (self._flexor.level - self._levels.rest) / (self._levels.mvc - self._levels.rest)
