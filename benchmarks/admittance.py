@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import LAWS
-from bowden.control.admittance import Admittance
-from bowden.control.admittance_port import passive_to
+from bowden.control.admittance.port import passive_to
+from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import FIRM, QUIET, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
 from bowden.design.admittance_unseen import unseen, unseen_felt
-from bowden.models.arm import arm_of
-from bowden.paper.suit import suit
-from bowden.sim.suit_parts import Suit
+from bowden.models.suit.arm import arm_of
+from bowden.plants.suit_parts import Suit
+from bowden.rig.presets.suit import suit
 from bowden.sim.suit_sources import BODIES, limit_for, ports_of
 
 STIFFNESSES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)

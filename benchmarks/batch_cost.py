@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.app.campaign_rows import chunks
-from bowden.app.campaign_workers import in_processes
-from bowden.app.study import Study
-from bowden.app.study_load import load
-from bowden.app.study_pack import rows, warm
+from bowden.study.load import load
+from bowden.study.pack import rows, warm
+from bowden.study.rows import chunks
+from bowden.study.study import Study
+from bowden.study.workers import in_processes
 from measure import Figure
 
 STUDY = """
@@ -31,8 +31,8 @@ RUNS, CHUNKS, ROUNDS = 480, 24, 5
 MEMORY = """
 import resource, sys
 from pathlib import Path
-from bowden.app.study_load import load
-from bowden.app.study_pack import rows
+from bowden.study.load import load
+from bowden.study.pack import rows
 study = load(Path(sys.argv[1]))
 for first in range(0, int(sys.argv[2]), 50):
     rows(study, range(first, first + 50))

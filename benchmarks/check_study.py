@@ -3,7 +3,7 @@
 import numpy as np
 
 from bowden.design.study import Case, Study, study
-from bowden.paper.bench import default_bench
+from bowden.rig.presets.bench import default_bench
 from kept import Kept
 from measure import Figure
 

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import results
-from bowden.hardware.emg_sources import open_source
-from bowden.hardware.lsl_outlet import LslOutlet
-from bowden.hardware.trigno_server import TrignoServer
-from bowden.runtime.clock import SECOND, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock
+from bowden.hardware.emg.lsl_outlet import LslOutlet
+from bowden.hardware.emg.sources import open_source
+from bowden.hardware.emg.trigno_server import TrignoServer
 from bowden.sensing.stream import OnsetDetector
 from bowden.sim.emg import background, contractions
 from measure import Figure, table

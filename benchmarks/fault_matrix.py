@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.paper.bench import default_bench
+from bowden.rig.presets.bench import default_bench
 from bowden.sim.adversary import attack
 from bowden.sim.fault_matrix import MEASURED, ROWS, begins, complaints, pair_complaints, run_row
 from bowden.sim.injected import Injected

@@ -19,7 +19,7 @@ _MINUTE = """
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.sim.closed_loop import simulate
-from bowden.sim.plant import Bench
+from bowden.plants.bench import Bench
 simulate(Bench(), LAWS["adaptive"], PeriodicMinimumJerk(0.0, 1.2, 10.0), duration=60.0)
 """
 

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 import tight
 from bowden.control import LAWS
 from bowden.core.trace import Trace
-from bowden.models.encoder import Encoder
-from bowden.paper import bench as paper
+from bowden.models.drive.encoder import Encoder
+from bowden.plants.bench import prepare_bench
+from bowden.rig.presets import bench as paper
 from bowden.sim.closed_loop import compiled_loop, simulate
 from bowden.sim.faulty import Fault
-from bowden.sim.plant import prepare_bench
 from measure import Row, by_turns
 
 Array = NDArray[np.float64]

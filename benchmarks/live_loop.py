@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from bowden.app import compose
-from bowden.runtime import lateness
-from bowden.runtime.lateness import bare_loop_apart
-from bowden.runtime.machine import cyclictest
-from bowden.runtime.mcap_read import read
-from bowden.runtime.realtime import Settings
+from bowden.hardware.realtime import Settings
+from bowden.live import lateness
+from bowden.live.lateness import bare_loop_apart
+from bowden.live.machine import cyclictest
+from bowden.live.mcap_read import read
+from bowden.rig import compose
 from bowden.sim.closed_loop import simulate
 from kept import Kept
 from measure import Figure

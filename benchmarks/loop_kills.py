@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from bowden.app.twin_process import RunningTwin, running_twin
+from bowden.live.twin_process import RunningTwin, running_twin
 from kept import Kept
 from measure import Figure
 

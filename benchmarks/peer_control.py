@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from bowden.control import LAWS
 from bowden.core.metrics import rmse
-from bowden.models.encoder import Encoder
-from bowden.models.sheath import width as width_at
-from bowden.paper import bench as paper
+from bowden.models.cable.sheath import width as width_at
+from bowden.models.drive.encoder import Encoder
+from bowden.rig.presets import bench as paper
 from bowden.sim.closed_loop import simulate
 from measure import Row, Timing, by_turns
 

@@ -19,14 +19,14 @@ from bowden.control import LAWS
 from bowden.control.reference import Multisine
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import DEGREES
-from bowden.identify.bouc_wen import BoucWenCable, simulate
-from bowden.identify.fit import identify
-from bowden.identify.log import read_log
-from bowden.identify.path import Path, build_path
-from bowden.identify.turns import find_turns, motor_noise
-from bowden.models.bouc_wen import BoucWen, saturation, travel_step
-from bowden.models.bouc_wen_sensitivity import hysteresis
-from bowden.paper import bench as paper
+from bowden.identify.cable.bouc_wen import BoucWenCable, simulate
+from bowden.identify.cable.fit import identify
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.turns import find_turns, motor_noise
+from bowden.identify.log.read import read_log
+from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
+from bowden.models.cable.bouc_wen_sensitivity import hysteresis
+from bowden.rig.presets import bench as paper
 from bowden.sim import closed_loop
 from measure import Row, Timing, by_turns
 

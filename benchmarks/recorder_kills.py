@@ -15,11 +15,11 @@ import numpy as np
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from bowden.runtime.mcap_log import LogFile, about
-from bowden.runtime.mcap_read import read
-from bowden.runtime.mcap_recover import recover
-from bowden.runtime.ring import Description, RingWriter, create
-from bowden.runtime.ring_status import RecorderState
+from bowden.live.mcap_log import LogFile, about
+from bowden.live.mcap_read import read
+from bowden.live.mcap_recover import recover
+from bowden.live.ring import Description, RingWriter, create
+from bowden.live.ring_status import RecorderState
 from kept import Kept
 from measure import Figure
 
@@ -43,7 +43,7 @@ def _kill(folder: Path, moment: float) -> tuple[float, float, bool]:
     ring, file = folder / "a.ring", folder / "a.mcap"
     create(ring, ABOUT)
     writer, rows = RingWriter(ring), []
-    process = subprocess.Popen([sys.executable, "-m", "bowden.runtime.recorder", str(ring), str(file)])
+    process = subprocess.Popen([sys.executable, "-m", "bowden.live.recorder", str(ring), str(file)])
     try:
         while writer.recorder.state(time.monotonic_ns()) != RecorderState.OK:
             time.sleep(0.001)

@@ -29,7 +29,8 @@ from typing import Any
 import numpy as np
 
 from bowden.core.signals import DriveReading
-from bowden.models import plausible, servo, thermal
+from bowden.models import plausible
+from bowden.models.drive import servo, thermal
 from bowden.safety import supervisor
 from bowden.safety.faults import Fault
 from kept import FOLDER, Kept

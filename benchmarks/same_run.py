@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.app.compose_live import Asked, compose_live
 from bowden.core.units import DEGREES
-from bowden.hardware.simulated import SimulatedDrive
-from bowden.hardware.twin_bench import TwinBench
-from bowden.models.thermal import cold
-from bowden.runtime.cycle import Source
-from bowden.runtime.ports import Power
-from bowden.runtime.row import NOTHING_READ
+from bowden.cycle.one_cycle import Source
+from bowden.hardware.drives.simulated import SimulatedDrive
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import TwinBench
+from bowden.live.compose_live import Asked, compose_live
+from bowden.live.row import NOTHING_READ
+from bowden.models.drive.thermal import cold
 from bowden.safety.supervisor import Mode, Observed, Request
 
 LONGEST = 60.0

@@ -12,10 +12,10 @@ import numpy as np
 from bowden.control import LAWS
 from bowden.design.league import told
 from bowden.design.league_cells import plants, scenarios
-from bowden.paper.bench import default_bench, moved_sheath
+from bowden.plants.cable_plant import resting_motor
+from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
-from bowden.sim.cable_plant import resting_motor
 from bowden.sim.fault_matrix import MEASURED
 from bowden.sim.supervised import supervised
 from kept import Kept

@@ -13,8 +13,8 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.design.wearers import Worn, wear
-from bowden.paper.suit import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit, suit_adaptive_integral, suit_ours
-from bowden.sim.suit_parts import Suit
+from bowden.plants.suit_parts import Suit
+from bowden.rig.presets.suit import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit, suit_adaptive_integral, suit_ours
 from kept import Kept
 from measure import Figure
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from bowden.core.trace import Trace
-from bowden.sim.plant import Bench
+from bowden.plants.bench import Bench
 
 
 def joint(bench: Bench, trace: Trace) -> NDArray[np.float64]:

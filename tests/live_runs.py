@@ -15,8 +15,8 @@ import jsonschema
 import numpy as np
 
 from bowden.app.main import run
-from bowden.runtime.lateness import bare_loop_apart
-from bowden.runtime.realtime import Settings
+from bowden.hardware.realtime import Settings
+from bowden.live.lateness import bare_loop_apart
 
 ROOT = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]

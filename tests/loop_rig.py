@@ -6,22 +6,23 @@ from typing import Any
 
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Source
-from bowden.hardware.twin_bench import TwinBench
-from bowden.models.thermal import cold
-from bowden.paper.bench import default_bench
-from bowden.runtime import control_block, ring
-from bowden.runtime.clock import SECOND
-from bowden.runtime.control_block import ControlBlock
-from bowden.runtime.cycle import LAW_BEGINS, Cycle, Filters
-from bowden.runtime.emg_course import EmgCourse
-from bowden.runtime.loop import Ended, Loop
-from bowden.runtime.mcap_read import Recording
-from bowden.runtime.mcap_reader import Damage
-from bowden.runtime.ring import RingReader, RingWriter
-from bowden.runtime.ring_status import RecorderState, Report
-from bowden.runtime.row import AT, NOTHING_READ, description
-from bowden.runtime.script import Script
-from bowden.runtime.torque_offset import TorqueOffset
+from bowden.core import shared_memory
+from bowden.core.clock import SECOND
+from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, Filters
+from bowden.cycle.torque_offset import TorqueOffset
+from bowden.hardware.emg.course import EmgCourse
+from bowden.hardware.twin.bench import TwinBench
+from bowden.live import control_block, ring
+from bowden.live.control_block import ControlBlock
+from bowden.live.loop import Ended, Loop
+from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import Damage
+from bowden.live.ring import RingReader, RingWriter
+from bowden.live.ring_status import RecorderState, Report
+from bowden.live.row import AT, NOTHING_READ, description
+from bowden.live.script import Script
+from bowden.models.drive.thermal import cold
+from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 from bowden.sim.scenario import constant_bend
@@ -69,7 +70,7 @@ class LoopRig:
         about = description(law, {}, 0, 0, emg=course is not None, pushed=push is not None, source=source)
         self._columns, self._units = about.columns, about.units
         ring.create(folder / "ring", about, ROWS)
-        control_block.create(folder / "block")
+        shared_memory.create(folder / "block", control_block.WORDS)
         self.reader, self._block = RingReader(folder / "ring"), ControlBlock(folder / "block")
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
         cycle.begin(NOTHING_READ, cold(limits.thermal))

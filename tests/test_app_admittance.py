@@ -6,20 +6,21 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from bowden.app import compose_admittance, main
-from bowden.app.compose_live import Asked, compose_live
+from bowden.app import main
 from bowden.control import LAWS
-from bowden.control.admittance import Admittance
+from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.source import TABLE
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import MIDDLE
-from bowden.hardware.twin_bench import FOLLOW
-from bowden.hardware.twin_suit import TwinSuit
-from bowden.models.geared_motor import GearedMotor
+from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.suit import TwinSuit
+from bowden.live.compose_live import Asked, compose_live
+from bowden.models.drive.geared_motor import GearedMotor
+from bowden.plants.suit_parts import Suit
+from bowden.rig import compose_admittance
 from bowden.sim.scenario import constant_bend
-from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_sources import behind, push_of
 
 ROOT = Path(__file__).parents[1]

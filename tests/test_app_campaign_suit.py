@@ -9,12 +9,12 @@ import pyarrow.dataset as ds
 import pytest
 
 from bowden.app import main
-from bowden.app.campaign_rows import SUIT_FIGURES, table_of
-from bowden.app.one_run import run_of
-from bowden.app.study_load import load
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.rig.one_run import run_of
+from bowden.study.load import load
+from bowden.study.rows import SUIT_FIGURES, table_of
 
 STUDY = """
 laws = ["uncompensated", "adaptive"]

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.identify.model_file import load_model
-from bowden.paper.bench import default_bench
+from bowden.identify.cable.model_file import load_model
+from bowden.rig.presets.bench import default_bench
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "identify.toml"
 

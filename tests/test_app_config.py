@@ -8,16 +8,16 @@ from typing import Any
 import jsonschema
 import pytest
 
-from bowden.app import compose
-from bowden.app.config import read_rig
-from bowden.app.rig_page import json_schema, markdown, toml_text
-from bowden.app.rig_schema import BENDS, REFERENCES, Rig
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen
-from bowden.paper.bench import default_bench, minimum_jerk
-from bowden.paper.bench import observer as paper_observer
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.rig import compose
+from bowden.rig.config import read_rig
+from bowden.rig.page import json_schema, markdown, toml_text
+from bowden.rig.presets.bench import default_bench, minimum_jerk
+from bowden.rig.presets.bench import observer as paper_observer
+from bowden.rig.schema import BENDS, REFERENCES, Rig
 from bowden.sim.closed_loop import simulate
 
 ROOT = Path(__file__).parents[1]

@@ -10,9 +10,9 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core.errors import ParameterError
-from bowden.runtime.lateness import EDGES_US, figures, histogram
-from bowden.runtime.machine import look, read_cyclictest
-from bowden.runtime.realtime import check_processor
+from bowden.hardware.realtime import check_processor
+from bowden.live.lateness import EDGES_US, figures, histogram
+from bowden.live.machine import look, read_cyclictest
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "doctor.schema.json"
 

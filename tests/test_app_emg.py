@@ -8,14 +8,14 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app import wearer_file
 from bowden.app.main import run
 from bowden.core.errors import StreamError
-from bowden.hardware.emg_playback import Playback
-from bowden.identify.emg_levels import envelope_levels
-from bowden.identify.emg_log import read_emg
-from bowden.runtime.emg_listener import Levels, Listener
-from bowden.runtime.ports import EmgChunk
+from bowden.hardware.emg.listener import Levels, Listener
+from bowden.hardware.emg.playback import Playback
+from bowden.hardware.ports import EmgChunk
+from bowden.identify.emg.levels import envelope_levels
+from bowden.identify.emg.log import read_emg
+from bowden.rig import wearer_file
 from bowden.sensing.envelope import DEFAULTS
 from bowden.sensing.stream import EnvelopeFilter
 from bowden.sim.emg import background, contractions

@@ -15,11 +15,11 @@ import pytest
 from bowden.app.main import run
 from bowden.core.errors import StreamError
 from bowden.core.units import RADIANS
-from bowden.hardware.lsl_library import library
-from bowden.hardware.lsl_outlet import LslOutlet, replay
-from bowden.hardware.trigno_server import TrignoServer
-from bowden.runtime.cycle import Source
-from bowden.runtime.mcap_read import read
+from bowden.cycle.one_cycle import Source
+from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
+from bowden.hardware.emg.trigno_server import TrignoServer
+from bowden.live.mcap_read import read
 from live_runs import assert_replays, finished, finished_well, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
@@ -153,6 +153,6 @@ def _reading(parent: int) -> int:
             fields = (folder / "stat").read_text().rpartition(")")[2].split()
         except OSError:
             continue
-        if int(fields[1]) == parent and b"bowden.app.intent_process" in words:
+        if int(fields[1]) == parent and b"bowden.live.intent_process" in words:
             return int(folder.name)
     raise ProcessLookupError

@@ -6,17 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bowden.app.compose import setup
-from bowden.app.compose_live import Asked, compose_live
-from bowden.app.emg_motion import EmgMotion
-from bowden.app.emg_setup import columns, emg_run
-from bowden.app.emg_summary import figures
-from bowden.app.live_screen import _emg
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
-from bowden.runtime.emg_course import CourseSettings
-from bowden.runtime.ports import EmgChunk
-from bowden.runtime.preflight import Preflight, require
+from bowden.hardware.emg.course import CourseSettings
+from bowden.hardware.ports import EmgChunk
+from bowden.live.compose_live import Asked, compose_live
+from bowden.live.emg_summary import figures
+from bowden.live.preflight import Preflight, require
+from bowden.live.screen import _emg
+from bowden.rig.compose import setup
+from bowden.rig.emg_motion import EmgMotion
+from bowden.rig.emg_setup import columns, emg_run
 
 RATE = 1000.0
 WEARER = '[emg]\nchannel = "{channel}"\nrest = {rest}\nmvc = {mvc}\nsource = "mvc.csv"\n'
@@ -211,7 +211,7 @@ def test_a_source_that_cannot_be_used_is_told_before_anything_is_started(
         raise AssertionError("something was started")
 
     for name in ("Session", "own_twin"):
-        monkeypatch.setattr(f"bowden.app.live_session.{name}", never)
+        monkeypatch.setattr(f"bowden.live.session.{name}", never)
     (tmp_path / "empty.csv").write_text("time_s,emg_mV\n")
     source = source.replace("file:", f"file:{tmp_path}/")
     code = run(["run", str(rig(tmp_path)), "--twin", "--auto", "--emg", source, "--out", str(tmp_path / "out")])
@@ -264,6 +264,6 @@ def test_figures_are_of_motions_and_their_delays() -> None:
 
 
 def test_emg_of_a_rig_is_none_without_a_source(tmp_path: Path) -> None:
-    from bowden.app.config import read_rig
+    from bowden.rig.config import read_rig
 
     assert emg_run(read_rig(rig(tmp_path)).emg, tmp_path) is None

@@ -15,14 +15,14 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app import wearer_file
 from bowden.app.emg_listen import listen
 from bowden.app.main import run
 from bowden.core.errors import LogError, StreamError
-from bowden.hardware.emg_sources import open_source
-from bowden.hardware.lsl_library import library
-from bowden.hardware.lsl_outlet import LslOutlet
-from bowden.runtime.ports import EmgChunk
+from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_outlet import LslOutlet
+from bowden.hardware.emg.sources import open_source
+from bowden.hardware.ports import EmgChunk
+from bowden.rig import wearer_file
 from bowden.sim.emg import background, contractions
 
 ROOT = Path(__file__).parents[1]

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowden.app import one_run
 from bowden.app.main import run
 from bowden.core.errors import OutputError
 from bowden.core.files import whole_file, whole_files
 from bowden.core.trace import Trace
 from bowden.design import trial  # noqa: F401  # takes the loop by name, before a test puts another in its place
+from bowden.rig import one_run
 
 SHORT = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 4.0\n[scenario]\nduration_s = 1.0\n"
 TWO_LAWS = ["simulate", "rig.toml", "--law", "uncompensated", "--law", "observer"]

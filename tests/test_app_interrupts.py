@@ -10,7 +10,7 @@ import time
 import pytest
 
 from bowden.app import main
-from bowden.app.workers import starting
+from bowden.design.processes import starting
 
 callback = ctypes.CFUNCTYPE(None)
 

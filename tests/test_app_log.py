@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 
 from bowden.app import main
-from bowden.app.compose_live import Asked, compose_live
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
-from bowden.identify.log import read_log
-from bowden.models.thermal import cold
-from bowden.runtime.cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
-from bowden.runtime.events import Changes
-from bowden.runtime.mcap_log import LogFile, about
-from bowden.runtime.mcap_read import read
-from bowden.runtime.preflight import Reason
-from bowden.runtime.row import CYCLE, description
-from bowden.runtime.run_settings import run_settings
+from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
+from bowden.identify.log.read import read_log
+from bowden.live.compose_live import Asked, compose_live
+from bowden.live.events import Changes
+from bowden.live.mcap_log import LogFile, about
+from bowden.live.mcap_read import read
+from bowden.live.preflight import Reason
+from bowden.live.row import CYCLE, description
+from bowden.live.run_settings import run_settings
+from bowden.models.drive.thermal import cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict
 
@@ -163,7 +163,7 @@ def test_some_of_the_columns_are_the_same_as_in_the_whole(rows: np.ndarray) -> N
 def test_a_log_that_is_exported_in_parts_is_the_same(
     rows: np.ndarray, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("bowden.runtime.mcap_read._TRACE", 1000)
+    monkeypatch.setattr("bowden.live.mcap_read._TRACE", 1000)
     for kind in ("parquet", "csv"):
         document(["export", "run.mcap", "--to", kind, "--out", f"a.{kind}"], capsys, "log_export")
     for trace in (Trace.from_parquet("a.parquet"), Trace.from_csv("a.csv")):

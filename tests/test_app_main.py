@@ -12,8 +12,9 @@ import jsonschema
 import pytest
 
 from bowden import __version__
-from bowden.app import init_command, main, rig_page
+from bowden.app import init_command, main
 from bowden.core.trace import Trace
+from bowden.rig import page as rig_page
 
 ROOT = Path(__file__).parents[1]
 SHORT = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 4.0\n[scenario]\nduration_s = 8.0\n"

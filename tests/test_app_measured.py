@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowden.app.measured import NEEDED, motions
 from bowden.core.errors import SafetyError
-from bowden.runtime.cycle import Source
-from bowden.runtime.mcap_read import Recording
-from bowden.runtime.mcap_reader import Damage
+from bowden.cycle.one_cycle import Source
+from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import Damage
+from bowden.live.measured import NEEDED, motions
 from bowden.safety.supervisor import Mode
 
 PERIOD = 1e-3

@@ -15,17 +15,17 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from bowden.app import operator, thermal_file
-from bowden.app.live_screen import picture
-from bowden.app.live_summary import print_summary
 from bowden.control import LAWS
 from bowden.core.errors import SafetyError
-from bowden.hardware.drive_parameters import DriveParameters
-from bowden.models.thermal import Thermal, cold
-from bowden.runtime.cycle import Source
-from bowden.runtime.preflight import Reason
-from bowden.runtime.ring_status import RecorderState
-from bowden.runtime.row import columns
+from bowden.cycle.one_cycle import Source
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.live import operator, thermal_file
+from bowden.live.preflight import Reason
+from bowden.live.ring_status import RecorderState
+from bowden.live.row import columns
+from bowden.live.screen import picture
+from bowden.live.summary import print_summary
+from bowden.models.drive.thermal import Thermal, cold
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 

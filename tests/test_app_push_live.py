@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowden.app.twin_process import running_twin
 from bowden.control import LAWS
-from bowden.control.push import PUSH_UNITS
+from bowden.control.admittance.push import PUSH_UNITS
 from bowden.core.units import RADIANS
-from bowden.runtime.cycle import Source
-from bowden.runtime.mcap_read import read
+from bowden.cycle.one_cycle import Source
+from bowden.live.mcap_read import read
+from bowden.live.twin_process import running_twin
 from live_runs import assert_replays, finished, finished_well, pushed_rig, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]

@@ -9,26 +9,26 @@ import numpy as np
 import pytest
 
 from bowden.app import main
-from bowden.app.compose_live import Asked, Live, compose_live
-from bowden.app.config import near
-from bowden.app.log_replay import source_for
-from bowden.app.push_summary import figures
-from bowden.app.suit_schema import SuitSection
 from bowden.control import LAWS
 from bowden.control.source import TABLE, Heard
 from bowden.core.errors import LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, Source, led
 from bowden.design.admittance_study import felt
-from bowden.models.thermal import cold
-from bowden.runtime.cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, Source, led
-from bowden.runtime.events import Changes
-from bowden.runtime.mcap_log import LogFile, about
-from bowden.runtime.mcap_read import Recording
-from bowden.runtime.mcap_reader import Damage
-from bowden.runtime.row import columns, description
-from bowden.runtime.run_settings import run_settings
+from bowden.live.compose_live import Asked, Live, compose_live
+from bowden.live.events import Changes
+from bowden.live.log_replay import source_for
+from bowden.live.mcap_log import LogFile, about
+from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import Damage
+from bowden.live.push_summary import figures
+from bowden.live.row import columns, description
+from bowden.live.run_settings import run_settings
+from bowden.models.drive.thermal import cold
+from bowden.rig.config import near
+from bowden.rig.suit_schema import SuitSection
 from bowden.safety.supervisor import Observed
 from live_runs import pushed_rig
 

@@ -9,18 +9,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bowden.app.config import read_rig
-from bowden.app.live_schema import DriveSection
-from bowden.app.rig_drive import drive_parameters, limits, on_bus
 from bowden.core.errors import BowdenError, DriveError, ParameterError
-from bowden.hardware.canopen_drive import CanopenDrive
-from bowden.hardware.drive_parameters import DriveParameters
-from bowden.hardware.twin_bench import TwinBench
-from bowden.hardware.twin_bus import TwinBus
-from bowden.paper.bench import default_bench
-from bowden.paper.suit import suit
-from bowden.runtime.ports import Power
-from bowden.runtime.preflight import contradictions
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.bus import TwinBus
+from bowden.live.preflight import contradictions
+from bowden.rig.config import read_rig
+from bowden.rig.drive import drive_parameters, limits, on_bus
+from bowden.rig.live_schema import DriveSection
+from bowden.rig.presets.bench import default_bench
+from bowden.rig.presets.suit import suit
 from bowden.sim.scenario import constant_bend
 
 BENCH = default_bench()

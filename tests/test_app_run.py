@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowden.app.twin_process import RunningTwin, running_twin
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
-from bowden.paper.bench import default_bench
-from bowden.runtime.cycle import Source
-from bowden.runtime.mcap_read import read
+from bowden.cycle.one_cycle import Source
+from bowden.live.mcap_read import read
+from bowden.live.twin_process import RunningTwin, running_twin
+from bowden.rig.presets.bench import default_bench
 from bowden.sim.closed_loop import simulate
 from live_runs import finished, started, tries
 
@@ -75,7 +75,7 @@ def restart(twin: RunningTwin) -> None:
 
 def loop_of(process: "subprocess.Popen[str]") -> int:
     """Number of the loop's process."""
-    return child_of(process, "bowden.app.loop_process")
+    return child_of(process, "bowden.live.loop_process")
 
 
 def child_of(process: "subprocess.Popen[str]", word: str) -> int:

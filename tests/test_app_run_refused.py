@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.app.twin_process import running_twin
-from bowden.hardware.buses import UNIX, claim
+from bowden.hardware.buses.opening import UNIX, claim
+from bowden.live.twin_process import running_twin
 
 pytestmark = pytest.mark.usefixtures("state")
 
@@ -74,7 +74,7 @@ def test_a_bus_that_another_run_has_is_told_before_the_law_is_checked(
 ) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("")
-    monkeypatch.setattr("bowden.app.verdict.verdicts", lambda *_, **__: pytest.fail("the law is checked"))
+    monkeypatch.setattr("bowden.design.verdict.verdicts", lambda *_, **__: pytest.fail("the law is checked"))
     other = claim(UNIX, str(tmp_path / "b"), "host")
     assert run(["run", str(rig), "--auto", "--channel", str(tmp_path / "b")]) == 2
     assert "end the other run first" in capsys.readouterr().err

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.app.twin_process import running_twin
-from bowden.runtime.cycle import Source
-from bowden.runtime.mcap_read import read
+from bowden.cycle.one_cycle import Source
+from bowden.live.mcap_read import read
+from bowden.live.twin_process import running_twin
 from live_runs import COMMAND, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]

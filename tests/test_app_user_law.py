@@ -9,7 +9,7 @@ from bowden.control import LAWS, user_law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
-from bowden.paper.bench import default_bench
+from bowden.rig.presets.bench import default_bench
 from bowden.sim.closed_loop import simulate
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_law.py"

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from bowden.control.admittance import (
+from bowden.control.admittance.virtual_elbow import (
     Admittance,
     AdmittanceState,
     admittance_start,

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bowden.control.admittance import Admittance, admittance_start, admittance_step
-from bowden.control.admittance_passivity import doubtful, limit_of, worst_pole
-from bowden.control.admittance_port import Body, Port, bodies, held_loops, impedance, passive_to, sampled_loops
+from bowden.control.admittance.passivity import doubtful, limit_of, worst_pole
+from bowden.control.admittance.port import Body, Port, bodies, held_loops, impedance, passive_to, sampled_loops
+from bowden.control.admittance.virtual_elbow import Admittance, admittance_start, admittance_step
 from bowden.core.errors import ParameterError
-from bowden.models.arm import arm_of
+from bowden.models.suit.arm import arm_of
 
 PORT = Port(
     inertia=1.6e-3,

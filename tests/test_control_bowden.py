@@ -13,16 +13,16 @@ from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.random_plants import run_random_plant
-from bowden.models.backlash import Play
-from bowden.models.bouc_wen import BoucWen
-from bowden.models.encoder import Encoder
-from bowden.models.servo import Servo, ServoState, prepare, servo_step
-from bowden.models.sheath import Sheath
-from bowden.paper import bench as paper
-from bowden.sim.cable_plant import CablePlant
-from bowden.sim.cables import bouc_wen, play
+from bowden.models.cable.backlash import Play
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.sheath import Sheath
+from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
+from bowden.plants.cable_plant import CablePlant
+from bowden.plants.cables import bouc_wen, play
+from bowden.plants.friction_cables import lumped
+from bowden.rig.presets import bench as paper
 from bowden.sim.closed_loop import simulate
-from bowden.sim.friction_cables import lumped
 
 
 def error_deg(trace: Trace) -> float:

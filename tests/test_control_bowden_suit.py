@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.bowden import BowdenState
-from bowden.control.bowden_gains import SUIT
-from bowden.control.held_feedback import LOST
 from bowden.control.law import Law
+from bowden.control.our_law.gains import SUIT
+from bowden.control.our_law.held_feedback import LOST
+from bowden.control.our_law.law import BowdenState
 from bowden.control.reference import PointToPoint, Trajectory
 from bowden.core.kernel import compiled
 from bowden.core.signals import Reference, Sample

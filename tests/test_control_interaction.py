@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bowden.control.interaction import Chain, Doubt, InteractionState, interaction_start, interaction_step
+from bowden.control.admittance.interaction import Chain, Doubt, InteractionState, interaction_start, interaction_step
 from bowden.core.kernel import compiled
-from bowden.models.geometry import SuitGeometry
-from bowden.models.sheath import Sheath
-from bowden.models.suit_angle import flexor_arm, flexor_travel, spool_map, spool_of
+from bowden.models.cable.sheath import Sheath
+from bowden.models.suit.geometry import SuitGeometry
+from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, spool_map, spool_of
 
 MAP = spool_map(SuitGeometry(), 0.025)
 CHAIN = Chain(

@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.control import LAWS
-from bowden.control.adaptive import AdaptiveState
-from bowden.control.observer import ObserverGains
-from bowden.control.observer import start as observer_start
-from bowden.control.observer import step as observer_step
+from bowden.control.laws.adaptive import AdaptiveState
+from bowden.control.laws.observer import ObserverGains
+from bowden.control.laws.observer import start as observer_start
+from bowden.control.laws.observer import step as observer_step
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import adaptive_model, response
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen, advance, joint_angle, slope_of_h
+from bowden.models.cable.bouc_wen import BoucWen, advance, joint_angle, slope_of_h
 
 exact_advance = compiled(advance)
 DT = 1e-3

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.active_disturbance_rejection import observer_gains, prediction
 from bowden.control.law import Law
-from bowden.control.parts import LEAD, LEAD_SQUARE, ahead
+from bowden.control.laws.active_disturbance_rejection import observer_gains, prediction
+from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import StateSpace, margins, servo_model
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.models.backlash import Play, joint_angle, push
-from bowden.models.bouc_wen import saturation
-from bowden.paper import bench as paper
+from bowden.models.cable.backlash import Play, joint_angle, push
+from bowden.models.cable.bouc_wen import saturation
+from bowden.rig.presets import bench as paper
 
 DT = 1e-3
 REST = Reference(0.0, 0.0, 0.0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.adaptive import AdaptiveGains
+from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.control.stability import (
     StateSpace,
     adaptive_model,
@@ -16,8 +16,8 @@ from bowden.control.stability import (
     ultimate_bounds,
 )
 from bowden.core.signals import Reference, Sample
-from bowden.models.servo import Servo
-from bowden.paper.bench import bench
+from bowden.models.drive.servo import Servo
+from bowden.rig.presets.bench import bench
 
 DT = 1e-3
 

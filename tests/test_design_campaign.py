@@ -9,9 +9,9 @@ import pytest
 from scipy import stats
 
 from bowden.core.errors import OutputError, ParameterError
-from bowden.design.campaign_store import Store, differences, row_bytes
-from bowden.design.distributions import distribution
-from bowden.design.sensitivity import ranked, sensitivity
+from bowden.study.distributions import distribution
+from bowden.study.sensitivity import ranked, sensitivity
+from bowden.study.store import Store, differences, row_bytes
 
 SHARES = [0.0, 0.01, 0.2, 0.5, 0.77, 0.99]
 

@@ -9,8 +9,8 @@ from bowden.control.law import Law
 from bowden.control.stability import adaptive_model, margins, response, servo_model
 from bowden.core.signals import Reference, Sample
 from bowden.design.linearise import find_estimates, linearise
-from bowden.models.servo import Servo
-from bowden.paper.bench import default_bench
+from bowden.models.drive.servo import Servo
+from bowden.rig.presets.bench import default_bench
 
 DT = 1e-3
 COUNT = default_bench().joint_encoder.resolution

@@ -4,7 +4,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.design.study import Case, Study, is_stable, simulated_margin, study
-from bowden.paper.bench import default_bench
+from bowden.rig.presets.bench import default_bench
 
 BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]

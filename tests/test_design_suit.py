@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.bowden_gains import BowdenGains
-from bowden.control.held_feedback import Setting, listen, no_feedback, steer
+from bowden.control.our_law.gains import BowdenGains
+from bowden.control.our_law.held_feedback import Setting, listen, no_feedback, steer
 from bowden.control.reference import PointToPoint
 from bowden.control.stability import StateSpace, margins
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.suit_linear import corners, suit_model, worst_margins
 from bowden.design.wearers import random_wearer, wear
-from bowden.models.arm import GRAVITY
-from bowden.models.suit_angle import flexor_arm
-from bowden.paper.suit import (
+from bowden.models.suit.arm import GRAVITY
+from bowden.models.suit.suit_angle import flexor_arm
+from bowden.paper.suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
+from bowden.plants.suit_parts import prepare_suit
+from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
     FRICTION_FEEDFORWARD,
     suit,
@@ -22,9 +24,7 @@ from bowden.paper.suit import (
     suit_calibration,
     suit_ours,
 )
-from bowden.paper.suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_parts import prepare_suit
 
 
 def test_the_linear_suit_at_rest_is_its_statics() -> None:

@@ -11,25 +11,25 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bowden.app import tune_study
-from bowden.app.campaign_rows import table_of
-from bowden.app.gains_text import with_gains
 from bowden.app.main import run
-from bowden.app.study_load import load
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.evolution import Array, Population, Score
+from bowden.design.gains_text import with_gains
 from bowden.design.trial import slope_at
 from bowden.design.tune import tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
 from bowden.design.tune_runs import NineRuns, Rig, course_of, runs_of
-from bowden.paper.bench import default_bench
+from bowden.plants.bench import Bench
+from bowden.rig.presets.bench import default_bench
 from bowden.sim.closed_loop import simulate
-from bowden.sim.plant import Bench
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
+from bowden.study import tune_study
+from bowden.study.load import load
+from bowden.study.rows import table_of
 
 BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]

@@ -15,7 +15,7 @@ from bowden.export.code import Style
 from bowden.export.law import law_module
 from bowden.export.module import files
 from bowden.export.readme import FLAGS
-from bowden.paper import bench as paper
+from bowden.rig.presets import bench as paper
 from bowden.sim.closed_loop import simulate
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")

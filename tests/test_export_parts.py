@@ -18,7 +18,7 @@ from bowden.export.layout import leaves
 from bowden.export.module import Module, files
 from bowden.export.parts import emg_modules, safety_module
 from bowden.export.readme import FLAGS
-from bowden.models.thermal import ThermalState, cold
+from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict, begin, supervise
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step

@@ -9,15 +9,15 @@ import can
 import pytest
 
 from bowden.core.errors import DriveError
-from bowden.hardware.buses import open_bus
-from bowden.hardware.canopen_drive import CanopenDrive
-from bowden.hardware.cia402 import State
-from bowden.hardware.drive_parameters import DriveParameters
-from bowden.hardware.twin import Twin
-from bowden.hardware.twin_bench import TwinBench
-from bowden.hardware.twin_control import TwinControl
-from bowden.paper.bench import bench
-from bowden.runtime.ports import Power
+from bowden.hardware.buses.opening import open_bus
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.cia402 import State
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.control import TwinControl
+from bowden.hardware.twin.twin import Twin
+from bowden.rig.presets.bench import bench
 from bowden.sim.scenario import constant_bend
 
 DRIVE = DriveParameters(interface="virtual", channel="any-bus", bitrate=500_000)

@@ -9,15 +9,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError
-from bowden.hardware import canopen_frames as frames
-from bowden.hardware.canopen_drive import CanopenDrive
-from bowden.hardware.cia402 import State
-from bowden.hardware.drive_parameters import DriveParameters
-from bowden.hardware.twin_bench import TwinBench
-from bowden.hardware.twin_bus import TwinBus
-from bowden.hardware.twin_objects import Key
-from bowden.paper.bench import bench
-from bowden.runtime.ports import Power
+from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.cia402 import State
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.bus import TwinBus
+from bowden.hardware.twin.objects import Key
+from bowden.rig.presets.bench import bench
 from bowden.sim.scenario import constant_bend
 
 DRIVE = DriveParameters(answer_timeout=0.05)

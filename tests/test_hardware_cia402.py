@@ -6,10 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bowden.hardware import cia402
-from bowden.hardware.cia402 import CONTROL, STATUS, WITH_TORQUE, Control, State, controlword, decode, encode, fell
-from bowden.hardware.emergencies import emergency_text
-from bowden.runtime.ports import Power
+from bowden.hardware.drives import cia402
+from bowden.hardware.drives.cia402 import (
+    CONTROL,
+    STATUS,
+    WITH_TORQUE,
+    Control,
+    State,
+    controlword,
+    decode,
+    encode,
+    fell,
+)
+from bowden.hardware.drives.emergencies import emergency_text
+from bowden.hardware.ports import Power
 
 STARTING = {State.NOT_READY_TO_SWITCH_ON, State.FAULT_REACTION_ACTIVE}
 

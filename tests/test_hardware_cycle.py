@@ -9,18 +9,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bowden.hardware import canopen_frames as frames
-from bowden.hardware.canopen_drive import CanopenDrive
-from bowden.hardware.cia402 import Control, State
-from bowden.hardware.drive_parameters import DriveParameters
-from bowden.hardware.injection import parse
-from bowden.hardware.twin_bench import TwinBench
-from bowden.hardware.twin_bus import TwinBus
-from bowden.identify.servo import identify_servo
-from bowden.models.encoder import Encoder
-from bowden.models.servo import ServoState, prepare, servo_step
-from bowden.paper.bench import bench
-from bowden.runtime.ports import Power
+from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.cia402 import Control, State
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.bus import TwinBus
+from bowden.hardware.twin.injection import parse
+from bowden.identify.servo.fit import identify_servo
+from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.servo import ServoState, prepare, servo_step
+from bowden.rig.presets.bench import bench
 from bowden.sim.scenario import constant_bend
 
 DRIVE = DriveParameters(answer_timeout=0.05)

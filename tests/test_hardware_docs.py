@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from bowden.hardware.cia402 import CONTROL, STATUS, State
-from bowden.hardware.injection import KINDS
-from bowden.runtime.ports import Power
+from bowden.hardware.drives.cia402 import CONTROL, STATUS, State
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.injection import KINDS
 
 DOCS = Path(__file__).parents[1] / "docs"
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import StreamError
-from bowden.hardware.emg_lsl import LslStream
-from bowden.hardware.emg_sources import open_source
-from bowden.hardware.lsl_info import channel_names, check_info, unit_of
-from bowden.hardware.lsl_library import library
-from bowden.hardware.lsl_outlet import LslOutlet
-from bowden.identify.emg_log import read_emg
-from bowden.runtime.ports import EmgChunk, EmgStream
+from bowden.hardware.emg.lsl import LslStream
+from bowden.hardware.emg.lsl_info import channel_names, check_info, unit_of
+from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.lsl_outlet import LslOutlet
+from bowden.hardware.emg.sources import open_source
+from bowden.hardware.ports import EmgChunk, EmgStream
+from bowden.identify.emg.log import read_emg
 from bowden.sensing.stream import OnsetDetector
 from bowden.sim.emg import background, contractions
 

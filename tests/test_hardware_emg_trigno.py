@@ -16,12 +16,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError, StreamError
-from bowden.hardware import trigno_dialogue
-from bowden.hardware.emg_sources import open_source
-from bowden.hardware.emg_trigno import TrignoStream
-from bowden.hardware.trigno_dialogue import Address
-from bowden.hardware.trigno_faults import read_faults
-from bowden.hardware.trigno_protocol import (
+from bowden.hardware.emg import trigno_dialogue
+from bowden.hardware.emg.sources import open_source
+from bowden.hardware.emg.trigno import TrignoStream
+from bowden.hardware.emg.trigno_dialogue import Address
+from bowden.hardware.emg.trigno_faults import read_faults
+from bowden.hardware.emg.trigno_protocol import (
     EMG_PORT,
     LEGACY_EMG_PORT,
     Lines,
@@ -30,9 +30,9 @@ from bowden.hardware.trigno_protocol import (
     columns_of,
     rate_of,
 )
-from bowden.hardware.trigno_server import TrignoServer, frames_of
-from bowden.identify.emg_log import read_emg
-from bowden.runtime.ports import EmgChunk
+from bowden.hardware.emg.trigno_server import TrignoServer, frames_of
+from bowden.hardware.ports import EmgChunk
+from bowden.identify.emg.log import read_emg
 from bowden.sensing.stream import OnsetDetector
 
 RATE = 2000.0

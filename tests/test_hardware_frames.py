@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
-from bowden.hardware import canopen_frames as frames
-from bowden.hardware.drive_parameters import DriveParameters, Scale, check_parameters, joint_scale, motor_scale
+from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.parameters import DriveParameters, Scale, check_parameters, joint_scale, motor_scale
 
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
 

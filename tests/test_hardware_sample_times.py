@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bowden.hardware.sample_times import LONGEST_FILL, SampleTimes
+from bowden.hardware.emg.sample_times import LONGEST_FILL, SampleTimes
 
 RATE = 2000.0
 

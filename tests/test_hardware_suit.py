@@ -7,20 +7,20 @@ import pytest
 
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.units import RADIANS
-from bowden.hardware.canopen_drive import CanopenDrive
-from bowden.hardware.drive_parameters import DriveParameters, Scale, SuitScale, motor_scale
-from bowden.hardware.twin_bench import BRAKE, FOLLOW, OFF
-from bowden.hardware.twin_bus import TwinBus
-from bowden.hardware.twin_sampler import RATED_CURRENT
-from bowden.hardware.twin_suit import TwinSuit
-from bowden.models.arm import Wearer
-from bowden.models.geared_motor import GearedMotor, SpoolState, drive_motor
-from bowden.models.suit_angle import spool_map, spool_of
-from bowden.runtime.ports import Power
-from bowden.runtime.torque_offset import TorqueOffset
+from bowden.cycle.torque_offset import TorqueOffset
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.parameters import DriveParameters, Scale, SuitScale, motor_scale
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
+from bowden.hardware.twin.bus import TwinBus
+from bowden.hardware.twin.sampler import RATED_CURRENT
+from bowden.hardware.twin.suit import TwinSuit
+from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor
+from bowden.models.suit.arm import Wearer
+from bowden.models.suit.suit_angle import spool_map, spool_of
+from bowden.plants.suit_parts import Suit
 from bowden.safety.supervisor import Mode, Verdict
 from bowden.sim.scenario import constant_bend, scripted_bend
-from bowden.sim.suit_parts import Suit
 
 SUIT = Suit(motor=GearedMotor(integral=40.0))
 DRIVE = DriveParameters(gear=SUIT.motor.gear, spool=spool_map(SUIT.geometry, SUIT.spool_radius))

@@ -14,15 +14,15 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.app.twin_process import RunningTwin, running_twin
 from bowden.core.errors import DriveError, ParameterError
 from bowden.core.signals import DriveReading
-from bowden.hardware.canopen_drive import CanopenDrive
-from bowden.hardware.cia402 import State
-from bowden.hardware.drive_parameters import DriveParameters
-from bowden.hardware.injection import KINDS, parse
-from bowden.hardware.twin_control import TwinControl, control_path
-from bowden.runtime.ports import Power
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.cia402 import State
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.control import TwinControl, control_path
+from bowden.hardware.twin.injection import KINDS, parse
+from bowden.live.twin_process import RunningTwin, running_twin
 
 pytestmark = pytest.mark.live
 
@@ -110,9 +110,9 @@ def test_two_twins_of_one_number_are_refused(rig: Path, twin: RunningTwin, capsy
 
 LOOP = """
 import sys, time
-from bowden.hardware.canopen_drive import CanopenDrive
-from bowden.hardware.drive_parameters import DriveParameters
-from bowden.runtime.ports import Power
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import Power
 drive = CanopenDrive(DriveParameters(channel=sys.argv[1]))
 drive.bring_up()
 k, start = 0, time.monotonic()

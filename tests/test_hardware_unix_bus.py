@@ -11,8 +11,8 @@ import can
 import pytest
 
 from bowden.core.errors import DriveError
-from bowden.hardware.buses import claim, open_bus
-from bowden.hardware.unix_bus import UnixBus, bus_folder
+from bowden.hardware.buses.opening import claim, open_bus
+from bowden.hardware.buses.unix_bus import UnixBus, bus_folder
 
 
 def frame(cob_id: int, data: bytes = b"") -> can.Message:
@@ -92,7 +92,7 @@ def test_alone_nobody_acknowledges(tmp_path: Path) -> None:
 
 def test_what_the_dead_leave_is_cleared_away(tmp_path: Path) -> None:
     code = (
-        "import os, sys; from bowden.hardware.unix_bus import UnixBus;"
+        "import os, sys; from bowden.hardware.buses.unix_bus import UnixBus;"
         "bus = UnixBus(sys.argv[1]); print('up', flush=True); os.kill(os.getpid(), 9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True, timeout=60)
@@ -144,7 +144,7 @@ def test_a_part_is_played_by_one_process_and_free_when_it_dies(tmp_path: Path) -
     first.release()
     claim("bowden_unix", str(tmp_path), "host").release()
     code = (
-        "import os, sys; from bowden.hardware.buses import claim;"
+        "import os, sys; from bowden.hardware.buses.opening import claim;"
         "held = claim('bowden_unix', sys.argv[1], 'host'); os.kill(os.getpid(), 9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, capture_output=True, timeout=60)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from bowden.core.units import DEGREES
-from bowden.identify.fit import Fit, identify_log
-from bowden.identify.log import read_log
+from bowden.identify.cable.fit import Fit, identify_log
+from bowden.identify.log.read import read_log
 
 
 @pytest.fixture(scope="module")

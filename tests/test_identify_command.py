@@ -12,11 +12,11 @@ import pytest
 from bowden.app.main import run
 from bowden.core.errors import OutputError, ParameterError
 from bowden.core.kernel import compiled
-from bowden.identify.fit import Fit, identify
-from bowden.identify.model import NAMES
-from bowden.identify.model_file import load_model, model_text, write_model
-from bowden.models.bouc_wen import BoucWen
-from bowden.models.bouc_wen_sensitivity import hysteresis
+from bowden.identify.cable.fit import Fit, identify
+from bowden.identify.cable.model import NAMES
+from bowden.identify.cable.model_file import load_model, model_text, write_model
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json"
 

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.units import DEGREES
-from bowden.identify.bouc_wen import chebyshev
-from bowden.identify.fit import Fit, identify
-from bowden.identify.model import NAMES, CableModel
-from bowden.identify.path import build_path
-from bowden.identify.turns import find_turns
-from bowden.identify.validation import folds, simplest_of_the_best
-from bowden.models.bouc_wen import BoucWen, joint_angle
-from bowden.models.bouc_wen_sensitivity import hysteresis
-from bowden.models.prandtl_ishlinskii import plays
+from bowden.identify.cable.bouc_wen import chebyshev
+from bowden.identify.cable.fit import Fit, identify
+from bowden.identify.cable.model import NAMES, CableModel
+from bowden.identify.cable.path import build_path
+from bowden.identify.cable.turns import find_turns
+from bowden.identify.cable.validation import folds, simplest_of_the_best
+from bowden.models.cable.bouc_wen import BoucWen, joint_angle
+from bowden.models.cable.bouc_wen_sensitivity import hysteresis
+from bowden.models.cable.prandtl_ishlinskii import plays
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bowden.identify.path import Path, build_path
-from bowden.identify.turns import find_turns, motor_noise, polynomial, resolution, reversals
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.turns import find_turns, motor_noise, polynomial, resolution, reversals
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled
-from bowden.identify.bouc_wen_search import cable_at
-from bowden.identify.projection import reduced_problem
-from bowden.models.bouc_wen import BoucWen, saturation
-from bowden.models.bouc_wen_sensitivity import Sensitive, hysteresis, sensitivities, sensitivity_slope
+from bowden.identify.cable.bouc_wen_search import cable_at
+from bowden.identify.cable.projection import reduced_problem
+from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.cable.bouc_wen_sensitivity import Sensitive, hysteresis, sensitivities, sensitivity_slope
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from bowden.app.main import run
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
-from bowden.identify.servo import Estimate, identify_servo
-from bowden.models.servo import Servo, ServoState, prepare, servo_step
+from bowden.identify.servo.fit import Estimate, identify_servo
+from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
 
 Array = NDArray[np.float64]
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify_servo.schema.json"

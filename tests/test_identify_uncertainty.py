@@ -6,18 +6,18 @@ from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
-from bowden.identify.bouc_wen import BoucWenCable, fit_terms
-from bowden.identify.bouc_wen_search import bounds
-from bowden.identify.family import Estimate, Family
-from bowden.identify.line import Line
-from bowden.identify.path import Path, build_path
-from bowden.identify.play import PlayOperator
-from bowden.identify.turns import find_turns, motor_noise
-from bowden.identify.uncertainty import standard_errors
-from bowden.models.bouc_wen import BoucWen, saturation
-from bowden.models.bouc_wen_sensitivity import hysteresis
-from bowden.models.encoder import Encoder, reading
-from bowden.models.prandtl_ishlinskii import plays
+from bowden.identify.cable.bouc_wen import BoucWenCable, fit_terms
+from bowden.identify.cable.bouc_wen_search import bounds
+from bowden.identify.cable.family import Estimate, Family
+from bowden.identify.cable.line import Line
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.play import PlayOperator
+from bowden.identify.cable.turns import find_turns, motor_noise
+from bowden.identify.cable.uncertainty import standard_errors
+from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.cable.bouc_wen_sensitivity import hysteresis
+from bowden.models.cable.prandtl_ishlinskii import plays
+from bowden.models.drive.encoder import Encoder, reading
 
 Array = NDArray[np.float64]
 

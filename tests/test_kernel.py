@@ -12,7 +12,10 @@ from bowden.core import primitives
 from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, tanh
 from bowden.core.signals import Reference, Sample
 from bowden.export import symbol
-from bowden.models import backlash, bouc_wen, encoder, geometry, motor, plausible, servo, sheath, thermal
+from bowden.models import plausible
+from bowden.models.cable import backlash, bouc_wen, sheath
+from bowden.models.drive import encoder, motor, servo, thermal
+from bowden.models.suit import geometry
 
 EXTREMES = [0.0, -0.0, 5e-324, -5e-324, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
 

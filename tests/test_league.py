@@ -17,9 +17,9 @@ from bowden.design import league, league_cells, league_identified
 from bowden.design.league import Cell, Played, standings, told
 from bowden.design.league_cells import STROKE, LeaguePlant
 from bowden.design.league_exact import exact_travel
-from bowden.paper.bench import default_bench, moved_sheath
+from bowden.plants.cable_plant import resting_motor
 from bowden.report.league_page import league_page
-from bowden.sim.cable_plant import resting_motor
+from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.sim.closed_loop import simulate
 
 ROOT = Path(__file__).parents[1]
@@ -85,7 +85,7 @@ def test_a_cell_is_what_a_trace_of_its_run_shows_to_the_last_bit(plant: str, nam
 
 
 def test_on_a_cable_that_loses_nothing_no_compensation_has_a_chatter_near_one() -> None:
-    from bowden.sim.cables import stack
+    from bowden.plants.cables import stack
 
     rigid = PLANTS["play"].plant._replace(cable=stack(1.0, [], []))
     ideal = rigid._replace(joint_encoder=type(rigid.joint_encoder)(), motor_encoder=type(rigid.motor_encoder)())

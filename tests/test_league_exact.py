@@ -10,15 +10,15 @@ import pytest
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.units import RADIANS
 from bowden.design.league_exact import STEP, exact_motor, exact_travel
-from bowden.models.backlash import Play
-from bowden.models.bouc_wen import BoucWen
-from bowden.models.capstan import Tendon
-from bowden.models.lumped_cable import LumpedTendon
-from bowden.models.servo import Servo
-from bowden.models.sheath import Sheath
-from bowden.sim import cables, friction_cables
-from bowden.sim.cable_plant import Cable, CablePlant, resting_motor
-from bowden.sim.pose_cable import poses
+from bowden.models.cable.backlash import Play
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.lumped_cable import LumpedTendon
+from bowden.models.cable.sheath import Sheath
+from bowden.models.drive.servo import Servo
+from bowden.plants import cables, friction_cables
+from bowden.plants.cable_plant import Cable, CablePlant, resting_motor
+from bowden.plants.pose_cable import poses
 from bowden.sim.scenario import constant_bend, scripted_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 4.0)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.models.arm import (
+from bowden.models.suit.arm import (
     WEARERS,
     Arm,
     Wearer,

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from bowden.core.kernel import compiled
 from bowden.core.units import DEGREES
-from bowden.models.bouc_wen import BoucWen, joint_angle, saturation, slope_of_h, travel_step
-from bowden.models.bouc_wen import advance as plain_advance
+from bowden.models.cable.bouc_wen import BoucWen, joint_angle, saturation, slope_of_h, travel_step
+from bowden.models.cable.bouc_wen import advance as plain_advance
 
 advance = compiled(plain_advance)
 PAPER = BoucWen()

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bowden.models.encoder import Encoder, reading
+from bowden.models.drive.encoder import Encoder, reading
 
 angles = st.floats(-100.0, 100.0)
 

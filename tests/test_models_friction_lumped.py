@@ -13,10 +13,10 @@ from scipy.linalg import expm
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.models import friction, lumped_cable, sliding_cable
-from bowden.models.capstan import Tendon
-from bowden.models.lumped_cable import LumpedMemory, LumpedTendon, PreparedLumped, prepare_lumped
-from bowden.models.sliding_cable import prepare_tendon
+from bowden.models.cable import friction, lumped_cable, sliding_cable
+from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.lumped_cable import LumpedMemory, LumpedTendon, PreparedLumped, prepare_lumped
+from bowden.models.cable.sliding_cable import prepare_tendon
 
 START, ADVANCE = compiled(lumped_cable.start_lumped), compiled(lumped_cable.advance_lumped)
 TENSION, PULL = compiled(lumped_cable.lumped_tension), compiled(lumped_cable.lumped_pull)

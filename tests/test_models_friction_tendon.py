@@ -11,9 +11,9 @@ from scipy.integrate import quad
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.models import capstan, sliding_cable
-from bowden.models.capstan import Tendon
-from bowden.models.sliding_cable import PreparedTendon, TendonMemory, prepare_tendon
+from bowden.models.cable import capstan, sliding_cable
+from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.sliding_cable import PreparedTendon, TendonMemory, prepare_tendon
 
 START, ADVANCE = compiled(sliding_cable.start_tendon), compiled(sliding_cable.advance_tendon)
 TENSION, MOTOR_TENSION = compiled(sliding_cable.tension), compiled(sliding_cable.motor_tension)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from bowden.core.errors import ParameterError
-from bowden.models.geometry import (
+from bowden.models.suit.geometry import (
     ELBOW_RANGE,
     SuitGeometry,
     extensor_extension,

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bowden.core.metrics import power
-from bowden.models.motor import Motor, acceleration_limit, current
+from bowden.models.drive.motor import Motor, acceleration_limit, current
 
 MOTOR = Motor()
 

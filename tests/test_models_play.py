@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bowden.models.backlash import Play, joint_angle, push
-from bowden.models.prandtl_ishlinskii import joint_angle as stack_joint
-from bowden.models.prandtl_ishlinskii import plays
+from bowden.models.cable.backlash import Play, joint_angle, push
+from bowden.models.cable.prandtl_ishlinskii import joint_angle as stack_joint
+from bowden.models.cable.prandtl_ishlinskii import plays
 
 angles = st.floats(-2.0, 2.0)
 paths = st.lists(angles, min_size=2, max_size=12)

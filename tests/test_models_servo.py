@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.models.servo import Servo, ServoState, prepare, servo_step
+from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
 
 step = compiled(servo_step)
 REST = ServoState(0.0, 0.0, 0.0)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.kernel import compiled
-from bowden.models.bouc_wen import BoucWen, advance, joint_angle, saturation
-from bowden.models.sheath import Sheath, advance_in_sheath, joint_in_sheath, slope_factor, width
+from bowden.models.cable.bouc_wen import BoucWen, advance, joint_angle, saturation
+from bowden.models.cable.sheath import Sheath, advance_in_sheath, joint_in_sheath, slope_factor, width
 
 CABLE = BoucWen()
 move, move_alone = compiled(advance_in_sheath), compiled(advance)

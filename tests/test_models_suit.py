@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen, advance
-from bowden.models.flex_sensor import PAPER_FLEX, FlexSensor, FlexState, flex_start, flex_step
-from bowden.models.geared_motor import DEAD, GearedMotor, SpoolState, check_geared_motor, drive_motor, turn_spool
-from bowden.models.geometry import SuitGeometry, flexor_extension, flexor_moment_arm
-from bowden.models.servo import Servo
-from bowden.models.suit_angle import HIGH, LOW, flexor_arm, flexor_travel, motor_of, spool_map, spool_of
-from bowden.models.suit_cable import (
+from bowden.models.cable.bouc_wen import BoucWen, advance
+from bowden.models.drive.geared_motor import DEAD, GearedMotor, SpoolState, check_geared_motor, drive_motor, turn_spool
+from bowden.models.drive.servo import Servo
+from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor, FlexState, flex_start, flex_step
+from bowden.models.suit.geometry import SuitGeometry, flexor_extension, flexor_moment_arm
+from bowden.models.suit.suit_angle import HIGH, LOW, flexor_arm, flexor_travel, motor_of, spool_map, spool_of
+from bowden.models.suit.suit_cable import (
     KINDS,
     Fabric,
     PreparedSuitCable,

@@ -13,13 +13,13 @@ from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
-from bowden.paper import bench as paper
 from bowden.paper.calibrate import calibrate
 from bowden.paper.claims import Claim, claims, judge, select
 from bowden.paper.errata_law import largest_pole
 from bowden.paper.gain_choice import choose_gains
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce, write_report
-from bowden.paper.suit import energies, largest_errors, run_suit, suit_calibration
+from bowden.rig.presets import bench as paper
+from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.closed_loop import simulate
 
 
@@ -195,5 +195,7 @@ def test_json_is_complete(outcome: Reproduction) -> None:
 
 
 def test_claims_file_is_plain_toml() -> None:
-    text = (resources.files("bowden.paper") / "claims.toml").read_text(encoding="utf-8")
-    assert set(tomllib.loads(text)) == {"chosen", "calibration", "suit", "claims"}
+    claims = (resources.files("bowden.paper") / "claims.toml").read_text(encoding="utf-8")
+    preset = (resources.files("bowden.rig.presets") / "paper.toml").read_text(encoding="utf-8")
+    assert set(tomllib.loads(claims)) == {"claims"}
+    assert set(tomllib.loads(preset)) == {"chosen", "calibration", "suit"}

@@ -11,8 +11,8 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.backlash import Play
-from bowden.models.bouc_wen import BoucWen
+from bowden.models.cable.backlash import Play
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.paper.static_plant import StaticRun, static_plant_run
 
 PRINTED = LAWS["adaptive"].presets["paper"]

@@ -6,17 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowden.app.known_cable import dead_zone as of_model
-from bowden.app.known_cable import knowing
 from bowden.control import LAWS
+from bowden.control.known_width import DOUBT, told
 from bowden.core.units import RADIANS
-from bowden.hardware.simulated import SimulatedDrive
-from bowden.paper.bench import default_bench
-from bowden.runtime.cycle import Filters, Source
-from bowden.runtime.dead_zone import DOUBT, dead_zone, told
-from bowden.runtime.preflight import Preflight, begin, step
-from bowden.runtime.replay import replay
-from bowden.runtime.script import Script
+from bowden.cycle.one_cycle import Filters, Source
+from bowden.hardware.drives.simulated import SimulatedDrive
+from bowden.live.dead_zone import dead_zone
+from bowden.live.preflight import Preflight, begin, step
+from bowden.live.replay import replay
+from bowden.live.script import Script
+from bowden.rig.known_cable import dead_zone as of_model
+from bowden.rig.known_cable import knowing
+from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from loop_rig import LoopRig, twin_bench
 
@@ -27,7 +28,7 @@ def test_the_preflight_measures_the_dead_zone_of_the_bench() -> None:
     """Against the width that the cable's equation has: 2·αh·h_max/αφ, less what a small stroke leaves of it."""
     drive, settings, now = SimulatedDrive(twin_bench()), Preflight(moved=1.5 * RADIANS), 1.0
     state, said, wish = begin(settings, drive.read(now)), None, 0.0
-    from bowden.runtime.ports import Power
+    from bowden.hardware.ports import Power
 
     while said is None or said.result == 0.0:
         drive.write(wish, Power.ON, now)

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowden.app.emg_motion import EmgMotion
-from bowden.app.emg_setup import EmgRun
+from bowden.core.clock import SECOND
 from bowden.core.errors import LogError
 from bowden.core.signals import Reference
-from bowden.runtime import intent_block
-from bowden.runtime.clock import SECOND
-from bowden.runtime.emg_course import CourseSettings, CourseState, EmgCourse, course_step
-from bowden.runtime.emg_listener import Levels, Listener
-from bowden.runtime.intent_block import Heard, IntentReader, IntentWriter
-from bowden.runtime.ports import EmgChunk
+from bowden.hardware.emg import intent_block
+from bowden.hardware.emg.course import CourseSettings, CourseState, EmgCourse, course_step
+from bowden.hardware.emg.intent_block import Heard, IntentReader, IntentWriter
+from bowden.hardware.emg.listener import Levels, Listener
+from bowden.hardware.ports import EmgChunk
+from bowden.rig.emg_motion import EmgMotion
+from bowden.rig.emg_setup import EmgRun
 from bowden.sensing.intent import Intent, IntentSettings, intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sim.emg import rest
@@ -26,7 +26,7 @@ RATE, DT = 1000.0, 0.001
 WRITER = """
 import sys
 from pathlib import Path
-from bowden.runtime.intent_block import Heard, IntentWriter
+from bowden.hardware.emg.intent_block import Heard, IntentWriter
 writer = IntentWriter(Path(sys.argv[1]))
 for k in range(1, 60_001):
     writer.write(Heard(k, k, k, k, k, float(k), float(k), float(k), float(k), float(k)))

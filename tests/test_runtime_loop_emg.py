@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.hardware.simulated import SimulatedDrive
-from bowden.runtime import intent_block
-from bowden.runtime.clock import SECOND
-from bowden.runtime.cycle import Filters, Source
-from bowden.runtime.emg_course import CourseSettings, EmgCourse
-from bowden.runtime.intent_block import Heard, IntentReader, IntentWriter
-from bowden.runtime.loop import Ended
-from bowden.runtime.mcap_read import Recording
-from bowden.runtime.preflight import Preflight
-from bowden.runtime.replay import replay
-from bowden.runtime.script import Script
+from bowden.core.clock import SECOND
+from bowden.cycle.one_cycle import Filters, Source
+from bowden.hardware.drives.simulated import SimulatedDrive
+from bowden.hardware.emg import intent_block
+from bowden.hardware.emg.course import CourseSettings, EmgCourse
+from bowden.hardware.emg.intent_block import Heard, IntentReader, IntentWriter
+from bowden.live.loop import Ended
+from bowden.live.mcap_read import Recording
+from bowden.live.preflight import Preflight
+from bowden.live.replay import replay
+from bowden.live.script import Script
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode

@@ -9,34 +9,34 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.admittance import Admittance
-from bowden.control.push import Push, push_source
+from bowden.control.admittance.push import Push, push_source
+from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.reference import PointToPoint
 from bowden.control.source import Heard
+from bowden.core.clock import SECOND
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import Filters, Source, led
+from bowden.cycle.torque_offset import TorqueOffset
 from bowden.design.admittance_study import felt, swinging
-from bowden.hardware.simulated import SimulatedDrive
-from bowden.hardware.twin_suit import TwinSuit
-from bowden.models.geared_motor import GearedMotor
-from bowden.models.suit_angle import spool_map
-from bowden.runtime.clock import SECOND
-from bowden.runtime.cycle import Filters, Source, led
-from bowden.runtime.loop import Ended
-from bowden.runtime.mcap_read import Recording
-from bowden.runtime.preflight import Preflight, Reason
-from bowden.runtime.replay import replay
-from bowden.runtime.run_settings import plain, source_of
-from bowden.runtime.script import Script
-from bowden.runtime.torque_offset import TorqueOffset
+from bowden.hardware.drives.simulated import SimulatedDrive
+from bowden.hardware.twin.suit import TwinSuit
+from bowden.live.loop import Ended
+from bowden.live.mcap_read import Recording
+from bowden.live.preflight import Preflight, Reason
+from bowden.live.replay import replay
+from bowden.live.run_settings import plain, source_of
+from bowden.live.script import Script
+from bowden.models.drive.geared_motor import GearedMotor
+from bowden.models.suit.suit_angle import spool_map
+from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_sources import behind, friction_of, push_of
 from loop_rig import LoopRig
 

@@ -18,13 +18,13 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 from bowden.core.errors import BowdenError
-from bowden.runtime.events import Changes
-from bowden.runtime.mcap_layout import Event, topics
-from bowden.runtime.mcap_log import MAGIC, LogFile, about, checksum
-from bowden.runtime.mcap_read import read
-from bowden.runtime.mcap_reader import Damage
-from bowden.runtime.mcap_recover import recover
-from bowden.runtime.ring import Description
+from bowden.live.events import Changes
+from bowden.live.mcap_layout import Event, topics
+from bowden.live.mcap_log import MAGIC, LogFile, about, checksum
+from bowden.live.mcap_read import read
+from bowden.live.mcap_reader import Damage
+from bowden.live.mcap_recover import recover
+from bowden.live.ring import Description
 
 _MANY = tuple(f"supervisor.x{i}" for i in range(40))
 COLUMNS = (

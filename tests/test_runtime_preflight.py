@@ -8,7 +8,7 @@ import pytest
 from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
-from bowden.runtime.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
+from bowden.live.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
 from bowden.safety.limits import Limits
 
 DT = 1e-3

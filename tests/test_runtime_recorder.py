@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from mcap.stream_reader import StreamReader
 
+from bowden.core.clock import MonotonicClock
 from bowden.core.errors import OutputError
-from bowden.runtime import recorder
-from bowden.runtime.clock import MonotonicClock
-from bowden.runtime.mcap_read import read
-from bowden.runtime.mcap_recover import recover
-from bowden.runtime.ring import Batch, Description, RingWriter, create
-from bowden.runtime.ring_status import RecorderState
+from bowden.live import recorder
+from bowden.live.mcap_read import read
+from bowden.live.mcap_recover import recover
+from bowden.live.ring import Batch, Description, RingWriter, create
+from bowden.live.ring_status import RecorderState
 
 pytestmark = pytest.mark.live
 
@@ -49,7 +49,7 @@ class Rig:
         self.process: subprocess.Popen[bytes] | None = None
 
     def start(self, file: Path | None = None) -> None:
-        command = [sys.executable, "-m", "bowden.runtime.recorder", str(self.ring), str(file or self.file)]
+        command = [sys.executable, "-m", "bowden.live.recorder", str(self.ring), str(file or self.file)]
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE)
         self.wait_for(lambda: self.state() != RecorderState.ABSENT or self.ended())
 
@@ -135,7 +135,7 @@ def test_it_ends_when_told_though_the_loop_goes_on_and_not_by_ctrl_c(rig: Rig, h
 
 
 def test_it_ends_when_nobody_is_left(rig: Rig) -> None:
-    recording = f"{sys.executable} -m bowden.runtime.recorder {rig.ring} {rig.file}"
+    recording = f"{sys.executable} -m bowden.live.recorder {rig.ring} {rig.file}"
     starter = subprocess.Popen(["sh", "-c", f"{recording} & read line"], stdin=subprocess.PIPE)
     rig.wait_for(lambda: rig.state() == RecorderState.OK)
     rig.write(500)

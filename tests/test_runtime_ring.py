@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import BowdenError
-from bowden.runtime import ring
-from bowden.runtime.ring_status import RecorderState, Report
+from bowden.live import ring
+from bowden.live.ring_status import RecorderState, Report
 
 COLUMNS = ("time", "motor", "law.width")
 ABOUT = ring.Description(COLUMNS, ("s", "rad", "1"), {"law": "bowden", "gains": {"a": 1.5}}, 10**18, 5 * 10**9)

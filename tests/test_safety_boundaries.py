@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import pytest
 
 from bowden.core.signals import DriveReading
+from bowden.models.drive.servo import servo_predict
+from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
 from bowden.models.plausible import Followed, beyond, follow, lasting, outside
-from bowden.models.servo import servo_predict
-from bowden.models.thermal import Thermal, ThermalState, cold, warm
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise

@@ -8,10 +8,10 @@ import pytest
 from bowden.control import LAWS
 from bowden.design.league import told
 from bowden.design.league_cells import plants, scenarios
-from bowden.paper.bench import default_bench, moved_sheath
+from bowden.plants.cable_plant import resting_motor
+from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.limits import Limits
 from bowden.sim.adversary import attack
-from bowden.sim.cable_plant import resting_motor
 from bowden.sim.fault_matrix import MEASURED, ROWS, complaints, pair_complaints, run_row
 from bowden.sim.injected import Injected
 from bowden.sim.supervised import supervised

@@ -12,8 +12,8 @@ import pytest
 
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading
-from bowden.models.thermal import ThermalState, cold, rested, warm
-from bowden.runtime.ports import Power
+from bowden.hardware.ports import Power
+from bowden.models.drive.thermal import ThermalState, cold, rested, warm
 from bowden.safety import faults, supervisor
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits

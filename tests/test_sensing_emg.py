@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from bowden.identify.emg_log import read_emg, read_labels
-from bowden.identify.emg_score import Findings, find, score, spans
+from bowden.identify.emg.log import read_emg, read_labels
+from bowden.identify.emg.score import Findings, find, score, spans
 from bowden.sensing.biquad import PASS, notch
 from bowden.sensing.envelope import EnvelopeSettings, envelope_start, envelope_step, prepare_envelope
 from bowden.sensing.onset import onset_start, onset_step, prepare_onset

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.admittance import Admittance
-from bowden.control.push import ROOM, push_source, stretched
+from bowden.control.admittance.push import ROOM, push_source, stretched
+from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.reference import PointToPoint
 from bowden.control.source import TABLE, Heard
 from bowden.core.kernel import compiled
@@ -16,8 +16,8 @@ from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import MIDDLE, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
 from bowden.design.admittance_unseen import unseen, unseen_felt
-from bowden.models.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
-from bowden.paper.suit import suit
+from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
+from bowden.rig.presets.suit import suit
 from bowden.sim.suit import simulate_suit
 from bowden.sim.suit_sources import limit_for, push_of
 

@@ -14,20 +14,20 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.model import CableModel
-from bowden.models import backlash, capstan, prandtl_ishlinskii
-from bowden.models.backlash import Play
-from bowden.models.bouc_wen import BoucWen
-from bowden.models.bouc_wen_static import StaticTerms, joint_angle
-from bowden.models.capstan import Tendon
-from bowden.models.lumped_cable import LumpedTendon
-from bowden.models.servo import Servo
-from bowden.models.sheath import Sheath, joint_in_sheath
-from bowden.sim import cables, friction_cables
-from bowden.sim.cable_plant import CablePlant, lagged, resting_motor
+from bowden.identify.cable.model import CableModel
+from bowden.models.cable import backlash, capstan, prandtl_ishlinskii
+from bowden.models.cable.backlash import Play
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
+from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.lumped_cable import LumpedTendon
+from bowden.models.cable.sheath import Sheath, joint_in_sheath
+from bowden.models.drive.servo import Servo
+from bowden.plants import cables, friction_cables
+from bowden.plants.bench import PAPER_ENCODER, Bench
+from bowden.plants.cable_plant import CablePlant, lagged, resting_motor
+from bowden.plants.pose_cable import poses
 from bowden.sim.closed_loop import simulate
-from bowden.sim.plant import PAPER_ENCODER, Bench
-from bowden.sim.pose_cable import poses
 from bowden.sim.scenario import scripted_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)

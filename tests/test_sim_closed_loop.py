@@ -11,19 +11,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bowden.control import LAWS
-from bowden.control.adaptive import AdaptiveState
+from bowden.control.laws.adaptive import AdaptiveState
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.models.bouc_wen import BoucWen, advance
-from bowden.models.encoder import Encoder
-from bowden.models.servo import Servo, ServoState, prepare, servo_step
-from bowden.models.sheath import Sheath, joint_in_sheath
+from bowden.models.cable.bouc_wen import BoucWen, advance
+from bowden.models.cable.sheath import Sheath, joint_in_sheath
+from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
+from bowden.plants.bench import PAPER_ENCODER, Bench
 from bowden.sim.closed_loop import simulate
-from bowden.sim.plant import PAPER_ENCODER, Bench
 from bowden.sim.scenario import constant_bend, scripted_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)

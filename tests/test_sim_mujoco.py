@@ -14,22 +14,22 @@ import numpy as np
 import pytest
 
 from bowden.app import main
+from bowden.control.laws.uncompensated import UNCOMPENSATED
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.control.uncompensated import UNCOMPENSATED
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.arm import GRAVITY, WEARERS, Arm, arm_of, resting_angle
-from bowden.models.geometry import SuitGeometry
-from bowden.paper.suit import default_suit
+from bowden.models.suit.arm import GRAVITY, WEARERS, Arm, arm_of, resting_angle
+from bowden.models.suit.geometry import SuitGeometry
+from bowden.plants.suit_parts import Suit
 from bowden.report import arm_pictures, arm_renderer
 from bowden.report.arm_renderer import ArmRenderer, Pose
 from bowden.report.arm_video import poses, write_video
+from bowden.rig.presets.suit import default_suit
 from bowden.sim import arm_check, mujoco_arm
 from bowden.sim.arm_agreement import Agreement
 from bowden.sim.mujoco_arm import MujocoArm, arm_xml
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_replay import parts_of, replay
 
 ROOT = Path(__file__).parents[1]

@@ -13,15 +13,15 @@ from bowden.core.kernel import compiled
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.suit_friction import spool_friction
-from bowden.models.arm import GRAVITY, WEARERS, Arm, Wearer, arm_of, gravity_torque, passive_torque, resting_angle
-from bowden.models.flex_sensor import FlexSensor
-from bowden.models.geometry import extensor_extension, flexor_extension, flexor_moment_arm
-from bowden.models.sheath import Sheath
-from bowden.models.suit_cable import Fabric, fabric_tension
+from bowden.models.cable.sheath import Sheath
+from bowden.models.suit.arm import GRAVITY, WEARERS, Arm, Wearer, arm_of, gravity_torque, passive_torque, resting_angle
+from bowden.models.suit.flex_sensor import FlexSensor
+from bowden.models.suit.geometry import extensor_extension, flexor_extension, flexor_moment_arm
+from bowden.models.suit.suit_cable import Fabric, fabric_tension
+from bowden.plants.suit_parts import Suit, prepare_suit
+from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
 from bowden.sim.scenario import scripted_bend
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_parts import Suit, prepare_suit
-from bowden.sim.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
 
 SUIT = Suit()
 STILL = Bends(math.pi, math.pi)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.paper import bench as paper
 from bowden.report import style
 from bowden.report.style import COLOURS, thin
+from bowden.rig.presets import bench as paper
 
 _SECONDS = 60.0
 _SETTLED = 20.0  # s; the loops show what comes after the second period

@@ -5,8 +5,8 @@ Tensions are those that hold forearm and hand of 75 kg and 1.75 m. Another drive
 
 from pathlib import Path
 
-from bowden.models.arm import Arm
-from bowden.models.geometry import SuitGeometry
+from bowden.models.suit.arm import Arm
+from bowden.models.suit.geometry import SuitGeometry
 from bowden.report.arm_pictures import write_series
 
 if __name__ == "__main__":

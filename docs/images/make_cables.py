@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bowden.core.kernel import compiled
-from bowden.models import capstan, sliding_cable
-from bowden.models.capstan import Tendon
-from bowden.models.sliding_cable import TendonMemory, prepare_tendon
+from bowden.models.cable import capstan, sliding_cable
+from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.sliding_cable import TendonMemory, prepare_tendon
 from bowden.report import style
 
 _START, _ADVANCE = compiled(sliding_cable.start_tendon), compiled(sliding_cable.advance_tendon)

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from bowden.control import LAWS
 from bowden.core.units import DEGREES
-from bowden.paper import bench
 from bowden.report import style
+from bowden.rig.presets import bench
 
 _SHOWN = {
     "adaptive": "adaptive, the paper's",

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from bowden.control import LAWS
 from bowden.core.units import DEGREES
-from bowden.paper.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 from bowden.report import style
 from bowden.report.style import COLOURS, legend, thin
+from bowden.rig.presets.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 
 
 def elbow() -> Figure:

@@ -9,8 +9,8 @@ from bowden.app.console import folder_argument, output_folder, print_json, progr
 from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
-    from bowden.models.arm import Arm
-    from bowden.models.geometry import SuitGeometry
+    from bowden.models.suit.arm import Arm
+    from bowden.models.suit.geometry import SuitGeometry
     from bowden.sim.arm_agreement import Agreement
 
 MassOption = Annotated[float, typer.Option(help="Of the wearer's body.")]
@@ -38,8 +38,8 @@ def check(
     Excursions and moment arms may differ by 0.1 mm over 0–90°, the elbow by 0.5° at any time.
     """
     from bowden.control import LAWS
-    from bowden.paper.suit import default_suit
     from bowden.report.arm_page import arm_page
+    from bowden.rig.presets.suit import default_suit
     from bowden.sim.arm_agreement import check_arm
 
     output_folder(out)
@@ -111,8 +111,8 @@ def _read(path: Path) -> Any:
 def _parts(
     mass: float, height: float, load: float, half_width: float, anchor: float, radius: float
 ) -> "tuple[SuitGeometry, Arm]":
-    from bowden.models.arm import arm_of
-    from bowden.models.geometry import SuitGeometry
+    from bowden.models.suit.arm import arm_of
+    from bowden.models.suit.geometry import SuitGeometry
 
     return SuitGeometry(1e-3 * half_width, 1e-3 * anchor, 1e-3 * radius), arm_of(mass, height, load=load)
 

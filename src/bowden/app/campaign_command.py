@@ -18,9 +18,9 @@ from bowden.app.console import (
 )
 
 if TYPE_CHECKING:
-    from bowden.app.study import Study
-    from bowden.design.campaign_figures import Summary
-    from bowden.design.campaign_store import Store
+    from bowden.study.figures import Summary
+    from bowden.study.store import Store
+    from bowden.study.study import Study
 
 _Report = Callable[[str, float], None]
 
@@ -43,7 +43,7 @@ def campaign(
     Every run is made of its number alone, so that neither the number of workers nor their order matters. Interrupted
     or killed, the same command goes on where it was.
     """
-    from bowden.app.study_load import load
+    from bowden.study.load import load
 
     loaded = load(study)
     folder = out or Path("out/campaign") / study.stem
@@ -75,9 +75,9 @@ def _computed(
     Raises:
         InterruptedPartway: Ctrl-C; what is computed is kept.
     """
-    from bowden.app.campaign_rows import chunks
     from bowden.core.errors import BowdenError
-    from bowden.design.campaign_store import Store
+    from bowden.study.rows import chunks
+    from bowden.study.store import Store
 
     cut = chunks(study)
     store = Store(folder, study.identity, [len(numbers) * len(study.laws) for numbers in cut])
@@ -118,8 +118,8 @@ def _fill(
 ) -> None:
     import os
 
-    from bowden.app import campaign_workers
-    from bowden.app.study_pack import warm
+    from bowden.study import workers as campaign_workers
+    from bowden.study.pack import warm
 
     if not work:
         return
@@ -128,7 +128,7 @@ def _fill(
     runs = dict(work)
     count = min(workers or os.cpu_count() or 1, len(work))
     if cluster is not None:
-        from bowden.app.campaign_cluster import on_cluster
+        from bowden.study.cluster import on_cluster
 
         progress(f"asking {cluster}", done / total)
         results = on_cluster(study, work, cluster)
@@ -151,10 +151,10 @@ def _fill(
 
 def _summed_up(study: "Study", store: "Store", path: Path, out: Path | None) -> tuple["Summary", list[Path]]:
     """The figures, and the page that shows them."""
-    from bowden.app.campaign_rows import SUIT_FIGURES
     from bowden.core.files import whole_files
-    from bowden.design.campaign_figures import summarise
     from bowden.report.campaign_page import campaign_page
+    from bowden.study.figures import summarise
+    from bowden.study.rows import SUIT_FIGURES
 
     again = f"bowden campaign {path}" + (f" --out {out}" if out else "") + " --run"
     drawn_names, more = [column.name for column in study.columns], list(SUIT_FIGURES) if study.worn else []

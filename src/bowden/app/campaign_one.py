@@ -5,9 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from bowden.app.console import print_json, seconds
-from bowden.app.study import Study
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_files
+from bowden.study.study import Study
 
 
 def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
@@ -22,9 +22,9 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
     Raises:
         ParameterError: there is no such run.
     """
-    from bowden.app.one_run import run_of
     from bowden.control import user_law
     from bowden.report.simulate_page import write_simulation
+    from bowden.rig.one_run import run_of
 
     if number >= study.file.runs:
         raise ParameterError(

@@ -21,10 +21,10 @@ def check(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Say whether a rig's gains hold: margins, limit cycle, chatter, the paper's bounds, and what to change."""
-    from bowden.app import compose, ranges
     from bowden.control import user_law
     from bowden.design.advice import advise
     from bowden.design.check import check as judge
+    from bowden.rig import compose, ranges
 
     setup, description = compose.setup(rig)
     folder = Path() if law else rig.parent

@@ -20,7 +20,7 @@ def seconds() -> float:
 
 def clock_in(wait: float) -> str:
     """What a clock on the wall shows after so many seconds, for a person who waits."""
-    from bowden.runtime.clock import unix_seconds
+    from bowden.core.clock import unix_seconds
 
     there = time.localtime(unix_seconds() + wait)
     return time.strftime("%H:%M:%S" if wait < 600.0 else "%H:%M" if wait < 43_200.0 else "on %d %b, %H:%M", there)

@@ -10,8 +10,8 @@ from bowden.app.console import print_json, seconds
 from bowden.core.errors import ParameterError, StreamError
 
 if TYPE_CHECKING:
-    from bowden.runtime.lateness import Lateness
-    from bowden.runtime.machine import Machine
+    from bowden.live.lateness import Lateness
+    from bowden.live.machine import Machine
 
 _PERIOD = 1e-3
 _EMG_WAIT = 1.0
@@ -25,10 +25,10 @@ def doctor(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Measure how late this machine wakes a loop at 1 kHz, and say what it may do, what is missing, what to change."""
-    from bowden.hardware.lsl_info import which
-    from bowden.runtime import machine
-    from bowden.runtime.lateness import EDGES_US, bare_loop_apart, figures, histogram
-    from bowden.runtime.realtime import Settings, check_processor, privileges
+    from bowden.hardware.emg.lsl_info import which
+    from bowden.hardware.realtime import Settings, check_processor, privileges
+    from bowden.live import machine
+    from bowden.live.lateness import EDGES_US, bare_loop_apart, figures, histogram
 
     if not 0.1 <= time <= 3600.0:
         raise ParameterError(f"--seconds is {time:g}", expected="a number from 0.1 to 3600")
@@ -69,8 +69,8 @@ def doctor(
 
 def _emg() -> dict[str, Any]:
     """Streams of EMG on the network by the Lab Streaming Layer."""
-    from bowden.hardware.lsl_info import check_info
-    from bowden.hardware.lsl_library import library
+    from bowden.hardware.emg.lsl_info import check_info
+    from bowden.hardware.emg.lsl_library import library
 
     try:
         found = library().resolve_byprop("type", "EMG", 0, _EMG_WAIT)

@@ -10,7 +10,7 @@ from bowden.app.console import print_json, progress_bar
 from bowden.app.emg_command import ChannelOption, JsonOption, RateOption, checked_rate, warn
 
 if TYPE_CHECKING:
-    from bowden.app.wearer_file import Wearer
+    from bowden.rig.wearer_file import Wearer
 
 _READY = 1.0
 """Time to make ready for what comes next [s]."""
@@ -39,8 +39,8 @@ def calibrate(
     stands in for MVC. Dead electrodes, movement, mains and clicks are left out. From a stream the wearer
     is told on standard error when to rest and when to contract.
     """
-    from bowden.app import wearer_file
     from bowden.core.errors import ParameterError
+    from bowden.rig import wearer_file
 
     if (recording is None) == (source is None):
         raise ParameterError(
@@ -67,9 +67,9 @@ def _from_recordings(
     recording: Path, rest: Path | None, channel: str | None, rate: float | None, mains: float, quiet: bool
 ) -> "tuple[Wearer, float]":
     """The wearer, and how much was left out [s]."""
-    from bowden.app.wearer_file import Wearer
-    from bowden.identify.emg_levels import envelope_levels
-    from bowden.identify.emg_log import read_emg
+    from bowden.identify.emg.levels import envelope_levels
+    from bowden.identify.emg.log import read_emg
+    from bowden.rig.wearer_file import Wearer
 
     log = read_emg(recording, channel, checked_rate(rate))
     if not quiet:
@@ -88,10 +88,10 @@ def _from_recordings(
 def _from_stream(source: str, channel: str | None, lasting: float, mains: float, quiet: bool) -> "tuple[Wearer, float]":
     """The wearer, and how much was left out [s]."""
     from bowden.app.emg_listen import listen
-    from bowden.app.wearer_file import Wearer
     from bowden.core.errors import ParameterError
-    from bowden.hardware.emg_sources import open_source
-    from bowden.identify.emg_levels import envelope_levels
+    from bowden.hardware.emg.sources import open_source
+    from bowden.identify.emg.levels import envelope_levels
+    from bowden.rig.wearer_file import Wearer
 
     if not 2.0 <= lasting <= 60.0:
         raise ParameterError(f"--seconds is {lasting:g}", expected="a number from 2 to 60")

@@ -9,8 +9,8 @@ import typer
 from bowden.app.console import folder_argument, output_folder, print_json, seconds
 
 if TYPE_CHECKING:
-    from bowden.identify.emg_log import EmgLog
-    from bowden.identify.emg_score import Findings, Score
+    from bowden.identify.emg.log import EmgLog
+    from bowden.identify.emg.score import Findings, Score
 
 ChannelOption = Annotated[str | None, typer.Option(help="Column of the signal; the first one by default.")]
 RateOption = Annotated[
@@ -40,12 +40,12 @@ def score(
     Beside our detector stands the paper's plain threshold: the envelope above 20 % of MVC, which is the largest
     envelope of the recording where no --wearer is given.
     """
-    from bowden.app import wearer_file
     from bowden.core.errors import ParameterError
     from bowden.core.files import whole_files
-    from bowden.identify.emg_log import read_emg, read_labels
-    from bowden.identify.emg_score import find
+    from bowden.identify.emg.log import read_emg, read_labels
+    from bowden.identify.emg.score import find
     from bowden.report.emg_page import emg_page
+    from bowden.rig import wearer_file
     from bowden.sensing.onset_settings import DEFAULTS, of_wearer
 
     if not 0.0 <= shortest_ms <= 5000.0:

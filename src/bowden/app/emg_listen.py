@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.clock import SECOND, Clock, MonotonicClock
 from bowden.core.errors import StreamError
-from bowden.identify.emg_log import check_signal
-from bowden.runtime.clock import SECOND, Clock, MonotonicClock
-from bowden.runtime.ports import EmgStream
+from bowden.hardware.ports import EmgStream
+from bowden.identify.emg.log import check_signal
 
 Array = NDArray[np.float64]
 

@@ -32,8 +32,8 @@ def stream(
     json: JsonOption = False,
 ) -> None:
     """Play a recording in real time as a stream of the Lab Streaming Layer, until its end or Ctrl-C."""
-    from bowden.hardware.lsl_outlet import LslOutlet, check_alone, replay
-    from bowden.identify.emg_log import read_channels
+    from bowden.hardware.emg.lsl_outlet import LslOutlet, check_alone, replay
+    from bowden.identify.emg.log import read_channels
 
     if not 0.01 <= speed <= 100.0:
         raise ParameterError(f"--speed is {speed:g}", expected="a number from 0.01 to 100")
@@ -82,9 +82,9 @@ def serve(
     Each client's START plays it from its beginning. The recording is taken to be in its channels' unit, in mV where
     they have none.
     """
-    from bowden.hardware.trigno_faults import read_faults
-    from bowden.hardware.trigno_server import Ports, TrignoServer
-    from bowden.identify.emg_log import read_channels
+    from bowden.hardware.emg.trigno_faults import read_faults
+    from bowden.hardware.emg.trigno_server import Ports, TrignoServer
+    from bowden.identify.emg.log import read_channels
 
     for number in (port, emg_port):
         if not 0 <= number < 65536:

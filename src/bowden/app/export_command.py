@@ -10,10 +10,10 @@ import typer
 from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
-    from bowden.app.compose import Setup
-    from bowden.app.rig_schema import Rig
     from bowden.control.law import Law
     from bowden.export.module import Module
+    from bowden.rig.compose import Setup
+    from bowden.rig.schema import Rig
     from bowden.safety.limits import Limits
 
 RECORDED = 5.0
@@ -47,9 +47,9 @@ def export(
     The code comes from tracing the very kernels that run in Python; what cannot be traced is refused with its line.
     Before anything is written, the gains are checked as bowden check does it.
     """
-    from bowden.app import compose
-    from bowden.app.verdict import verdicts
     from bowden.core.files import whole_files
+    from bowden.design.verdict import verdicts
+    from bowden.rig import compose
 
     setup, description = compose.setup(rig)
     folder = Path() if law else rig.parent
@@ -110,7 +110,7 @@ def _modules(law: "Law", emg_rate: float | None, limits: "Limits | None") -> "li
 
 
 def _limits(description: "Rig", setup: "Setup") -> "Limits":
-    from bowden.app import rig_drive
+    from bowden.rig import drive as rig_drive
 
     rig_drive.drive_parameters(description, setup.bench)  # which refuses limits that contradict one another
     return rig_drive.limits(description, setup.bench)

@@ -11,7 +11,7 @@ from bowden.app.console import folder_argument, output_folder, print_json, progr
 from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
-    from bowden.identify.fit import Fit
+    from bowden.identify.cable.fit import Fit
 
 
 def identify(
@@ -32,15 +32,15 @@ def identify(
     Five models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, and a
     Prandtl-Ishlinskii stack. The folder gets model.toml, with every parameter and its uncertainty, and a page.
     """
-    from bowden.identify.fit import identify_log
-    from bowden.identify.log import read_log
+    from bowden.identify.cable.fit import identify_log
+    from bowden.identify.log.read import read_log
 
     checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
     output_folder(out)
     with progress_bar(quiet=json) as progress:
         fit = identify_log(checked, progress=progress)
         progress("drawing the page", 1.0)
-        from bowden.identify.model_file import write_model
+        from bowden.identify.cable.model_file import write_model
         from bowden.report.identify_page import identify_page
 
         page = identify_page(checked, fit)

@@ -9,7 +9,7 @@ import typer
 from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
-    from bowden.identify.servo import Estimate, ServoFit
+    from bowden.identify.servo.fit import Estimate, ServoFit
 
 _NO_CYCLE = 0.05
 """Share of a cycle by which a measured delay may be beyond whole ones before it is rounded up [–]."""
@@ -30,10 +30,10 @@ def identify_servo(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Identify a servo from a log of a step or a chirp, and write the keys of rig.toml for it."""
-    from bowden.app.servo_log import read_servo_log
     from bowden.core.errors import ParameterError
     from bowden.core.files import whole_files
-    from bowden.identify.servo import identify_servo as fit
+    from bowden.identify.servo.fit import identify_servo as fit
+    from bowden.identify.servo.log import read_servo_log
 
     if not 0.01 <= sample_time_ms <= 100.0:
         raise ParameterError(f"--sample-time-ms is {sample_time_ms:g}", expected="a number from 0.01 to 100")
@@ -55,8 +55,8 @@ def identify_servo(
 
 
 def _document(found: "ServoFit", sample_time_ms: float) -> dict[str, Any]:
-    from bowden.app.rig_schema import HERTZ
     from bowden.core.units import RADIANS
+    from bowden.rig.schema import HERTZ
 
     delay_ms = found.delay.value * 1e3
     return {

@@ -18,9 +18,9 @@ def init(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Write a commented rig.toml of the default bench: every key with its unit and meaning."""
-    from bowden.app import suit_rig
-    from bowden.app.rig_page import toml_text
     from bowden.core.files import whole_file
+    from bowden.rig import suit_rig
+    from bowden.rig.page import toml_text
 
     try:
         is_there, is_folder = path.exists(), path.is_dir()

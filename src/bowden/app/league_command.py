@@ -92,8 +92,8 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: _Names) -> list[Any]:
     Raises:
         ParameterError: one that is not known.
     """
-    from bowden.app.config import near
     from bowden.core.errors import ParameterError
+    from bowden.rig.config import near
 
     asked = [name.strip() for text in wanted or [] for name in text.split(",")]
     for name in asked:
@@ -105,7 +105,7 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: _Names) -> list[Any]:
 def _plants(data: Path) -> tuple[dict[str, Callable[[], "LeaguePlant"]], list[str]]:
     """Plant → what makes it, and notes."""
     from bowden.design import league_cells, league_identified
-    from bowden.paper.bench import default_bench, moved_sheath
+    from bowden.rig.presets.bench import default_bench, moved_sheath
 
     bench = default_bench()
     ready = league_cells.plants(bench, moved_sheath())
@@ -129,8 +129,8 @@ def _scenarios(data: Path) -> tuple[dict[str, "Scenario"], list[str]]:
     if not files:
         found, notes = league_cells.scenarios(), [f"no recording in {data / 'elbow'}, so no scenario of an elbow"]
     else:
-        from bowden.app.recorded import read_motion  # brings pyarrow
-        from bowden.app.rig_schema import RecordedSection
+        from bowden.rig.recorded import read_motion  # brings pyarrow
+        from bowden.rig.schema import RecordedSection
 
         section = RecordedSection(file=files[0].name, position_column="elbow_deg")
         found, notes = league_cells.scenarios(read_motion(section, files[0].parent)), []

@@ -11,9 +11,9 @@ from bowden.app.console import print_json, seconds
 from bowden.core.errors import OutputError
 
 if TYPE_CHECKING:
-    from bowden.runtime.mcap_read import Recording
-    from bowden.runtime.mcap_reader import LogReader
-    from bowden.runtime.replay import Replay
+    from bowden.live.mcap_read import Recording
+    from bowden.live.mcap_reader import LogReader
+    from bowden.live.replay import Replay
 
 FileArgument = Annotated[Path, typer.Argument(help="A log, as bowden run writes it: NAME.mcap.", metavar="FILE")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
@@ -28,8 +28,8 @@ class Kind(StrEnum):
 
 def info(file: FileArgument, json: JsonOption = False) -> None:
     """Say what a log holds: duration, cycles, what is missing, lateness, events, settings."""
-    from bowden.app.log_facts import NEEDED, facts
-    from bowden.runtime.mcap_read import read
+    from bowden.live.log_facts import NEEDED, facts
+    from bowden.live.mcap_read import read
 
     found = read(file, NEEDED)
     document = facts(found)
@@ -46,7 +46,7 @@ def recover(
     json: JsonOption = False,
 ) -> None:
     """Write a whole log from what a kill or a full disk left of one; FILE itself stays as it is."""
-    from bowden.runtime.mcap_recover import recover as save
+    from bowden.live.mcap_recover import recover as save
 
     target = out or file.with_name(f"{file.stem}.recovered.mcap")
     saved = save(file, target)
@@ -77,8 +77,8 @@ def export(
 ) -> None:
     """Write a log as a trace, with units and settings: bowden identify takes it, and so does pandas."""
     from bowden.core.trace import write_csv, write_parquet
-    from bowden.runtime.mcap_read import traces
-    from bowden.runtime.mcap_reader import LogReader
+    from bowden.live.mcap_read import traces
+    from bowden.live.mcap_reader import LogReader
 
     target = out or file.with_suffix(f".{to}")
     if target.absolute() == file.absolute():
@@ -100,9 +100,9 @@ def plot(
     json: JsonOption = False,
 ) -> None:
     """Draw a log as a page: motion, error, command, modes and faults, lateness, settings."""
-    from bowden.app.log_facts import facts
+    from bowden.live.log_facts import facts
+    from bowden.live.mcap_read import read
     from bowden.report.log_page import write_log
-    from bowden.runtime.mcap_read import read
 
     target = out or file.with_suffix(".html")
     if target.absolute() == file.absolute():
@@ -128,11 +128,11 @@ def replay(
 
     Exit code 1 where the law that ran gives other numbers than were recorded.
     """
-    from bowden.app.log_replay import law_of, source_for
     from bowden.control import user_law
-    from bowden.runtime.mcap_read import read
-    from bowden.runtime.replay import replay as run
-    from bowden.runtime.run_settings import filters_of, limits_of
+    from bowden.live.log_replay import law_of, source_for
+    from bowden.live.mcap_read import read
+    from bowden.live.replay import replay as run
+    from bowden.live.run_settings import filters_of, limits_of
 
     found = read(file)
     chosen, same = law_of(found, law)
@@ -174,7 +174,7 @@ def _warn(found: "Recording | LogReader", file: Path) -> None:
 
 
 def _print_facts(file: Path, document: dict[str, Any]) -> None:
-    from bowden.app.log_facts import lines
+    from bowden.live.log_facts import lines
 
     print(f"{file}")
     for name, value in lines(document):

@@ -12,7 +12,7 @@ from bowden.app.console import folder_argument, print_json, seconds
 from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
-    from bowden.app.live_session import Session
+    from bowden.live.session import Session
 
 
 def measure(
@@ -31,13 +31,13 @@ def measure(
 
     No law takes part; the joint follows as the cable lets it. Everything is supervised as in bowden run.
     """
-    from bowden.app.compose_live import Asked, compose_live
-    from bowden.app.live_session import Session, own_twin
-    from bowden.app.live_summary import document, print_summary
-    from bowden.app.operator import ending_signals, operate, refuse_without_keys
     from bowden.app.run_command import new_log
-    from bowden.hardware.buses import UNIX
-    from bowden.runtime.preflight import require
+    from bowden.hardware.buses.opening import UNIX
+    from bowden.live.compose_live import Asked, compose_live
+    from bowden.live.operator import ending_signals, operate, refuse_without_keys
+    from bowden.live.preflight import require
+    from bowden.live.session import Session, own_twin
+    from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
     asked = Asked(rig, channel=channel, measure=True)
@@ -73,8 +73,8 @@ def _write(session: "Session", folder: Path) -> list[Path]:
     """The cable's and the servo's part of the excitation as CSV."""
     import numpy as np
 
-    from bowden.app.measured import HEADER, NEEDED, motions
-    from bowden.runtime.mcap_read import read
+    from bowden.live.mcap_read import read
+    from bowden.live.measured import HEADER, NEEDED, motions
 
     live = session.live
     parts = motions(read(session.log, NEEDED), live.table[:, 0], live.servo_from, live.drive.sample_time)

@@ -37,14 +37,14 @@ def run(
 
     Exit code 0 when the run ended as asked, 1 when a fault or an error ended it, 2 when it could not begin.
     """
-    from bowden.app.compose_live import Asked, compose_live
-    from bowden.app.emg_ear import Ear
-    from bowden.app.live_session import Session, own_twin
-    from bowden.app.live_summary import document, print_summary
-    from bowden.app.operator import ending_signals, operate, refuse_without_keys
-    from bowden.app.verdict import verdicts
-    from bowden.hardware.buses import UNIX, claim
-    from bowden.runtime.preflight import require
+    from bowden.design.verdict import verdicts
+    from bowden.hardware.buses.opening import UNIX, claim
+    from bowden.live.compose_live import Asked, compose_live
+    from bowden.live.emg_ear import Ear
+    from bowden.live.operator import ending_signals, operate, refuse_without_keys
+    from bowden.live.preflight import require
+    from bowden.live.session import Session, own_twin
+    from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
     asked = Asked(rig, law, preset, duration, channel, emg=emg)

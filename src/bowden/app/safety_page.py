@@ -4,9 +4,9 @@ import inspect
 import re
 from pathlib import Path
 
-from bowden.app import made_tables
 from bowden.core.files import whole_file
-from bowden.models.thermal import Thermal
+from bowden.models.drive.thermal import Thermal
+from bowden.rig import made_tables
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 

@@ -19,10 +19,10 @@ from bowden.app.console import (
 from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
-    from bowden.app.compose import Setup
     from bowden.control.law import Law
     from bowden.core.metrics import Metrics
     from bowden.core.trace import Trace
+    from bowden.rig.compose import Setup
 
 
 def simulate(
@@ -46,8 +46,8 @@ def simulate(
     Before anything runs, every law is checked as bowden check does it; one that does not hold is refused. Interrupted
     between two laws, the command writes the traces and the page of those that are done.
     """
-    from bowden.app import compose
-    from bowden.app.verdict import verdicts
+    from bowden.design.verdict import verdicts
+    from bowden.rig import compose
 
     setup, description = compose.setup(rig, duration, seed, offline=True)
     laws = [compose.law_for(name, description, setup.bench, Path(), preset) for name in law or ()]
@@ -89,8 +89,8 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
 
     An interruption before the first is done passes through.
     """
-    from bowden.app.one_run import run_of
     from bowden.control import user_law
+    from bowden.rig.one_run import run_of
 
     traces: dict[str, Trace] = {}
     for i, law in enumerate(laws):

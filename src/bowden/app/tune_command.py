@@ -9,10 +9,10 @@ import typer
 from bowden.app.console import InterruptedPartway, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
-    from bowden.app.study import Study
-    from bowden.app.workers import Mapper
     from bowden.control.law import Law
+    from bowden.design.processes import Mapper
     from bowden.design.tune import Report, Tuning
+    from bowden.study.study import Study
 
 
 def tune(
@@ -29,11 +29,11 @@ def tune(
 
     Interrupted, the command writes the best gains that it has, if they are better than those before.
     """
-    from bowden.app import compose, ranges
-    from bowden.app.workers import two_workers
     from bowden.control import user_law
     from bowden.core.units import DEGREES
+    from bowden.design.processes import two_workers
     from bowden.design.tune import BrokenOff
+    from bowden.rig import compose, ranges
 
     plants = None if study is None else _plants(study, rig)
     if plants is None:
@@ -91,8 +91,8 @@ def tune(
 
 
 def _plants(path: Path, rig: Path) -> "Study":
-    from bowden.app.study_load import load
-    from bowden.app.tune_study import check_study
+    from bowden.study.load import load
+    from bowden.study.tune_study import check_study
 
     found = load(path, rig)
     check_study(found)
@@ -100,7 +100,7 @@ def _plants(path: Path, rig: Path) -> "Study":
 
 
 def _count(plants: "Study") -> int:
-    from bowden.app.tune_study import runs_of
+    from bowden.study.tune_study import runs_of
 
     return runs_of(plants).count
 
@@ -114,9 +114,9 @@ def _search(
     workers: "Mapper",
     report: "Report",
 ) -> "Tuning":
-    from bowden.app import ranges
-    from bowden.app.tune_study import fixed_of, runs_of
     from bowden.design.tune import tune as search
+    from bowden.rig import ranges
+    from bowden.study.tune_study import fixed_of, runs_of
 
     return search(
         setup.bench,
@@ -133,7 +133,7 @@ def _search(
 
 def _judged(plants: "Study", before: "Law", after: "Law", workers: "Mapper", report: "Report") -> dict[str, Any]:
     """What gains before and after make of plants that they were not tuned against."""
-    from bowden.app.tune_study import judged, parts, runs_of, spread
+    from bowden.study.tune_study import judged, parts, runs_of, spread
 
     work, found = parts(runs_of(plants), before, after), []
     for done, outcomes in enumerate(workers(judged, work)):
@@ -178,8 +178,8 @@ def _said_of(others: dict[str, Any]) -> list[str]:
 
 def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     """The rig with the gains in it."""
-    from bowden.app import gains_text
     from bowden.core.files import whole_file
+    from bowden.design import gains_text
 
     text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.changed, evidence, rig)
     with whole_file(rig) as part:

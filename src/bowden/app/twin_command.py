@@ -14,9 +14,9 @@ from bowden.app.console import print_json, seconds
 from bowden.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from bowden.app.compose import Setup
-    from bowden.hardware.drive_parameters import DriveParameters
-    from bowden.hardware.twin import Twin
+    from bowden.hardware.drives.parameters import DriveParameters
+    from bowden.hardware.twin.twin import Twin
+    from bowden.rig.compose import Setup
 
 _AFTER_PARENT = 5.0
 """[s]"""
@@ -42,8 +42,8 @@ def twin(
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
-    from bowden.app import compose
-    from bowden.app.rig_drive import drive_parameters, on_bus
+    from bowden.rig import compose
+    from bowden.rig.drive import drive_parameters, on_bus
 
     setup, description = compose.setup(rig, duration)
     drive = on_bus(drive_parameters(description, setup.bench, setup.suit), channel, interface)
@@ -58,8 +58,8 @@ def twin(
 def _talk(
     drive: "DriveParameters", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool
 ) -> None:
-    from bowden.hardware.injection import KINDS
-    from bowden.hardware.twin_control import TwinControl, control_path
+    from bowden.hardware.twin.control import TwinControl, control_path
+    from bowden.hardware.twin.injection import KINDS
 
     if inject == "list":
         for name, kind in KINDS.items():
@@ -81,10 +81,10 @@ def _talk(
 
 
 def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool, until_orphaned: bool) -> None:
-    from bowden.hardware.twin import Twin, raise_priority
-    from bowden.hardware.twin_bench import TwinBench
-    from bowden.hardware.twin_suit import TwinSuit
-    from bowden.runtime.clock import SECOND, MonotonicClock
+    from bowden.core.clock import SECOND, MonotonicClock
+    from bowden.hardware.twin.bench import TwinBench
+    from bowden.hardware.twin.suit import TwinSuit
+    from bowden.hardware.twin.twin import Twin, raise_priority
 
     monotonic = MonotonicClock()
 

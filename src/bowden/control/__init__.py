@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 
-from bowden.control.active_disturbance_rejection import ACTIVE_DISTURBANCE_REJECTION
-from bowden.control.adaptive import ADAPTIVE
-from bowden.control.backlash_inverse import BACKLASH_INVERSE
-from bowden.control.bowden import BOWDEN
-from bowden.control.cascaded_pid import CASCADED_PID
-from bowden.control.hysteresis_model import HYSTERESIS_MODEL
 from bowden.control.law import Law
-from bowden.control.observer import OBSERVER
-from bowden.control.offset_inverse import OFFSET_INVERSE
-from bowden.control.uncompensated import UNCOMPENSATED
+from bowden.control.laws.active_disturbance_rejection import ACTIVE_DISTURBANCE_REJECTION
+from bowden.control.laws.adaptive import ADAPTIVE
+from bowden.control.laws.backlash_inverse import BACKLASH_INVERSE
+from bowden.control.laws.cascaded_pid import CASCADED_PID
+from bowden.control.laws.hysteresis_model import HYSTERESIS_MODEL
+from bowden.control.laws.observer import OBSERVER
+from bowden.control.laws.offset_inverse import OFFSET_INVERSE
+from bowden.control.laws.uncompensated import UNCOMPENSATED
+from bowden.control.our_law.law import BOWDEN
 
 LAWS: Mapping[str, Law] = {
     law.name: law

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.adaptive import AdaptiveGains
-from bowden.models.servo import Servo, prepare
+from bowden.control.laws.adaptive import AdaptiveGains
+from bowden.models.drive.servo import Servo, prepare
 
 Array = NDArray[np.float64]
 

@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.admittance import Admittance
+from bowden.control.admittance.push import push_source
+from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.law import Law
-from bowden.control.push import push_source
 from bowden.control.reference import PointToPoint
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.arm import GRAVITY, Arm, Wearer
+from bowden.models.suit.arm import GRAVITY, Arm, Wearer
+from bowden.plants.suit_parts import Suit
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_sources import push_of
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ import numpy as np
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import Felt, Pushed, felt, pushed, swinging
 from bowden.design.wearers import random_wearer
-from bowden.models.arm import Wearer
-from bowden.sim.suit_parts import Suit
+from bowden.models.suit.arm import Wearer
+from bowden.plants.suit_parts import Suit
 
 
 class Unseen(NamedTuple):

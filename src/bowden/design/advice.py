@@ -9,8 +9,8 @@ from bowden.control.stability import margins, servo_model
 from bowden.core.units import DEGREES
 from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check, plant_response
 from bowden.design.linearise import linearise
-from bowden.models.bouc_wen import BoucWen
-from bowden.sim.plant import Bench
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.bench import Bench
 
 FACTORS = tuple(10.0 ** (-k / 6.0) for k in range(1, 19))
 """By which a gain is tried smaller (and, inverted, larger), the nearest first."""

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.adaptive import AdaptiveGains
 from bowden.control.law import Law
+from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.control.stability import Margins, frequencies, margins, response, servo_model, ultimate_bounds
 from bowden.core.errors import ParameterError
 from bowden.core.signals import Sample
@@ -17,10 +17,10 @@ from bowden.core.units import RADIANS
 from bowden.design.limit_cycle import Cycle, describing_function, predict
 from bowden.design.linearise import find_estimates, linearise
 from bowden.design.trial import MOVING, SETTLED, Trial, dead_zone, run_trial, slope_at
-from bowden.models.bouc_wen import saturation
-from bowden.models.servo import Servo
-from bowden.models.sheath import slope_factor, width
-from bowden.sim.plant import Bench
+from bowden.models.cable.bouc_wen import saturation
+from bowden.models.cable.sheath import slope_factor, width
+from bowden.models.drive.servo import Servo
+from bowden.plants.bench import Bench
 
 ENOUGH_DB, ENOUGH_DEG = 6.0, 30.0
 """Margins below which a loop has little of them."""

@@ -14,8 +14,8 @@ from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, Scenario
 from bowden.design.league_exact import exact_travel
-from bowden.models.servo import Servo
-from bowden.sim.cable_plant import CablePlant, resting_motor
+from bowden.models.drive.servo import Servo
+from bowden.plants.cable_plant import CablePlant, resting_motor
 from bowden.sim.many import Case, Shown, simulate_each
 
 YARDSTICK = "adaptive"

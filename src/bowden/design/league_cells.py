@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Recorded, Trajectory
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.capstan import Tendon
-from bowden.models.encoder import Encoder
-from bowden.models.lumped_cable import LumpedTendon
-from bowden.sim.cable_plant import Cable, CablePlant
-from bowden.sim.cables import bouc_wen, play
-from bowden.sim.friction_cables import lumped, sliding
-from bowden.sim.plant import Bench
+from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.lumped_cable import LumpedTendon
+from bowden.models.drive.encoder import Encoder
+from bowden.plants.bench import Bench
+from bowden.plants.cable_plant import Cable, CablePlant
+from bowden.plants.cables import bouc_wen, play
+from bowden.plants.friction_cables import lumped, sliding
 from bowden.sim.scenario import BendPath, constant_bend
 
 STROKE = 70.0 * RADIANS

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import kernel, specialise
-from bowden.models.lumped_cable import PreparedLumped
-from bowden.models.sheath import slope_factor as slope_factor_at
-from bowden.models.sheath import width as width_at
-from bowden.sim.cable_body import cable_advance, cable_look
-from bowden.sim.cable_plant import Cable, CablePlant
-from bowden.sim.cables import Hysteresis
-from bowden.sim.friction_cables import sliding
+from bowden.models.cable.lumped_cable import PreparedLumped
+from bowden.models.cable.sheath import slope_factor as slope_factor_at
+from bowden.models.cable.sheath import width as width_at
+from bowden.plants.cable_body import cable_advance, cable_look
+from bowden.plants.cable_plant import Cable, CablePlant
+from bowden.plants.cables import Hysteresis
+from bowden.plants.friction_cables import sliding
 from bowden.sim.scenario import BendPath
 
 Array = NDArray[np.float64]

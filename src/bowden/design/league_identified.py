@@ -9,12 +9,12 @@ import numpy as np
 from bowden.core.errors import LogError
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant
-from bowden.identify.fit import Fit, identify_log
-from bowden.identify.log import Log, read_log
-from bowden.models.sheath import Sheath
-from bowden.sim.cable_plant import Cable, CablePlant
-from bowden.sim.cables import Bent, Stack, identified
-from bowden.sim.pose_cable import poses
+from bowden.identify.cable.fit import Fit, identify_log
+from bowden.identify.log.read import Log, read_log
+from bowden.models.cable.sheath import Sheath
+from bowden.plants.cable_plant import Cable, CablePlant
+from bowden.plants.cables import Bent, Stack, identified
+from bowden.plants.pose_cable import poses
 from bowden.sim.scenario import constant_bend, scripted_bend
 
 POSES = ("L_Pitch_1_000", "L_Pitch_5_000")

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from bowden.control.stability import StateSpace, response
 from bowden.core.kernel import compiled, kernel
 from bowden.design.linearise import LawModel
-from bowden.models.bouc_wen import PreparedCable, advance_prepared, prepare_cable
-from bowden.sim.plant import Bench
+from bowden.models.cable.bouc_wen import PreparedCable, advance_prepared, prepare_cable
+from bowden.plants.bench import Bench
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

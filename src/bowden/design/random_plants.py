@@ -15,12 +15,12 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.bouc_wen import BoucWen, saturation
-from bowden.models.encoder import Encoder
-from bowden.models.servo import Servo
-from bowden.models.sheath import Sheath
-from bowden.sim.cable_plant import CablePlant
-from bowden.sim.cables import bouc_wen
+from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.cable.sheath import Sheath
+from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.servo import Servo
+from bowden.plants.cable_plant import CablePlant
+from bowden.plants.cables import bouc_wen
 from bowden.sim.many import Case, simulate_many
 from bowden.sim.scenario import BendPath, scripted_bend
 

@@ -23,9 +23,9 @@ from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.design.check import VerdictName, check
 from bowden.design.trial import dead_zone, slope_at
-from bowden.models.servo import Servo
+from bowden.models.drive.servo import Servo
+from bowden.plants.bench import Bench
 from bowden.sim.closed_loop import simulate
-from bowden.sim.plant import Bench
 
 _MOTION = 2.5
 """Time of one motion, up or down [s]."""

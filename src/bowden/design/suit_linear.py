@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bowden.control.adaptive import AdaptiveGains
+from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.control.stability import StateSpace, adaptive_model, closed_loop_poles, frequencies, margins, response
 from bowden.core.units import RADIANS
-from bowden.models.arm import GRAVITY, arm_of
-from bowden.models.suit_angle import flexor_arm
-from bowden.sim.suit_parts import Suit, prepare_suit
+from bowden.models.suit.arm import GRAVITY, arm_of
+from bowden.models.suit.suit_angle import flexor_arm
+from bowden.plants.suit_parts import Suit, prepare_suit
 
 BODIES = ((45.0, 1.50), (75.0, 1.75), (120.0, 1.95))
 """Mass [kg] and height [m] of the wearers for whom gains must hold."""

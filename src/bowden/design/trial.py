@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
-from bowden.models.bouc_wen import saturation
-from bowden.models.sheath import slope_factor, width
+from bowden.models.cable.bouc_wen import saturation
+from bowden.models.cable.sheath import slope_factor, width
+from bowden.plants.bench import Bench
 from bowden.sim.closed_loop import simulate
-from bowden.sim.plant import Bench
 from bowden.sim.scenario import constant_bend
 
 Array = NDArray[np.float64]

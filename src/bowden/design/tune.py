@@ -23,8 +23,8 @@ from bowden.design.evolution import Array, Population, Score
 from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, lack
 from bowden.design.tune_rig import easier, told
 from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
-from bowden.models.bouc_wen import BoucWen
-from bowden.sim.plant import Bench
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.bench import Bench
 
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""

@@ -12,7 +12,7 @@ from bowden.control.law import Law
 from bowden.design.check import Check, Estimates, check, linear_points, visited_estimates
 from bowden.design.trial import run_trial
 from bowden.design.tune_runs import Rig, Runs, course_of
-from bowden.sim.plant import Bench
+from bowden.plants.bench import Bench
 
 WANTED_DB, WANTED_DEG = 6.0, 45.0
 """Margins that tuned gains keep."""

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.sim.plant import Bench
+from bowden.plants.bench import Bench
 
 
 def told(law: Law, bench: Bench) -> Law:

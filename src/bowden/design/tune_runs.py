@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.design.trial import Kept, slope_at
+from bowden.plants.bench import Bench
 from bowden.sim.course import Course
 from bowden.sim.many import Case
-from bowden.sim.plant import Bench
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ up to 30°; sheaths that are moved all the time between 0.7 and 1.6 times their 
 when the bend doubles; play of 0.5–1.5 times, friction at the spool of 0.7–1.3 times, stiffness of cable and fabric of
 0.7–1.4 times those of the paper's suit, a pretension of 15–35 N; a third of the wearers do nothing, the others are
 weak, tremble, resist, or press with a constant torque; and a flex sensor whose zero and scale are off by up to 0.4°
-between them, beside its own loop, drift and noise (`bowden.models.flex_sensor.PAPER_FLEX`).
+between them, beside its own loop, drift and noise (`bowden.models.suit.flex_sensor.PAPER_FLEX`).
 """
 
 import math
@@ -16,11 +16,11 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.arm import Wearer, arm_of
-from bowden.models.flex_sensor import PAPER_FLEX
+from bowden.models.suit.arm import Wearer, arm_of
+from bowden.models.suit.flex_sensor import PAPER_FLEX
+from bowden.plants.suit_parts import Suit
 from bowden.sim.scenario import BendPath, random_bend
 from bowden.sim.suit_many import SuitCase, SuitRun, run_suits
-from bowden.sim.suit_parts import Suit
 
 PERIOD, FLEXIONS, LEARNING = 25.0, 4, 2
 """Of the reference, 0–90°, as in Fig. 17 [s]; how many are run; and how many of them a law has to learn in."""

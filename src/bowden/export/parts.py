@@ -4,7 +4,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.signals import DriveReading
 from bowden.export.checked import Argument, Function
 from bowden.export.module import Module
-from bowden.models.thermal import ThermalState, cold
+from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope

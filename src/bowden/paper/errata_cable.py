@@ -9,13 +9,13 @@ from bowden.core.kernel import compiled
 from bowden.core.metrics import rmse
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.bouc_wen import BoucWen, advance, joint_angle, saturation, slope_of_h
-from bowden.models.encoder import Encoder
-from bowden.models.sheath import width
-from bowden.paper import bench as paper
+from bowden.models.cable.bouc_wen import BoucWen, advance, joint_angle, saturation, slope_of_h
+from bowden.models.cable.sheath import width
+from bowden.models.drive.encoder import Encoder
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
 from bowden.report.style import COLOURS, new_figure
+from bowden.rig.presets import bench as paper
 from bowden.sim.closed_loop import simulate
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from bowden.paper import bench as paper
 from bowden.paper.experiment import Finding, Runs
 from bowden.report.style import COLOURS, legend, new_figure, thin
+from bowden.rig.presets import bench as paper
 
 
 def run(runs: Runs) -> Finding:

@@ -3,16 +3,16 @@
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.control.adaptive import PRINTED
+from bowden.control.laws.adaptive import PRINTED
 from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model, ultimate_bounds
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
-from bowden.models.backlash import Play
-from bowden.paper import bench as paper
+from bowden.models.cable.backlash import Play
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import BETA_ABSORBED, COMMAND_IN_EQ14
 from bowden.paper.static_plant import static_plant_run
-from bowden.sim.plant import Bench
+from bowden.plants.bench import Bench
+from bowden.rig.presets import bench as paper
 
 
 def run(runs: Runs) -> Finding:

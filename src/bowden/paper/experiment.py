@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from bowden.control import LAWS
 from bowden.core.trace import Trace
-from bowden.paper import bench as paper
-from bowden.paper.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
+from bowden.rig.presets import bench as paper
+from bowden.rig.presets.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

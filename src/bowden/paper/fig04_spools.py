@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from bowden.core.units import DEGREES
-from bowden.models.geometry import (
+from bowden.models.suit.geometry import (
     ELBOW_RANGE,
     SuitGeometry,
     extensor_extension,

@@ -5,8 +5,8 @@ from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import over_time
-from bowden.paper.suit import run_suit, suit_calibration
 from bowden.report.style import COLOURS, legend, new_figure, thin
+from bowden.rig.presets.suit import run_suit, suit_calibration
 
 
 def run(runs: Runs) -> Finding:

@@ -17,10 +17,11 @@ from bowden.control.law import Law
 from bowden.core.kernel import compiled, kernel
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.identify.emg_log import read_emg, read_labels
-from bowden.identify.emg_score import Findings, Spans, find
+from bowden.identify.emg.log import read_emg, read_labels
+from bowden.identify.emg.score import Findings, Spans, find
 from bowden.paper.experiment import Finding, Runs
-from bowden.paper.suit import (
+from bowden.report.style import COLOURS, legend, new_figure, thin
+from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
     FRICTION_FEEDFORWARD,
     SuitCalibration,
@@ -30,7 +31,6 @@ from bowden.paper.suit import (
     suit_adaptive_integral,
     suit_ours,
 )
-from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step
 from bowden.sim.emg import background, contractions
 

@@ -9,9 +9,9 @@ so sets the tracking error, and with it the λ of the largest phase margin. No s
 import itertools
 from dataclasses import dataclass
 
-from bowden.control.adaptive import AdaptiveGains
+from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.control.stability import Margins, adaptive_model, margins, servo_model
-from bowden.sim.plant import Bench
+from bowden.plants.bench import Bench
 
 ERROR_GAINS = tuple(round(0.01 + 0.005 * i, 3) for i in range(19))
 """Grid of λ, 0.01–0.1 [s]."""

@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bowden.control import LAWS
-from bowden.control.adaptive import AdaptiveGains, AdaptiveState
-from bowden.control.adaptive import step as adaptive_step
 from bowden.control.law import Law
-from bowden.control.observer import ObserverGains, ObserverState
-from bowden.control.observer import start as observer_start
-from bowden.control.observer import step as observer_step
+from bowden.control.laws.adaptive import AdaptiveGains, AdaptiveState
+from bowden.control.laws.adaptive import step as adaptive_step
+from bowden.control.laws.observer import ObserverGains, ObserverState
+from bowden.control.laws.observer import start as observer_start
+from bowden.control.laws.observer import step as observer_step
 from bowden.core.kernel import kernel, tanh
 from bowden.core.signals import Reference, Sample
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bowden.paper import bench as paper
 from bowden.paper import (
     errata_cable,
     errata_chirp,
@@ -26,6 +25,7 @@ from bowden.paper import (
 from bowden.paper.claims import Claim, Result, number, select
 from bowden.paper.experiment import Experiment, Finding, Runs
 from bowden.report.page import Page
+from bowden.rig.presets import bench as paper
 
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "fig4": (fig04_spools.run, ("fig4.", "erratum.spools.")),
@@ -217,5 +217,5 @@ def _calibrations(page: Page, rows: list[dict[str, object]]) -> None:
             [name, *(f"{value:.4g}" for value in vars(fit).values())]
             for name, fit in (("main", main), ("second", other))
         ],
-        caption="The fitted values, frozen in claims.toml.",
+        caption="The fitted values, frozen in rig/presets/paper.toml.",
     )

@@ -3,9 +3,9 @@
 from bowden.control import LAWS
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
-from bowden.paper import bench as paper
-from bowden.paper.bench import Calibration
 from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
+from bowden.rig.presets import bench as paper
+from bowden.rig.presets.bench import Calibration
 
 ROWS = (
     ("dead zone, uncompensated [deg]", 5.0, True),

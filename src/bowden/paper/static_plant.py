@@ -16,17 +16,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.adaptive import AdaptiveGains
-from bowden.control.adaptive import start as law_start
-from bowden.control.adaptive import step as law_step
+from bowden.control.laws.adaptive import AdaptiveGains
+from bowden.control.laws.adaptive import start as law_start
+from bowden.control.laws.adaptive import step as law_step
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
-from bowden.models.backlash import Play, push
-from bowden.models.backlash import joint_angle as play_joint_angle
-from bowden.models.bouc_wen import BoucWen, advance
-from bowden.models.bouc_wen import joint_angle as bouc_wen_joint_angle
+from bowden.models.cable.backlash import Play, push
+from bowden.models.cable.backlash import joint_angle as play_joint_angle
+from bowden.models.cable.bouc_wen import BoucWen, advance
+from bowden.models.cable.bouc_wen import joint_angle as bouc_wen_joint_angle
 
 Array = NDArray[np.float64]
 

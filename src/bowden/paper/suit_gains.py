@@ -12,10 +12,10 @@ friction nor play.
 
 from dataclasses import dataclass
 
-from bowden.control.adaptive import AdaptiveGains
+from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.core.units import RADIANS
 from bowden.design.suit_linear import corners, worst_margins
-from bowden.sim.suit_parts import Suit
+from bowden.plants.suit_parts import Suit
 
 ERROR_GAINS = tuple(round(0.01 * i, 3) for i in range(1, 11))
 """Grid of λ [s]."""
@@ -57,6 +57,6 @@ def choose_suit_gains(suit: Suit, gain_margin_db: float = 12.0, phase_margin_deg
 
 
 if __name__ == "__main__":
-    from bowden.paper.suit import suit
+    from bowden.rig.presets.suit import suit
 
     print(choose_suit_gains(suit()))

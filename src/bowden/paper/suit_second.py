@@ -10,10 +10,11 @@ import numpy as np
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core.metrics import delay
-from bowden.models.geometry import flexor_extension
+from bowden.models.suit.geometry import flexor_extension
 from bowden.paper.claims import number
 from bowden.paper.fig18_clinic import Clinic, clinic
-from bowden.paper.suit import (
+from bowden.report.page import Page
+from bowden.rig.presets.suit import (
     SuitCalibration,
     energies,
     largest_errors,
@@ -24,7 +25,6 @@ from bowden.paper.suit import (
     suit_calibration,
     suit_ours,
 )
-from bowden.report.page import Page
 
 ROWS = (
     ("suit: energy without compensation [J]", 380.5, True),
@@ -112,5 +112,5 @@ def section(page: Page, rows: list[dict[str, object]]) -> None:
             [name, *(f"{value:.4g}" for value in vars(fit).values())]
             for name, fit in (("main", main), ("second", second))
         ],
-        caption="The fitted values, frozen in claims.toml.",
+        caption="The fitted values, frozen in rig/presets/paper.toml.",
     )

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from bowden.core.units import DEGREES
-from bowden.models.arm import Arm
-from bowden.models.geometry import SuitGeometry
+from bowden.models.suit.arm import Arm
+from bowden.models.suit.geometry import SuitGeometry
 from bowden.report.arm_pictures import arm_data_uri
 from bowden.report.page import Page
 from bowden.report.style import CYCLE, legend, new_figure, thin

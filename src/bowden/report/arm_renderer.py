@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import BowdenError
-from bowden.models.geometry import SuitGeometry
+from bowden.models.suit.geometry import SuitGeometry
 from bowden.report.arm_scene import CAMERA, scene_xml
 from bowden.sim.mujoco_arm import load_mujoco
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.models.arm import Arm
-from bowden.models.geometry import SuitGeometry
+from bowden.models.suit.arm import Arm
+from bowden.models.suit.geometry import SuitGeometry
 from bowden.sim.mujoco_arm import arm_xml
 
 Array = NDArray[np.float64]

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bowden.design.campaign_figures import LawFigures, Spread, Summary
-from bowden.design.distributions import Distribution
 from bowden.report import style
 from bowden.report.page import Page
+from bowden.study.distributions import Distribution
+from bowden.study.figures import LawFigures, Spread, Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

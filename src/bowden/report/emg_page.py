@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.identify.emg_log import EmgLog
-from bowden.identify.emg_score import Findings, Score, Spans, spans
+from bowden.identify.emg.log import EmgLog
+from bowden.identify.emg.score import Findings, Score, Spans, spans
 from bowden.report.page import Page
 from bowden.report.style import COLOURS, CYCLE, legend, new_figure
 from bowden.sensing.envelope import PLAIN_THRESHOLD

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import DEGREES
-from bowden.identify.fit import Fit, ModelFit
-from bowden.identify.log import Log
-from bowden.identify.model import meaning
+from bowden.identify.cable.fit import Fit, ModelFit
+from bowden.identify.cable.model import meaning
+from bowden.identify.log.read import Log
 from bowden.report.page import Page
 from bowden.report.style import COLOURS, legend, new_figure, thin
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from bowden.models.thermal import Thermal
+from bowden.models.drive.thermal import Thermal
 
 
 class Limits(NamedTuple):

@@ -11,9 +11,9 @@ import numpy as np
 
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import DriveReading
+from bowden.models.drive.servo import servo_predict
+from bowden.models.drive.thermal import ThermalState, warm
 from bowden.models.plausible import Followed, beyond, follow, lasting, outside
-from bowden.models.servo import servo_predict
-from bowden.models.thermal import ThermalState, warm
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import DriveReading
-from bowden.models.thermal import ThermalState, cold
+from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
 

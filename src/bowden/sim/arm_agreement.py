@@ -7,6 +7,7 @@ from typing import NamedTuple
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import DEGREES
+from bowden.plants.suit_parts import Suit
 from bowden.sim.arm_check import (
     EXCURSION_LIMIT,
     INTEGRATORS,
@@ -21,7 +22,6 @@ from bowden.sim.arm_check import (
     convergence,
 )
 from bowden.sim.suit import simulate_suit
-from bowden.sim.suit_parts import Suit
 from bowden.sim.suit_replay import replay
 
 PERIOD = 25.0

@@ -2,9 +2,9 @@
 
 What is compared, and what comes from where:
 
-    Eqs 1–2            `bowden.models.geometry`        lengths of MuJoCo's tendons
+    Eqs 1–2            `bowden.models.suit.geometry`        lengths of MuJoCo's tendons
     moment arms        their derivatives, by hand      the Jacobian of MuJoCo's tendons
-    I·d²φ/dt² = …      `bowden.models.arm`, by SciPy   MuJoCo's motion of the body, its spring and its damper
+    I·d²φ/dt² = …      `bowden.models.suit.arm`, by SciPy   MuJoCo's motion of the body, its spring and its damper
 
 SciPy's eighth-order Runge–Kutta with a relative tolerance of 1e-11 takes no step from MuJoCo, and MuJoCo no equation
 from us; both are given the same a, b, R, masses and tensions.
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import RADIANS
-from bowden.models.arm import Arm, gravity_torque, passive_torque, resting_angle
-from bowden.models.geometry import (
+from bowden.models.suit.arm import Arm, gravity_torque, passive_torque, resting_angle
+from bowden.models.suit.geometry import (
     ELBOW_RANGE,
     SuitGeometry,
     extensor_extension,
@@ -71,7 +71,7 @@ class Motion(NamedTuple):
     name: str
     time: Array  # (n,)
     ours: Array  # (n,)
-    """Elbow by `bowden.models.arm` [rad]."""
+    """Elbow by `bowden.models.suit.arm` [rad]."""
     mujoco: Array  # (n,)
     """Elbow by MuJoCo [rad]; NaN where it cannot tell."""
 
@@ -187,7 +187,7 @@ def compare_motion(geometry: SuitGeometry, arm: Arm, case: Case) -> Motion:
 
 
 def our_motion(geometry: SuitGeometry, arm: Arm, case: Case, time: Array) -> Array:
-    """The elbow by the equation of `bowden.models.arm`, at those times (n,) [s], (n,) [rad]."""
+    """The elbow by the equation of `bowden.models.suit.arm`, at those times (n,) [s], (n,) [rad]."""
     from scipy.integrate import solve_ivp
 
     def rate(now: float, state: Array) -> tuple[float, float]:

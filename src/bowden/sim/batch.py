@@ -16,11 +16,11 @@ from bowden.core.kernel import apart, kernel
 from bowden.core.pairwise import pairwise_sum
 from bowden.core.refill import refilled
 from bowden.core.signals import Reference, Sample
-from bowden.models.encoder import reading
-from bowden.models.motor import Motor, current
+from bowden.models.drive.encoder import reading
+from bowden.models.drive.motor import Motor, current
+from bowden.plants.bench import BenchState, BenchStep, bench_moved, bench_start
 from bowden.sim.closed_loop import RUNAWAY
 from bowden.sim.faulty import Fault, as_it_is
-from bowden.sim.plant import BenchState, BenchStep, bench_moved, bench_start
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
-from bowden.models import motor as motor_model
-from bowden.models.encoder import reading
-from bowden.sim.cable_body import Moving, cable_moved, cable_rest
-from bowden.sim.cable_plant import CablePlant, prepare_servo
+from bowden.models.drive import motor as motor_model
+from bowden.models.drive.encoder import reading
+from bowden.plants.cable_body import Moving, cable_moved, cable_rest
+from bowden.plants.cable_plant import CablePlant, prepare_servo
 from bowden.sim.closed_loop import RUNAWAY, UNITS, check_clock, edges_of, sheath_over
 from bowden.sim.scenario import BendPath
 

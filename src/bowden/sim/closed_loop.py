@@ -13,16 +13,16 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
-from bowden.models import motor as motor_model
-from bowden.models.encoder import reading
-from bowden.models.sheath import slope_factor as slope_factor_at
-from bowden.models.sheath import width as width_at
+from bowden.models.cable.sheath import slope_factor as slope_factor_at
+from bowden.models.cable.sheath import width as width_at
+from bowden.models.drive import motor as motor_model
+from bowden.models.drive.encoder import reading
+from bowden.plants.bench import Bench, bench_moved, bench_start, prepare_bench
 from bowden.sim.faulty import Fault, as_it_is, faulty
-from bowden.sim.plant import Bench, bench_moved, bench_start, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
 
 if TYPE_CHECKING:
-    from bowden.sim.cable_plant import CablePlant
+    from bowden.plants.cable_plant import CablePlant
 
 UNITS = {
     "time": "s",

@@ -8,10 +8,10 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import RADIANS
+from bowden.plants.bench import Bench
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.sim.injected import Injected
-from bowden.sim.plant import Bench
 from bowden.sim.supervised import Outcome, supervised
 
 MEASURED = Limits(measures_tension=1.0, measures_temperature=1.0, uses_emg=1.0)

@@ -10,13 +10,13 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import specialise
 from bowden.core.refill import form_of, numbers_of
+from bowden.plants.bench import Bench, prepare_bench
+from bowden.plants.cable_body import Moving, cable_moved, cable_rest
+from bowden.plants.cable_plant import CablePlant, prepare_servo
 from bowden.sim.batch import BENCH, FIGURES, ROWS, Inputs, Limits, One, run_batch, spring_current, torque_current
-from bowden.sim.cable_body import Moving, cable_moved, cable_rest
 from bowden.sim.cable_loop import check_cable
-from bowden.sim.cable_plant import CablePlant, prepare_servo
 from bowden.sim.closed_loop import check_clock, edges_of, sheath_over
 from bowden.sim.faulty import Fault, faulty
-from bowden.sim.plant import Bench, prepare_bench
 from bowden.sim.scenario import BendPath
 
 Array = NDArray[np.float64]

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.models.arm import GRAVITY, Arm
-from bowden.models.geometry import SuitGeometry
+from bowden.models.suit.arm import GRAVITY, Arm
+from bowden.models.suit.geometry import SuitGeometry
 
 Array = NDArray[np.float64]
 

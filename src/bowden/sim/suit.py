@@ -9,14 +9,14 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
 from bowden.core.trace import Trace
-from bowden.models.arm import Wearer
-from bowden.models.load_cell import LoadCell
-from bowden.models.sheath import slope_factor as slope_factor_at
-from bowden.models.sheath import width as width_at
+from bowden.models.cable.sheath import slope_factor as slope_factor_at
+from bowden.models.cable.sheath import width as width_at
+from bowden.models.suit.arm import Wearer
+from bowden.models.suit.load_cell import LoadCell
+from bowden.plants.suit_parts import PreparedSuit, Suit
 from bowden.sim.faulty import Fault
 from bowden.sim.scenario import BendPath
 from bowden.sim.suit_loop import RECORDED, run_suit, state_fields, suit_inputs
-from bowden.sim.suit_parts import PreparedSuit, Suit
 
 
 def simulate_suit(

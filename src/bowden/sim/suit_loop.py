@@ -12,15 +12,15 @@ from bowden.control.source import TABLE, Heard, Source, source_start, source_ste
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import Reference, Sample
-from bowden.models.arm import Wearer
-from bowden.models.encoder import reading
-from bowden.models.flex_sensor import flex_start, flex_step
-from bowden.models.load_cell import CURRENT_NOISE, LoadCell, cell_reading
+from bowden.models.drive.encoder import reading
+from bowden.models.suit.arm import Wearer
+from bowden.models.suit.flex_sensor import flex_start, flex_step
+from bowden.models.suit.load_cell import CURRENT_NOISE, LoadCell, cell_reading
+from bowden.plants.suit_parts import PreparedSuit, Suit, prepare_suit
+from bowden.plants.suit_plant import Bends, suit_motor, suit_start, suit_step
 from bowden.sim.closed_loop import RUNAWAY
 from bowden.sim.faulty import Fault, faulty
 from bowden.sim.scenario import BendPath, constant_bend
-from bowden.sim.suit_parts import PreparedSuit, Suit, prepare_suit
-from bowden.sim.suit_plant import Bends, suit_motor, suit_start, suit_step
 
 RECORDED = {
     "joint": "rad",

@@ -16,13 +16,13 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
 from bowden.core import metrics
-from bowden.models.load_cell import LoadCell
+from bowden.models.suit.load_cell import LoadCell
+from bowden.plants.suit_parts import Suit
 from bowden.sim.batch import LATE
 from bowden.sim.faulty import Fault
 from bowden.sim.many import SMALLEST_STROKE, Outcome
 from bowden.sim.scenario import BendPath
 from bowden.sim.suit_loop import RECORDED, SuitInputs, run_suit, state_fields, suit_inputs
-from bowden.sim.suit_parts import Suit
 
 Array = NDArray[np.float64]
 T = TypeVar("T")

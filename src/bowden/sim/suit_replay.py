@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.trace import Trace
-from bowden.models.arm import Arm
-from bowden.models.geometry import SuitGeometry, extensor_moment_arm, flexor_moment_arm
+from bowden.models.suit.arm import Arm
+from bowden.models.suit.geometry import SuitGeometry, extensor_moment_arm, flexor_moment_arm
 from bowden.sim.arm_check import Motion
 from bowden.sim.mujoco_arm import MujocoArm
 

@@ -2,16 +2,16 @@
 
 import itertools
 
-from bowden.control.admittance import Admittance, check_admittance
-from bowden.control.admittance_passivity import Limit, limit_of
-from bowden.control.admittance_port import Body, Port, bodies
-from bowden.control.interaction import Chain, Doubt
+from bowden.control.admittance.interaction import Chain, Doubt
+from bowden.control.admittance.passivity import Limit, limit_of
+from bowden.control.admittance.port import Body, Port, bodies
+from bowden.control.admittance.push import ROOM, Push, Under
+from bowden.control.admittance.virtual_elbow import Admittance, check_admittance
 from bowden.control.law import Law
-from bowden.control.push import ROOM, Push, Under
 from bowden.core.units import RADIANS
-from bowden.models.arm import GRAVITY, Arm, arm_of
-from bowden.models.suit_angle import flexor_arm
-from bowden.sim.suit_parts import Suit, prepare_suit
+from bowden.models.suit.arm import GRAVITY, Arm, arm_of
+from bowden.models.suit.suit_angle import flexor_arm
+from bowden.plants.suit_parts import Suit, prepare_suit
 
 INVERTS = frozenset({"bowden"})
 """Laws that make up for the drive's lag themselves."""

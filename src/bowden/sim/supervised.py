@@ -9,18 +9,18 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
-from bowden.models.bouc_wen import advance_prepared
-from bowden.models.encoder import reading
-from bowden.models.motor import Motor
-from bowden.models.motor import current as motor_current
+from bowden.models.cable.bouc_wen import advance_prepared
+from bowden.models.drive.encoder import reading
+from bowden.models.drive.motor import Motor
+from bowden.models.drive.motor import current as motor_current
+from bowden.models.drive.servo import ServoState, servo_step
+from bowden.models.drive.thermal import ThermalState, cold
 from bowden.models.plausible import Followed, follow
-from bowden.models.servo import ServoState, servo_step
-from bowden.models.thermal import ThermalState, cold
+from bowden.plants.bench import Bench, bench_at, bench_start, prepare_bench
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
 from bowden.sim.closed_loop import inputs_of
 from bowden.sim.injected import Around, Injected, asleep, disturbed, misled, misread
-from bowden.sim.plant import Bench, bench_at, bench_start, prepare_bench
 from bowden.sim.scenario import BendPath, constant_bend
 
 SPOOL_RADIUS = 0.02

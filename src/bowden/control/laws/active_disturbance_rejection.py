@@ -1,0 +1,161 @@
+"""Active disturbance rejection (Han 2009), with the bandwidths of Gao (2003) and a current discrete observer.
+
+Through the servo the joint is seen as of second order, pushed by the command and by all that is not known,
+
+    d²joint/dt² = b₀·command − ω²·joint − 2ζω·d(joint)/dt + f,   b₀ = α̂·ω²
+
+f holding the hysteresis, every change of the cable, and what is wrong with ω, ζ and b₀. An extended-state observer
+(ESO) of the bandwidth ωo estimates z = (joint, its rate, f); the command cancels f and puts the error's poles at −ωc:
+
+    z⁻ = Φ·z + Γ·command that acted;   z = z⁻ + L·(joint − z⁻₁)
+    command = φa/α̂ + ((ωc² − ω²)·(φ_d − z₁) + (2ωc − 2ζω)·(φ̇_d − z₂) − z₃)/b₀
+
+Φ and Γ hold the servo to second order in the sample time T. L puts all three poles of the current observer, the
+eigenvalues of (I − L·C)·Φ, at β = exp(−ωo·T); `observer_gains` has it in closed form. For ω = 0 this is the observer
+of Miklosovic, Radke and Gao (2006). Han and Gao leave the plant's own stiffness to f as well; through a servo it is
+large and known, and an observer slow enough for the encoder's noise would follow it with a lag of 3/ωo. The
+model-assisted form is taken instead, with φa, the reference with the servo's lag and the delay taken away. The observer
+is told the command that acts, which is one cycle old.
+"""
+
+from typing import NamedTuple
+
+from bowden.control.law import Law
+from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded
+from bowden.core.kernel import exp, kernel
+from bowden.core.signals import Reference, Sample
+
+
+class ActiveDisturbanceRejectionGains(NamedTuple):
+    """The known part of the plant, and the two bandwidths."""
+
+    slope: float = 0.938
+    """α̂, joint motion per motor motion; negative where the cable runs the other way [rad/rad]."""
+    natural_frequency: float = 53.58
+    """ω of the servo [rad/s]."""
+    damping: float = 1.0
+    """ζ of the servo [–]."""
+    observer_bandwidth: float = 190.0
+    """ωo [rad/s]."""
+    control_bandwidth: float = 53.58
+    """ωc [rad/s]."""
+    lead: float = LEAD
+    """Lag of servo and delay that is taken away [s]."""
+    lead_square: float = LEAD_SQUARE
+    """The same to second order [s²]."""
+
+
+class ActiveDisturbanceRejectionState(NamedTuple):
+    """What the law remembers."""
+
+    joint: float
+    """z₁, estimated joint angle [rad]."""
+    joint_rate: float
+    """z₂, its rate [rad/s]."""
+    disturbance: float
+    """z₃, all acceleration that is not b₀·command [rad/s²]."""
+    command: float
+    """The last command [rad]."""
+    command_before: float
+    """The command before it, which acted over the last cycle [rad]."""
+
+
+class Prediction(NamedTuple):
+    """One cycle of the known plant, (joint, rate)⁺ from (joint, rate, f): the first two rows of Φ."""
+
+    xx: float
+    xv: float
+    xf: float
+    vx: float
+    vv: float
+    vf: float
+
+
+@kernel
+def prediction(natural_frequency: float, damping: float, dt: float) -> Prediction:
+    """Φ to second order in `dt`; Γ is its last column times b₀."""
+    stiffness, friction = natural_frequency * natural_frequency, 2.0 * damping * natural_frequency
+    half = 0.5 * dt * dt
+    xv = dt - friction * half
+    return Prediction(
+        1.0 - stiffness * half,
+        xv,
+        half,
+        -stiffness * xv,
+        1.0 - friction * dt + (friction * friction - stiffness) * half,
+        xv,
+    )
+
+
+@kernel
+def observer_gains(known: Prediction, beta: float) -> tuple[float, float, float]:
+    """L that puts the three eigenvalues of (I − L·C)·Φ at `beta`, C = (1 0 0).
+
+    The determinant gives 1 − L₁ = β³/det Φ; the trace and the sum of the principal minors are linear in L₂ and L₃.
+    """
+    determinant = known.xx * known.vv - known.xv * known.vx
+    kept = beta * beta * beta / determinant
+    on_f = (1.0 - beta) * (1.0 - beta) * (1.0 - beta) / (known.xf + known.xv * known.vf - known.xf * known.vv)
+    on_rate = (kept * known.xx + known.vv + 1.0 - 3.0 * beta - on_f * known.xf) / known.xv
+    return 1.0 - kept, on_rate, on_f
+
+
+@kernel
+def start(gains: ActiveDisturbanceRejectionGains, sample: Sample) -> ActiveDisturbanceRejectionState:
+    """Begin at rest, with the motor held where it is: f is what keeps the joint where it is then."""
+    stiffness = gains.natural_frequency * gains.natural_frequency
+    held = stiffness * (sample.joint - gains.slope * sample.motor)
+    return ActiveDisturbanceRejectionState(sample.joint, 0.0, held, sample.motor, sample.motor)
+
+
+@kernel
+def step(
+    gains: ActiveDisturbanceRejectionGains,
+    state: ActiveDisturbanceRejectionState,
+    sample: Sample,
+    reference: Reference,
+    dt: float,
+) -> tuple[ActiveDisturbanceRejectionState, float]:
+    """Predict over the last cycle, correct by the sample, cancel and steer."""
+    omega, wanted = gains.natural_frequency, gains.control_bandwidth
+    stiffness = omega * omega
+    input_gain = gains.slope * stiffness
+    known = prediction(omega, gains.damping, dt)
+    on_joint, on_rate, on_f = observer_gains(known, exp(-gains.observer_bandwidth * dt))
+
+    push = state.disturbance + input_gain * state.command_before
+    expected = known.xx * state.joint + known.xv * state.joint_rate + known.xf * push
+    expected_rate = known.vx * state.joint + known.vv * state.joint_rate + known.vf * push
+    surprise = bounded(sample.joint - expected, -1e3, 1e3, 0.0)
+    joint = expected + on_joint * surprise
+    joint_rate = expected_rate + on_rate * surprise
+    disturbance = state.disturbance + on_f * surprise
+
+    steer = (wanted * wanted - stiffness) * (reference.position - joint)
+    damp = 2.0 * (wanted - gains.damping * omega) * (reference.velocity - joint_rate)
+    command = ahead(reference, gains.lead, gains.lead_square) / gains.slope + (steer + damp - disturbance) / input_gain
+    return ActiveDisturbanceRejectionState(joint, joint_rate, disturbance, command, state.command), command
+
+
+ACTIVE_DISTURBANCE_REJECTION = Law(
+    name="active_disturbance_rejection",
+    gains=ActiveDisturbanceRejectionGains(),
+    start_kernel=start,
+    step_kernel=step,
+    source="Han, IEEE Transactions on Industrial Electronics 56(3), 2009; Gao, ACC 2003; Miklosovic et al., ACC 2006",
+    limits={
+        "natural_frequency": (1e-3, 1e4),
+        "damping": (0.0, 100.0),
+        "observer_bandwidth": (1e-3, 1e5),
+        "control_bandwidth": (0.0, 1e4),
+        "lead": (0.0, 10.0),
+        "lead_square": (0.0, 10.0),
+    },
+    state_units={
+        "joint": "rad",
+        "joint_rate": "rad/s",
+        "disturbance": "rad/s²",
+        "command": "rad",
+        "command_before": "rad",
+    },
+)

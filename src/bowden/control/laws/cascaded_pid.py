@@ -1,0 +1,116 @@
+"""Cascaded PID (Wu et al., the paper's [16]): joint position outside, motor inside.
+
+    outer   w = kp·e + ki·∫e dt + kd·(φ̇_d − joint rate),   |w| limited, the integral held while it is
+    inner   command = (φa + w)/α̂ + ka·((φ_d + w)/α̂ − motor) + kv·(φ̇_d/α̂ − motor rate)
+
+The outer loop moves the motor's target, the inner one closes a faster loop on the measured motor around the drive's
+own: with gains ka and kv a servo of natural frequency ω and damping ζ answers like one of ω·√(1 + ka) and
+(2ζω + kv·ω²)/(2ω·√(1 + ka)). Both rates are differences of the encoders through a first-order low-pass with time
+constant τ. The reference's velocity and acceleration are fed forward through φa, as cascades in drives do. Nothing in
+the law knows of a dead zone.
+"""
+
+import math
+from typing import NamedTuple
+
+from bowden.control.law import Law
+from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded
+from bowden.core.kernel import kernel, sel
+from bowden.core.signals import Reference, Sample
+
+
+class CascadedPidGains(NamedTuple):
+    """Gains of both loops."""
+
+    slope: float = 0.938
+    """α̂, joint motion per motor motion; negative where the cable runs the other way [rad/rad]."""
+    proportional_gain: float = 0.4
+    """kp [–]."""
+    integral_gain: float = 40.0
+    """ki [1/s]."""
+    derivative_gain: float = 0.01
+    """kd [s]."""
+    correction_limit: float = 0.35
+    """Largest size of w [rad]."""
+    motor_gain: float = 0.5
+    """ka, of the inner loop [–]."""
+    motor_rate_gain: float = 0.0084
+    """kv, of the inner loop [s]."""
+    derivative_time: float = 0.02
+    """τ, time constant of both derivatives' filters [s]."""
+    lead: float = LEAD
+    """Lag of servo and delay that is taken away [s]."""
+    lead_square: float = LEAD_SQUARE
+    """The same to second order [s²]."""
+
+
+class CascadedPidState(NamedTuple):
+    """What the law remembers."""
+
+    integral: float
+    """ki·∫e dt [rad]."""
+    joint: float
+    """Last measured joint angle [rad]."""
+    joint_rate: float
+    """Filtered rate of the joint [rad/s]."""
+    motor: float
+    """Last measured motor angle [rad]."""
+    motor_rate: float
+    """Filtered rate of the motor [rad/s]."""
+
+
+@kernel
+def start(gains: CascadedPidGains, sample: Sample) -> CascadedPidState:
+    """Begin at rest."""
+    return CascadedPidState(0.0, sample.joint, 0.0, sample.motor, 0.0)
+
+
+@kernel
+def step(
+    gains: CascadedPidGains, state: CascadedPidState, sample: Sample, reference: Reference, dt: float
+) -> tuple[CascadedPidState, float]:
+    """Outer loop, limit, inner loop."""
+    follow = dt / (gains.derivative_time + dt)
+    joint_rate = state.joint_rate + follow * ((sample.joint - state.joint) / dt - state.joint_rate)
+    motor_rate = state.motor_rate + follow * ((sample.motor - state.motor) / dt - state.motor_rate)
+
+    error = reference.position - sample.joint
+    limit = gains.correction_limit
+    summed = bounded(state.integral + gains.integral_gain * error * dt, -limit, limit, state.integral)
+    wished = gains.proportional_gain * error + summed + gains.derivative_gain * (reference.velocity - joint_rate)
+    correction = bounded(wished, -limit, limit, 0.0)
+    integral = sel((wished - correction) * error > 0.0, state.integral, summed)
+
+    command = (
+        (ahead(reference, gains.lead, gains.lead_square) + correction) / gains.slope
+        + gains.motor_gain * ((reference.position + correction) / gains.slope - sample.motor)
+        + gains.motor_rate_gain * (reference.velocity / gains.slope - motor_rate)
+    )
+    return CascadedPidState(integral, sample.joint, joint_rate, sample.motor, motor_rate), command
+
+
+CASCADED_PID = Law(
+    name="cascaded_pid",
+    gains=CascadedPidGains(),
+    start_kernel=start,
+    step_kernel=step,
+    source="Wu et al., cascaded PID for a cable-driven lower-limb exoskeleton; Dinh et al. 2017, Section 1, [16]",
+    limits={
+        "proportional_gain": (0.0, 1e3),
+        "integral_gain": (0.0, 1e4),
+        "derivative_gain": (0.0, 10.0),
+        "correction_limit": (0.0, math.inf),
+        "motor_gain": (0.0, 1e3),
+        "motor_rate_gain": (0.0, 10.0),
+        "derivative_time": (0.0, 10.0),
+        "lead": (0.0, 10.0),
+        "lead_square": (0.0, 10.0),
+    },
+    state_units={
+        "integral": "rad",
+        "joint": "rad",
+        "joint_rate": "rad/s",
+        "motor": "rad",
+        "motor_rate": "rad/s",
+    },
+)

@@ -1,0 +1,114 @@
+"""Model-based compensation of a dead zone with friction (Kesner & Howe 2011 and 2014, the paper's [15]).
+
+The cable loses motion twice: it crosses a clearance of half-width b, and Coulomb friction in the sheath stretches it by
+f, which builds up over the travel as the stretch spreads along the sheath (Dahl's model of friction). Both widths are
+known from identification, and the inverse adds them to the motor's angle:
+
+    command = (φa + kp·e + ki·∫e dt)/α̂ + b·d + f·q
+    d: −1…1, the side of the clearance; it changes smoothly, and only for a speed beyond a dead band
+    q⁺ = σ + (q − σ)·exp(−|Δφ_d|/ξ),   σ = sgn Δφ_d
+
+The model is open-loop; the position PI loop of [15] takes up what it leaves. [15] commands a force and adds friction as
+one; under a position servo friction can only show as stretch.
+"""
+
+import math
+from typing import NamedTuple
+
+from bowden.control.law import Law
+from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded, turned, waited
+from bowden.core.kernel import exp, kernel, sel
+from bowden.core.signals import Reference, Sample
+
+
+class HysteresisModelGains(NamedTuple):
+    """The identified dead zone and friction, and the position PI loop."""
+
+    slope: float = 0.938
+    """α̂, joint motion per motor motion; negative where the cable runs the other way [rad/rad]."""
+    half_width: float = 0.0456
+    """b, half of the clearance, in motor travel [rad]."""
+    friction_stretch: float = 0.001
+    """f, stretch under the full Coulomb friction, in motor travel [rad]."""
+    friction_travel: float = 0.02
+    """ξ, joint travel over which the stretch builds up [rad]."""
+    velocity_band: float = 0.001
+    """Reference speed below which nothing changes side [rad/s]."""
+    switching_time: float = 0.01
+    """Time constant with which the clearance is crossed [s]."""
+    proportional_gain: float = 1.3
+    """kp [–]."""
+    integral_gain: float = 30.0
+    """ki [1/s]."""
+    integral_limit: float = 0.35
+    """Largest size of ki·∫e dt [rad]."""
+    hold: float = 0.05
+    """How long after a change of side the feedback stands still [s]."""
+    lead: float = LEAD
+    """Lag of servo and delay that is taken away [s]."""
+    lead_square: float = LEAD_SQUARE
+    """The same to second order [s²]."""
+
+
+class HysteresisModelState(NamedTuple):
+    """What the law remembers."""
+
+    direction: float
+    """d, the side of the clearance on which the motor is held, −1…1."""
+    friction: float
+    """q, share of the full friction's stretch, −1…1."""
+    wait: float
+    """Time left until the feedback acts again [s]."""
+    error: float
+    """The error that the feedback sees [rad]."""
+    integral: float
+    """ki·∫e dt [rad]."""
+
+
+@kernel
+def start(gains: HysteresisModelGains, sample: Sample) -> HysteresisModelState:
+    """Begin in the middle of the clearance, without stretch."""
+    return HysteresisModelState(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def step(
+    gains: HysteresisModelGains, state: HysteresisModelState, sample: Sample, reference: Reference, dt: float
+) -> tuple[HysteresisModelState, float]:
+    """Advance the model along the desired motion, and invert it."""
+    velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
+    direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
+    travel = velocity * gains.slope * dt
+    side = sel(velocity > 0.0, 1.0, sel(velocity < 0.0, -1.0, state.friction))
+    left = exp(-sel(travel > 0.0, travel, -travel) / gains.friction_travel)
+    friction = bounded(side + (state.friction - side) * left, -1.0, 1.0, state.friction)
+    wait = waited(state.wait, direction - state.direction, gains.hold, dt)
+    error = bounded(sel(wait > 0.0, state.error, reference.position - sample.joint), -1e3, 1e3, state.error)
+    wished = state.integral + sel(wait > 0.0, 0.0, gains.integral_gain * error * dt)
+    integral = bounded(wished, -gains.integral_limit, gains.integral_limit, state.integral)
+    wanted = ahead(reference, gains.lead, gains.lead_square) + gains.proportional_gain * error + integral
+    lost = gains.half_width * direction + gains.friction_stretch * friction
+    return HysteresisModelState(direction, friction, wait, error, integral), wanted / gains.slope + lost
+
+
+HYSTERESIS_MODEL = Law(
+    name="hysteresis_model",
+    gains=HysteresisModelGains(),
+    start_kernel=start,
+    step_kernel=step,
+    source="Kesner, Howe, IEEE ICRA 2011 and IEEE Transactions on Robotics 2014; Dinh et al. 2017, Section 1, [15]",
+    limits={
+        "half_width": (0.0, math.inf),
+        "friction_stretch": (0.0, math.inf),
+        "friction_travel": (1e-9, math.inf),
+        "velocity_band": (0.0, math.inf),
+        "switching_time": (0.0, 10.0),
+        "proportional_gain": (0.0, 1e3),
+        "integral_gain": (0.0, 1e4),
+        "integral_limit": (0.0, math.inf),
+        "hold": (0.0, 10.0),
+        "lead": (0.0, 10.0),
+        "lead_square": (0.0, 10.0),
+    },
+    state_units={"direction": "1", "friction": "1", "wait": "s", "error": "rad", "integral": "rad"},
+)

@@ -1,0 +1,83 @@
+"""The backlash observer: the inverse of an identified Bouc–Wen cable (Eq. 8).
+
+    command = (reference − offset − α̂h·ĥ)/α̂φ,    ĥ from Eq. 7
+
+Eq. 7 needs the motor's travel. Feeding it the command's own increments makes an algebraic loop that chatters or
+diverges when it is stepped explicitly, because the fitted cable is not monotone (erratum 6). ĥ is therefore driven by
+the *measured* motor angle (the default), or by the reference divided by the slope, which needs no sensor and is free of
+its noise.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.control.law import Law
+from bowden.core.kernel import kernel, sel
+from bowden.core.signals import Reference, Sample
+from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
+
+
+class ObserverGains(NamedTuple):
+    """The identified cable, and what drives its hysteresis."""
+
+    slope: float = 0.938
+    """α̂φ [rad/rad]."""
+    hysteresis_gain: float = -0.129
+    """α̂h [rad]."""
+    rate: float = 9.256
+    """ρ̂ [1/rad]."""
+    shape: float = 9.427
+    """σ̂ [–]."""
+    exponent: float = 3.0
+    """n̂ [–]."""
+    offset: float = 0.0
+    """Joint angle at motor angle zero with ĥ = 0 [rad]."""
+    from_reference: float = 0.0
+    """1: ĥ is driven by the reference; 0: by the measured motor angle."""
+
+
+class ObserverState(NamedTuple):
+    """What the law remembers."""
+
+    h: float
+    """ĥ [–]."""
+    driver: float
+    """Last angle that drove ĥ [rad]."""
+
+
+@kernel
+def start(gains: ObserverGains, sample: Sample) -> ObserverState:
+    """Begin with ĥ = 0, at the angle where the drive is now."""
+    cable = BoucWen(gains.slope, gains.hysteresis_gain, gains.rate, gains.shape, gains.exponent, gains.offset)
+    inverse = (sample.joint - cable.offset) / cable.slope
+    return ObserverState(0.0, sel(gains.from_reference > 0.5, inverse, sample.motor))
+
+
+@kernel
+def step(
+    gains: ObserverGains, state: ObserverState, sample: Sample, reference: Reference, dt: float
+) -> tuple[ObserverState, float]:
+    """Advance ĥ by the drive's travel and invert Eq. 6 at the reference."""
+    cable = BoucWen(gains.slope, gains.hysteresis_gain, gains.rate, gains.shape, gains.exponent, gains.offset)
+    wanted = (reference.position - cable.offset) / cable.slope
+    driver = sel(gains.from_reference > 0.5, wanted, sample.motor)
+    piece = (driver - state.driver) / 4.0  # a tenth of a radian in one cycle, the chirp's fastest, is still stable
+    h = state.h
+    for _ in range(4):
+        h = travel_step(h, piece, cable)
+    bound = saturation(cable)
+    h = np.fmax(-bound, np.fmin(bound, h))
+    command = wanted - cable.hysteresis_gain * h / cable.slope
+    return ObserverState(h, driver), command
+
+
+OBSERVER = Law(
+    name="observer",
+    gains=ObserverGains(),
+    start_kernel=start,
+    step_kernel=step,
+    source="Dinh et al. 2017, Eq. 8; parameters of Section 5.1.1",
+    limits={"rate": (1e-6, 1e4), "shape": (0.5, 1e4), "exponent": (1.0, 50.0), "from_reference": (0.0, 1.0)},
+    state_units={"h": "1", "driver": "rad"},
+)

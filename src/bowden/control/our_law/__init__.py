@@ -1,0 +1,1 @@
+"""Our own law and the estimates that it is made of."""

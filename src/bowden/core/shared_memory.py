@@ -1,0 +1,37 @@
+"""Blocks of words in shared memory, from one process to another."""
+
+import mmap
+import os
+from pathlib import Path
+
+from bowden.core.errors import LogError, OutputError
+
+
+def create(path: Path, words: int) -> None:
+    """Make an empty block of so many words in place of one that a killed run left.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    try:
+        path.unlink(missing_ok=True)
+        with os.fdopen(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600), "wb") as file:
+            file.write(bytes(8 * words))
+    except OSError as error:
+        raise OutputError(f"cannot make {path}: {error.strerror}", do="make room in its folder") from error
+
+
+def mapped(path: Path, words: int, what: str) -> mmap.mmap:
+    """A block that was made before, in this process's memory.
+
+    Raises:
+        LogError: there is none.
+    """
+    try:
+        handle = os.open(path, os.O_RDWR)
+        try:
+            return mmap.mmap(handle, 8 * words, mmap.MAP_SHARED | mmap.MAP_POPULATE)
+        finally:
+            os.close(handle)
+    except (OSError, ValueError) as error:
+        raise LogError(f"cannot open the {what} {path}: {error}", do="start the run first") from error

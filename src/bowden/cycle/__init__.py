@@ -1,0 +1,1 @@
+"""One cycle of the loop: sense, reference, law, supervisor."""

@@ -1,0 +1,80 @@
+"""What `bowden check` says of the laws of a run, asked before anything is simulated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bowden.control import Law, user_law
+from bowden.core.errors import ParameterError
+from bowden.rig import ranges
+from bowden.rig.compose import Setup
+
+if TYPE_CHECKING:
+    from bowden.design.check import Check, VerdictName
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the check makes of one law."""
+
+    name: "VerdictName | None"
+    """None where the check cannot judge the law."""
+    note: str
+    """For standard error; empty where the law holds."""
+
+
+def verdicts(setup: Setup, laws: Sequence[Law], rig: str, *, force: bool) -> list[Verdict]:
+    """Check every law over the bends and the stroke of the run.
+
+    A law of the user's own that the check cannot judge (its step fails at rest, say) is let through with a note.
+
+    Args:
+        setup: of the run.
+        laws: to check.
+        rig: the file's name, for messages.
+        force: let laws that do not hold through, with a note.
+
+    Raises:
+        ParameterError: laws that do not hold; the message has the reasons and what to change.
+    """
+    if setup.suit is not None:
+        return [Verdict(None, f"{law.name} on a suit: margins are not checked, the run itself shows") for law in laws]
+    checks = [_check(setup, law) for law in laws]
+    pairs = zip(laws, checks, strict=True)
+    failing = [(law, found) for law, found in pairs if not isinstance(found, str) and found.verdict == "does_not_hold"]
+    if failing and not force:
+        said = [f"{law.name} does not hold on {rig}: {_why(setup, law, found)}" for law, found in failing]
+        others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""
+        raise ParameterError("; ".join(said) + f", or run it anyway with --force{others}")
+    return [_verdict(law, found, rig) for law, found in zip(laws, checks, strict=True)]
+
+
+def _check(setup: Setup, law: Law) -> "Check | str":
+    """What was found, or why nothing could be."""
+    from bowden.design.check import check
+
+    with user_law.explained(law):
+        try:
+            return check(setup.bench, law, bends=ranges.bends(setup), stroke=ranges.stroke(setup), seed=setup.seed)
+        except (ArithmeticError, ValueError) as error:  # the plain step divides by zero, or gives what is no number
+            return f"{type(error).__name__}: {error}"
+
+
+def _why(setup: Setup, law: Law, found: "Check") -> str:
+    """The reason, and what to change."""
+    from bowden.design.advice import advise
+
+    with user_law.explained(law):
+        advice = advise(setup.bench, law, found, bends=ranges.bends(setup), stroke=ranges.stroke(setup))
+    return f"{found.reason}; {advice}"
+
+
+def _verdict(law: Law, found: "Check | str", rig: str) -> Verdict:
+    if isinstance(found, str):
+        return Verdict(None, f"{law.name} cannot be checked ({found}); it runs unchecked")
+    said = {
+        "holds": "",
+        "little_margin": f"{law.name} has little margin on {rig}: {found.reason}",
+        "does_not_hold": f"{law.name} does not hold on {rig}, and runs because of --force: {found.reason}",
+    }
+    return Verdict(found.verdict, said[found.verdict])

@@ -1,0 +1,1 @@
+"""CAN buses: opening them, and one between processes."""

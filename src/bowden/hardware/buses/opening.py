@@ -1,0 +1,110 @@
+"""Opening a CAN bus by name, and seeing to it that it has one master."""
+
+import errno
+import hashlib
+import logging
+import os
+import socket
+from collections.abc import Callable
+from typing import NamedTuple
+
+import can
+
+from bowden.core.errors import DriveError
+from bowden.hardware.buses.unix_bus import ERROR, EXTENDED, REMOTE, UnixBus, bus_folder
+
+UNIX = "bowden_unix"
+"""Interface of the bus between processes."""
+
+
+class Claim(NamedTuple):
+    """A part on a bus that one process alone may play; let go of with `release`, or when the process ends."""
+
+    holder: socket.socket
+
+    def release(self) -> None:
+        """Let another process have it."""
+        self.holder.close()
+
+
+def claim(interface: str, channel: str, part: str) -> Claim:
+    """Claim a part on a bus, by an abstract Unix socket: the system forgets it with its process, however that ends.
+
+    Args:
+        interface: the bus' interface.
+        channel: its channel.
+        part: ``host``, or a node.
+
+    Raises:
+        DriveError: another process plays it already.
+    """
+    where = os.path.realpath(bus_folder(channel)) if interface == UNIX else channel
+    holder = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        name = hashlib.sha256(f"{interface}:{where}:{part}".encode()).hexdigest()
+        holder.bind(f"\0bowden-{name}")
+    except OSError as error:
+        holder.close()
+        raise DriveError(
+            f"the bus {channel} ({interface}) has a {part} already",
+            expected=f"one {part} on it",
+            do="end the other run first, or name another channel in [drive]",
+        ) from error
+    return Claim(holder)
+
+
+def taker(bus: can.BusABC) -> Callable[[], tuple[int, bytes] | None]:
+    """The quickest way to frames that are there: identifier with the flags of `unix_bus`, and data; None of none."""
+    if isinstance(bus, UnixBus):
+        return bus.take
+
+    def take() -> tuple[int, bytes] | None:
+        message = bus.recv(0.0)
+        if message is None:
+            return None
+        flags = EXTENDED * message.is_extended_id | REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
+        return message.arbitration_id | flags, bytes(message.data)
+
+    return take
+
+
+def quieten() -> None:
+    """Let the CAN libraries print nothing: what they log is raised as well, and said in our own words."""
+    for name in ("can", "canopen"):
+        logger = logging.getLogger(name)
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
+
+
+def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -> can.BusABC:
+    """The bus, ready to send and receive.
+
+    Args:
+        interface: python-can's name of it.
+        channel: which of its kind.
+        bitrate: [bit/s], where the interface can set it.
+        create: whether a `bowden_unix` bus is made where there is none.
+
+    Raises:
+        DriveError: an unknown interface, or a bus that is not there or cannot be opened.
+    """
+    quieten()
+    try:
+        if interface == UNIX:
+            return UnixBus(channel, create=create)
+        return can.Bus(channel, interface=interface, bitrate=bitrate)
+    except Exception as error:  # python-can's interfaces raise whatever their makers' libraries do
+        if interface not in can.VALID_INTERFACES and interface != UNIX:
+            raise DriveError(
+                f"there is no CAN interface {interface!r}", expected="socketcan or bowden_unix", do="correct [drive]"
+            ) from error
+        number = getattr(error, "errno", None)
+        do = _REMEDIES.get(interface, "see to its adapter and driver, or correct [drive]").format(channel=channel)
+        if number == errno.EAFNOSUPPORT:
+            do = "this kernel has no CAN: load its module can_raw, or use bowden_unix"
+        reason = os.strerror(number) if isinstance(error, OSError) and number else str(error)
+        raise DriveError(f"cannot open the bus {channel} ({interface}): {reason}", do=do) from error
+
+
+_REMEDIES = {UNIX: "start bowden twin, or correct [drive]", "socketcan": "try: ip link set {channel} up"}
+"""Interface → what to do when its bus cannot be opened."""

@@ -1,0 +1,246 @@
+"""A CiA 402 drive over CANopen as the live loop's `Drive`: packed and parsed by hand, no thread, never waiting.
+
+A cycle sends RPDO 1 and then the SYNC at which the drive takes it and samples TPDO 1 and 2, which the next cycle reads.
+Our heartbeat goes out from within `write` alone: a loop that hangs is a host that is gone, and the drive acts on it.
+"""
+
+import contextlib
+import math
+from collections.abc import Callable
+
+import can
+
+from bowden.core.errors import DriveError
+from bowden.core.signals import DriveReading
+from bowden.hardware.buses.opening import Claim, claim, open_bus, quieten, taker
+from bowden.hardware.buses.unix_bus import ERROR
+from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.canopen_setup import Found, set_up
+from bowden.hardware.drives.cia402 import WITH_TORQUE, Control, State, controlword, decode, fell
+from bowden.hardware.drives.parameters import DriveParameters, check_parameters
+from bowden.hardware.ports import Power
+
+MOST_FRAMES = 64
+"""Frames that one cycle reads at most, so that a flood on the bus cannot hold the loop."""
+
+CLOSING_CYCLES = 20
+"""How often `close` asks for the power to go off, 2 ms apart, while the drive still has torque."""
+
+NOTHING = DriveReading(
+    math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0
+)  # fmt: skip
+"""What has been read before anything has come."""
+
+
+class CanopenDrive:
+    """The drive of one motor.
+
+    Args:
+        parameters: of the drive, its encoders and its bus.
+        bus: an open one in place of the parameters'; it stays open.
+
+    Raises:
+        ParameterError: parameters that make no sense.
+    """
+
+    def __init__(self, parameters: DriveParameters, bus: can.BusABC | None = None) -> None:
+        check_parameters(parameters)
+        self._drive, self._given = parameters, bus
+        self._bus: can.BusABC | None = None
+        self._take: Callable[[], tuple[int, bytes] | None] | None = None
+        self._claim: Claim | None = None
+        self._found: Found | None = None
+        self._bus_errors = 0
+        self._begin(State.NOT_READY_TO_SWITCH_ON)
+        node, host = parameters.node_id, parameters.host_id
+        self._pushed = parameters.torque_offset > 0.0
+        self._rpdo, self._sync = _frame(frames.RPDO1 + node, 8 if self._pushed else 6), _frame(frames.SYNC, 0)
+        self._heartbeat = _frame(frames.HEARTBEAT + host, 1)
+        self._heartbeat.data = bytearray((frames.OPERATIONAL,))
+
+    def bring_up(self) -> str:
+        """See `runtime.ports.Drive.bring_up`; may be called again after a failure or a reboot of the drive."""
+        drive = self._drive
+        if self._claim is None and self._given is None:
+            self._claim = claim(drive.interface, drive.channel, "host")
+        self._bus = self._bus or self._given
+        quieten()
+        try:
+            if self._bus is None:
+                self._bus = open_bus(drive.interface, drive.channel, drive.bitrate)
+            self._found = set_up(self._bus, drive)
+            self._take = taker(self._bus)
+        except BaseException:
+            self._leave()
+            raise
+        self._begin(self._found.state)
+        self._operational = True
+        return self._found.identity
+
+    def _begin(self, state: State) -> None:
+        """Nothing has been read or sent yet, and the drive is in that state."""
+        self._state = self._before = self._statusword_state = state
+        self._operational = self._fell = self._reset = False
+        self._sent = int(Control.DISABLE_VOLTAGE)
+        self._counts = 0  # the motor's position, as it came last
+        self._values = NOTHING
+        self._heartbeat_heard, self._heartbeat_sent = math.nan, -math.inf
+
+    def read(self, now: float) -> DriveReading:
+        """See `runtime.ports.Drive.read`."""
+        values = self._values
+        motor_age, joint_age, emergency = values.motor_age + 1.0, values.joint_age + 1.0, 0.0
+        motor, joint, current = values.motor, values.joint, values.current
+        tension, temperature = values.tension, values.temperature
+        drive, found, node = self._drive, self._found, self._drive.node_id
+        for _ in range(MOST_FRAMES):
+            if found is None:
+                break
+            frame = self._receive()
+            if frame is None:
+                break
+            cob_id, data = frame
+            if cob_id & ERROR:
+                self._bus_errors += 1
+            elif cob_id == frames.TPDO1 + node and (motion := frames.unpack_tpdo1(data)) is not None:
+                self._counts = motion.position
+                self._statusword_state = decode(motion.statusword)
+                motor, motor_age = found.motor.angle(motion.position), 0.0
+                current = motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
+            elif cob_id == frames.TPDO2 + node and (sensors := frames.unpack_tpdo2(data)) is not None:
+                joint, joint_age = found.joint.angle(sensors.joint), 0.0
+                temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
+                if drive.tension_scale != 0.0:
+                    tension = drive.tension_scale * (sensors.analog - drive.tension_zero)
+            elif cob_id == frames.HEARTBEAT + node and (told := frames.unpack_heartbeat(data)) is not None:
+                self._heartbeat_heard = now
+                self._operational = self._operational and told == frames.OPERATIONAL
+            elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
+                emergency = emergency or float(code)  # of several in a cycle the first is the cause
+        self._before, self._state = self._state, self._statusword_state if self._operational else State(0)
+        if math.isnan(self._heartbeat_heard):
+            self._heartbeat_heard = now  # of the first cycle: from here on it can be late
+        self._values = DriveReading(
+            motor, joint, current, tension, temperature, motor_age, joint_age,
+            now - self._heartbeat_heard, float(self._state), emergency, float(self._bus_errors),
+        )  # fmt: skip
+        return self._values
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        """See `runtime.ports.Drive.write`.
+
+        Until operation is enabled the target sent is the position itself, so that enabling moves nothing. A target
+        that is no number, or beyond the drive's counts, is never sent: the torque goes off. There is none before the
+        drive has told its position. A drive that has left
+        operation by itself is not switched on again before `Power.OFF` has been wanted. A torque offset goes out only
+        with the order to follow the target, to a drive that does, and within the rig's bound.
+        """
+        if self._bus is None or self._found is None:
+            return
+        self._fell = fell(self._before, self._state, self._sent, self._fell, power)
+        counts = self._found.motor.counts(target)
+        if math.isnan(self._values.motor):
+            power = min(power, Power.READY)
+        if not -frames.INT32 <= counts <= frames.INT32 - 1:
+            power, counts = Power.OFF, float(self._counts)
+        wanted = Power.OFF if self._fell else power
+        if self._state is not State.OPERATION_ENABLED:
+            counts = float(self._counts)
+        self._sent = controlword(self._state, wanted, self._reset and self._sent != Control.FAULT_RESET)
+        if self._sent == Control.FAULT_RESET or self._state is not State.FAULT:
+            self._reset = False
+        led = self._state is State.OPERATION_ENABLED and self._sent == Control.ENABLE_OPERATION
+        self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
+        if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
+            self._heartbeat_sent = now
+            self._send(self._heartbeat)
+
+    def _order(self, control: int, counts: int, torque: float = 0.0) -> None:
+        """RPDO 1 and the SYNC at which it is taken; the torque is at the spool [N·m]."""
+        drive, share = self._drive, None
+        if self._pushed and self._found is not None:
+            bounded = max(-drive.torque_offset, min(drive.torque_offset, torque))
+            share = round(1e3 * drive.motor_direction * bounded / (drive.gear * self._found.rated_torque))
+            share = max(-frames.INT16, min(frames.INT16 - 1, share))
+        self._rpdo.data = bytearray(frames.pack_rpdo1(control, counts, share))
+        self._send(self._rpdo)
+        self._send(self._sync)
+
+    def reset_fault(self) -> None:
+        """See `runtime.ports.Drive.reset_fault`; without effect where the drive has no fault."""
+        self._reset = True
+
+    def zeroed(self, motor: float = 0.0, joint: float = 0.0) -> DriveParameters:
+        """Parameters in which the present position, as read last, is at these angles [rad]: homing by hand.
+
+        Raises:
+            DriveError: nothing has been read yet.
+        """
+        values, drive = self._values, self._drive
+        if not (math.isfinite(values.motor) and math.isfinite(values.joint)):
+            raise DriveError("the drive has told no position yet", do="read a few cycles first")
+        if drive.home_here:  # the next bring-up finds the present position by itself
+            return drive._replace(motor_home=motor, joint_home=joint)
+        return drive._replace(
+            motor_home=drive.motor_home + motor - values.motor, joint_home=drive.joint_home + joint - values.joint
+        )
+
+    def close(self) -> None:
+        """See `runtime.ports.Drive.close`.
+
+        The drive is told to watch our heartbeat no longer only once it has said that it has no torque.
+        """
+        if self._bus is not None and self._found is not None:
+            for _ in range(CLOSING_CYCLES):
+                self._order(Control.DISABLE_VOLTAGE, self._counts)
+                with contextlib.suppress(can.CanError, OSError):
+                    status = self._wait_for(frames.TPDO1, 0.002)
+                    motion = frames.unpack_tpdo1(status) if status is not None else None
+                    self._statusword_state = decode(motion.statusword) if motion else self._statusword_state
+                if self._statusword_state not in WITH_TORQUE:
+                    node = self._drive.node_id
+                    unwatched = _frame(frames.SDO_REQUEST + node, 8)
+                    unwatched.data = bytearray(frames.pack_sdo_write(0x1016, 1, 0, 4))
+                    self._send(unwatched)
+                    with contextlib.suppress(can.CanError, OSError):  # a node that NMT has stopped takes no SDO
+                        self._wait_for(frames.SDO_ANSWER, self._drive.answer_timeout)
+                    break
+            stop = _frame(frames.NMT, 2)
+            stop.data = bytearray((frames.NMT_STOP, self._drive.node_id))
+            self._send(stop)
+        self._leave()
+
+    def _wait_for(self, cob_id: int, timeout: float) -> bytes | None:
+        """The data of the drive's next frame of that kind; None where it does not come."""
+        for _ in range(MOST_FRAMES):
+            message = self._bus.recv(timeout) if self._bus else None
+            if message is None:
+                return None
+            if message.arbitration_id == cob_id + self._drive.node_id:
+                return bytes(message.data)
+        return None
+
+    def _leave(self) -> None:
+        if self._bus is not None and self._bus is not self._given:
+            self._bus.shutdown()
+        if self._claim is not None:
+            self._claim.release()
+        self._bus = self._claim = self._found = self._take = None
+
+    def _receive(self) -> tuple[int, bytes] | None:
+        try:
+            return self._take() if self._take else None
+        except (can.CanError, OSError):
+            self._bus_errors += 1
+            return None
+
+    def _send(self, message: can.Message) -> None:
+        try:
+            if self._bus is not None:
+                self._bus.send(message)
+        except (can.CanError, OSError):
+            self._bus_errors += 1
+
+
+def _frame(cob_id: int, length: int) -> can.Message:
+    return can.Message(arbitration_id=cob_id, is_extended_id=False, data=bytes(length))

@@ -1,0 +1,262 @@
+"""Bring-up of a CiA 402 drive: finding it, checking that it can do what is asked, and configuring it, without power.
+
+Object numbers are those of CiA 301 (1xxxh) and CiA 402 (6xxxh); 3001h is maxon's (EPOS4 Firmware Specification).
+"""
+
+import math
+from typing import NamedTuple
+
+import can
+
+from bowden.core.errors import DriveError
+from bowden.hardware.drives import canopen_frames as frames
+from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
+from bowden.hardware.drives.cia402 import WITH_TORQUE, Mode, State, decode, supports
+from bowden.hardware.drives.emergencies import emergency_text
+from bowden.hardware.drives.parameters import DriveParameters, Scale, SuitScale, joint_scale, motor_scale
+
+FAULT_SIGNAL = 1
+"""6007h, abort connection option code: a lost heartbeat is a fault, and so it is latched."""
+DISABLE_VOLTAGE = 2
+"""6007h for a drive that refuses the former: torque off, and `cia402.fell` keeps it off."""
+DISABLE = 0
+"""605Eh fault reaction, 605Bh shutdown, 605Ch disable operation: torque off at once."""
+SLOW_DOWN_AND_DISABLE = 2
+"""605Ah, quick stop option code: down the quick stop ramp, then torque off."""
+PDO_OFF = 0x8000_0000
+NO_REMOTE = 0x4000_0000
+"""Bits of a PDO's COB-ID."""
+COB_ID_BITS = PDO_OFF | 0x7FF
+SYNCHRONOUS = 1
+"""Transmission type: at every SYNC."""
+RPM = 2.0 * math.pi / 60.0
+"""rad/s in one turn a minute, the unit of 607Fh and 6080h unless 60A9h has a power of ten of it."""
+TURNS_A_MINUTE = 0xB44700
+"""That unit in 60A9h, below the byte with the power of ten (CiA 303-2)."""
+LISTENING = 0.03
+"""Time in which another host, whose heartbeats come every 13 ms at most, is heard [s]."""
+UNCHANGED = 1
+"""1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still tells its state."""
+
+
+class Found(NamedTuple):
+    """What bring-up learnt of the drive."""
+
+    identity: str
+    """Who it is, in one line."""
+    motor: Scale | SuitScale
+    joint: Scale
+    rated_torque: float
+    """6076h, of which 6077h is in thousandths [N·m]."""
+    state: State
+
+
+def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
+    """Find, check and configure the drive and start its PDOs; afterwards nothing of the library runs any more.
+
+    Args:
+        bus: open, and read by nobody else.
+        drive: what the rig says of it.
+
+    Raises:
+        DriveError: no answer, not a CiA 402 servo drive, it does not know the mode, it refuses a setting, it is under
+            torque, or the rig's limits are beyond its own.
+    """
+    with dialogue(bus, drive.node_id, drive.answer_timeout) as node:
+        if node.hears(drive.host_id, LISTENING):
+            raise DriveError(
+                f"a node {drive.host_id}, which is our own number, is on the bus already",
+                expected="one host",
+                do="end the other run first, or correct host_id in [drive]",
+            )
+        if not node.answers():  # an end of ours has stopped it: only then may it be told anything before it is known
+            node.command(frames.NMT_PRE_OPERATIONAL)
+        _check_profile(node)
+        state = _check_torque_free(node)
+        node.command(frames.NMT_PRE_OPERATIONAL)
+        _check_mode(node)
+        motor, joint = motor_scale(drive), joint_scale(drive)
+        if drive.home_here:
+            motor = motor_scale(drive, node.read(0x6064, signed=True))
+            joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
+        _check_limits(node, drive, motor)
+        _configure(node, drive)
+        rated_torque = 1e-6 * node.read(0x6076)
+        if rated_torque == 0.0:
+            raise DriveError(
+                f"{node.name} has a rated torque (6076h) of 0",
+                expected="the motor's, in µN·m",
+                do="set the motor's data in the drive with its maker's tool",
+            )
+        identity = _identity(node, state)
+        node.command(frames.NMT_START)
+        if not node.reaches(frames.OPERATIONAL):
+            raise DriveError(f"{node.name} does not become operational", expected="NMT state 5 in its heartbeat")
+    return Found(identity, motor, joint, rated_torque, state)
+
+
+def _check_profile(node: Dialogue) -> None:
+    """Device type 1000h: profile number in the low word, 2 for a servo drive in the high word (CiA 402-1)."""
+    try:
+        device_type = node.read(0x1000)
+    except DriveError as error:
+        there = node.others()
+        raise DriveError(
+            f"no drive answers as {node.name}" + (f"; there is node {', '.join(map(str, there))}" if there else ""),
+            expected="a CANopen drive with that number",
+            do="correct node_id in [drive]" if there else "switch the drive on; see to cable, bitrate and ends",
+        ) from error
+    profile, kind = device_type & 0xFFFF, device_type >> 16 & 0xFF
+    if profile != 402:
+        raise DriveError(
+            f"{node.name} has device profile {profile} (1000h is 0x{device_type:08X})",
+            expected="402, a drive",
+            do="correct node_id in [drive]",
+        )
+    if not kind & 0x02:
+        raise DriveError(
+            f"{node.name} is a drive of type {kind} (1000h is 0x{device_type:08X})",
+            expected="type 2, a servo drive",
+            do="correct node_id in [drive]",
+        )
+
+
+def _check_torque_free(node: Dialogue) -> State:
+    """Whoever finds the motor under torque must not touch it."""
+    state = decode(node.read(0x6041))
+    if state in WITH_TORQUE:
+        raise DriveError(
+            f"{node.name} is in {state.name.lower().replace('_', ' ')}",
+            expected="a drive without torque",
+            do="end the master that holds it, or switch the drive off",
+        )
+    return state
+
+
+def _check_mode(node: Dialogue) -> None:
+    modes = node.read(0x6502)
+    if not supports(modes, Mode.CYCLIC_SYNCHRONOUS_POSITION):
+        raise DriveError(
+            f"{node.name} does not know cyclic synchronous position (6502h is 0x{modes:X})",
+            expected="bit 7 set",
+            do="take another drive or firmware",
+        )
+
+
+def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitScale) -> None:
+    """The rig's limits against those in the drive, which are read and never changed."""
+
+    def refuse(what: str, wanted: float, own: float, unit: str) -> None:
+        raise DriveError(
+            f"the rig's {what} is {wanted:.6g} {unit}, beyond the drive's own {own:.6g} {unit}",
+            expected="a rig within its drive",
+            do="narrow it in the rig, or widen the drive's with its maker's tool",
+        )
+
+    low, high = node.read_if_there(0x607D, 1, signed=True), node.read_if_there(0x607D, 2, signed=True)
+    if low is None or high is None or low >= high:
+        low, high = -frames.INT32, frames.INT32 - 1  # its counter's own
+    ends = sorted((motor.angle(low), motor.angle(high)))
+    if math.isfinite(drive.lowest_motor) and drive.lowest_motor < ends[0]:
+        refuse("lowest motor angle", drive.lowest_motor, ends[0], "rad")
+    if math.isfinite(drive.highest_motor) and drive.highest_motor > ends[1]:
+        refuse("highest motor angle", drive.highest_motor, ends[1], "rad")
+    spool = motor.steepest(drive.lowest_motor, drive.highest_motor)  # the drive's own limits are the spool's
+    unit = _speed_unit(node) / drive.gear / spool
+    for index in (0x6080, 0x607F):
+        speed = node.read_if_there(index)
+        if speed is not None and drive.speed_limit > speed * unit:
+            refuse(f"speed limit ({index:04X}h)", drive.speed_limit, speed * unit, "rad/s")
+    window = node.read_if_there(0x6065)
+    if window is not None and drive.following_error > window * abs(motor.step) / spool:
+        refuse("following error", drive.following_error, window * abs(motor.step) / spool, "rad")
+    current = node.read_if_there(0x3001, 2)
+    if current is not None and drive.current_limit > 1e-3 * current:
+        refuse("current limit", drive.current_limit, 1e-3 * current, "A")
+
+
+def _speed_unit(node: Dialogue) -> float:
+    """One unit of 607Fh and 6080h [rad/s], by 60A9h where the drive has it."""
+    unit = node.read_if_there(0x60A9)
+    if unit is None:
+        return RPM
+    if unit & 0xFF_FFFF != TURNS_A_MINUTE:
+        raise DriveError(
+            f"{node.name} has speeds in a unit that is not known here (60A9h is 0x{unit:08X})",
+            expected="turns a minute, 0x00B44700, or a power of ten of it",
+            do="set 60A9h with its maker's tool",
+        )
+    power = unit >> 24
+    return RPM * 10.0 ** (power - 256 if power > 127 else power)
+
+
+def _configure(node: Dialogue, drive: DriveParameters) -> None:
+    """Mode, reactions, PDOs and both heartbeats; the last, so that the drive watches us only once all is set."""
+    node.write(0x6060, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION, 1)
+    if not node.becomes(0x6061, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION):
+        raise DriveError(
+            f"{node.name} stays in mode {node.read(0x6061, signed=True)} (6061h)",
+            expected=f"{Mode.CYCLIC_SYNCHRONOUS_POSITION:d}, cyclic synchronous position, as written to 6060h",
+            do="see with its maker's tool what holds it there",
+        )
+    node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)
+    node.write(0x60C2, 2, -3, 1)
+    try:
+        node.write(0x6007, 0, FAULT_SIGNAL, 2)
+    except DriveError:
+        node.write(0x6007, 0, DISABLE_VOLTAGE, 2)
+    if node.read_if_there(0x1029, 1) is not None:
+        node.write(0x1029, 1, UNCHANGED, 1)
+    node.write(0x605A, 0, SLOW_DOWN_AND_DISABLE, 2)
+    for index in (0x605B, 0x605C, 0x605E):
+        node.write(index, 0, DISABLE, 2)
+    for index in (0x1401, 0x1402, 0x1403, 0x1802, 0x1803):
+        cob_id = node.read_if_there(index, 1)
+        if cob_id is not None and not cob_id & PDO_OFF:
+            node.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
+    _map_orders(node, drive)
+    _map(node, 0x1800, NO_REMOTE | frames.TPDO1 + drive.node_id, frames.TPDO1_MAPPING)
+    try:
+        _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
+    except DriveError:  # older EPOS4 cannot map 3201h, the power stage's temperature
+        _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
+    node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
+    node.write(0x1016, 1, drive.host_id << 16 | math.ceil(round(1e3 * drive.heartbeat_timeout, 6)), 4)
+
+
+def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
+    """RPDO 1, with the torque offset where the rig has one; elsewhere what somebody has left in 60B2h is taken out."""
+    cob_id = frames.RPDO1 + drive.node_id
+    if drive.torque_offset == 0.0:
+        if node.read_if_there(0x60B2):
+            node.write(0x60B2, 0, 0, 2)
+        _map(node, 0x1400, cob_id, frames.RPDO1_MAPPING)
+        return
+    try:
+        _map(node, 0x1400, cob_id, (*frames.RPDO1_MAPPING, frames.TORQUE_OFFSET))
+    except DriveError as error:
+        raise DriveError(
+            f"{node.name} takes no torque offset beside its target: {error.what}",
+            expected="a drive that maps object 60B2h",
+            do="set suit.friction_feedforward_nm to 0, or take another drive or firmware",
+        ) from error
+
+
+def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> None:
+    """One PDO, in the order that CiA 301 prescribes: off, type, mapping from none to all, on."""
+    node.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
+    node.write(index, 2, SYNCHRONOUS, 1)
+    node.write(index + 0x200, 0, 0, 1)
+    for sub, entry in enumerate(objects, 1):
+        node.write(index + 0x200, sub, entry, 4)
+    node.write(index + 0x200, 0, len(objects), 1)
+    node.write(index, 1, cob_id, 4, COB_ID_BITS)
+
+
+def _identity(node: Dialogue, state: State) -> str:
+    vendor, product, revision, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
+    who = f"{node.text(0x1008) or 'CiA 402 drive'} at {node.name}, vendor 0x{vendor:X}, product 0x{product:X}, "
+    who += f"revision 0x{revision:X}, serial number {serial}"
+    if state is State.FAULT:
+        who += f"; in fault, {emergency_text(node.read_if_there(0x603F) or 0)}"
+    return who

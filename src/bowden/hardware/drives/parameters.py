@@ -1,0 +1,206 @@
+"""What has to be known of a CANopen drive, its encoders and the bus to it."""
+
+import math
+from typing import NamedTuple
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import compiled
+from bowden.models.suit.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
+
+
+class DriveParameters(NamedTuple):
+    """A CiA 402 drive on a CAN bus, in SI and radians at the spool and the joint.
+
+    angle = home + direction · 2π · (counts − counts at home) / counts per turn of the spool or the joint
+
+    On a suit that is the spool's angle, and the motor's is what `models.suit_angle.motor_of` makes of it: all that
+    stands above the drive knows the joint's coordinate alone.
+    """
+
+    interface: str = "bowden_unix"
+    """python-can's name of the bus: ``bowden_unix`` for the twin, ``socketcan`` on a rig."""
+    channel: str = "bowden"
+    """``can0`` of SocketCAN; of ``bowden_unix`` a folder, a bare name one in the user's temporary folder."""
+    bitrate: int = 1_000_000
+    """Of the bus [bit/s]; SocketCAN takes it from the interface's own settings."""
+    node_id: int = 1
+    """The drive's number on the bus, 1 to 126."""
+    host_id: int = 127
+    """Ours, under which our heartbeat goes out, 1 to 127."""
+    motor_counts_per_turn: float = 16384.0
+    """Counts of the motor's encoder in one turn of the motor's shaft [–]."""
+    gear: float = 5.0
+    """Motor turns per spool turn [–]."""
+    motor_direction: int = 1
+    """+1 where the counts rise as the spool pulls, otherwise −1."""
+    joint_counts_per_turn: float = 16384.0
+    """Counts of the joint's encoder in one turn of the joint [–]."""
+    joint_direction: int = 1
+    """+1 where the counts rise with the joint angle, otherwise −1."""
+    motor_home: float = 0.0
+    """Spool angle at home [rad]."""
+    joint_home: float = 0.0
+    """Joint angle at home [rad]."""
+    home_here: bool = False
+    """Whether home is where motor and joint are found at bring-up; otherwise it is where the counts are zero."""
+    torque_constant: float = 16.7e-3
+    """Torque per ampere at the motor's shaft, which turns the drive's torque into a current [N·m/A]."""
+    tension_scale: float = 0.0
+    """Tension per millivolt at the drive's first analog input; 0 for no sensor [N/mV]."""
+    tension_zero: float = 0.0
+    """Voltage of that input without tension [mV]."""
+    sample_time: float = 1e-3
+    """One cycle, which is the drive's interpolation time too; whole milliseconds [s]."""
+    heartbeat_time: float = 5e-3
+    """Our heartbeat goes out in the first cycle after this [s]."""
+    heartbeat_timeout: float = 25e-3
+    """The drive takes its torque off when our heartbeat has been missing for this; at most 40 ms [s]."""
+    drive_heartbeat_time: float = 10e-3
+    """Time between the drive's heartbeats [s]."""
+    lowest_motor: float = -math.inf
+    """Spool angle below which the rig never goes; the drive's own limit must reach as far [rad]."""
+    highest_motor: float = math.inf
+    """Spool angle above which the rig never goes [rad]."""
+    speed_limit: float = 0.0
+    """Largest speed of the spool that the rig asks for; 0 for none [rad/s]."""
+    following_error: float = 0.0
+    """Largest lag behind the target that the rig allows, at the spool; 0 for none [rad]."""
+    current_limit: float = 0.0
+    """Largest current that the rig asks for; 0 for none [A]."""
+    torque_offset: float = 0.0
+    """Largest torque offset beside the target, at the spool; 0 where none is sent [N·m]."""
+    answer_timeout: float = 0.3
+    """How long the drive may take to answer one question at bring-up [s]."""
+    spool: SpoolMap | None = None
+    """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says (`models.suit_angle`)."""
+
+
+MOST_PUSH = 0.5
+"""Largest torque offset, as a share of what the largest current gives: the position loop must be able to beat it."""
+
+LONGEST_TIMEOUT = 40e-3
+"""Torque must be zero 50 ms after our last heartbeat, and the drive looks at the time once a millisecond [s]."""
+
+
+def most_push(drive: DriveParameters) -> float:
+    """Largest torque offset that is allowed, at the spool; infinite where no current is asked for [N·m]."""
+    return MOST_PUSH * drive.gear * drive.torque_constant * (drive.current_limit or math.inf)
+
+
+def check_parameters(drive: DriveParameters) -> None:
+    """Refuse parameters that make no sense, before a bus is opened.
+
+    Raises:
+        ParameterError: a value out of its range, with its name and what was expected.
+    """
+    named = bool(drive.channel.strip(".")) and "\0" not in drive.channel
+    strongest = most_push(drive)
+    whole_ms = 1.0 <= round(1e3 * drive.sample_time, 9) <= 255.0 and round(1e3 * drive.sample_time, 9) % 1.0 == 0.0
+    rules = (
+        ("channel", named, "the name of a bus"),
+        ("node_id", 1 <= drive.node_id <= 126, "a number from 1 to 126"),
+        ("host_id", 1 <= drive.host_id <= 127 and drive.host_id != drive.node_id, "1 to 127, not the drive's node_id"),
+        ("motor_counts_per_turn", 0.0 < drive.motor_counts_per_turn < 1e9, "a number above 0"),
+        ("joint_counts_per_turn", 0.0 < drive.joint_counts_per_turn < 1e9, "a number above 0"),
+        ("gear", 0.0 < drive.gear < 1e4, "a number above 0"),
+        ("motor_direction", drive.motor_direction in (1, -1), "1 or -1"),
+        ("joint_direction", drive.joint_direction in (1, -1), "1 or -1"),
+        ("motor_home", math.isfinite(drive.motor_home), "a finite angle"),
+        ("joint_home", math.isfinite(drive.joint_home), "a finite angle"),
+        ("torque_constant", 0.0 < drive.torque_constant < math.inf, "a number above 0"),
+        ("tension_scale", math.isfinite(drive.tension_scale), "a finite number"),
+        ("tension_zero", math.isfinite(drive.tension_zero), "a finite number"),
+        ("sample_time", whole_ms, "whole milliseconds from 1 to 255, as the drive's interpolation time"),
+        ("heartbeat_timeout", 0.0 < drive.heartbeat_timeout <= LONGEST_TIMEOUT, "above 0, at most 0.04 s"),
+        (
+            "heartbeat_time",
+            drive.heartbeat_time > 0.0
+            and max(drive.heartbeat_time, drive.sample_time) <= drive.heartbeat_timeout / 3.0,
+            "a third of heartbeat_timeout at most, like sample_time, so that one lost frame is none",
+        ),
+        ("drive_heartbeat_time", 1e-3 <= drive.drive_heartbeat_time <= 1.0, "from 0.001 to 1 s"),
+        ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),
+        ("speed_limit", 0.0 <= drive.speed_limit < math.inf, "0 or more"),
+        ("following_error", 0.0 <= drive.following_error < math.inf, "0 or more"),
+        ("current_limit", 0.0 <= drive.current_limit < math.inf, "0 or more"),
+        (
+            "torque_offset",
+            0.0 <= drive.torque_offset <= strongest and math.isfinite(drive.torque_offset),
+            f"0 to {strongest:.4g} N·m, half of what the largest current gives",
+        ),
+        ("answer_timeout", 0.01 <= drive.answer_timeout <= 10.0, "from 0.01 to 10 s"),
+    )
+    for name, fine, expected in rules:
+        if not fine:
+            raise ParameterError(
+                f"drive: {name} is {getattr(drive, name)!r}", expected=expected, do="correct it in the rig's [drive]"
+            )
+
+
+class Scale(NamedTuple):
+    """The way from an encoder's counts to an angle and back: angle = origin + step · counts."""
+
+    step: float
+    """Angle of one count, with its sign [rad]."""
+    origin: float
+    """Angle at count zero [rad]."""
+
+    def angle(self, counts: float) -> float:
+        """Counts to an angle [rad]."""
+        return self.origin + self.step * counts
+
+    def counts(self, angle: float) -> float:
+        """An angle [rad] to counts, not rounded."""
+        return (angle - self.origin) / self.step
+
+    def steepest(self, low: float, high: float) -> float:
+        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
+        return 1.0
+
+
+class SuitScale(NamedTuple):
+    """The way from counts to the motor's angle in the joint's coordinate and back, through the spool's angle."""
+
+    spool: Scale
+    """Counts to the spool's angle."""
+    map: SpoolMap
+
+    @property
+    def step(self) -> float:
+        """Angle of the spool of one count, with its sign [rad]."""
+        return self.spool.step
+
+    def angle(self, counts: float) -> float:
+        """Counts to an angle [rad]."""
+        return float(compiled(motor_of)(self.spool.angle(counts), self.map))
+
+    def counts(self, angle: float) -> float:
+        """An angle [rad] to counts, not rounded."""
+        return self.spool.counts(float(compiled(spool_of)(float(angle), self.map)))
+
+    def steepest(self, low: float, high: float) -> float:
+        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
+        low, high = (max(LOW, min(HIGH, angle)) for angle in (low, high))  # beyond, the map goes on along its tangent
+        between = (low + (high - low) * i / 64.0 for i in range(65))
+        return max(float(flexor_arm(angle, self.map)) for angle in between) / self.map.radius
+
+
+def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | SuitScale:
+    """The motor's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
+
+    >>> round(motor_scale(DriveParameters()).counts(2.0 * math.pi))
+    81920
+    """
+    step = drive.motor_direction * 2.0 * math.pi / (drive.motor_counts_per_turn * drive.gear)
+    if drive.spool is None:
+        return Scale(step, drive.motor_home - step * counts_at_home)
+    home = float(spool_of(drive.motor_home, drive.spool))
+    scale = SuitScale(Scale(step, home - step * counts_at_home), drive.spool)
+    scale.angle(scale.counts(0.0))  # compiles, before a loop asks
+    return scale
+
+
+def joint_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:
+    """The joint encoder's counts to the joint's angle."""
+    step = drive.joint_direction * 2.0 * math.pi / drive.joint_counts_per_turn
+    return Scale(step, drive.joint_home - step * counts_at_home)

@@ -1,0 +1,59 @@
+"""A drive without a bus: the twin's bench as the live loop's `Drive` in the loop's own process, at any clock's time."""
+
+from bowden.core.signals import DriveReading
+from bowden.hardware.drives.cia402 import State
+from bowden.hardware.ports import Power
+from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
+from bowden.hardware.twin.plant import TwinPlant
+
+_NEXT = {
+    Power.OFF: (State.SWITCH_ON_DISABLED, OFF),
+    Power.READY: (State.SWITCHED_ON, OFF),
+    Power.QUICK_STOP: (State.QUICK_STOP_ACTIVE, BRAKE),
+    Power.ON: (State.OPERATION_ENABLED, FOLLOW),
+}
+"""Wanted power → the drive's state, and what the motor does; reached within the cycle."""
+
+
+class SimulatedDrive:
+    """Takes the target and samples at the moment of `write`, as a drive does at its SYNC; `read` tells that sample.
+
+    Args:
+        bench: at the clock's time.
+    """
+
+    def __init__(self, bench: TwinPlant) -> None:
+        self._bench = bench
+        self._power = Power.OFF
+        self._joint, self._motor = bench.read_encoders()
+        self._age = 0.0
+
+    def bring_up(self) -> str:
+        """See `runtime.ports.Drive.bring_up`."""
+        return "a simulated drive"
+
+    def read(self, now: float) -> DriveReading:
+        """See `runtime.ports.Drive.read`."""
+        state, _ = _NEXT[self._power]
+        bench, age = self._bench, self._age
+        self._age += 1.0
+        return DriveReading(
+            *(self._motor, self._joint, bench.current, bench.tension, bench.temperature, age, age),
+            *(0.0, float(state), 0.0, 0.0),
+        )
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        """See `runtime.ports.Drive.write`."""
+        self._bench.advance(now)
+        self._joint, self._motor = self._bench.read_encoders()
+        self._age, self._power = 0.0, power
+        self._bench.doing, self._bench.command = _NEXT[power][1], target
+        if self._bench.torque_offset is not None:
+            self._bench.torque_offset = torque
+
+    def reset_fault(self) -> None:
+        """See `runtime.ports.Drive.reset_fault`; it has none."""
+
+    def close(self) -> None:
+        """See `runtime.ports.Drive.close`."""
+        self._power, self._bench.doing = Power.OFF, OFF

@@ -1,0 +1,144 @@
+"""Where the joint should be in a run by EMG: what the stream says, turned into a reference within the cycle."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.clock import SECOND
+from bowden.core.kernel import compiled, kernel, sel
+from bowden.core.signals import Reference
+from bowden.hardware.emg.intent_block import Heard, IntentReader
+from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step, proportional
+
+Array = NDArray[np.float64]
+
+COLUMNS = {
+    "emg.age": "s",
+    "emg.flexor": "1",
+    "emg.extensor": "1",
+    "emg.share": "1",
+    "emg.level": "1",
+    "emg.trouble": "1",
+    "emg.onset": "s",
+    "emg.samples": "1",
+    "emg.lost": "1",
+    "emg.intent": "1",
+}
+"""Column → unit of what a run by EMG records beside the rest; `level` is in the stream's unit."""
+
+
+_BEFORE = SECOND // 2
+"""A run by a recording ends so long before it, so that the end of a recording is no lost stream [ns]."""
+
+
+class CourseSettings(NamedTuple):
+    """How contractions move the reference."""
+
+    intent: IntentSettings = IntentSettings()
+    proportional: float = 0.0
+    """1 where the joint follows the envelope, 0 where contractions begin motions."""
+    full: float = 1.0 / 3.0
+    """Envelope of a full flexion, as a share of MVC."""
+
+
+class CourseState(NamedTuple):
+    """What one cycle hands to the next."""
+
+    intent: IntentState
+    followed: Reference
+    """The proportional reference."""
+
+
+@kernel
+def course_step(
+    settings: CourseSettings, state: CourseState, flexor: float, extensor: float, share: float, dt: float
+) -> tuple[CourseState, Reference]:
+    """One cycle of `dt` [s]; `share` of MVC is NaN where a signal is in trouble or the wearer is not known."""
+    intent, led = intent_step(settings.intent, state.intent, flexor, extensor, dt)
+    followed = proportional(settings.intent, state.followed, share, settings.full, dt)
+    follows = settings.proportional > 0.5
+    reference = Reference(
+        sel(follows, followed.position, led.position),
+        sel(follows, followed.velocity, led.velocity),
+        sel(follows, followed.acceleration, led.acceleration),
+    )
+    return CourseState(intent, followed), reference
+
+
+@kernel
+def _in_place(settings: Array, memory: Array, flexor: float, extensor: float, share: float, dt: float) -> None:
+    """`course_step` on arrays: settings and states as tuples would cost 30 µs a cycle to hand over."""
+    m, s = memory, settings
+    intent = IntentState(m[0], m[1], m[2], Reference(m[3], m[4], m[5]), m[6], m[7], m[8], m[9], m[10])
+    state = CourseState(intent, Reference(m[11], m[12], m[13]))
+    given = CourseSettings(IntentSettings(s[0], s[1], s[2], s[3]), s[4], s[5])
+    (intent, followed), reference = course_step(given, state, flexor, extensor, share, dt)
+    m[0], m[1], m[2], m[6], m[7], m[8], m[9], m[10] = (
+        intent.mode,
+        intent.flexor,
+        intent.extensor,
+        intent.end,
+        intent.lasts,
+        intent.gone,
+        intent.owed,
+        intent.alone,
+    )
+    for i in range(3):
+        m[3 + i], m[11 + i], m[14 + i] = intent.begin[i], followed[i], reference[i]
+
+
+class EmgCourse:
+    """The reference of a run by EMG.
+
+    Args:
+        settings: of the motions.
+        reader: of what the stream says.
+        start: the monotonic clock where the run's column ``time`` is zero [ns].
+        cycles: of the run.
+    """
+
+    def __init__(self, settings: CourseSettings, reader: IntentReader, start: int, cycles: int) -> None:
+        self.cycles = cycles
+        self._low, self._reader, self._start = settings.intent.low, reader, start
+        self._settings = np.array([*settings.intent, settings.proportional, settings.full])
+        self._memory = np.zeros(17)
+        self._mode = self._memory[:1].data
+        self._reference = self._memory[14:].data
+        self._step = compiled(_in_place)
+        self._heard, self._age = Heard(), math.inf
+        self.over = False
+        """Whether a recording is about to end, and the run with it."""
+        self.begin()
+        self.step(0.001)  # compiles
+        self.begin()
+
+    def look(self, now: int) -> float:
+        """Take in what the stream says at `now` [ns]; how long ago its newest sample was taken [s]."""
+        heard = self._heard = self._reader.read()
+        self._age = (now - heard.newest) * 1e-9 if heard.newest else math.inf
+        self.over = 0 < heard.ends < now + _BEFORE
+        return self._age
+
+    def begin(self) -> None:
+        """Be at rest where the joint is extended; a contraction that is on is none that begins."""
+        low, heard = self._low, self._heard
+        rest = intent_start(low)._replace(flexor=heard.flexor, extensor=heard.extensor)
+        self._memory[:] = (*rest[:3], *rest.begin, *rest[4:], low, 0.0, 0.0, low, 0.0, 0.0)
+
+    def step(self, dt: float) -> Reference:
+        """The reference of this cycle, `dt` [s] after the one before."""
+        heard = self._heard
+        share = math.nan if heard.trouble > 0.0 else heard.share
+        self._step(self._settings, self._memory, heard.flexor, heard.extensor, share, dt)
+        return Reference(*self._reference)
+
+    def row(self) -> tuple[float, ...]:
+        """What is recorded of this cycle: `COLUMNS`."""
+        heard = self._heard
+        onset = (heard.onset - self._start) * 1e-9 if heard.onset else math.nan
+        return (
+            *(self._age, heard.flexor, heard.extensor, heard.share, heard.level, heard.trouble, onset),
+            *(heard.samples, heard.lost, self._mode[0]),
+        )

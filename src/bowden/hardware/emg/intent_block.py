@@ -1,0 +1,112 @@
+"""What the EMG says, in a few words of shared memory: written by the process that reads the stream, read by the loop.
+
+The words belong together: a contraction without the time of its sample means nothing. So they stand between two moves
+of a sequence number, which is odd while they change; a reader that sees an odd one, or another one after than before,
+keeps what it had (a sequence lock, as in the ring). Neither side ever waits, and a writer that dies in the middle
+leaves words that grow old, which the supervisor sees.
+"""
+
+import threading
+from pathlib import Path
+from typing import NamedTuple
+
+from bowden.core import shared_memory
+
+_SEQUENCE, _FIRST = 0, 1
+
+
+class Heard(NamedTuple):
+    """What the stream has said up to its newest sample."""
+
+    newest: int = 0
+    """When that sample was taken, on the monotonic clock, or came, whichever is earlier; 0 before the first [ns]."""
+    onset: int = 0
+    """When the sample was taken with which the last contraction was told; 0 before the first [ns]."""
+    samples: int = 0
+    """That have come, those that are missing included."""
+    lost: int = 0
+    """That are missing."""
+    ends: int = 0
+    """When the stream is over, where that is known, as of a recording; else 0 [ns]."""
+    flexor: float = 0.0
+    """1 while the muscle that flexes contracts."""
+    extensor: float = 0.0
+    """1 while the one that extends does; 0 where there is none."""
+    share: float = 0.0
+    """Envelope of the flexor over that of its maximum contraction, both above rest; NaN where that is unknown [–]."""
+    level: float = 0.0
+    """Envelope of the flexor, in the stream's unit."""
+    trouble: float = 0.0
+    """What is wrong with the signals, the worse of both: 0 nothing, 1 flat or missing, 2 movement or mains."""
+
+
+_WHOLE = 5
+"""Fields at the beginning that are whole numbers."""
+_WORDS = _FIRST + len(Heard._fields)
+
+
+def create(path: Path) -> None:
+    """Make an empty block in place of one that a killed run left.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    shared_memory.create(path, _WORDS)
+
+
+class _Mapped:
+    """One process's view of the block."""
+
+    def __init__(self, path: Path) -> None:
+        memory = shared_memory.mapped(path, _WORDS, "block of intent")
+        self._whole = memoryview(memory).cast("q")
+        self._real = memoryview(memory).cast("d")
+        self._fence = threading.Lock()
+        self._fence.acquire()
+
+    def _barrier(self) -> None:
+        """No access to memory moves across, as in the ring."""
+        self._fence.release()
+        self._fence.acquire()
+
+
+class IntentWriter(_Mapped):
+    """The side of the process that reads the stream; there must be one only.
+
+    Raises:
+        LogError: there is no block.
+    """
+
+    def write(self, heard: Heard) -> None:
+        """Put all words, as one."""
+        whole, real, at = self._whole, self._real, _FIRST + _WHOLE
+        whole[_SEQUENCE] += 1
+        self._barrier()
+        for i in range(_WHOLE):
+            whole[_FIRST + i] = int(heard[i])
+        for i in range(len(heard) - _WHOLE):
+            real[at + i] = heard[_WHOLE + i]
+        self._barrier()
+        whole[_SEQUENCE] += 1
+
+
+class IntentReader(_Mapped):
+    """The side of the loop, or of a screen.
+
+    Raises:
+        LogError: there is no block.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._kept = Heard()
+
+    def read(self) -> Heard:
+        """The newest words; those of the last call where they are just being written."""
+        before = self._whole[_SEQUENCE]
+        self._barrier()
+        whole, real = self._whole[_FIRST : _FIRST + _WHOLE].tolist(), self._real[_FIRST + _WHOLE :].tolist()
+        self._barrier()
+        if before % 2 == 0 and self._whole[_SEQUENCE] == before:
+            self._kept = Heard(*whole, *real)
+        return self._kept

@@ -1,0 +1,116 @@
+"""From a stream of EMG to what it says: each sample through envelope and detector, as it comes."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.clock import SECOND
+from bowden.hardware.emg.intent_block import Heard
+from bowden.hardware.ports import EmgChunk
+from bowden.sensing.envelope import DEFAULTS as CLEANED
+from bowden.sensing.envelope import EnvelopeSettings
+from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings, of_wearer
+from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
+
+Array = NDArray[np.float64]
+
+
+class Levels(NamedTuple):
+    """Of a wearer's flexor, as `bowden emg calibrate` measures them."""
+
+    rest: float
+    """Envelope at rest, in the stream's unit."""
+    mvc: float
+    """Envelope of the maximum contraction, in the same unit."""
+    mains: float = CLEANED.mains_hz
+    """What is taken out of the envelopes [Hz]."""
+
+
+def filters_of(levels: Levels | None) -> tuple[OnsetSettings, EnvelopeSettings]:
+    """What a wearer's flexor is heard with; the defaults where they are not known."""
+    if levels is None:
+        return DEFAULTS, CLEANED
+    return of_wearer(levels.rest), CLEANED._replace(mains_hz=levels.mains)
+
+
+def share_of(envelope: Array, levels: Levels | None) -> Array:
+    """Envelopes as shares of MVC, 0 at rest (n,) [–]; NaN where the wearer is not known."""
+    if levels is None:
+        return np.full(len(envelope), np.nan)
+    return (envelope - levels.rest) / (levels.mvc - levels.rest)
+
+
+class _Muscle:
+    """One channel through its filters."""
+
+    def __init__(self, column: int, rate: float, settings: OnsetSettings, chain: EnvelopeSettings) -> None:
+        self.column, self._envelope, self._onset = column, EnvelopeFilter(rate, chain), OnsetDetector(rate, settings)
+        self._last = math.nan
+        self.active = self.level = self.trouble = 0.0
+
+    def feed(self, values: Array) -> NDArray[np.bool_]:
+        """Take samples in; where a contraction begins among them (n,)."""
+        signal = values[:, self.column]
+        before, detected = self.active, self._onset.feed(signal)
+        known = np.isfinite(signal)
+        held = np.maximum.accumulate(np.where(known, np.arange(1, len(signal) + 1), 0))
+        filled = np.concatenate([[self._last], signal])[held]  # a missing sample: the one before
+        self._last = float(filled[-1])
+        begun = filled[np.isfinite(filled)]  # the envelope begins at the first sample that came
+        if len(begun):
+            self.level = float(self._envelope.feed(begun).envelope[-1])
+        self.active, self.trouble = float(detected.active[-1]), float(detected.trouble[-1])
+        begins: NDArray[np.bool_] = np.diff(detected.active, prepend=before) > 0.5
+        return begins
+
+
+class Listener:
+    """All that has come of a stream.
+
+    Args:
+        rate: of the stream [Hz].
+        flexor: column of the muscle that flexes.
+        extensor: column of the one that extends, where there is one.
+        levels: of the wearer; the envelope's share of MVC is unknown without.
+    """
+
+    def __init__(self, rate: float, flexor: int, extensor: int | None = None, levels: Levels | None = None) -> None:
+        settings, chain = filters_of(levels)
+        self._flexor = _Muscle(flexor, rate, settings, chain)
+        self._extensor = None if extensor is None else _Muscle(extensor, rate, DEFAULTS, chain)
+        self._levels = levels
+        self.heard = Heard()
+
+    def take(self, chunk: EmgChunk, now: float) -> Heard:
+        """Take in what has come by `now` [s]; what the stream says now."""
+        count, heard = len(chunk.times), self.heard
+        if not count:
+            return heard
+        begins = self._flexor.feed(chunk.values)
+        extends = self._extensor
+        if extends is not None:
+            begins = begins | extends.feed(chunk.values)
+        at = np.flatnonzero(begins)
+        onset = heard.onset if not len(at) else round(min(float(chunk.times[at[-1]]), now) * SECOND)
+        columns = [muscle.column for muscle in self._muscles()]
+        missing = ~np.isfinite(chunk.values[:, columns]).all(axis=1)
+        came = np.flatnonzero(~missing)
+        newest = round(min(float(chunk.times[came[-1]]), now) * SECOND) if len(came) else heard.newest
+        self.heard = Heard(
+            max(newest, heard.newest),
+            onset,
+            heard.samples + count,
+            heard.lost + int(missing.sum()),
+            heard.ends,
+            self._flexor.active,
+            0.0 if extends is None else extends.active,
+            float(share_of(np.array([self._flexor.level]), self._levels)[0]),
+            self._flexor.level,
+            max(muscle.trouble for muscle in self._muscles()),
+        )
+        return self.heard
+
+    def _muscles(self) -> list[_Muscle]:
+        return [self._flexor, *([] if self._extensor is None else [self._extensor])]

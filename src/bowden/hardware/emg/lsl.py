@@ -1,0 +1,236 @@
+"""EMG from the Lab Streaming Layer: an inlet that never waits once it is open, with times of this computer's clock.
+
+A sample's stamp is the sender's; liblsl's time correction takes it to this computer's LSL clock, and an offset that is
+measured once to its monotonic clock; `SampleTimes` takes the jitter out. A silence in the stamps becomes missing
+samples (NaN), at most a second of them. liblsl finds a stream that has died again by its source id.
+"""
+
+import contextlib
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.errors import StreamError
+from bowden.hardware.emg.lsl_info import channel_names, check_info, unit_of, which
+from bowden.hardware.emg.lsl_library import library
+from bowden.hardware.emg.sample_times import SampleTimes
+from bowden.hardware.ports import EmgChunk
+from bowden.identify.emg.log import largest
+
+SILENCE = 0.25
+"""A stream that has sent nothing for so long is lost, and a gap in its stamps of more is filled [s]."""
+_OTHERS = 0.6
+"""How long others of the same name are looked for [s]."""
+_ANSWER = 5.0
+"""How long a stream that was found may take to tell of itself and of its clock [s]."""
+_TRIAL, _LONGEST_TRIAL = 0.5, 3.0
+"""What comes in this time shows whether the rate is what was said; the longer one where it does not at first [s]."""
+_RATE_ERROR = 0.1
+"""How far it may be off."""
+_CORRECTIONS = 5
+"""The median of so many of liblsl's estimates of the sender's clock is taken: a busy computer spoils single ones."""
+_OFF = 10.0
+"""Stamps that are further off when the stream is opened are of another clock [s]."""
+_BUFFER = 10
+"""What liblsl keeps of samples that are not read [s]."""
+_MOST = 8192
+"""Samples taken in one look."""
+
+
+class LslStream:
+    """One stream of EMG on the network; see `bowden.hardware.ports.EmgStream`.
+
+    Args:
+        name: of the stream.
+        source: its source id, where there may be several of one name.
+        wanted: names of channels that it must have.
+        wait: how long to look for it, and then for its first samples [s].
+        clock: the monotonic clock that times are given in.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        source: str = "",
+        wanted: Sequence[str] = (),
+        wait: float = 5.0,
+        clock: Clock | None = None,
+    ) -> None:
+        self.rate, self.channels, self.unit = 0.0, tuple[str, ...](), ""
+        self._name, self._source, self._wanted, self._wait = name, source, tuple(wanted), wait
+        self._clock = MonotonicClock() if clock is None else clock
+        self._inlet: Any = None
+        self._gone: type[Exception] = RuntimeError
+        self._lost = "it is not open"
+        self._corrections: deque[float] = deque(maxlen=_CORRECTIONS)
+        self._offset = self._correction = 0.0
+        self._first = self._stamp = self._heard = -math.inf
+        self._kept: list[EmgChunk] = []
+        self._counted = 0
+
+    def open(self) -> str:
+        """See `EmgStream.open`."""
+        lsl = library()
+        found = self._resolve(lsl)
+        self._gone = lsl.util.LostError
+        self._inlet = lsl.StreamInlet(found, max_buflen=_BUFFER, recover=bool(found.source_id()))
+        try:
+            info = self._inlet.info(_ANSWER)
+            check_info(info, self._name)
+            self.channels = channel_names(info, self._wanted)
+            self.rate, self.unit = info.nominal_srate(), unit_of(info)
+            self._most = largest(self.unit)
+            self._times = SampleTimes(self.rate)
+            self._inlet.open_stream(_ANSWER)
+            self._correct(self._inlet.time_correction(_ANSWER))
+            ours, theirs = min((self._now(), lsl.local_clock()) for _ in range(3))
+            self._offset = ours - theirs
+            self._listen()
+        except StreamError:
+            self.close()
+            raise
+        except RuntimeError as error:  # all of liblsl's own
+            self.close()
+            raise StreamError(
+                f"the LSL stream {self._name!r} does not answer: {error}", do="look at its sender, and at the network"
+            ) from error
+        return (
+            f"LSL stream {self._name!r} ({found.source_id() or 'no source id'}) of {found.hostname()}: "
+            f"{len(self.channels)} channels, {self.rate:g} Hz, {self.unit or 'no unit'}"
+        )
+
+    def _now(self) -> float:
+        return self._clock.now() / SECOND
+
+    def _resolve(self, lsl: Any) -> Any:
+        """The one stream that is meant."""
+        conditions = [f"name='{self._name}'"] + ([f"source_id='{self._source}'"] if self._source else [])
+        if "'" in self._name + self._source:
+            raise StreamError(f"an LSL stream {self._name!r} cannot be looked for", expected="a name without quotes")
+        where = " and ".join(conditions)
+        if not lsl.resolve_bypred(where, 1, self._wait):
+            there = lsl.resolve_streams(_OTHERS)
+            if not any(info.name() == self._name and self._source in ("", info.source_id()) for info in there):
+                raise StreamError(
+                    f"no LSL stream {self._said()} in {self._wait:g} s; there "
+                    f"{_there(sorted({info.name() for info in there}))}",
+                    do="start its sender, or look at the network (bowden doctor lists streams)",
+                )
+        found = lsl.resolve_bypred(where, 2, _OTHERS) or lsl.resolve_bypred(where, 1, self._wait)
+        if len(found) > 1:
+            sources = ", ".join(f"{info.source_id() or 'no id'} of {info.hostname()}" for info in found)
+            raise StreamError(
+                f"{len(found)} LSL streams are named {self._said()}: {sources}",
+                do=which(self._name, [info.source_id() for info in found]),
+            )
+        if not found:
+            raise StreamError(f"the LSL stream {self._said()} has gone", do="look at its sender")
+        return found[0]
+
+    def _said(self) -> str:
+        return repr(self._name) + (f" with the source id {self._source!r}" if self._source else "")
+
+    def _listen(self) -> None:
+        """Wait for the first samples, and see whether they come at the rate that was said; they are kept."""
+        until, trial = self._now() + self._wait, math.inf
+        while self._now() < until and not (self._now() > trial and self._keeps_rate()):
+            chunk = self.read(self._now())
+            if len(chunk.times):
+                self._check_clock()
+                if trial == math.inf:
+                    trial, until = self._now() + _TRIAL, self._now() + _LONGEST_TRIAL
+                self._kept, self._counted = [chunk], len(chunk.times)
+            self._clock.sleep_until(self._clock.now() + SECOND // 100)
+        if not self._kept:
+            raise StreamError(
+                f"the LSL stream {self._name!r} is there, but sends nothing in {self._wait:g} s",
+                do="start its recording",
+            )
+        if not self._keeps_rate():
+            raise StreamError(
+                f"the LSL stream {self._name!r} declares {self.rate:g} Hz and sends {self._measured():.4g} samples a "
+                "second",
+                expected="a stream that keeps its rate",
+            )
+
+    def _measured(self) -> float:
+        """Samples a second since the first, by their stamps [Hz]."""
+        span = self._stamp - self._first
+        return (self._counted - 1) / span if span > 0.0 else 0.0
+
+    def _keeps_rate(self) -> bool:
+        return abs(self._measured() / self.rate - 1.0) <= _RATE_ERROR
+
+    def _correct(self, estimate: float) -> None:
+        """Take liblsl's latest estimate of the sender's clock into account."""
+        if not self._corrections or estimate != self._corrections[-1]:
+            self._corrections.append(estimate)
+            self._correction = float(np.median(self._corrections))
+
+    def _check_clock(self) -> None:
+        """See that stamps are of LSL's clock, as its senders agree on."""
+        off = self._first + self._correction + self._offset - self._now()
+        if abs(off) > _OFF:
+            raise StreamError(
+                f"the stamps of the LSL stream {self._name!r} are {off:.3g} s off this computer's clock",
+                expected="stamps of LSL's local_clock",
+                do="let its sender stamp with it, or not at all",
+            )
+
+    def read(self, now: float) -> EmgChunk:
+        """See `EmgStream.read`."""
+        chunks, self._kept = self._kept, []
+        if self._inlet is not None:
+            chunks.extend(self._pull(now))
+        if not chunks:
+            return EmgChunk(np.empty((0, len(self.channels))), np.empty(0))
+        return EmgChunk(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
+
+    def _pull(self, now: float) -> list[EmgChunk]:
+        try:
+            values, stamps = self._inlet.pull_chunk(0.0, max_samples=_MOST, as_numpy=True)
+        except self._gone:  # liblsl finds streams again by their source id alone
+            self._lost = f"the sender of {self._name!r} has gone; it has no source id to be found again by"
+            self._inlet = None
+            return []
+        with contextlib.suppress(RuntimeError):  # there is none for a moment after a stream has come back
+            self._correct(self._inlet.time_correction(0.0))
+        if not len(stamps):
+            if now - self._heard > SILENCE:
+                self._lost = f"nothing from the LSL stream {self._name!r} for {1e3 * SILENCE:g} ms"
+            return []
+        values = values.astype(np.float64)
+        values[~(np.abs(values) <= self._most)] = np.nan
+        if not math.isfinite(self._stamp):
+            self._first = float(stamps[0])
+        chunks, begin = [], 0
+        for after in [*np.flatnonzero(np.abs(np.diff(stamps, prepend=self._stamp)) > SILENCE), len(stamps)]:
+            if after > begin:
+                latest = float(stamps[after - 1]) + self._correction + self._offset
+                times = self._times.next(int(after) - begin, latest, now)
+                chunks.append(EmgChunk(values[begin:after], times))
+            if after < len(stamps) and math.isfinite(self._stamp):
+                self._corrections.clear()  # it may be another sender, of another clock
+                missing = self._times.gap(float(stamps[after]) + self._correction + self._offset)
+                chunks.append(EmgChunk(np.full((len(missing), values.shape[1]), np.nan), missing))
+            begin = int(after)
+        self._stamp, self._heard, self._lost = float(stamps[-1]), now, ""
+        return chunks
+
+    def lost(self) -> str:
+        """See `EmgStream.lost`."""
+        return self._lost
+
+    def close(self) -> None:
+        """See `EmgStream.close`."""
+        if self._inlet is not None:
+            self._inlet.close_stream()
+        self._inlet, self._kept, self._lost = None, [], "it is closed"
+
+
+def _there(names: Sequence[str]) -> str:
+    return f"{'is' if len(names) == 1 else 'are'} {', '.join(map(repr, names))}" if names else "is none at all"

@@ -1,0 +1,172 @@
+"""Talking to a running twin: one JSON document each way over a Unix socket in the bus' folder."""
+
+import contextlib
+import json
+import os
+import socket
+from pathlib import Path
+from typing import Any
+
+from bowden.core.errors import DriveError
+from bowden.hardware.buses.unix_bus import LONGEST_PATH, bus_folder
+from bowden.hardware.twin.injection import Injection, parse
+
+LARGEST = 1 << 17
+"""Of a document [bytes]."""
+
+MOST_CALLERS = 8
+"""Who may be connected at once."""
+
+
+def control_path(interface: str, channel: str, node_id: int) -> Path:
+    """The socket at which the twin of that node listens."""
+    return bus_folder(channel if interface == "bowden_unix" else f"{interface}-{channel}") / f"twin-{node_id}.control"
+
+
+class ControlServer:
+    """The twin's end; never waits.
+
+    Args:
+        path: where to listen; what a twin that died has left there is cleared away.
+
+    Raises:
+        DriveError: the socket cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._callers: list[socket.socket] = []
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+        try:
+            if len(os.fsencode(path)) > LONGEST_PATH:
+                raise OSError(0, "its name is too long")
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            path.unlink(missing_ok=True)
+            self._listener.bind(str(path))
+            self._listener.listen()
+        except OSError as error:
+            self._listener.close()
+            raise DriveError(f"cannot listen at {path}: {error.strerror}", do="name another channel") from error
+
+    def requests(self) -> list[tuple[socket.socket, dict[str, Any]]]:
+        """What callers have asked since the last call; what is no JSON object gets its answer here."""
+        with contextlib.suppress(OSError):
+            caller, _ = self._listener.accept()
+            caller.setblocking(False)
+            self._callers.append(caller)
+            if len(self._callers) > MOST_CALLERS:
+                self._callers.pop(0).close()
+        asked = []
+        for caller in tuple(self._callers):
+            try:
+                text = caller.recv(LARGEST)
+            except BlockingIOError:
+                continue
+            except OSError:
+                text = b""
+            if not text:
+                self._callers.remove(caller)
+                caller.close()
+                continue
+            try:
+                request = json.loads(text)
+            except ValueError:
+                request = None
+            if isinstance(request, dict):
+                asked.append((caller, request))
+            else:
+                self.answer(caller, {"error": "not a JSON object"})
+        return asked
+
+    def answer(self, caller: socket.socket, document: dict[str, Any]) -> None:
+        """Answer a caller; one who has gone, or does not read, gets nothing."""
+        with contextlib.suppress(OSError):
+            caller.send(json.dumps(document).encode())
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._path.unlink(missing_ok=True)
+        for one in (self._listener, *self._callers):
+            one.close()
+
+
+class TwinControl:
+    """A running twin, from outside; a context manager.
+
+    Args:
+        path: see `control_path`.
+        timeout: for its answer [s].
+
+    Raises:
+        DriveError: no twin listens there.
+    """
+
+    def __init__(self, path: Path, timeout: float = 5.0) -> None:
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.settimeout(timeout)
+        try:
+            self._socket.connect(str(path))
+        except OSError as error:
+            self._socket.close()
+            raise DriveError(f"no twin listens at {path}", do="start one: bowden twin RIG.toml") from error
+
+    def __enter__(self) -> "TwinControl":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of it; the twin runs on."""
+        self._socket.close()
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        """One question and its answer.
+
+        Raises:
+            DriveError: no answer, or an answer that says what is wrong.
+        """
+        try:
+            self._socket.send(json.dumps(request).encode())
+            answer = json.loads(self._socket.recv(LARGEST))
+        except (OSError, ValueError) as error:
+            raise DriveError("the twin does not answer", do="see whether it still runs") from error
+        if "error" in answer:
+            raise DriveError(f"the twin says: {answer['error']}")
+        return dict(answer)
+
+    def status(self) -> dict[str, Any]:
+        """Where it is: state, angles, torque, temperature, its clock, the share of a processor that it takes."""
+        return self.ask(do="status")
+
+    def journal(self, since: float = -1.0) -> list[dict[str, Any]]:
+        """What happened after `since` on the twin's clock [s]: time, event, detail; the last 500 at most."""
+        return list(self.ask(do="journal", since=since)["journal"])
+
+    def inject(self, text: str, after: float = 0.0, lasting: float | None = None) -> Injection:
+        """Inject a fault, as `hardware.injection.parse` reads it.
+
+        Args:
+            text: name, side and amount.
+            after: from now [s].
+            lasting: for how long; until it is cleared where it is not given [s].
+
+        Raises:
+            ParameterError: there is no such fault.
+            DriveError: the twin does not answer.
+        """
+        injection = parse(text)
+        self.ask(do="inject", fault=text, after=after, lasting=lasting)
+        return injection
+
+    def clear(self) -> None:
+        """End all faults that last."""
+        self.ask(do="clear")
+
+    def start_scenario(self, at: float | None = None) -> None:
+        """Let the sheath's bend begin its course; until then it is as at the scenario's start.
+
+        Args:
+            at: on the monotonic clock, also in the past; infinity for not yet; now where it is not given [s].
+        """
+        self.ask(do="scenario", at=at)

@@ -1,0 +1,83 @@
+"""The faults that the twin has at a time, and what they do to its encoders and PDOs."""
+
+import math
+import random
+
+from bowden.hardware.twin.injection import KINDS, Injection
+
+NO_NUMBER = float(-(2**31))
+"""Counts that stand for none."""
+
+SPIKE_EVERY = 10
+"""Cycles from one spike to the next."""
+
+
+class Faults:
+    """What has been injected."""
+
+    def __init__(self) -> None:
+        self._lasting: list[Injection] = []
+        self._moments: list[Injection] = []
+        self._held: dict[tuple[str, str], float] = {}
+        self._random = random.Random(0)
+        self._cycle = 0
+
+    def inject(self, injection: Injection) -> None:
+        """Take a fault in; one that happens once does so at its start."""
+        (self._moments if KINDS[injection.name].moment else self._lasting).append(injection)
+
+    def clear(self) -> None:
+        """No faults any more."""
+        self._lasting, self._moments, self._held = [], [], {}
+
+    def active(self, name: str, now: float, side: str = "") -> Injection | None:
+        """The fault of that name if it is there at `now` [s]."""
+        for injection in self._lasting:
+            if injection.name == name and injection.side == side and injection.active(now):
+                return injection
+        return None
+
+    def names(self, now: float) -> list[str]:
+        """All that are there at `now` [s]."""
+        return [f"{one.name} {one.side}".rstrip() for one in self._lasting if one.active(now)]
+
+    def due(self, now: float) -> list[Injection]:
+        """Those that happen once, and now."""
+        due = [injection for injection in self._moments if injection.start <= now]
+        if due:
+            self._moments = [injection for injection in self._moments if injection.start > now]
+        return due
+
+    def drops_pdo(self, now: float) -> bool:
+        """Whether this PDO is lost."""
+        dropped = self.active("dropped_pdos", now)
+        return dropped is not None and self._random.random() < dropped.amount
+
+    def encoders(self, motor: float, joint: float, motor_step: float, joint_step: float, now: float) -> list[float]:
+        """The counts of the motor's and the joint's encoder as their faults make them.
+
+        Args:
+            motor: true counts.
+            joint: true counts.
+            motor_step: angle of one count [rad].
+            joint_step: angle of one count [rad].
+            now: [s]
+        """
+        if not self._lasting:
+            return [motor, joint]
+        self._cycle += 1
+        return [self._one("motor", motor, motor_step, now), self._one("joint", joint, joint_step, now)]
+
+    def _one(self, side: str, counts: float, step: float, now: float) -> float:
+        for name in ("encoder_frozen", "encoder_flipped"):
+            if not self.active(name, now, side):
+                self._held.pop((name, side), None)
+            else:
+                held = self._held.setdefault((name, side), counts)
+                counts = held if name == "encoder_frozen" else 2.0 * held - counts
+        offset, spike = self.active("encoder_offset", now, side), self.active("encoder_spike", now, side)
+        if offset:
+            counts += math.radians(offset.amount) / step
+        if spike and self._cycle % SPIKE_EVERY == 0:
+            counts += math.radians(spike.amount) / step
+        return NO_NUMBER if self.active("encoder_nan", now, side) else counts

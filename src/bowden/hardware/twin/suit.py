@@ -1,0 +1,201 @@
+"""The simulated suit on an arm behind the twin, moved on in real time.
+
+The same kernel as in `bowden.sim.suit`, a sub-step a call. Without torque the motor gives no current: what holds or
+lets sink are the gears' friction, the cables and the arm's weight. A quick stop holds the spool where it was when it
+began. A torn flexor has no tension, a slack one is longer by so much of the spool. The load cell sits at the flexor's
+spool, and the power stage is that of `twin_bench`.
+
+A wearer who swings keeps still until the scenario begins, as the preflight wants it, swings from then on, and comes to
+rest when the power goes off.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.kernel import compiled, kernel
+from bowden.hardware.twin.bench import BRAKE, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
+from bowden.models.drive.encoder import reading
+from bowden.models.suit.arm import Wearer
+from bowden.models.suit.flex_sensor import flex_start, flex_step
+from bowden.plants.suit_parts import PreparedSuit, Suit, prepare_suit
+from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.sim.scenario import BendPath
+from bowden.sim.suit_loop import SETTLING
+
+SWELL = 1.0
+"""Time in which a wearer's swing grows to its size, and goes [s]."""
+
+TORN = 1.0
+"""A torn cable is longer by this, which is more than any arm pulls [m]."""
+
+
+@kernel
+def advance_suit(
+    suit: PreparedSuit,
+    state: SuitState,
+    command: float,
+    powered: bool,
+    before: float,
+    after: float,
+    wearer: Wearer,
+    count: int,
+    dt: float,
+) -> SuitState:
+    """`count` sub-steps of `dt` [s] on, in which the sheaths' bend goes from `before` to `after` [rad]."""
+    for i in range(count):
+        begin = before + (after - before) * i / count
+        end = before + (after - before) * (i + 1.0) / count
+        state = suit_step(suit, state, command, powered, Bends(begin, end), wearer, dt)
+    return state
+
+
+class TwinSuit:
+    """The suit at a time that only goes forward; see `TwinPlant`.
+
+    Args:
+        suit: with the arm that wears it.
+        bend: of the sheaths over time, from when `start_scenario` was called; before that as at its start.
+        duration: for how long the bend is known; it stays as it is then [s].
+        seed: of the sensors' noise and drift.
+        initial_motor: motor angle at power-up, in the joint's coordinate [rad].
+        now: [s]
+        physics: what the rig does not say; of it the power stage and the drive's limits count here.
+    """
+
+    def __init__(
+        self,
+        suit: Suit,
+        bend: BendPath,
+        duration: float,
+        seed: int,
+        initial_motor: float,
+        now: float,
+        physics: Physics = Physics(),  # noqa: B008  # a tuple
+    ) -> None:
+        self.suit, self.physics = suit, physics
+        self._substep = suit.sample_time / suit.substeps
+        motor = suit.motor._replace(friction_feedforward=0.0)  # of a drive on a bus the loop makes it
+        self._intact = prepare_suit(suit._replace(motor=motor))._replace(substeps=1)
+        self._prepared = self._intact
+        edges = np.arange(round(duration / suit.sample_time) + 1, dtype=np.float64) * suit.sample_time
+        self._bends = np.asarray(bend(edges), dtype=np.float64)
+        self._advance = compiled(advance_suit)
+        self._random = np.random.default_rng(seed)
+        self._normals: NDArray[np.float64] = np.zeros((0, 3))
+        self._used = 0
+        self._time, self._began, self._read = now, math.inf, now
+        self.doing, self.command = OFF, initial_motor
+        self.slack, self.torn = 0.0, False
+        self._swinging, self._swing = False, 0.0  # whether the wearer does, and how much of it there is, 0 to 1
+        self.temperature = physics.ambient
+        self.torque_offset: float | None = 0.0
+        self._held = math.nan  # where a quick stop holds the motor
+        first = float(self._bends[0])
+        state = suit_start(self._prepared, initial_motor, initial_motor, first)
+        settling = round(SETTLING / self._substep)
+        for powered, count in ((True, settling), (False, settling)):
+            state = self._advance(
+                self._prepared, state, initial_motor, powered, first, first, suit.wearer, count, self._substep
+            )
+        self._state: SuitState = state
+        self._flex = flex_start(self.joint)
+
+    def start_scenario(self, now: float) -> None:
+        """See `TwinPlant.start_scenario`."""
+        self._began, self._swinging = now, now < math.inf
+        self._state = self._state._replace(time=SETTLING)  # their swing's phase is that of a simulation then
+
+    def advance(self, now: float) -> None:
+        """See `TwinPlant.advance`: in whole sub-steps; what is left over waits for the next call."""
+        gap = now - self._time
+        if gap > LONGEST_GAP:
+            self._time, gap = now - LONGEST_GAP, LONGEST_GAP
+        count = int(gap / self._substep)
+        if count < 1:
+            return
+        elapsed = count * self._substep
+        before, after = self._at(self._time), self._at(self._time + elapsed)
+        wearer = self._wearer(elapsed)
+        self._time += elapsed
+        self._held = math.nan if self.doing != BRAKE else self.motor if math.isnan(self._held) else self._held
+        command = self._held if self.doing == BRAKE else self.command
+        state = self._state._replace(spool=self._state.spool._replace(told=self.torque_offset or 0.0))
+        self._state = self._advance(
+            *(self._cabled(), state, command, self.doing != OFF, before, after),
+            *(wearer, count, self._substep),
+        )
+        self.temperature = stage_temperature(self.physics, self.temperature, self.current, elapsed)
+
+    def _cabled(self) -> PreparedSuit:
+        """The suit with its flexor as it is now."""
+        longer = TORN if self.torn else self.slack * self.suit.spool_radius
+        start = self._intact.flexor.start - longer
+        if start != self._prepared.flexor.start:
+            self._prepared = self._intact._replace(flexor=self._intact.flexor._replace(start=start))
+        return self._prepared
+
+    def _wearer(self, elapsed: float) -> Wearer:
+        """The wearer, whose swing swells or fades over the time that has passed [s]."""
+        self._swinging = self._swinging and self.doing != OFF
+        swings = self._swinging and self._time >= self._began
+        grown = self._swing + (1.0 if swings else -1.0) * elapsed / SWELL
+        self._swing = max(0.0, min(1.0, grown))
+        size = self._swing**2 * (3.0 - 2.0 * self._swing)
+        return self.suit.wearer._replace(swing=size * self.suit.wearer.swing)
+
+    def _at(self, time: float) -> float:
+        """The sheaths' bend [rad]."""
+        return course_at(self._bends, time - self._began, self.suit.sample_time)
+
+    @property
+    def motor(self) -> float:
+        """See `TwinPlant.motor`."""
+        return float(suit_motor(self._prepared, self._state))
+
+    @property
+    def velocity(self) -> float:
+        """See `TwinPlant.velocity`."""
+        return self._state.spool.velocity
+
+    @property
+    def joint(self) -> float:
+        """See `TwinPlant.joint`."""
+        return self._state.joint
+
+    @property
+    def tension(self) -> float:
+        """See `TwinPlant.tension`: of the flexor."""
+        return self._state.flexor_pull.motor
+
+    @property
+    def current(self) -> float:
+        """See `TwinPlant.current`."""
+        return 0.0 if self.doing == OFF else self._state.spool.current
+
+    @property
+    def interaction(self) -> float:
+        """See `TwinPlant.interaction`."""
+        return self._state.interaction
+
+    @property
+    def speed_limit(self) -> float:
+        """See `TwinPlant.speed_limit`: what the supply's voltage allows without load."""
+        motor = self.suit.motor
+        return motor.supply / (motor.torque_constant * motor.gear)
+
+    @property
+    def current_limit(self) -> float:
+        """See `TwinPlant.current_limit`."""
+        return self.suit.motor.current_limit
+
+    def read_encoders(self) -> tuple[float, float]:
+        """See `TwinPlant.read_encoders`: the flex sensor at the elbow, the encoder at the spool."""
+        if self._used == len(self._normals):
+            self._normals, self._used = self._random.standard_normal((4096, 3)), 0
+        normal, wander, of_motor = (float(normal) for normal in self._normals[self._used])
+        self._used += 1
+        since, self._read = max(self._time - self._read, 1e-6), self._time
+        self._flex, joint = flex_step(self.suit.joint_sensor, self._flex, self.joint, normal, wander, since)
+        return float(joint), float(reading(self.motor, of_motor, self.suit.motor_encoder))

@@ -1,0 +1,222 @@
+"""The twin's process: a bus, the node, the control socket, and the clock that drives them. Waits, never spins."""
+
+import contextlib
+import gc
+import math
+import os
+import resource
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import can
+
+from bowden.core.errors import BowdenError, DriveError
+from bowden.hardware.buses.opening import claim, open_bus
+from bowden.hardware.drives.cia402 import WITH_TORQUE
+from bowden.hardware.drives.parameters import DriveParameters, check_parameters
+from bowden.hardware.twin.bench import OFF
+from bowden.hardware.twin.control import ControlServer, control_path
+from bowden.hardware.twin.injection import parse
+from bowden.hardware.twin.node import TwinNode
+from bowden.hardware.twin.objects import Key
+from bowden.hardware.twin.plant import TwinPlant
+
+TICK = 1e-3
+"""Longest wait [s]."""
+
+PRIORITY = 20
+"""Real-time priority that the twin takes where it may: below the loop's [–]."""
+
+MOST_TOLD = 500
+"""Entries of the journal in one answer."""
+
+
+class Twin:
+    """A drive and a bench in this process, on a bus with others.
+
+    Args:
+        drive: bus, number, encoders and scales, as the rig has them.
+        bench: behind the drive.
+        clock: the time [s].
+        overrides: objects of the dictionary that are otherwise than usual; None takes one away.
+
+    Raises:
+        DriveError: the bus or the control socket cannot be used, or has a twin of this number already.
+    """
+
+    def __init__(
+        self,
+        drive: DriveParameters,
+        bench: TwinPlant,
+        clock: Callable[[], float],
+        overrides: dict[Key, int | None] | None = None,
+    ) -> None:
+        check_parameters(drive)
+        self._drive, self._clock = drive, clock
+        self.path = control_path(drive.interface, drive.channel, drive.node_id)
+        self._claim = claim(drive.interface, drive.channel, f"node {drive.node_id}")
+        self._bus: can.BusABC | None = None
+        try:
+            self._bus = open_bus(drive.interface, drive.channel, drive.bitrate, create=True)
+            self._control = ControlServer(self.path)
+        except BaseException:
+            self._claim.release()
+            if self._bus is not None:
+                self._bus.shutdown()
+            raise
+        self._journal: deque[tuple[float, str, str]] = deque(maxlen=20_000)
+        self._node = TwinNode(drive, bench, self._send, self._note, overrides)
+        self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
+        self._began, self._began_cpu = clock(), _cpu_time()
+        self._stopping = False
+
+    def stop(self) -> None:
+        """Let `run` end; for signal handlers."""
+        self._stopping = True
+
+    def run(self) -> None:
+        """Be a drive until `stop`."""
+        try:
+            while not self._stopping:
+                self._once()
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if self._bus is not None:
+            self._bus.shutdown()
+            self._bus = None
+        self._control.close()
+        self._claim.release()
+
+    def _once(self) -> None:
+        """Wait for a frame, at most one tick, and let everything have its time."""
+        self._join_or_leave(self._clock())
+        if self._bus is None:
+            _pause()
+        else:
+            message = self._receive(TICK)
+            for _ in range(64):
+                if message is None:
+                    break
+                if not (message.is_error_frame or message.is_extended_id or message.is_remote_frame):
+                    self._node.receive(message.arbitration_id, bytes(message.data), self._clock())
+                message = self._receive(0.0)
+        now = self._clock()
+        self._longest_wait, self._ticked = max(self._longest_wait, now - self._ticked), now
+        self._node.tick(now)
+        for caller, request in self._control.requests():
+            try:
+                answer = self._answer(request, self._clock())
+            except (BowdenError, TypeError, ValueError) as error:
+                answer = {"error": str(error)}
+            self._control.answer(caller, answer)
+
+    def _join_or_leave(self, now: float) -> None:
+        """A controller that is bus-off neither hears nor acknowledges: it is not there."""
+        off = self._node.faults.active("bus_off", now) is not None
+        if off and self._bus is not None:
+            self._bus.shutdown()
+            self._bus = None
+            self._note(now, "bus_off", "")
+        elif not off and self._bus is None:
+            with contextlib.suppress(DriveError):
+                self._bus = open_bus(self._drive.interface, self._drive.channel, self._drive.bitrate)
+                self._note(now, "bus_on", "")
+
+    def _receive(self, timeout: float) -> can.Message | None:
+        try:
+            return self._bus.recv(timeout) if self._bus else None
+        except (can.CanError, OSError):
+            return None
+
+    def _send(self, cob_id: int, data: bytes) -> None:
+        if self._bus is None:
+            return
+        try:
+            self._bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+        except (can.CanError, OSError):
+            self._unsent += 1
+
+    def _note(self, now: float, event: str, detail: str) -> None:
+        self._journal.append((now, event, detail))
+
+    def _answer(self, request: dict[str, Any], now: float) -> dict[str, Any]:
+        match request.get("do"):
+            case "status":
+                return self._status(now)
+            case "journal":
+                since = float(request.get("since", -1.0))
+                told = [entry for entry in self._journal if entry[0] > since][-MOST_TOLD:]
+                return {"journal": [{"time": time, "event": event, "detail": said} for time, event, said in told]}
+            case "inject":
+                injection = parse(str(request.get("fault", "")))
+                after, lasting = float(request.get("after") or 0.0), request.get("lasting")
+                end = math.inf if lasting is None else now + after + float(lasting)
+                self._node.faults.inject(injection._replace(start=now + after, end=end))
+                self._note(now, "inject", str(request["fault"]))
+                return {"time": now + after}
+            case "clear":
+                self._node.faults.clear()
+                self._note(now, "clear", "")
+                return {"time": now}
+            case "scenario":
+                at = now if request.get("at") is None else float(request["at"])
+                self._node.scenario_told = True
+                self._node.bench.start_scenario(at)
+                self._note(now, "scenario", f"{at:.6f}")
+                return {"time": at}
+        raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, clear or scenario")
+
+    def _status(self, now: float) -> dict[str, Any]:
+        node, bench = self._node, self._node.bench
+        ran = now - self._began
+        return {
+            "time": now,
+            "pid": os.getpid(),
+            "state": node.state.name,
+            "nmt": node.nmt,
+            "torque": bench.doing != OFF and node.state in WITH_TORQUE,
+            "error_code": node.error,
+            "motor": bench.motor,
+            "motor_velocity": bench.velocity,
+            "joint": bench.joint,
+            "command": bench.command,
+            "tension": bench.tension,
+            "current": bench.current,
+            "interaction": bench.interaction,
+            "temperature": bench.temperature,
+            "last_heartbeat": node.host_heard if math.isfinite(node.host_heard) else None,
+            "syncs": node.syncs,
+            "unsent": self._unsent,
+            "longest_wait": self._longest_wait,
+            "faults": node.faults.names(now),
+            "processor_share": (_cpu_time() - self._began_cpu) / ran if ran > 0.0 else 0.0,
+        }
+
+
+def raise_priority() -> bool:
+    """Run under SCHED_FIFO where that is allowed; whether it is. Garbage is collected now, and never again."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+def _cpu_time() -> float:
+    """Of this process [s]."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def _pause() -> None:
+    """One tick without a bus to wait at."""
+    import select
+
+    select.select([], [], [], TICK)

@@ -1,0 +1,1 @@
+"""From a log of a cable to a model of it."""

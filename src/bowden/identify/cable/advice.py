@@ -1,0 +1,163 @@
+"""What a log cannot show, and what to record instead."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.units import DEGREES
+from bowden.identify.cable.path import Path
+from bowden.identify.cable.turns import motor_noise, resolution
+from bowden.identify.log.read import Log
+
+if TYPE_CHECKING:
+    from bowden.identify.cable.fit import ModelFit
+
+Array = NDArray[np.float64]
+
+_SLOW = 0.5 / DEGREES
+"""Below this peak speed friction makes most cables stick and slip [rad/s]; a rule of thumb."""
+
+
+def advise(
+    log: Log,
+    split: int,
+    path: Path,
+    fitted_from: int,
+    models: Mapping[str, "ModelFit"],
+    best: str,
+    lag: tuple[float, float],
+) -> list[str]:
+    """Warnings about a log and what was identified from it.
+
+    Args:
+        log: all of it.
+        split: first sample of the second half.
+        path: the path of the first half, as it was fitted.
+        fitted_from: first sample that was fitted.
+        models: what was identified.
+        best: the recommended model.
+        lag: of the joint [s], and the share of the best model's squared residual that it explains.
+    """
+    correlation = abs(float(np.corrcoef(log.motor[:split], log.joint[:split])[0, 1]))
+    if correlation < 0.5:
+        return [
+            f"the joint does not follow the motor (correlation {correlation:.2f}), nothing here can be relied on: "
+            "check the columns, the units, and whether the two were recorded on one clock; or the motion is too small "
+            "for the cable's play, and a larger one is needed"
+        ]
+    return [
+        *_about_motion(log, split, path),
+        *_about_settling(log, fitted_from),
+        *_about_size(log, split, path, models),
+        *_about_parameters(models),
+        *_about_rate(lag),
+        *_about_the_second_half(log, split, path, models[best]),
+    ]
+
+
+def _about_motion(log: Log, split: int, path: Path) -> list[str]:
+    found = []
+    if path.strokes < 2:
+        found.append(
+            "the motor does not reverse in the first half, so no hysteresis shows and the line is all that can be "
+            "recommended: move faster or record longer, six cycles or more"
+        )
+    elif path.strokes < 6:
+        found.append(
+            f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to tell a loop "
+            "from what happens once: record at least six cycles"
+        )
+    fitted = path.stroke[path.weight > 0]
+    inner = path.turning[int(fitted[0]) + 1 : -1]
+    if len(inner) >= 2 and max(float(np.ptp(inner[0::2])), float(np.ptp(inner[1::2]))) < 0.1 * path.span:
+        found.append(
+            f"all strokes have one amplitude ({path.span * DEGREES:.3g}° peak to peak): how the cable behaves inside "
+            "that loop is not seen; record strokes of a half and a quarter of it as well"
+        )
+    step = float(np.median(np.diff(log.time)))
+    stride = max(1, min(round(0.1 / step), split // 4))
+    speed = float(np.quantile(np.abs(log.motor[stride:split] - log.motor[: split - stride]), 0.95)) / (stride * step)
+    if speed < _SLOW:
+        found.append(
+            f"the motor moves too slowly ({speed * DEGREES:.2g} °/s at most): stick and slip and creep hide the loop; "
+            "record at 5 °/s or more"
+        )
+    return found
+
+
+def _about_settling(log: Log, fitted_from: int) -> list[str]:
+    if not fitted_from:
+        return []
+    return [
+        f"the first {log.time[fitted_from] - log.time[0]:.2g} s were not fitted: the cable was still settling, and the "
+        "strokes after it are predicted better without them"
+    ]
+
+
+def _about_size(log: Log, split: int, path: Path, models: Mapping[str, "ModelFit"]) -> list[str]:
+    found = []
+    lost = 2.0 * models["play"].parameters["half_width"]
+    if path.strokes > 1 and path.span < 3.0 * lost:
+        found.append(
+            f"the motion is too small: of {path.span * DEGREES:.3g}° the motor's play takes {lost * DEGREES:.2g}°; "
+            f"record at least {5.0 * lost * DEGREES:.2g}°"
+        )
+    for name, values in (("motor", log.motor[:split]), ("joint", log.joint[:split])):
+        count, noise = resolution(values), motor_noise(values)
+        if float(np.ptp(values)) < 50.0 * max(count, 2.0 * noise):
+            found.append(
+                f"the motion is too small for the {name}'s encoder: {np.ptp(values) * DEGREES:.3g}° with steps of "
+                f"{count * DEGREES:.2g}° and {noise * DEGREES:.2g}° of noise; record a larger one"
+            )
+    return found
+
+
+def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
+    fitted = models["bouc_wen"]
+    shape = ("hysteresis_gain", "rate", "shape", "exponent")
+    vague = [key for key in shape if not fitted.uncertainty[key] < abs(fitted.parameters[key])]
+    if not vague:
+        return []
+    told = ", ".join(
+        f"{key} = {fitted.parameters[key]:.3g}"
+        + (
+            f" ± {fitted.uncertainty[key]:.2g}"
+            if math.isfinite(fitted.uncertainty[key])
+            else " (at the bound of its search, or not shown)"
+        )
+        for key in vague
+    )
+    return [
+        f"nearly unidentifiable in bouc_wen: {told}; the curve it draws is still determined, single values are not: "
+        "record reversals in mid-stroke, at several amplitudes, and move slowly through them"
+    ]
+
+
+def _about_rate(lag: tuple[float, float]) -> list[str]:
+    seconds, share = lag
+    if share < 0.3 or abs(seconds) < 2e-3:
+        return []
+    return [
+        f"what the best model leaves looks like a lag of the joint of {1e3 * seconds:.2g} ms: the cable or the "
+        "recording depends on speed, the models do not; record more slowly, and both angles on one clock"
+    ]
+
+
+def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -> list[str]:
+    found = []
+    low, high = float(np.min(path.turning)), float(np.max(path.turning))
+    beyond = max(low - float(log.motor[split:].min()), float(log.motor[split:].max()) - high)
+    if beyond > 0.1 * path.span:
+        found.append(
+            f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
+            "they were not fitted"
+        )
+    if best.test_rms > 1.5 * best.train_rms and best.test_rms > 0.05 / DEGREES:
+        found.append(
+            f"the second half is predicted worse than the first was fitted ({best.test_rms * DEGREES:.2g}° against "
+            f"{best.train_rms * DEGREES:.2g}°): the cable changed during the log; let it settle, or record longer"
+        )
+    return found

@@ -1,0 +1,217 @@
+"""From three signals to a recommended model: each family fitted to a log's first half and judged on its second."""
+
+import math
+import time as clock
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import LogError, ParameterError
+from bowden.identify.cable import advice
+from bowden.identify.cable.bouc_wen import BoucWenCable
+from bowden.identify.cable.bouc_wen_static import BoucWenStatic, richest, settled
+from bowden.identify.cable.family import Estimate, Family
+from bowden.identify.cable.lag import time_lag
+from bowden.identify.cable.line import Line
+from bowden.identify.cable.model import CableModel
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.play import PlayOperator
+from bowden.identify.cable.stack import PrandtlIshlinskii
+from bowden.identify.cable.turns import find_turns, motor_noise
+from bowden.identify.cable.uncertainty import standard_errors
+from bowden.identify.cable.validation import folds, held_out_errors, simplest_of_the_best, without_start
+from bowden.identify.log.read import Log, prepare
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+"""What is being done now, and the share of the work that is behind."""
+
+_FINE, _JUDGED, _SEARCHED = 2500, 600, 150
+"""Nodes of the path on which models are fitted, compared with one another, and searched for globally."""
+
+_SEARCHED_STROKES = 30
+"""The global search needs no more of a long log; the gradient stage sees all of it."""
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """One family's best member."""
+
+    model: CableModel
+    """The model itself: its parameters, and the joint angle that it predicts."""
+    uncertainty: Mapping[str, float]
+    """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where it is a
+    setting that was not fitted."""
+    train_rms: float
+    """Error on what was fitted of the first half, at the log's full rate [rad]."""
+    test_rms: float
+    """Error on the second half, which no decision has seen [rad]."""
+    left_out_rms: float
+    """Error on strokes of the first half that were left out in turn; the recommendation rests on it [rad]."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Every parameter by name; SI and radians."""
+        return self.model.parameters
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a log says about its cable."""
+
+    models: Mapping[str, ModelFit]
+    """``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``."""
+    best: str
+    """The recommended model's name."""
+    warnings: tuple[str, ...]
+    """What the log cannot show, what was mended in it, and what to record instead."""
+    samples: int
+    """Samples in the log."""
+    seconds: float = field(compare=False)
+    """Time that the identification took [s]."""
+    split: int
+    """First sample of the second half."""
+    fitted_from: int
+    """First sample that was fitted; above zero where the cable was still settling."""
+    predicted: Array = field(compare=False, repr=False)
+    """Joint angle of the recommended model, simulated straight through the log (n,) [rad]."""
+
+
+def identify(
+    time: Array,
+    motor: Array,
+    joint: Array,
+    *,
+    unit: str = "rad",
+    name: str = "log",
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit every family of cable models to a log's first half and judge it on the second.
+
+    Args:
+        time: (n,) increasing and even [s].
+        motor: motor-side angle (n,).
+        joint: joint-side angle (n,).
+        unit: of both angles, ``rad`` or ``deg``.
+        name: of the log, for messages.
+        seed: of the global search; with the same seed the result is the same.
+        progress: called with what is being done and the share of the work that is behind.
+
+    Returns:
+        The models with their uncertainties and errors, and the name of the one to use.
+
+    Raises:
+        LogError: signals that nothing can be fitted to; see `bowden.identify.cable.checks`.
+        ParameterError: an unknown unit, or signals of different lengths.
+
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> motor = 0.5 * np.sin(2.0 * t)
+    >>> fit = identify(t, motor, 0.9 * motor + 0.1)
+    >>> fit.best, round(fit.models["line"].parameters["slope"], 6)
+    ('line', 0.9)
+    """
+    t, x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (time, motor, joint))
+    if not (t.ndim == 1 and t.shape == x.shape == y.shape):
+        raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
+    if unit not in ("rad", "deg"):
+        raise ParameterError(f"identify: unit is {unit!r}", expected="rad or deg")
+    return identify_log(prepare(t, x, y, name, lambda sample: f"{name}, sample {sample + 1}", unit), seed, progress)
+
+
+def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> Fit:
+    """`identify` for a log that was read and checked.
+
+    Raises:
+        LogError: the motor's or the joint's motion cannot be told from its noise.
+    """
+    begin = clock.perf_counter()
+    tell = progress or (lambda what, share: None)
+    split = int(np.searchsorted(log.time, 0.5 * (log.time[0] + log.time[-1])))
+    noise = motor_noise(log.motor[:split])
+    _check_motion(log, "motor", log.motor[:split], "check its column, or record a larger motion from the start")
+    _check_motion(log, "joint", log.joint[:split], "check its column, its encoder and the cable")
+    turns = find_turns(log.motor[:split], noise)
+    half = log.time[:split], log.motor[:split], log.joint[:split], turns
+    paths = [build_path(*half, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED)]
+    paths[2] = paths[2].first(_SEARCHED_STROKES)
+    tell("bouc_wen, searched globally", 0.1)
+    plain = BoucWenCable(paths[2], seed).fit(paths[0])
+    rich = richest(paths[0], plain)
+    start = settled(paths[0], rich)
+    fine, judged, searched = (without_start(path, start) for path in paths)
+    cable = BoucWenCable(searched, seed)
+    if start:
+        tell("bouc_wen, without the start", 0.3)
+        plain = cable.fit(fine)
+        rich = richest(fine, plain)
+    families: list[Family] = [Line(), PlayOperator(judged), cable, BoucWenStatic(rich), PrandtlIshlinskii()]
+    estimates: dict[str, Estimate] = {}
+    for family in families:
+        tell(family.name, 0.4 + 0.07 * len(estimates))
+        estimates[family.name] = plain if family is cable else family.fit(fine)
+
+    tell("comparing on left-out strokes", 0.8)
+    masks = folds(judged)
+    errors = {family.name: held_out_errors(family, judged, estimates[family.name], masks) for family in families}
+    offered = errors if fine.strokes > 1 else {"line": errors["line"]}  # without a reversal no hysteresis was seen
+    best: str = simplest_of_the_best(offered, {name: len(estimates[name].slopes) for name in offered})
+
+    fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
+    whole = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
+    models: dict[str, ModelFit] = {}
+    predicted = np.empty(0)
+    for done, family in enumerate(families):
+        tell("judging on the second half", 0.9 + 0.02 * done)
+        estimate = estimates[family.name]
+        model = CableModel(family.name, estimate.parameters)
+        joint = follow(model, whole, log.time)
+        predicted = joint if family.name == best else predicted
+        error = joint - log.joint
+        models[family.name] = ModelFit(
+            model=model,
+            uncertainty=standard_errors(fine, estimate, family),
+            train_rms=_rms(error[fitted_from:split]),
+            test_rms=_rms(error[split:]),
+            left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
+        )
+    warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, estimates[best]))
+    tell("done", 1.0)
+    return Fit(
+        models=models,
+        best=best,
+        warnings=(*log.warnings, *warnings),
+        samples=len(log.time),
+        seconds=clock.perf_counter() - begin,
+        split=split,
+        fitted_from=fitted_from,
+        predicted=predicted,
+    )
+
+
+def follow(model: CableModel, path: Path, time: Array) -> Array:
+    """The model's joint angle at each sample (n,) [rad], simulated straight through a path at the log's full rate.
+
+    The path is the motor's motion freed of encoder noise. Bouc–Wen needs that: its small loops do not close, so that a
+    flicker of the encoder, at rest most of all, drives h towards zero, which the cable itself does not do.
+    """
+    counted = path.weight > 0
+    return np.interp(time, path.time[counted], model.joint_angle(path.motor)[counted])
+
+
+def _check_motion(log: Log, what: str, values: Array, do: str) -> None:
+    noise = motor_noise(values)
+    span = float(np.ptp(np.convolve(values, np.full(9, 1.0 / 9.0), "valid")))  # nine outweigh the noise
+    if not span > max(8.0 * noise, 1e-9):
+        raise LogError(
+            f"{log.name}: in the first half the {what} moves {np.rad2deg(span):.3g}° with {np.rad2deg(noise):.2g}° of "
+            "noise",
+            expected="strokes well above the encoder's noise",
+            do=do,
+        )
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

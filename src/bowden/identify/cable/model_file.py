@@ -1,0 +1,124 @@
+"""model.toml: an identified cable as a commented file, the same bytes for the same log."""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bowden import __version__
+from bowden.core.errors import ParameterError
+from bowden.core.files import whole_file
+from bowden.core.toml_text import quoted
+from bowden.core.units import DEGREES
+from bowden.identify.cable.fit import Fit, ModelFit
+from bowden.identify.cable.model import NAMES, CableModel, meaning
+
+
+def write_model(path: Path | str, fit: Fit, source: str) -> None:
+    """Write every model of a fit, with units, uncertainties and the recommendation.
+
+    Args:
+        path: of the file.
+        fit: what was identified.
+        source: the log's name.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    text = model_text(fit, source)
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def model_text(fit: Fit, source: str) -> str:
+    """The content of model.toml."""
+    lines = [
+        f"# The cable of {_one_line(source)}, identified by bowden {__version__}. All angles are in radians.",
+        "# Each value is followed by its unit, one standard deviation of it, and what it is. The models were fitted to",
+        "# the log's first half; test_rms_deg is their error on the second half, which no decision has seen.",
+        "",
+        "# Recommended: the simplest model whose error on strokes left out of the fit is not clearly above the least.",
+        f"best = {quoted(fit.best)}",
+        f"source = {quoted(_one_line(source))}",
+        f"samples = {fit.samples}",
+        "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
+    ]
+    for name in NAMES:
+        lines += _model_lines(name, fit.models[name])
+    return "\n".join(lines) + "\n"
+
+
+def _model_lines(name: str, fitted: ModelFit) -> list[str]:
+    lines = [
+        "",
+        f"[models.{name}]",
+        f"train_rms_deg = {_number(fitted.train_rms * DEGREES)}",
+        f"test_rms_deg = {_number(fitted.test_rms * DEGREES)}",
+        "",
+        f"[models.{name}.parameters]",
+    ]
+    for key, value in fitted.parameters.items():
+        unit, text = meaning(key)
+        lines.append(f"{key} = {float(value)!r}  # [{unit}] {_spread(fitted.uncertainty[key])}; {text}")
+    lines += ["", f"[models.{name}.uncertainty]  # one standard deviation; inf: the log does not show it"]
+    return lines + [f"{key} = {_number(value)}" for key, value in fitted.uncertainty.items() if not math.isnan(value)]
+
+
+def _spread(uncertainty: float) -> str:
+    if math.isnan(uncertainty):
+        return "set, not fitted"
+    return "not identifiable from this log" if math.isinf(uncertainty) else f"± {uncertainty:.2g}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}" if math.isfinite(value) else "inf"
+
+
+def _one_line(text: str) -> str:
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def load_model(path: Path | str, name: str | None = None) -> CableModel:
+    """Read a model back from model.toml.
+
+    Args:
+        path: of the file.
+        name: which model; the recommended one where it is not given. ``bouc_wen`` is always there.
+
+    Raises:
+        ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
+    """
+    file = Path(path)
+    try:
+        document = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"{file} cannot be read: {error.strerror or error}", do="check the path") from error
+    except ValueError as error:
+        raise ParameterError(f"{file} is no TOML file: {error}", expected="what `bowden identify` writes") from error
+    models = document.get("models")
+    wanted = document.get("best") if name is None else name
+    if not isinstance(models, dict) or not isinstance(wanted, str):
+        raise ParameterError(f"{file} has no models in it", expected="what `bowden identify` writes")
+    if wanted not in models or wanted not in NAMES:
+        raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
+    return CableModel(wanted, _checked(file, wanted, models[wanted]))
+
+
+def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
+    parameters = table.get("parameters") if isinstance(table, dict) else None
+    if not isinstance(parameters, dict):
+        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file anew")
+    for key, value in parameters.items():
+        meaning(key)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ParameterError(f"{file}: {key} of {name} is {value!r}", expected="a finite number")
+    bounds = {"rate": 0.0, "shape": 0.5, "exponent": 0.0}
+    for key, least in bounds.items():
+        if key in parameters and not parameters[key] > least:
+            raise ParameterError(f"{file}: {key} of {name} is {parameters[key]}", expected=f"a number above {least:g}")
+    model = CableModel(name, {key: float(value) for key, value in parameters.items()})
+    model.joint_angle(np.zeros(2))  # names what is missing
+    return model.parameters

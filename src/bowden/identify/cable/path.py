@@ -1,0 +1,121 @@
+"""The path of a log: the motor's travel from reversal to reversal, freed of encoder noise, with the joint along it.
+
+All models here are rate-independent: only the order of the motor's positions matters, not when they were reached. A
+log is therefore thinned along its travel. Between two reversals, following samples are averaged into nodes that do not
+step back; each reversal is a node of its own, with a weight of zero. Without this, every flicker of an encoder would
+count as a reversal.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.kernel import compiled, kernel
+from bowden.identify.cable.turns import Turns
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Path:
+    """Nodes in the order in which the motor passed them."""
+
+    motor: Array
+    """Motor angle (n,) [rad]."""
+    joint: Array
+    """Mean joint angle (n,) [rad]; zero where the weight is."""
+    weight: Array
+    """Samples averaged in the node (n,) [–]; zero at the start and the reversals."""
+    time: Array
+    """Mean time (n,) [s]."""
+    stroke: NDArray[np.int64]
+    """Which stroke the node belongs to, from 0 (n,)."""
+    turning: Array
+    """Motor angle at the start, at each reversal, and at the end (strokes + 1,) [rad]."""
+    start_error: float
+    """Standard error of the motor angle at the start [rad]."""
+    reversal_error: float
+    """Standard error that all reversals of one side may have in common [rad]."""
+
+    @property
+    def strokes(self) -> int:
+        """Monotone strokes of the motor."""
+        return len(self.turning) - 1
+
+    @property
+    def span(self) -> float:
+        """Range of the motor [rad]."""
+        return float(np.ptp(self.turning))
+
+    def first(self, strokes: int) -> "Path":
+        """Its first strokes only."""
+        kept = self.stroke < strokes
+        parts = (self.motor[kept], self.joint[kept], self.weight[kept], self.time[kept], self.stroke[kept])
+        return Path(*parts, self.turning[: strokes + 1], self.start_error, self.reversal_error)
+
+    def with_weight(self, weight: Array) -> "Path":
+        """The same path, its nodes weighted otherwise (n,)."""
+        return replace(self, weight=weight)
+
+
+def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int) -> Path:
+    """The path of a log.
+
+    Args:
+        time: (n,) [s].
+        motor: (n,) [rad].
+        joint: (n,) [rad].
+        turns: of the motor.
+        nodes: about how many nodes are wanted; a log of many strokes gets more, so that each keeps its shape. Ten
+            times as many are enough: a longer log repeats itself, and eight nodes a stroke then do.
+    """
+    strokes = len(turns.at) + 1
+    nodes = max(nodes, 8 * strokes, min(strokes * max(8, nodes // 60), 10 * nodes))
+    travel = float(np.sum(np.abs(np.diff(turns.angle))))
+    fast = float(np.quantile(np.abs(motor[9:] - motor[:-9]), 0.9)) / 9.0  # per sample; nine outweigh the noise
+    together = max(1, int(travel / nodes / max(fast, 1e-12)), len(motor) // (4 * nodes))
+    together = min(together, max(1, len(motor) // nodes))
+    bounds = np.array([0, *turns.at, len(motor)])
+    parts = compiled(gather)(time, motor, joint, bounds, turns.angle, together)
+    return Path(parts[0], parts[1], parts[2], parts[3], parts[4], turns.angle, turns.start_error, turns.common_error)
+
+
+@kernel
+def gather(
+    time: Array, motor: Array, joint: Array, bounds: NDArray[np.int64], turning: Array, together: int
+) -> tuple[Array, Array, Array, Array, NDArray[np.int64]]:
+    """Average every `together` samples of a stroke into a node; then merge nodes that would step back.
+
+    The samples are grouped by time, not by travel: a group that ended where a reading is large would be biased. The
+    merging (pooled adjacent violators) gives the monotone motion closest to the readings; a rest becomes one node. It
+    leaves the last node of a stroke a little too far out, so no node may lie beyond the reversals.
+
+    Returns:
+        Motor, joint, weight, time and stroke of each node.
+    """
+    size = motor.size // together + 2 * bounds.size
+    m, j, w, t = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    owner = np.zeros(size, np.int64)
+    n = 0
+    for stroke in range(bounds.size - 1):
+        sign = 1.0 if turning[stroke + 1] >= turning[stroke] else -1.0
+        m[n], j[n], w[n] = turning[stroke], 0.0, 0.0
+        t[n], owner[n] = time[bounds[stroke]], stroke
+        n += 1
+        first = n
+        for begin in range(bounds[stroke], bounds[stroke + 1], together):
+            stop = min(begin + together, bounds[stroke + 1])
+            m[n], j[n] = np.mean(motor[begin:stop]), np.mean(joint[begin:stop])
+            t[n], w[n], owner[n] = np.mean(time[begin:stop]), stop - begin, stroke
+            n += 1
+            while n - 1 > first and sign * (m[n - 1] - m[n - 2]) <= 0.0:
+                share = w[n - 1] / (w[n - 2] + w[n - 1])
+                m[n - 2] += (m[n - 1] - m[n - 2]) * share
+                j[n - 2] += (j[n - 1] - j[n - 2]) * share
+                t[n - 2] += (t[n - 1] - t[n - 2]) * share
+                w[n - 2] += w[n - 1]
+                n -= 1
+        for k in range(first, n):
+            m[k] = sign * min(max(sign * m[k], sign * turning[stroke]), sign * turning[stroke + 1])
+    return m[:n], j[:n], w[:n], t[:n], owner[:n]

@@ -1,0 +1,99 @@
+"""The play operator (Eqs 4–5) with its half-width and its initial state searched.
+
+    joint = slope·z + offset
+
+A jump of the contact makes the error uneven in the half-width, so a scan of the whole range comes before the search.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bowden.core.kernel import compiled, kernel
+from bowden.identify.cable.family import Array, Estimate
+from bowden.identify.cable.path import Path
+from bowden.identify.cable.projection import minimise, solve_linear
+from bowden.models.cable.backlash import push
+from bowden.models.cable.prandtl_ishlinskii import plays
+
+
+@kernel
+def play_sensitivities(motor: Array, half_width: float, initial_lag: float) -> Array:
+    """z, ∂z/∂(half-width) and ∂z/∂(initial lag) along a motion (n, 3); z starts at motor[0] + `initial_lag`.
+
+    In contact z = motor ∓ half-width; between the contacts z and its derivatives stay.
+    """
+    found = np.empty((motor.size, 3))
+    z, by_width, by_lag = motor[0] + initial_lag, 0.0, 1.0
+    for k in range(motor.size):
+        after = push(z, motor[k], half_width)
+        if after != z:
+            by_width, by_lag = (-1.0 if after > z else 1.0), 0.0
+        z = after
+        found[k, 0], found[k, 1], found[k, 2] = z, by_width, by_lag
+    return found
+
+
+class PlayOperator:
+    """Four parameters: two searched, two linear."""
+
+    name = "play"
+
+    def __init__(self, thin: Path | None = None) -> None:
+        """`thin` is the path, thinned, on which the range of half-widths is scanned; all of it where none is given."""
+        self._thin = thin
+
+    def fit(self, path: Path) -> Estimate:
+        """See `Family.fit`."""
+        thin = self._thin or path
+        widths = 0.5 * path.span * np.geomspace(1e-3, 0.95, 40)
+        starts = [np.array([width, side]) for width in widths for side in (-1.0, 0.0, 1.0)]
+        costs = []
+        for start in starts:
+            basis = self._basis(thin, start)[0]
+            linear, _ = solve_linear(basis, thin.joint, thin.weight)
+            costs.append(float(thin.weight @ (basis @ linear - thin.joint) ** 2))
+        return self._search(path, starts[int(np.argmin(costs))])
+
+    def refit(self, path: Path, near: Estimate) -> Estimate:
+        """See `Family.refit`."""
+        return self._search(path, near.theta, rough=True)
+
+    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
+        """See `Family.predict`."""
+        before = motor[0] + parameters["initial_lag"]  # a play that was pushed from there stands at z
+        history = np.concatenate([[before], motor])
+        slots = compiled(plays)(history, np.array([parameters["half_width"]]))
+        return np.asarray(parameters["slope"] * slots[1:, 0] + parameters["offset"])
+
+    def _search(self, path: Path, start: Array, rough: bool = False) -> Estimate:
+        low, high = np.array([0.0, -1.0]), np.array([0.5 * path.span, 1.0])
+        found = minimise(lambda theta: self._basis(path, theta), path.joint, path.weight, start, low, high, rough)
+        width, side = found.theta
+        basis = self._basis(path, found.theta)[0]
+        z = compiled(play_sensitivities)(path.motor, width, side * width)
+        offset, slope = found.linear
+        return Estimate(
+            parameters={
+                "slope": float(slope),
+                "half_width": float(width),
+                "offset": float(offset),
+                "initial_lag": float(side * width),
+            },
+            slopes={
+                "slope": z[:, 0],
+                "half_width": slope * z[:, 1],
+                "offset": np.ones_like(path.motor),
+                "initial_lag": slope * z[:, 2],
+            },
+            fitted=basis @ found.linear,
+            theta=found.theta,
+            variance={"initial_lag": path.start_error**2},
+        )
+
+    def _basis(self, path: Path, theta: Array) -> tuple[Array, Array]:
+        """Φ = [1, z] for θ = (half-width, initial lag over half-width)."""
+        width, side = float(theta[0]), float(theta[1])
+        z = compiled(play_sensitivities)(path.motor, width, side * width)
+        slopes = np.stack([z[:, 1] + side * z[:, 2], width * z[:, 2]])[:, :, None]
+        return np.stack([np.ones_like(path.motor), z[:, 0]], axis=1), slopes

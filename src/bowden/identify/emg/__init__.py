@@ -1,0 +1,1 @@
+"""Recordings of EMG: reading, levels, scores."""

@@ -1,0 +1,271 @@
+"""Reading and checking recordings of EMG, and labels of contractions."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import LogError
+from bowden.identify.cable.checks import check_finite, even_time
+from bowden.identify.log.columns import FACTORS, split_name
+from bowden.identify.log.table import read_table
+from bowden.sensing.onset_settings import QUICKEST, SAFE, SLOWEST
+
+Array = NDArray[np.float64]
+
+_TIMES = ("time", "t", "timestamp", "seconds", "sec", "clock")
+_LABELS = (("onset", "start"), ("offset", "end"))
+"""Names of the columns of labels."""
+_SHORTEST = 2.0
+"""A recording of less has no rest to speak of [s]."""
+_RATE_ERROR = 0.01
+"""How far the times may be from a declared rate."""
+_UNIT = re.compile(r"[_\s(\[]([mµu]?V)[)\]]?$")
+"""At the end of a column's name."""
+_VOLTS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6, "uV": 1e-6}
+"""Unit → V."""
+_MOST_VOLTS, _MOST = 100.0, 1e12
+"""Larger values no amplifier gives: in volts, and as numbers in no known unit, such as counts of a converter."""
+_CLIPPED = 0.02
+"""Share of samples at an end of the range above which a recording counts as clipped."""
+_COARSE, _SATURATED = 16, 0.5
+"""A converter of so few steps is at an end of its range more often; above this share that is clipped, too."""
+
+
+@dataclass(frozen=True)
+class EmgLog:
+    """One channel of a recording that is fit to be looked at."""
+
+    values: Array
+    """In the file's unit (n,)."""
+    rate: float
+    """Samples a second [Hz]."""
+    start: float
+    """Time of the first sample [s]."""
+    channel: str
+    """Name of the column."""
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class EmgRecording:
+    """Channels of a recording, each fit to be looked at."""
+
+    values: Array
+    """In the file's unit (n, channels)."""
+    rate: float
+    """Samples a second and channel [Hz]."""
+    start: float
+    """Time of the first sample [s]."""
+    channels: tuple[str, ...]
+    """Names of the columns."""
+    unit: str
+    """That all channels' names end in, such as ``mV``; empty where they do not."""
+    warnings: tuple[str, ...]
+
+
+def read_emg(path: Path, channel: str | None = None, rate: float | None = None) -> EmgLog:
+    """Read one channel of a recording.
+
+    Args:
+        path: ``.csv``, ``.csv.gz`` or ``.parquet`` with a column of times and one or more of EMG.
+        channel: name of the column; the first that is not the time where it is not given.
+        rate: samples a second, as they are declared elsewhere; a file without times needs it [Hz].
+
+    Raises:
+        LogError: no such file or column, text or NaN in it, an uneven clock, a rate that the detector does not take or
+            that is not the declared one, too short, flat, clipped, or too large; one line that says where.
+    """
+    table = _read(path)
+    others = _signals(table, path)
+    name = others[0] if channel is None else channel
+    found = _recording(table, (name,), rate, path)
+    warnings = found.warnings
+    if channel is None and len(others) > 1:
+        warnings = (*warnings, f"{len(others)} channels, {name!r} is taken")
+    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings)
+
+
+def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None = None) -> EmgRecording:
+    """Read several channels of a recording, all of them where none is named; see `read_emg`.
+
+    Raises:
+        LogError: as `read_emg`, for each channel.
+    """
+    table = _read(path)
+    return _recording(table, tuple(channels) or tuple(_signals(table, path)), rate, path)
+
+
+def _times(table: dict[str, Array]) -> list[str]:
+    return [name for name in table if split_name(name)[0] in _TIMES]
+
+
+def _signals(table: dict[str, Array], path: Path) -> list[str]:
+    """Columns that are no times."""
+    times = _times(table)
+    others = [name for name in table if name not in times]
+    if not others:
+        raise LogError(f"{path}: no channel beside {', '.join(map(repr, times))}", expected="a column such as emg_mV")
+    return others
+
+
+def _recording(table: dict[str, Array], names: tuple[str, ...], declared: float | None, path: Path) -> EmgRecording:
+    def where(sample: int) -> str:
+        return f"{path}, row {sample + 1}"
+
+    times = _times(table)
+    if not times and declared is None:
+        raise LogError(
+            f"{path}: no column of times among {_listed(table)}",
+            expected="a column such as time_s",
+            do="or say how many samples a second it has with --rate",
+        )
+    for name in names:
+        if name not in table or name in times:
+            others = _listed(_signals(table, path))
+            raise LogError(f"{path}: no channel {name!r} among {others}", do="name one of them with --channel")
+    columns = [_numbers(table, name, path) for name in names]
+    if times:
+        time = _numbers(table, times[0], path) * FACTORS.get(split_name(times[0])[1] or "s", 1.0)
+    else:
+        time = np.arange(len(columns[0])) / (declared or 1.0)
+    if len(time) < 2:
+        raise LogError(f"{path} has {len(time)} samples", expected=f"at least {_SHORTEST:g} s of EMG")
+    check_finite(times[0] if times else "time", time, where)
+    for name, values in zip(names, columns, strict=True):
+        check_finite(name, values, where)
+    even, warnings = even_time(time, where)
+    if even is not time:
+        columns = [np.interp(even, time, values) for values in columns]
+    rate = (len(even) - 1) / float(even[-1] - even[0])
+    if declared is not None and not abs(rate / declared - 1.0) <= _RATE_ERROR:
+        raise LogError(
+            f"{path}: {declared:g} Hz are declared, and the times in {times[0]!r} are of {rate:.4g} Hz",
+            expected=f"the same, within {100 * _RATE_ERROR:g} %",
+            do="correct --rate, or the unit of the time (time_s, time_ms)",
+        )
+    if not SLOWEST <= rate <= QUICKEST:
+        raise LogError(
+            f"{path}: {rate:.4g} samples a second",
+            expected=f"{SLOWEST:g} to {QUICKEST:g} Hz",
+            do="look at the unit of the time (time_s, time_ms), or resample",
+        )
+    if rate < SAFE:
+        slow = f"{rate:.4g} samples a second are few: below {SAFE:g} an open input may pass for a contraction"
+        warnings = [*warnings, slow]
+    if len(even) < _SHORTEST * rate:
+        raise LogError(f"{path}: {len(even) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
+    for name, values in zip(names, columns, strict=True):
+        check_signal(name, values, str(path))
+    units = {suffix[1] if (suffix := _UNIT.search(name)) else "" for name in names}
+    unit = units.pop() if len(units) == 1 else ""
+    return EmgRecording(np.column_stack(columns), rate, float(even[0]), names, unit, tuple(warnings))
+
+
+def read_labels(path: Path) -> list[tuple[float, float]]:
+    """Onset and end of contractions, in order [s].
+
+    Args:
+        path: CSV with the columns ``onset_s`` and ``offset_s``, or ``start_s`` and ``end_s``; also in ``ms`` or ``us``,
+            and in seconds where they name no unit.
+
+    Raises:
+        LogError: not readable, other columns, or times that are no contractions in order.
+    """
+    table = _read(path)
+    times = []
+    for choices in _LABELS:
+        name = next((name for choice in choices for name in table if split_name(name)[0] == choice), None)
+        unit = (split_name(name)[1] or "s") if name else ""
+        if name is None or unit not in ("s", "ms", "us"):
+            raise LogError(
+                f"{path}: columns {_listed(table)}",
+                expected="onset_s and offset_s, or start_s and end_s, named in the first row; _ms will do as well",
+            )
+        values = _numbers(table, name, path)
+        unknown = np.flatnonzero(~np.isfinite(values))
+        if len(unknown):
+            row = int(unknown[0])
+            raise LogError(f"{path}, row {row + 1}: {name} is {values[row]:g}", expected="a time", do="remove that row")
+        times.append(values * FACTORS[unit])
+    onset, end = times
+    before = -np.inf
+    for row, (first, last) in enumerate(zip(onset, end, strict=True)):
+        if not first < last:
+            problem = f"a contraction from {first:g} to {last:g} s"
+        elif not before < first:
+            problem = f"a contraction begins at {first:g} s, and the one before it ends at {before:g} s"
+        else:
+            before = last
+            continue
+        raise LogError(f"{path}, row {row + 1}: {problem}", expected="onset < offset < next onset")
+    return [(float(first), float(last)) for first, last in zip(onset, end, strict=True)]
+
+
+def largest(unit: str) -> float:
+    """What no value of a signal exceeds, in its unit; empty where it is not known."""
+    return _MOST_VOLTS / _VOLTS[unit] if unit in _VOLTS else _MOST
+
+
+def check_signal(name: str, values: Array, where: str) -> None:
+    """Refuse a signal that no electrode gives.
+
+    Args:
+        name: of the channel, with its unit at its end where it has one.
+        values: finite (n,).
+        where: the recording or stream, for messages.
+
+    Raises:
+        LogError: flat, clipped, or too large to be one.
+    """
+    low, high = float(values.min()), float(values.max())
+    unit = suffix[1] if (suffix := _UNIT.search(name)) else ""
+    most = largest(unit)
+    if not max(-low, high) <= most:
+        raise LogError(
+            f"{where}: {name} reaches {max(-low, high):g}",
+            expected=f"at most {most:g}" + (f" {unit}, which are {_MOST_VOLTS:g} V" if unit in _VOLTS else ""),
+            do="look at the unit in the column's name, and at the file",
+        )
+    if not high > low:
+        raise LogError(
+            f"{where}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain"
+        )
+    clipped = float(np.mean((values == low) | (values == high)))
+    if clipped > (_CLIPPED if len(np.unique(values)) > _COARSE else _SATURATED):
+        raise LogError(
+            f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
+            expected=f"at most {100 * _CLIPPED:g} %",
+            do="lower the amplifier's gain and record again",
+        )
+
+
+def _read(path: Path) -> dict[str, Array]:
+    table = read_table(path)
+    twice = next((name for name in table.column_names if table.column_names.count(name) > 1), None)
+    if twice is not None:
+        raise LogError(f"{path}: two columns are named {twice!r}", expected="a name for each")
+    odd = next((name for name in table.column_names if not name.isprintable()), None)
+    if odd is not None:
+        raise LogError(f"{path}: a column is named {odd[:40]!r}", expected="names that can be printed")
+    return dict(zip(table.column_names, (column.to_numpy() for column in table.columns), strict=True))
+
+
+def _numbers(table: dict[str, Array], name: str, path: Path) -> Array:
+    column = table[name]
+    if column.dtype.kind in "fiub":
+        return np.asarray(column, dtype=np.float64)
+    for row, value in enumerate(column):
+        try:
+            float(value)
+        except (TypeError, ValueError):
+            raise LogError(f"{path}, row {row + 1}: {name} is {value!r}", expected="a number") from None
+    return np.asarray(column, dtype=np.float64)
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(repr(name) for name in islice(names, 12)) or "none"

@@ -1,0 +1,1 @@
+"""From a log of a servo to its parameters."""

@@ -1,0 +1,249 @@
+"""A servo from a log of its command and its motor: natural frequency, damping, delay and limits.
+
+The model is that of `bowden.models.drive.servo`, driven by the command as it was `delay` seconds ago (a fraction of a
+sample counts), plus a constant offset between command and motor:
+
+    motor(t) = servo(command(t − delay)) + offset,   |speed| ≤ v,  |acceleration| ≤ a
+
+All are fitted together by least squares; a limit is taken into the model only where it makes the residual a tenth
+smaller, that is, where the log reaches it. Uncertainties are those of the least squares, with the residual's
+correlation from one sample to the next counted.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import LogError
+from bowden.core.kernel import compiled, kernel
+from bowden.core.metrics import sample_time
+from bowden.core.units import DEGREES, RADIANS
+from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
+
+Array = NDArray[np.float64]
+
+LEAST_SAMPLES = 50
+_SMALLEST_STEP = 0.5 * RADIANS
+"""Span of the command below which nothing was asked of the servo [rad]."""
+_LONGEST_DELAY = 0.2
+"""[s]"""
+_PARTS = 3
+"""Steps into which each part of a sample is divided, for the limits."""
+
+
+class Estimate(NamedTuple):
+    """A figure with its standard uncertainty."""
+
+    value: float
+    uncertainty: float
+
+
+@dataclass(frozen=True)
+class ServoFit:
+    """What the log says about the servo."""
+
+    natural_frequency: Estimate
+    """ω [rad/s]."""
+    damping: Estimate
+    """ζ [–]."""
+    delay: Estimate
+    """Between the logged command and the moment it acts [s]."""
+    speed_limit: Estimate | None
+    """[rad/s]; None where the log does not reach it."""
+    acceleration_limit: Estimate | None
+    """[rad/s²]; None where the log does not reach it."""
+    residual: float
+    """Root mean square of motor − model [rad]."""
+    share: float
+    """Share of the motor's motion that the model leaves unexplained [–]."""
+    model: Array
+    """The model's motor angle (n,) [rad]."""
+
+
+@kernel
+def follow(
+    command: Array, late: int, first: ServoStep, second: ServoStep, parts: int, start: float, out: Array
+) -> None:
+    """The motor at each sample, from rest at `start`, under the delayed command; fills `out` (n,).
+
+    The delay is `late` samples and the fraction of one that `first` lasts: until then the command before counts.
+
+    Args:
+        command: held over each sample (n,) [rad].
+        late: whole samples of the delay.
+        first: the servo prepared for its part of the fraction's time.
+        second: the same for the rest of the sample.
+        parts: steps in each of the two.
+        start: of the motor [rad].
+        out: filled (n,) [rad].
+    """
+    state = ServoState(start, 0.0, 0.0)
+    out[0] = start
+    for k in range(1, len(command)):
+        for _ in range(parts):
+            state = servo_step(state, command[max(0, k - 2 - late)], first)
+        for _ in range(parts):
+            state = servo_step(state, command[max(0, k - 1 - late)], second)
+        out[k] = state.position
+
+
+def identify_servo(time: Array, command: Array, motor: Array) -> ServoFit:
+    """Fit a servo to a log of a step or a chirp.
+
+    Args:
+        time: even, increasing (n,) [s].
+        command: the motor's target angle (n,) [rad].
+        motor: its measured angle (n,) [rad].
+
+    Raises:
+        LogError: too short or uneven, values that are not finite, a command that asks for too little, a motor that does
+            not follow, or a log that does not tell the servo's frequency.
+    """
+    dt = _checked(time, command, motor)
+    fits = {limits: _fit(command, motor, dt, limits) for limits in ("", "v")}
+    if _better(fits["v"], fits[""]):
+        fits["va"] = _fit(command, motor, dt, "va", fits["v"])
+    else:
+        fits["a"] = _fit(command, motor, dt, "a")
+    best = ""
+    for limits in fits:
+        if _better(fits[limits], fits[best]):
+            best = limits
+    return _result(fits[best], best, command, motor, dt)
+
+
+class _Fit(NamedTuple):
+    values: Array
+    """ln ω, ln ζ, delay, offset, then ln of the limits."""
+    covariance: Array
+    residual: float
+    model: Array
+
+
+def _better(fit: _Fit, than: _Fit) -> bool:
+    """By a tenth of the residual: a limit that the log does not reach explains nothing."""
+    return fit.residual < 0.9 * than.residual
+
+
+def _model(values: Array, limits: str, command: Array, start: float, dt: float) -> Array:
+    bounds = dict(zip(limits, np.exp(values[4:]), strict=True))
+    servo = Servo(
+        float(np.exp(values[0])),
+        float(np.exp(values[1])),
+        float(bounds.get("v", np.inf)),
+        float(bounds.get("a", np.inf)),
+    )
+    whole = max(0.0, float(values[2])) / dt
+    late = int(np.floor(whole))
+    fraction = min(max(whole - late, 1e-6), 1.0 - 1e-6)
+    out = np.empty(len(command))
+    first, second = (prepare(servo, part * dt / _PARTS) for part in (fraction, 1.0 - fraction))
+    compiled(follow)(command, late, first, second, _PARTS, start - float(values[3]), out)
+    return out + float(values[3])
+
+
+def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None = None) -> _Fit:
+    from scipy.optimize import least_squares
+
+    speed = _slopes(motor, dt)
+    first_limits = {"v": float(np.max(np.abs(speed))), "a": float(np.max(np.abs(_slopes(speed, dt))))}
+    tail = [np.log(max(first_limits[limit], 1e-6)) for limit in limits]
+
+    def residuals(values: Array) -> Array:
+        return _model(values, limits, command, float(motor[0]), dt) - motor
+
+    grid = [
+        np.array([np.log(2.0 * np.pi * f), np.log(zeta), delay, 0.0, *tail])
+        for f in np.geomspace(0.5, 80.0, 15)
+        for zeta in (0.3, 0.7, 1.2)
+        for delay in (0.0, 0.003, 0.01, 0.04)
+    ]
+    if near is not None:
+        grid += [np.array([*near.values, tail[-1] - k]) for k in (0.0, 0.5, 1.0, 2.0)]
+    start = min(grid, key=lambda values: float(np.sum(residuals(values) ** 2)))
+    span = float(np.ptp(command))
+    low = [np.log(0.1), np.log(0.02), 0.0, -span, *(np.log(1e-6) for _ in limits)]
+    high = [np.log(1e4), np.log(20.0), _LONGEST_DELAY, span, *(np.log(1e9) for _ in limits)]
+    scale = [0.1, 0.1, dt, 0.01 * span, *(0.1 for _ in limits)]
+    inside = np.clip(start, np.array(low) + 1e-9, np.array(high) - 1e-9)
+    found = least_squares(residuals, inside, bounds=(low, high), x_scale=scale, diff_step=[1e-5] * len(low))
+    left = np.asarray(found.fun, dtype=np.float64)
+    jacobian = np.asarray(found.jac, dtype=np.float64)
+    n = len(left)
+    near_one = float(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300))
+    independent = n * max(1.0 - near_one, 1e-3) / (1.0 + max(near_one, 0.0))
+    variance = float(np.sum(left**2)) / max(n - len(inside), 1) * n / independent
+    covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
+    return _Fit(
+        np.asarray(found.x, dtype=np.float64),
+        np.asarray(covariance, dtype=np.float64),
+        float(np.sqrt(np.mean(left**2))),
+        left + motor,
+    )
+
+
+def _result(fit: _Fit, limits: str, command: Array, motor: Array, dt: float) -> ServoFit:
+    spread = np.sqrt(np.diag(fit.covariance))
+    relative = float(spread[0])
+    share = fit.residual / float(np.std(motor))
+    if share > 0.3:
+        raise LogError(
+            f"a second-order servo leaves {100.0 * share:.0f} % of the motor's motion unexplained",
+            expected="the motor's own command, in the same unit and direction",
+            do="look at the columns, the units and the direction",
+        )
+    if not relative < 0.25 or fit.values[0] > np.log(0.5 * np.pi / dt):
+        raise LogError(
+            "the log does not tell the servo's frequency: the motor follows the command without a lag to be seen",
+            expected="a step, or a chirp up to beyond the servo's frequency",
+            do="log one, with samples that are short against the servo's rise",
+        )
+    shown = {
+        name: Estimate(float(np.exp(v)), float(np.exp(v) * s))
+        for name, v, s in zip(limits, fit.values[4:], spread[4:], strict=True)
+    }
+    omega, zeta = (float(np.exp(v)) for v in fit.values[:2])
+    return ServoFit(
+        natural_frequency=Estimate(omega, omega * relative),
+        damping=Estimate(zeta, zeta * float(spread[1])),
+        delay=Estimate(float(fit.values[2]), float(spread[2])),
+        speed_limit=shown.get("v"),
+        acceleration_limit=shown.get("a"),
+        residual=fit.residual,
+        share=share,
+        model=fit.model,
+    )
+
+
+def _slopes(values: Array, dt: float) -> Array:
+    """Mean rate over windows of a hundredth of the log, ten samples at least, fifty at most [1/s]."""
+    window = int(np.clip(len(values) // 100, 10, 50))
+    return np.asarray((values[window:] - values[:-window]) / (window * dt))
+
+
+def _checked(time: Array, command: Array, motor: Array) -> float:
+    """The sample time of a log that can be fitted [s]."""
+    if len(time) < LEAST_SAMPLES or not len(time) == len(command) == len(motor):
+        raise LogError(
+            f"a servo log with {len(time)}, {len(command)} and {len(motor)} samples of time, command and motor",
+            expected=f"the same number of each, {LEAST_SAMPLES} at least",
+        )
+    for name, values in (("time", time), ("command", command), ("motor", motor)):
+        if not np.isfinite(values).all():
+            raise LogError(f"{name} of the servo log is not finite at sample {int(np.argmin(np.isfinite(values)))}")
+    dt = sample_time(time)
+    span, answered = float(np.ptp(command)), float(np.ptp(motor))
+    if span < _SMALLEST_STEP:
+        raise LogError(
+            f"no excitation: the command spans {span * DEGREES:.2g}°",
+            expected=f"a step or a chirp of {_SMALLEST_STEP * DEGREES:g}° at least",
+        )
+    if answered < 0.05 * span:
+        raise LogError(
+            f"the motor moves {answered * DEGREES:.2g}° for a command of {span * DEGREES:.2g}°",
+            expected="a motor that follows",
+            do="look at the columns, and whether the drive was on",
+        )
+    return dt

@@ -1,0 +1,1 @@
+"""The live loop: session, processes, recorder, logs, replay."""

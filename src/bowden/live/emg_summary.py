@@ -1,0 +1,107 @@
+"""How a run by EMG went: motions, the delays from a contraction to the joint, what of the stream was lost."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import Source
+from bowden.sensing.intent import Intent
+
+if TYPE_CHECKING:
+    from bowden.live.emg_ear import Ear
+    from bowden.rig.emg_setup import EmgRun
+
+Array = NDArray[np.float64]
+
+NEEDED = ("time", "command", "emg.age", "emg.onset", "emg.intent", "emg.samples", "emg.lost")
+"""Columns of the log, beside those of every run."""
+COMMAND_MOVES, JOINT_MOVES = 0.1 * RADIANS, 1.0 * RADIANS
+"""Motions that count as such [rad]."""
+SETTLED = 1.0
+"""After the first second of a motion the error is judged [s]."""
+
+
+class Columns(Protocol):
+    """A log, or a part of one."""
+
+    def __getitem__(self, name: str) -> Array:
+        """A column (n,)."""
+        ...
+
+
+def figures(log: Columns, run: "EmgRun", ear: "Ear") -> dict[str, Any]:
+    """Of a run's log, as JSON values; delays count from the sample with which a contraction was told.
+
+    In the proportional mode the joint follows the envelope: there are no motions to speak of.
+    """
+    led, triggered = log["source"] >= Source.LAW_BEGINS, run.course.proportional < 0.5
+    at = _motions(log["emg.intent"], led) if triggered else []
+    time, onset = log["time"], log["emg.onset"]
+    end = int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0
+    spans = list(pairwise([*at, end]))
+    moves: dict[str, list[float | None]] = {
+        "cycle": [float(time[i] - onset[i]) for i in at],
+        "command": [_until(time, log["command"], onset[i], i, end, COMMAND_MOVES) for i, end in spans],
+        "joint": [_until(time, log["joint"], onset[i], i, end, JOINT_MOVES) for i, end in spans],
+    }
+    error = np.abs(log["joint"] - log["reference"])
+    late = [error[i:end][time[i:end] - time[i] >= SETTLED] for i, end in spans]
+    settled = np.concatenate([np.empty(0), *late])
+    settled = settled[np.isfinite(settled)]
+    age = log["emg.age"][led]
+    return {
+        "source": run.source,
+        "stream": ear.stream,
+        "motions": len(at) if triggered else None,
+        **{f"onset_to_{name}_ms": _spread(delays) for name, delays in moves.items()},
+        "peak_after_first_second_deg": float(settled.max() / RADIANS) if len(settled) else None,
+        "age_ms": _spread(age.tolist()),
+        "samples": int(log["emg.samples"][-1]) if len(time) else 0,
+        "lost": int(log["emg.lost"][-1]) if len(time) else 0,
+        "why_lost": ear.lost or None,
+    }
+
+
+def _motions(intent: Array, led: NDArray[np.bool_]) -> list[int]:
+    """Rows in which a motion begins, or turns round."""
+    moving = (intent == Intent.FLEX) | (intent == Intent.EXTEND)
+    begins = led[1:] & moving[1:] & (intent[1:] != intent[:-1])
+    return [int(i) + 1 for i in np.flatnonzero(begins)]
+
+
+def _until(time: Array, values: Array, onset: float, begin: int, end: int, far: float) -> float | None:
+    """From the onset until a value is `far` from where it was [s]; None where it never is."""
+    gone = np.flatnonzero(np.abs(values[begin:end] - values[begin]) >= far)
+    return float(time[begin + gone[0]] - onset) if len(gone) else None
+
+
+def _spread(delays: Sequence[float | None]) -> dict[str, float] | None:
+    known = np.array([delay for delay in delays if delay is not None and np.isfinite(delay)])
+    if not len(known):
+        return None
+    quantiles = {"p50": np.median(known), "p99": np.quantile(known, 0.99), "max": known.max()}
+    return {name: round(1e3 * float(value), 3) for name, value in quantiles.items()}
+
+
+def print_figures(found: Mapping[str, Any]) -> None:
+    """The same for a person."""
+    motions = "the joint follows the envelope" if found["motions"] is None else f"{found['motions']} motions"
+    print(f"EMG: {found['stream'] or found['source']}; {motions}", end="")
+    if found["peak_after_first_second_deg"] is not None:
+        print(f", error after the first second of each at most {found['peak_after_first_second_deg']:.2f}°", end="")
+    print()
+    said = [
+        f"{what} {found[f'onset_to_{name}_ms']['p50']:.0f} ms ({found[f'onset_to_{name}_ms']['max']:.0f} at most)"
+        for name, what in (("cycle", "loop"), ("command", "command moves"), ("joint", "joint moves by 1°"))
+        if found[f"onset_to_{name}_ms"]
+    ]
+    if said:
+        print(f"from the sample that tells a contraction: {', '.join(said)}")
+    age = f"; {found['age_ms']['p50']:.0f} ms old in the loop in the median" if found["age_ms"] else ""
+    print(f"{found['lost']} of {found['samples']} samples lost{age}")
+    if found["why_lost"]:
+        print(f"the stream at the end: {found['why_lost']}")

@@ -1,0 +1,85 @@
+"""What changed from row to row, in words: modes, reactions, faults that come and go, emergencies, missing rows."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.live.mcap_layout import Event
+from bowden.live.ring import Description
+
+WATCHED = ("mode", "reaction", "power", "source", "preflight_reason")
+"""Columns that hold the number of a state."""
+FAULTS = "faults"
+"""Column that holds a set of faults, fault i as the bit 2^i."""
+EMERGENCY = "emergency"
+"""Column that holds the error code of the drive in the cycle in which it comes, otherwise 0."""
+
+
+class Changes:
+    """Finds events in rows that come in pieces; names come from ``settings["names"]``.
+
+    That table has a list for each column of `WATCHED` and for `FAULTS`: the name of state i, or of bit i.
+
+    Args:
+        description: of the rows.
+        last: number and values of the row before the first that comes.
+    """
+
+    def __init__(self, description: Description, last: tuple[int, NDArray[np.float64]] | None = None) -> None:
+        self._description, self._last = description, last
+        columns = list(description.columns)
+        self._time = columns.index("time")
+        self._watched = [(name, columns.index(name)) for name in (*WATCHED, FAULTS, EMERGENCY) if name in columns]
+        self._names: Mapping[str, Any] = description.settings.get("names", {})
+
+    def find(self, numbers: NDArray[np.int64], rows: NDArray[np.float64]) -> tuple[list[Event], "Changes"]:
+        """Events of the next rows (n,) and (n, width), in their order; and who finds those of the rows after them."""
+        if not len(rows):
+            return [], self
+        first = self._last is None
+        number, row = (int(numbers[0]) - 1, np.full(rows.shape[1], np.nan)) if self._last is None else self._last
+        before, earlier = np.concatenate([row[None], rows[:-1]]), np.concatenate([[number], numbers[:-1]])
+        events = []
+        if first and numbers[0] > 0:
+            events.append(Event(int(numbers[0]), float(rows[0, self._time]), f"{numbers[0]} rows lost before this one"))
+        for i in np.flatnonzero(numbers - earlier > 1).tolist():
+            lost = int(numbers[i] - earlier[i]) - 1
+            events.append(Event(int(numbers[i]), float(rows[i, self._time]), f"{lost} rows lost before this one"))
+        for name, at in self._watched:
+            old, new = before[:, at], rows[:, at]
+            for i in np.flatnonzero((old != new) & ~(np.isnan(old) & np.isnan(new))).tolist():
+                text = self._text(name, old[i], new[i])
+                if text:
+                    events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
+        events.sort(key=lambda event: event.number)
+        return events, Changes(self._description, (int(numbers[-1]), rows[-1].copy()))
+
+    def _text(self, column: str, old: float, new: float) -> str:
+        if column == EMERGENCY:
+            return f"emergency: 0x{int(new):04X}" if 0.0 < new < 2.0**16 else ""
+        return self._faults(old, new) if column == FAULTS else self._state(column, old, new)
+
+    def _state(self, column: str, old: float, new: float) -> str:
+        names = self._names.get(column, ())
+        came = _name(new, names)
+        return f"{column}: {came}" if np.isnan(old) else f"{column}: {_name(old, names)} → {came}"
+
+    def _faults(self, old: float, new: float) -> str:
+        names = self._names.get(FAULTS, ())
+        was, now = _bits(old), _bits(new)
+        parts = [f"fault: {_name(bit, names)}" for bit in sorted(now - was)]
+        parts += [f"fault gone: {_name(bit, names)}" for bit in sorted(was - now)]
+        return "; ".join(parts)
+
+
+def _bits(value: float) -> set[int]:
+    if not 0.0 <= value < 2.0**53:
+        return set()
+    return {bit for bit in range(int(value).bit_length()) if int(value) >> bit & 1}
+
+
+def _name(value: float, names: Sequence[str]) -> str:
+    known = float(value).is_integer() and 0 <= value < len(names)
+    return names[int(value)] if known else f"{value:g}"

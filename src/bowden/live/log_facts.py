@@ -1,0 +1,104 @@
+"""The facts of a log, as ``bowden log info`` and its page tell them."""
+
+import json
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.live.mcap_read import Recording
+
+NEEDED = ("time", "lateness", "run_time", "overruns")
+"""Columns of the log that are looked at."""
+
+_MOST_EVENTS = 12  # printed; the JSON document has them all
+
+
+def facts(found: Recording) -> dict[str, Any]:
+    """What ``bowden log info --json`` says of a log, but its name."""
+    time = found["time"]
+    known = time[np.isfinite(time)]
+    steps = np.diff(known)
+    settings = found.settings
+    return {
+        "closed": found.closing is not None,
+        "whole": found.whole,
+        "cycles": len(found.rows),
+        "missing": found.missing,
+        "damage": found.damage._asdict(),
+        "duration_s": float(known[-1] - known[0]) if len(known) > 1 else 0.0,
+        "sample_time_s": float(np.median(steps)) if len(steps) else None,
+        "start_utc": datetime.fromtimestamp(int(found.about["start_utc_ns"]) // 10**9, UTC).isoformat(),
+        "law": settings.get("law"),
+        "seed": settings.get("seed"),
+        "lateness_s": _percentiles(found, "lateness"),
+        "run_time_s": _percentiles(found, "run_time"),
+        "overruns": _overruns(found),
+        "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
+        "software": {key: found.about[key] for key in _ABOUT if key in found.about},
+        "recorder": found.closing or {},
+        "columns": dict(zip(json.loads(found.about["columns"]), json.loads(found.about["units"]), strict=True)),
+        "settings": _finite(settings),
+    }
+
+
+_ABOUT = ("software", "software_revision", "rig_revision", "python", "host", "system")
+
+
+def _percentiles(found: Recording, column: str) -> dict[str, float] | None:
+    """p50, p99, p99.9 and the largest; None where there is no such column or no number in it."""
+    if column not in found.columns:
+        return None
+    values: NDArray[np.float64] = found[column][np.isfinite(found[column])]
+    if not len(values):
+        return None
+    shares = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
+    return {name: float(np.percentile(values, share)) for name, share in shares.items()}
+
+
+def _overruns(found: Recording) -> int | None:
+    """Deadlines that were skipped; the column tells how many before each cycle."""
+    if "overruns" not in found.columns or not np.isfinite(found["overruns"]).any():
+        return None
+    return int(np.nansum(found["overruns"]))
+
+
+def _finite(value: Any) -> Any:
+    """Settings with None in place of a number that JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """The facts as pairs of texts."""
+    yield "begun", document["start_utc"]
+    yield "duration", f"{document['duration_s']:.3f} s, {document['cycles']} cycles"
+    yield "missing", f"{document['missing']} cycles" if document["missing"] else "nothing"
+    yield "closed properly", "yes" if document["closed"] else "no"
+    if not document["whole"] and document["closed"]:
+        yield "damage", ", ".join(f"{value} {name}" for name, value in document["damage"].items())
+    for name in ("law", "seed"):
+        if document[name] is not None:
+            yield name, str(document[name])
+    for name, column in (("lateness", "lateness_s"), ("run time", "run_time_s")):
+        if document[column] is not None:
+            told = (f"{share.replace('_', '.')} {1e6 * value:.1f}" for share, value in document[column].items())
+            yield name, f"{', '.join(told)} µs"
+    if document["overruns"] is not None:
+        yield "overruns", str(document["overruns"])
+    yield "software", ", ".join(document["software"].values())
+    events = document["events"]
+    for event in events[:_MOST_EVENTS]:
+        time = "" if event["time_s"] is None else f"{event['time_s']:.3f} s: "
+        yield "event", f"{time}{event['text']}"
+    if len(events) > _MOST_EVENTS:
+        yield "", f"and {len(events) - _MOST_EVENTS} more events"

@@ -1,0 +1,71 @@
+"""The loop's own process, which `live_session` starts: it composes, compiles, brings the drive up, and cycles.
+
+It says what happens as lines of JSON on standard output, none of them while it cycles: ``ready``, ``ended`` or
+``error``.
+"""
+
+import json
+import signal
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from bowden.core.errors import BowdenError
+
+
+def main() -> int:
+    """``python -m bowden.live.loop_process JSON``, with the fields of `Asked` and of `Start`."""
+    given = json.loads(sys.argv[1])
+    try:
+        return _run(given)
+    except BowdenError as error:
+        _say("error", str(error))
+    except Exception as error:  # so that the operator learns why there is no loop
+        _say("error", f"the loop failed: {type(error).__name__}: {error}")
+        raise
+    return 2
+
+
+def _run(given: dict[str, Any]) -> int:
+    from bowden.core.clock import MonotonicClock
+    from bowden.hardware.drives.canopen_drive import CanopenDrive
+    from bowden.hardware.realtime import become_realtime
+    from bowden.live.compose_live import Asked, compose_live
+    from bowden.live.control_block import ControlBlock
+    from bowden.live.loop import Loop
+    from bowden.live.preflight import REASONS, Reason
+    from bowden.live.ring import RingWriter
+    from bowden.live.row import NOTHING_READ
+    from bowden.models.drive.thermal import ThermalState
+
+    asked = Asked(**(given["asked"] | {"rig": Path(given["asked"]["rig"])}))
+    live = compose_live(asked)
+    emg = Path(given["emg"]) if given["emg"] else None
+    course = live.course(emg, given["start_ns"])
+    cycle, script, push = live.cycle(), live.script(course), live.push()
+    cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]))
+    ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
+    drive = CanopenDrive(live.drive)
+    loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"], course, push)
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, lambda *_: loop.quit())
+    try:
+        identity = drive.bring_up()
+        grants = become_realtime(live.settings)
+        _say("ready", {"drive": identity, "grants": [asdict(grant) for grant in grants]})
+    except BaseException:
+        drive.close()
+        ring.close()
+        raise
+    ended = loop.run()
+    _say("ended", asdict(ended) | {"reason": REASONS[Reason(int(script.reason))]})
+    return 0
+
+
+def _say(what: str, value: Any) -> None:
+    print(json.dumps({what: value}, ensure_ascii=False), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,226 @@
+"""Writing the log of a run: an MCAP file that grows by whole chunks and can be read up to the last of them."""
+
+import json
+import os
+import struct
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Statistics,
+    SummaryOffset,
+)
+from numpy.typing import NDArray
+
+from bowden.live.mcap_layout import Event, Packing, declarations, topics
+from bowden.live.ring import Description
+
+MAGIC = b"\x89MCAP0\r\n"
+ABOUT = "bowden"
+"""Name of the metadata record that stands first in a file, with what `about` says."""
+CLOSING = "bowden.closing"
+"""Name of the metadata record that stands last in a file that was closed properly."""
+
+
+def about(description: Description, more: Mapping[str, str]) -> dict[str, str]:
+    """What the file says about its run: columns, units, settings (as JSON), start, and `more`."""
+    said = {
+        "columns": json.dumps(description.columns),
+        "units": json.dumps(description.units),
+        "settings": json.dumps(description.settings),
+        "start_utc_ns": str(description.start_utc_ns),
+        "start_monotonic_ns": str(description.start_monotonic_ns),
+        **more,
+    }
+    return said | {"crc32": checksum(said)}
+
+
+def checksum(said: Mapping[str, str]) -> str:
+    """Of all entries but its own; MCAP has none for metadata, and a unit or a gain that is wrong shows nowhere else."""
+    return f"{zlib.crc32(json.dumps(sorted((k, v) for k, v in said.items() if k != 'crc32')).encode()):08x}"
+
+
+class LogFile:
+    """An open log.
+
+    Args:
+        handle: descriptor of an empty file; it stays the caller's to close.
+        metadata: what `about` made.
+        write: in place of `os.write`.
+
+    Raises:
+        OSError: the disk does not take it.
+    """
+
+    def __init__(self, handle: int, metadata: Mapping[str, str], write: Callable[[int, bytes], int] = os.write) -> None:
+        self._handle, self._write = handle, write
+        columns, units = json.loads(metadata["columns"]), json.loads(metadata["units"])
+        found = topics(columns, units)
+        self._packing, self._declared = Packing(found), declarations(found)
+        self._time, self._start = columns.index("time"), int(metadata["start_utc_ns"])
+        self._chunks: list[tuple[ChunkIndex, int, int]] = []  # with the numbers of rows and events in each
+        self._metadata: list[MetadataIndex] = []
+        self.size = 0
+        """Length of the whole records so far [bytes]."""
+        self.rows = 0
+        """Rows in the file."""
+        head = MAGIC + _bytes(Header("ros2", "bowden"), *(record for pair in self._declared for record in pair))
+        self._append(head)
+        self._put_metadata(ABOUT, metadata)
+
+    def write(self, numbers: NDArray[np.int64], rows: NDArray[np.float64], events: Sequence[Event] = ()) -> None:
+        """Append a chunk, whole or not at all.
+
+        Args:
+            numbers: of the rows (n,).
+            rows: (n, width), one or more.
+            events: that show in these rows.
+
+        Raises:
+            OSError: the disk does not take it; the file is as it was before.
+        """
+        log_time = self._start + np.rint(1e9 * np.nan_to_num(rows[:, self._time])).astype(np.int64)
+        data = self._packing.pack(numbers, rows, log_time)
+        size = self._packing.dtype.itemsize
+        index = [
+            _message_index(channel, log_time, offset + size * np.arange(len(rows)))
+            for channel, offset in enumerate(self._packing.offsets(), 1)
+        ]
+        stamps = [int(log_time[np.searchsorted(numbers, event.number)]) for event in events]
+        packed = [self._packing.pack_event(event, stamp) for event, stamp in zip(events, stamps, strict=True)]
+        if packed:
+            offsets = len(data) + np.cumsum([0, *map(len, packed[:-1])])
+            index.append(_message_index(self._packing.event_channel, np.array(stamps), offsets))
+            data += b"".join(packed)
+        first, last = int(log_time.min()), int(log_time.max())
+        head = struct.pack("<QQQIIQ", first, last, len(data), zlib.crc32(data), 0, len(data))
+        chunk = struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)) + head + data
+        places, at = {}, self.size + len(chunk)
+        for channel, record in enumerate(index, 1):
+            places[channel], at = at, at + len(record)
+        entry = ChunkIndex(
+            chunk_length=len(chunk),
+            chunk_start_offset=self.size,
+            compression="",
+            compressed_size=len(data),
+            message_end_time=last,
+            message_index_length=sum(map(len, index)),
+            message_index_offsets=places,
+            message_start_time=first,
+            uncompressed_size=len(data),
+        )
+        self._append(chunk + b"".join(index))
+        self._chunks.append((entry, len(rows), len(packed)))
+        self.rows += len(rows)
+
+    def finish(self, closing: Mapping[str, str]) -> int:
+        """End the file with its index; on a full disk the last chunks make room for it.
+
+        Args:
+            closing: for the last metadata record.
+
+        Returns:
+            Rows that had to be given up.
+
+        Raises:
+            OSError: the disk does not even take the index in place of chunks.
+        """
+        given_up = 0
+        while True:
+            before, kept = self.size, len(self._metadata)
+            try:
+                self._put_metadata(CLOSING, {**closing, "rows": str(self.rows)})
+                self._append(_bytes(DataEnd(0)))
+                self._append(self._summary())
+                return given_up
+            except OSError:
+                if not self._chunks:
+                    raise
+                del self._metadata[kept:]
+                self.size = before
+                while self._chunks and before - self.size < _ROOM:  # in steps, for the index of hours is long
+                    entry, rows, _ = self._chunks.pop()
+                    given_up, self.rows = given_up + rows, self.rows - rows
+                    self.size = entry.chunk_start_offset
+                os.ftruncate(self._handle, self.size)
+                os.lseek(self._handle, self.size, os.SEEK_SET)
+
+    def _append(self, data: bytes) -> None:
+        """Write all of `data`, or leave the file as it was."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._write(self._handle, rest) :]  # type: ignore[arg-type]
+        except OSError:
+            os.ftruncate(self._handle, self.size)
+            os.lseek(self._handle, self.size, os.SEEK_SET)
+            raise
+        self.size += len(data)
+
+    def _put_metadata(self, name: str, metadata: Mapping[str, str]) -> None:
+        data, at = _bytes(Metadata(name, dict(metadata))), self.size
+        self._append(data)
+        self._metadata.append(MetadataIndex(at, len(data), name))
+
+    def _summary(self) -> bytes:
+        """Everything after the end of the data."""
+        events = sum(events for _, _, events in self._chunks)
+        counts = dict.fromkeys(range(1, self._packing.event_channel), self.rows)
+        counts |= {self._packing.event_channel: events} if events else {}
+        entries = [entry for entry, _, _ in self._chunks]
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._declared),
+            channel_message_counts=counts,
+            chunk_count=len(entries),
+            message_count=sum(counts.values()),
+            message_end_time=max((entry.message_end_time for entry in entries), default=0),
+            message_start_time=min((entry.message_start_time for entry in entries), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=len(self._declared),
+        )
+        groups: list[tuple[Opcode, Sequence[McapRecord]]] = [
+            (Opcode.SCHEMA, [schema for schema, _ in self._declared]),
+            (Opcode.CHANNEL, [channel for _, channel in self._declared]),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, entries),
+            (Opcode.METADATA_INDEX, self._metadata),
+        ]
+        summary, offsets = b"", []
+        for opcode, records in groups:
+            data = _bytes(*records)
+            if data:
+                offsets.append(SummaryOffset(opcode, self.size + len(summary), len(data)))
+                summary += data
+        start, offset_start = self.size, self.size + len(summary)
+        summary += _bytes(*offsets)
+        footer = _bytes(Footer(start, offset_start, 0))[:-4]
+        return summary + footer + struct.pack("<I", zlib.crc32(summary + footer)) + MAGIC
+
+
+_ROOM = 1 << 16
+"""How much is given up at a time to make room for the end of a file [bytes]."""
+
+
+def _message_index(channel: int, log_time: NDArray[np.int64], offsets: NDArray[np.int64]) -> bytes:
+    """A message index record: where the messages of a channel stand within their chunk."""
+    entries = np.stack([log_time, offsets], axis=1).astype("<u8").tobytes()
+    return struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries
+
+
+def _bytes(*records: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data

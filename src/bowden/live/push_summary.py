@@ -1,0 +1,44 @@
+"""What the wearer felt of a suit that followed their push, as the loop's own estimate has it."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bowden.cycle.one_cycle import Source
+from bowden.design.admittance_study import beside_load, rms_and_peak, settled
+
+if TYPE_CHECKING:
+    from bowden.live.mcap_read import Recording
+    from bowden.rig.compose_admittance import Pushing
+
+NEEDED = ("joint_seen", "admittance.estimate", "admittance.doubt")
+"""Columns of the log that the figures come from, beside those of every run."""
+
+
+def figures(log: "Recording", pushing: "Pushing", period: float) -> dict[str, float] | None:
+    """RMS and peak of the estimated torque less the weight that is to be carried, and the median of its doubt [N·m].
+
+    Args:
+        log: of the run.
+        pushing: as the run had it.
+        period: of a cycle [s].
+    """
+    led = np.flatnonzero(log["source"] >= Source.LAW_BEGINS)
+    if not len(led):
+        return None
+    led = led[settled(period * np.arange(len(led)))]
+    torque, joint = log["admittance.estimate"][led], log["joint_seen"][led]
+    left = beside_load(torque, joint, pushing.suit.arm, pushing.section.carried)
+    known = np.isfinite(left)
+    if not known.any():
+        return None
+    rms, peak = rms_and_peak(left[known])
+    return {"rms_nm": rms, "peak_nm": peak, "doubt_nm": float(np.median(log["admittance.doubt"][led][known]))}
+
+
+def print_figures(found: dict[str, Any]) -> None:
+    """The same for a person."""
+    print(
+        f"the wearer feels about {found['rms_nm']:.2f} N·m RMS of the suit, {found['peak_nm']:.1f} N·m at most "
+        f"(estimated; in doubt by {found['doubt_nm']:.2f} N·m)"
+    )

@@ -1,0 +1,201 @@
+"""Replay: a recorded run once more through law and supervisor, cycle by cycle, against what was commanded then."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bowden.control.law import Law
+from bowden.control.source import TABLE, Heard, Source
+from bowden.core.errors import LogError
+from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, CycleState, Filters, Plan
+from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
+from bowden.live.mcap_read import Recording
+from bowden.live.row import asked
+from bowden.live.run_settings import push_of
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Observed, SupervisorState, Verdict
+
+_SURROUNDINGS = ("lateness", "elapsed", "request", "operator_age", "recorder", "preflight")
+_VERDICT = ("command", "power", "mode", "reaction", "faults")
+_NEEDED = (
+    *("reference", "reference_velocity", "reference_acceleration", *DriveReading._fields, *_SURROUNDINGS, *_VERDICT),
+    *("joint_seen", "motor_seen", "wish", "source", *(f"supervisor.{name}" for name in SupervisorState._fields)),
+)
+
+
+class Replay(NamedTuple):
+    """How a replay compares with its record."""
+
+    cycles: int
+    """That were compared: all but the first after each beginning, whose state is taken from the record."""
+    beginnings: int
+    """1, and one more for each gap."""
+    law_cycles: int
+    """Those of them in which the law had the motor."""
+    wish_largest: float | None
+    """Largest difference of the wish from the one recorded, where both are numbers; None where they never are [rad]."""
+    wish_rms: float | None
+    """Its root mean square [rad]."""
+    first_difference: float | None
+    """The record's time at the first wish that is another number [s]."""
+    verdicts_differing: int
+    """Cycles with another power, mode, reaction or set of faults, or with a target or torque offset in one of both
+    alone."""
+    command_largest: float
+    """Largest difference of the supervisor's target [rad]."""
+    first_other_verdict: float | None
+    """The record's time at the first of them [s]."""
+    torque_largest: float | None
+    """Largest difference of the torque offset at the recorded targets; None in a run without one [N·m]."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether a wish, a verdict, a target or a torque offset is another one than was recorded."""
+        wishes = self.first_difference is not None
+        return wishes or bool(self.verdicts_differing or self.command_largest or self.torque_largest)
+
+
+def replay(
+    found: Recording,
+    law: Law,
+    limits: Limits,
+    filters: Filters,
+    period: float,
+    *,
+    same: bool,
+    source: Source = TABLE,
+) -> Replay:
+    """Run the cycle of the live loop on recorded readings.
+
+    The same compiled function as in the loop, so that the law and limits of the record give its very numbers. The motor
+    of the record does not follow another law: what is compared then is what that law would have asked for, and what
+    the supervisor would have said to it, at the angles that there were.
+
+    Args:
+        found: the record.
+        law: with its gains.
+        limits: of the supervisor.
+        filters: in front of the law.
+        period: of the loop [s].
+        same: whether it is the law of the record, whose state is taken from there; another begins where that one did.
+        source: of the record's reference, whose state is taken from there; it makes the reference anew.
+
+    Raises:
+        LogError: a column is missing, or the record has fewer than two rows.
+    """
+    made = [] if source is TABLE else list(asked(source))
+    _check(found, law, same, made)
+    cycle = Cycle(law, limits, filters, period, source)
+    at = {name: i for i, name in enumerate(found.columns)}
+    reading, surroundings, verdict, reference, supervisor = (
+        [at[name] for name in names]
+        for names in (
+            DriveReading._fields,
+            _SURROUNDINGS,
+            _VERDICT,
+            ("reference", "reference_velocity", "reference_acceleration"),
+            tuple(f"supervisor.{name}" for name in SupervisorState._fields),
+        )
+    )
+    gaps = np.diff(found.numbers, prepend=found.numbers[0] - 2) > 1
+    wishes = np.full(len(found.rows), np.nan)
+    said = np.full((len(found.rows), len(_VERDICT)), np.nan)
+    for k, array in enumerate(found.rows):
+        row = array.tolist()
+        if gaps[k]:
+            sample = Sample(row[at["joint_seen"]], row[at["motor_seen"]])
+            cycle.state = CycleState(
+                sample,
+                _law_state(law, sample, row, at, same),
+                _asked(source, sample, [row[at[name]] for name in made]),
+                SupervisorState(*(row[i] for i in supervisor)),
+            )
+            continue
+        emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
+        around = (*(row[i] for i in surroundings), emg_age)
+        observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
+        if row[at["source"]] == LAW_BEGINS and "play" in at:
+            cycle.know(row[at["play"]])
+        plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
+        wishes[k], judged = cycle.step(observed, plan)
+        said[k] = judged
+    return _compared(found, gaps, wishes, said, found.rows[:, verdict], _torques(found, gaps, period))
+
+
+def _torques(found: Recording, gaps: Any, period: float) -> Any:
+    """Differences of the torque offset (n,) [N·m], not a number where one of both alone is none; None in a run without.
+
+    Its first value after each gap is taken from the record.
+    """
+    push, differences = push_of(found.settings), np.zeros(len(found.rows))
+    if push is None or not set(COLUMNS) <= set(found.columns):
+        return None
+    offset = TorqueOffset(*push)
+    told = found.rows[:, [found.columns.index(name) for name in COLUMNS]].tolist()
+    said = found.rows[:, [found.columns.index(name) for name in _VERDICT]].tolist()
+    for k, (gap, row, verdict) in enumerate(zip(gaps, told, said, strict=True)):
+        if gap:
+            offset.take(row)
+            continue
+        again = offset.step(verdict[0], Verdict(*verdict), period)
+        if not (math.isnan(again) and math.isnan(row[0])):
+            differences[k] = abs(again - row[0])
+    return differences
+
+
+def _law_state(law: Law, sample: Sample, row: list[float], at: dict[str, int], same: bool) -> Any:
+    fresh = law.start(sample)
+    values = [row[at[f"law.{name}"]] for name in fresh._fields] if same else map(float, fresh)
+    return type(fresh)(*values)
+
+
+def _asked(source: Source, sample: Sample, values: list[float]) -> Any:
+    """The source's state as recorded; a table has none that is."""
+    fresh = source.start(Heard(sample.joint, sample.motor, 0.0, np.nan))
+    return type(fresh)(*(values or map(float, fresh)))
+
+
+def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any, torques: Any) -> Replay:
+    law_had = ~gaps & (found["source"] >= LAW_BEGINS)
+    wish = found["wish"]
+    equal = (wishes == wish) | (np.isnan(wishes) & np.isnan(wish))
+    difference = np.where(equal, 0.0, wishes - wish)[law_had]
+    difference = difference[np.isfinite(difference)]
+    other = ~gaps & ((said[:, 1:] != told[:, 1:]).any(axis=1) | (np.isnan(said[:, 0]) != np.isnan(told[:, 0])))
+    other |= torques is not None and np.isnan(torques)
+    command = np.abs(said[:, 0] - told[:, 0])[~gaps]
+    command = command[np.isfinite(command)]
+    time = found["time"]
+
+    def first(where: Any) -> float | None:
+        return float(time[where.argmax()]) if where.any() else None
+
+    return Replay(
+        cycles=int((~gaps).sum()),
+        beginnings=int(gaps.sum()),
+        law_cycles=int(law_had.sum()),
+        wish_largest=float(np.abs(difference).max()) if len(difference) else None,
+        wish_rms=float(np.sqrt(np.mean(difference**2))) if len(difference) else None,
+        first_difference=first(law_had & ~equal),
+        verdicts_differing=int(other.sum()),
+        command_largest=float(command.max()) if len(command) else 0.0,
+        first_other_verdict=first(other),
+        torque_largest=None if torques is None else float(np.nanmax(torques, initial=0.0)),
+    )
+
+
+def _check(found: Recording, law: Law, same: bool, made: list[str]) -> None:
+    wanted = [*_NEEDED, *made]
+    if same:
+        wanted += [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
+    missing = [name for name in wanted if name not in found.columns]
+    if missing:
+        raise LogError(
+            f"the log has no column {', '.join(missing[:3])}{' …' if missing[3:] else ''}",
+            expected="a log of bowden run, with the state of its law and supervisor",
+            do="replay it with the version of bowden that wrote it",
+        )
+    if len(found.rows) < 2:
+        raise LogError(f"the log has {len(found.rows)} rows", expected="two at least")

@@ -1,0 +1,262 @@
+"""The ring in shared memory: one float64 row a cycle, from a writer that never waits to a reader that may come late.
+
+It is a file in ``/dev/shm`` that both sides map; so it outlives a killed process, and nobody but its owner removes it
+(the resource tracker of `multiprocessing.shared_memory` unlinks a block when any process that opened it ends).
+
+    words of int64 | description as JSON | capacity slots of (row number + 1, width float64 values)
+
+A slot's number is set to 0 before its row changes and to the row's number + 1 afterwards, and the head of the ring
+counts last. A reader trusts a row whose number is right both before and after it was copied (a sequence lock, Lameter,
+"Effective synchronization on Linux/NUMA systems", 2005); a row overtaken by the writer is lost, and counted.
+"""
+
+import json
+import mmap
+import os
+import threading
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import LogError, OutputError
+from bowden.live.ring_status import WORDS, RecorderStatus
+
+Row = NDArray[np.float64]
+
+FOLDER = Path("/dev/shm")
+CAPACITY = 32768
+"""Rows that a ring holds unless told otherwise: 32.8 s at 1 kHz."""
+
+_MAGIC = int.from_bytes(b"BWDNRING", "little")
+_VERSION = 1
+_MAGIC_WORD, _VERSION_WORD, _CAPACITY_WORD, _WIDTH_WORD, _JSON_WORD, _HEAD_WORD, _CLOSED_WORD = range(7)
+_HEADER = 8 * WORDS
+
+
+@dataclass(frozen=True)
+class Description:
+    """What the rows of a ring mean."""
+
+    columns: tuple[str, ...]
+    """Names, ``time`` [s] among them; ``law.<name>`` and ``supervisor.<name>`` are the states of these two."""
+    units: tuple[str, ...]
+    """A unit for each column, as `core.trace.Trace` prints them."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """All that made the run, as JSON values."""
+    start_utc_ns: int = 0
+    """Wall clock when the column ``time`` was zero [ns since 1970]."""
+    start_monotonic_ns: int = 0
+    """Monotonic clock at that instant [ns]."""
+
+    def __post_init__(self) -> None:
+        if len(self.columns) != len(self.units) or len(set(self.columns)) != len(self.columns) or not self.columns:
+            raise ValueError(f"{len(self.columns)} columns {self.columns} with {len(self.units)} units")
+        if "time" not in self.columns:
+            raise ValueError(f"no column time among {self.columns}")
+
+
+class Batch(NamedTuple):
+    """Rows that came out of a ring, copied."""
+
+    numbers: NDArray[np.int64]
+    """Number of each row since the run's begin, from 0; a gap is a row that was lost (n,)."""
+    rows: NDArray[np.float64]
+    """(n, width)"""
+
+
+def ring_path(name: str) -> Path:
+    """Where a ring of that name lies."""
+    return FOLDER / f"bowden-{name}.ring"
+
+
+def create(path: Path, description: Description, capacity: int = CAPACITY) -> None:
+    """Make an empty ring; the memory is taken now, so that no later write can fail for want of it.
+
+    Raises:
+        OutputError: there is such a ring already, or no room for it.
+    """
+    text = json.dumps(asdict(description)).encode()
+    width = len(description.columns)
+    size = _rows_offset(len(text)) + capacity * 8 * (width + 1)
+    try:
+        handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
+    except FileExistsError as error:
+        raise OutputError(
+            f"{path} exists", expected="no other run of this rig", do="end it, or remove the file"
+        ) from error
+    except OSError as error:
+        raise OutputError(f"cannot make {path}: {error.strerror}", do="make room in its folder") from error
+    try:
+        os.posix_fallocate(handle, 0, size)  # a file only truncated to its size would end the loop by SIGBUS when full
+        with mmap.mmap(handle, size) as memory:
+            words = np.frombuffer(memory, np.int64, WORDS)
+            memory[_HEADER : _HEADER + len(text)] = text
+            words[_VERSION_WORD : _JSON_WORD + 1] = (_VERSION, capacity, width, len(text))
+            words[_MAGIC_WORD] = _MAGIC
+            del words
+    except OSError as error:
+        path.unlink()
+        raise OutputError(f"no room for {path} ({size} bytes): {error.strerror}", do="free memory") from error
+    finally:
+        os.close(handle)
+
+
+def remove(path: Path) -> None:
+    """Take the ring's name away; who has it open keeps it. Nothing happens where there is none."""
+    path.unlink(missing_ok=True)
+
+
+class _Mapped:
+    """One process's view of a ring."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            handle = os.open(path, os.O_RDWR)
+        except OSError as error:
+            raise LogError(f"cannot open the ring {path}: {error.strerror}", do="start the run first") from error
+        try:
+            size = os.fstat(handle).st_size
+            if size < _HEADER:
+                raise LogError(f"{path} has {size} bytes", expected="a ring of this version of bowden")
+            # the views below keep it; populated, so that no cycle waits for the kernel to map a page
+            memory = mmap.mmap(handle, size, mmap.MAP_SHARED | mmap.MAP_POPULATE)
+        finally:
+            os.close(handle)
+        self.path = path
+        self._words = memoryview(memory)[:_HEADER].cast("q")  # half the time of a numpy array for single words
+        magic, version, capacity, width, length = self._words[: _JSON_WORD + 1].tolist()
+        offset = _rows_offset(length)
+        if (
+            (magic, version) != (_MAGIC, _VERSION)
+            or min(capacity, width) < 1
+            or offset + capacity * 8 * (width + 1) > size
+        ):
+            raise LogError(f"{path} is no ring of this version of bowden", do="remove it")
+        try:
+            given: dict[str, Any] = json.loads(memory[_HEADER : _HEADER + length])
+            given |= {"columns": tuple(given["columns"]), "units": tuple(given["units"])}
+            self.description = Description(**given)
+        except (KeyError, TypeError, ValueError) as error:
+            raise LogError(f"{path} does not say what its rows are: {error}", do="remove it") from error
+        self.capacity: int = capacity
+        self._slots = np.frombuffer(memory, np.float64, capacity * (width + 1), offset).reshape(capacity, width + 1)
+        self._numbers = self._slots.view(np.int64)[:, 0]
+        self.recorder = RecorderStatus(self._words)
+        self._fence = threading.Lock()
+        self._fence.acquire()
+
+    @property
+    def head(self) -> int:
+        """Rows published since the ring was made."""
+        return self._words[_HEAD_WORD]
+
+    @property
+    def closed(self) -> bool:
+        """Whether the writer said that no further row will come."""
+        return bool(self._words[_CLOSED_WORD])
+
+    def _barrier(self) -> None:
+        """No access to memory moves across; letting a lock go and taking it again is what Python has for that."""
+        self._fence.release()
+        self._fence.acquire()
+
+
+class RingWriter(_Mapped):
+    """The side of the loop; there must be one only.
+
+    Fill what `next_row` hands out and call `publish`, or hand a whole row to `write`.
+
+    Raises:
+        LogError: no such ring.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._rows = [slot[1:] for slot in self._slots]  # every view made now; none is allocated in the loop
+        self._places = self._numbers.data
+        self._count = self.head
+
+    def next_row(self) -> Row:
+        """The place of the next row (width,), to be filled; it still holds the row that is overwritten."""
+        at = self._count % self.capacity
+        self._places[at] = 0
+        self._barrier()
+        return self._rows[at]
+
+    def publish(self) -> None:
+        """Hand the row that was filled to the readers."""
+        at = self._count % self.capacity
+        self._count += 1
+        self._barrier()
+        self._places[at] = self._count
+        self._barrier()
+        self._words[_HEAD_WORD] = self._count
+
+    def write(self, row: Row) -> None:
+        """Copy a row (width,) into the ring and publish it."""
+        self.next_row()[:] = row
+        self.publish()
+
+    def close(self) -> None:
+        """Say that no further row will come."""
+        self._words[_CLOSED_WORD] = 1
+
+
+class RingReader(_Mapped):
+    """The side of the recorder, the screen or a test; any number of them, none of which the writer notices.
+
+    Args:
+        path: of the ring.
+        from_now: begin with the next row to come, in place of the oldest that is still there.
+
+    Raises:
+        LogError: no such ring.
+    """
+
+    def __init__(self, path: Path, *, from_now: bool = False) -> None:
+        super().__init__(path)
+        self.next = self.head if from_now else 0
+        """Number of the row to be read next."""
+        self.lost = 0
+        """Rows that were overwritten before they could be read."""
+
+    def read(self, most: int | None = None) -> Batch:
+        """All rows since the last call, or the oldest `most` of them."""
+        head = self.head
+        self._barrier()
+        first = max(self.next, head - self.capacity)
+        end = head if most is None else min(head, first + most)
+        wanted = np.arange(first, end)
+        slots = wanted % self.capacity
+        before = self._numbers[slots]
+        self._barrier()
+        rows = self._slots[slots, 1:]
+        self._barrier()
+        good = (before == wanted + 1) & (self._numbers[slots] == wanted + 1)
+        self.lost += (first - self.next) + int(len(wanted) - good.sum())
+        self.next = end
+        return Batch(wanted[good], rows[good])
+
+    def last(self) -> Row | None:
+        """The newest row (width,), copied; None before the first, or where the writer was quicker."""
+        head = self.head
+        at = (head - 1) % self.capacity
+        self._barrier()
+        row: Row = self._slots[at, 1:].copy()
+        self._barrier()
+        return row if head and self._numbers[at] == head else None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+def _rows_offset(json_length: int) -> int:
+    """Where the slots begin: on the next page [bytes]."""
+    return -(-(_HEADER + json_length) // mmap.PAGESIZE) * mmap.PAGESIZE

@@ -1,0 +1,112 @@
+"""What is recorded of every cycle: the columns of the ring and of the log, and their units."""
+
+from collections.abc import Mapping
+
+from bowden.control.law import Law
+from bowden.control.source import TABLE, Heard, Source
+from bowden.core.signals import DriveReading, Sample
+from bowden.cycle.torque_offset import COLUMNS as PUSH
+from bowden.hardware.emg.course import COLUMNS
+from bowden.live.ring import Description
+from bowden.models.drive.thermal import ThermalState
+from bowden.safety.supervisor import SupervisorState
+
+CYCLE: Mapping[str, str] = {
+    "time": "s",
+    "reference": "rad",
+    "reference_velocity": "rad/s",
+    "reference_acceleration": "rad/s²",
+    "motor": "rad",
+    "joint": "rad",
+    "current": "A",
+    "tension": "N",
+    "temperature": "°C",
+    "motor_age": "1",
+    "joint_age": "1",
+    "heartbeat_age": "s",
+    "drive_state": "1",
+    "emergency": "1",
+    "bus_errors": "1",
+    "joint_seen": "rad",
+    "motor_seen": "rad",
+    "wish": "rad",
+    "command": "rad",
+    "power": "1",
+    "mode": "1",
+    "reaction": "1",
+    "faults": "1",
+    "source": "1",
+    "lateness": "s",
+    "elapsed": "s",
+    "overruns": "1",
+    "request": "1",
+    "operator_age": "s",
+    "recorder": "1",
+    "preflight": "1",
+    "preflight_reason": "1",
+    "play": "rad",
+    "run_time": "s",
+}
+"""Column → unit of what every run has; the law's state follows, the supervisor's, what EMG said in a run by
+it, the torque offset in a run with one, and the state of what makes the reference where the wearer's push does.
+
+``joint`` and ``motor`` are as measured, at the same instant as the reference; ``joint_seen`` and ``motor_seen`` are
+behind the filters. ``wish`` is from before the supervisor and ``command`` from after it; ``overruns`` are the deadlines
+that were skipped before this cycle.
+"""
+
+AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}
+"""Column → its place in a row."""
+
+_SUPERVISOR_UNITS = {
+    **dict.fromkeys(("target", "before", "model", "motor", "joint", "anchor_motor", "anchor_joint"), "rad"),
+    **dict.fromkeys(("model_speed", "motor_speed", "joint_speed"), "rad/s"),
+    **dict.fromkeys(("bridged", "released", "eased", "astray", "motor_gap", "joint_gap", "overload"), "s"),
+    **dict.fromkeys(("saturated", "slack", "late", "armed"), "s"),
+    **dict.fromkeys(("winding", "housing"), "°C"),
+    "i2t": "A²s",
+}
+
+
+def columns(law: Law, *, emg: bool = False, pushed: bool = False, source: Source = TABLE) -> dict[str, str]:
+    """Column → unit of a run under this law, by EMG, with a torque offset, and by another source than the table."""
+    states = {f"law.{name}": law.state_units.get(name, "1") for name in type(law.start(Sample(0.0, 0.0)))._fields}
+    supervisor = {f"supervisor.{name}": _SUPERVISOR_UNITS.get(name, "1") for name in SupervisorState._fields}
+    return {
+        **CYCLE,
+        **states,
+        **supervisor,
+        **(COLUMNS if emg else {}),
+        **(PUSH if pushed else {}),
+        **({} if source is TABLE else asked(source)),
+    }
+
+
+def asked(source: Source) -> dict[str, str]:
+    """Column → unit of a source's state."""
+    fields = type(source.start(Heard(0.0, 0.0, 0.0, 0.0)))._fields
+    return {f"{source.name}.{name}": source.state_units.get(name, "1") for name in fields}
+
+
+def description(
+    law: Law,
+    settings: Mapping[str, object],
+    utc_ns: int,
+    monotonic_ns: int,
+    *,
+    emg: bool = False,
+    pushed: bool = False,
+    source: Source = TABLE,
+) -> Description:
+    """What the ring's header says of a run whose column ``time`` is zero at these two clocks [ns]."""
+    named = columns(law, emg=emg, pushed=pushed, source=source)
+    return Description(tuple(named), tuple(named.values()), settings, utc_ns, monotonic_ns)
+
+
+NOTHING_READ = DriveReading(*(float("nan"),) * 5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""A reading before the first."""
+
+
+def thermal_of(row: Mapping[str, float]) -> ThermalState:
+    """How warm the motor is, from a row's columns."""
+    return ThermalState(*(row[f"supervisor.{name}"] for name in ThermalState._fields))

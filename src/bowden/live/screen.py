@@ -1,0 +1,101 @@
+"""What `bowden run` shows: state, angles, error, estimates, lateness, faults and what to do."""
+
+import math
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+from rich.table import Table
+
+from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import Source
+from bowden.hardware.drives.emergencies import emergency_text
+from bowden.live.preflight import REASONS, Reason
+from bowden.live.ring_status import RecorderState
+from bowden.safety import faults
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode
+from bowden.sensing.intent import Intent
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
+
+_MOST_ESTIMATES = 6
+_BAR = 20
+"""Width of the envelope's bar."""
+_KEYS = "a arm · r run · s or space stop · k acknowledge · q quit"
+_NEXT = {
+    Mode.STOPPED: "a to arm: the motor gets power and makes a small motion",
+    Mode.PREFLIGHT: "wait for the preflight, then r to run",
+    Mode.RUNNING: "s or space to stop",
+    Mode.LATCHED: "mend the cause, then k to acknowledge",
+}
+
+
+def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
+    """One picture of a run from its newest row."""
+    mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    said = "" if auto else _next(mode, row["preflight"], shown)
+    table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {said}")
+    for fault in shown:  # all that must be seen stands above: a low terminal cuts the end off
+        table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
+    if not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
+        code = emergency_text(session.emergency) if session.emergency else session.ready["drive"]
+        table.add_row("[red]drive[/red]", escape(code))
+    if row["preflight_reason"]:
+        table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])
+    table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
+    table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
+    table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
+    if session.ear is not None:
+        table.add_row("EMG", _emg(row, session.ear.unit, session.ear.lost))
+    if "admittance.push" in row:
+        table.add_row("push", _push(row))
+    table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.winding']:.0f} °C")
+    table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
+    table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
+    laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
+    table.add_row("estimates", ", ".join(f"{name} {value:.3g}" for name, value in laws[:_MOST_ESTIMATES]))
+    return table
+
+
+def _push(row: dict[str, float]) -> str:
+    """The push that makes the reference; none is heard where the law has not got the motor."""
+    if row["source"] < Source.LAW_BEGINS:
+        return "–"
+    push, doubt = row["admittance.push"], row["admittance.doubt"]
+    return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
+
+
+_TROUBLE = ("", "flat or missing: look at the electrodes", "movement or mains")
+
+
+def _emg(row: dict[str, float], unit: str, lost: str) -> str:
+    """The envelope as a bar, what the muscles do, what is wrong, and how old it is."""
+    share, said = row["emg.share"], [f"{row['emg.level']:.3g} {unit}".strip()]
+    if not math.isnan(share):
+        full = round(_BAR * min(max(share, 0.0), 1.0))
+        said = [f"{'█' * full}{'░' * (_BAR - full)} {100.0 * share:.0f} % MVC"]
+    active = [name for name in ("flexor", "extensor") if row[f"emg.{name}"]]
+    said.append(f"[bold]{' and '.join(active)} contracts[/bold]" if active else "at rest")
+    if row["emg.trouble"]:
+        said.append(f"[red]{_TROUBLE[int(row['emg.trouble'])]}[/red]")
+    said.append(f"[red]{escape(lost)}[/red]" if lost else f"{1e3 * row['emg.age']:.0f} ms old")
+    return ", ".join([f"{Intent(int(row['emg.intent'])).name.lower()}: {said[0]}", *said[1:]])
+
+
+def _next(mode: Mode, preflight: float, shown: list[Fault]) -> str:
+    """What the operator may do."""
+    if mode == Mode.STOPPED and Fault.DRIVE_FAULT in shown:
+        return "mend the cause, then k to reset the drive"
+    if mode == Mode.STOPPED and shown:
+        return "cannot be armed"
+    if mode == Mode.PREFLIGHT and preflight:
+        return "passed; r to run" if preflight > 0.0 else "failed"
+    return _NEXT.get(mode, "")
+
+
+def _deg(angle: float) -> str:
+    return "–" if math.isnan(angle) else f"{angle / RADIANS:.2f}°"

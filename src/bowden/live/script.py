@@ -1,0 +1,139 @@
+"""What a run does, cycle by cycle: hold, preflight, approach, and then the law on its reference or a planned motion.
+
+The reference is a table that was made beforehand, or is made cycle by cycle of what EMG says.
+
+The law begins where the joint is: what the preflight has left in the cable's play sets the joint some degrees off, and
+this goes out of the reference by minimum jerk in the run's first second.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.reference import minimum_jerk
+from bowden.core.signals import DriveReading, Reference
+from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, MOTION, NOWHERE, Plan
+from bowden.hardware.emg.course import EmgCourse
+from bowden.live import preflight
+from bowden.live.dead_zone import dead_zone
+from bowden.live.row import NOTHING_READ
+from bowden.safety.supervisor import Mode
+
+_PREFLIGHT, _RUNNING, _BRIDGING = float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING)
+
+
+class Script:
+    """The plan of a run.
+
+    Args:
+        table: what follows the approach: (n, 3) references of the joint for the law [rad, rad/s, rad/s²], or (n, 1)
+            targets of the motor [rad]. Not looked at in a run by EMG.
+        start: motor angle to go to first [rad].
+        speed: of that approach, at its quickest [rad/s].
+        checks: the preflight between arming and running.
+        period: of a cycle [s].
+        course: of a run by EMG.
+        slope: about what the joint moves by per motor angle [rad/rad].
+    """
+
+    def __init__(
+        self,
+        table: NDArray[np.float64],
+        start: float,
+        speed: float,
+        checks: preflight.Preflight,
+        period: float,
+        course: EmgCourse | None = None,
+        slope: float = 1.0,
+    ) -> None:
+        self._slope = slope
+        self._table, self._width = np.ascontiguousarray(table, dtype=np.float64).reshape(-1).data, table.shape[1]
+        self._course, self._last = course, (len(table) if course is None else course.cycles) - 1
+        self._start, self._speed, self._checks, self._period = start, speed, checks, period
+        self._checked = preflight.begin(checks, NOTHING_READ)
+        self._mode = float(Mode.STOPPED)
+        self._from, self._approach, self._cycles, self._begun = 0.0, 0.0, 0, False
+        self._aside = 0.0
+        self.outcome = 0.0
+        """Of the preflight."""
+        self.play = math.nan
+        """Dead zone that the preflight has measured; NaN before it has [rad]."""
+        self.done = False
+        """Whether the table has come to its end since the run began."""
+
+    def plan(self, mode: float, target: float, reading: DriveReading, cycles: int) -> Plan:
+        """What to do in this cycle.
+
+        Args:
+            mode: number of the supervisor's `Mode` after the last cycle.
+            target: what the drive was told then [rad].
+            reading: what the drive says.
+            cycles: periods since the last cycle, more than 1 after an overrun.
+        """
+        if mode == _BRIDGING:
+            mode = self._mode  # R1 holds the target meanwhile; preflight or law go on, and find their place again
+        if mode != self._mode:
+            self._enter(mode, target, reading, cycles)
+        if mode == _PREFLIGHT:
+            self._checked, wish, said = preflight.step(self._checks, self._checked, reading, cycles * self._period)
+            if said.result > self.outcome:
+                self.play = dead_zone(self._checked, reading, self._slope)
+            self.outcome = said.result
+            return Plan(MOTION, wish, NOWHERE)
+        if mode != _RUNNING:
+            return Plan(HOLD, target, NOWHERE)
+        self._cycles += cycles
+        at = self._cycles * self._period
+        if at < self._approach:
+            return Plan(MOTION, float(minimum_jerk(self._from, self._start, self._approach, at).position), NOWHERE)
+        row = round((at - self._approach) / self._period)
+        self.done = row >= self._last or (self._course is not None and self._course.over)
+        values = self._values(row)
+        if self._width == 1:
+            return Plan(MOTION, values[0], NOWHERE)
+        if not self._begun:
+            aside = reading.joint - values[0]
+            self._aside = aside if abs(aside) <= _FURTHEST else 0.0  # NaN is not
+        source, self._begun = (LAW if self._begun else LAW_BEGINS), True
+        back = minimum_jerk(self._aside, 0.0, _BLEND, at - self._approach)
+        return Plan(source, target, Reference(*(float(value + more) for value, more in zip(values, back, strict=True))))
+
+    def _values(self, row: int) -> Sequence[float]:
+        """Of a row of the table, or what EMG makes of one cycle more.
+
+        After cycles that were skipped a motion by EMG goes on where it was, and ends so much later: nobody has said
+        when it is to end, and a reference that jumps makes a law jump.
+        """
+        if self._course is not None:
+            if not self._begun:
+                self._course.begin()
+            return self._course.step(self._period)
+        place = self._width * min(row, self._last)
+        return self._table[place : place + self._width]  # no array is indexed in the loop
+
+    def _enter(self, mode: float, target: float, reading: DriveReading, cycles: int) -> None:
+        if mode == _PREFLIGHT:
+            self.outcome = 0.0
+            self._checked = preflight.begin(self._checks, reading)
+        if mode == _RUNNING:
+            distance = abs(self._start - target)
+            self._from, self._cycles, self._begun, self.done = target, -cycles, False, False
+            self._approach = math.ceil(_PEAK * distance / self._speed / self._period) * self._period
+        self._mode = mode
+
+    @property
+    def reason(self) -> float:
+        """Number of the `preflight.Reason` for which the preflight failed; 0 where it has not."""
+        return self._checked.reason
+
+
+_BLEND = 1.0
+"""Time in which the reference goes from where the joint is to its own motion [s]."""
+
+_FURTHEST = 0.3
+"""A joint further from the reference than this is not explained by play: the law is shown it as it is [rad]."""
+
+_PEAK = 1.875
+"""Largest speed of a minimum-jerk motion over its mean one."""

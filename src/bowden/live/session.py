@@ -1,0 +1,287 @@
+"""A live run from the operator's side: recorder and loop started, signs of life, requests, and an orderly end."""
+
+import contextlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from bowden.core import shared_memory
+from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
+from bowden.core.errors import DriveError, OutputError
+from bowden.live import control_block, thermal_file
+from bowden.live.compose_live import Asked, Live
+from bowden.live.control_block import ControlBlock
+from bowden.live.emg_ear import Ear
+from bowden.live.ring import FOLDER, RingReader, Row, create
+from bowden.live.ring_status import RecorderState
+from bowden.live.row import AT, description
+from bowden.live.run_settings import run_settings
+from bowden.live.twin_scenario import TwinScenario
+from bowden.models.drive.thermal import cold
+from bowden.safety.supervisor import Request
+
+_START = 900.0
+"""A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
+_TOLD_AFTER = 3.0
+"""A wait of so long is explained [s]."""
+_END = 10.0
+"""From the wish to end to the process' end [s]."""
+_BEAT = 0.1
+"""Between two signs of life [s]."""
+
+
+class Session:
+    """A run that goes on; `begin` makes it.
+
+    Use as a context: leaving it ends the run in a controlled release, whatever happened.
+
+    Args:
+        asked: what the command line asks for.
+        live: what was made of it.
+        log: the file to record to.
+        ear: of a run by EMG, started and ready; it is closed with the run.
+        remembers: whether the motor's warmth is taken from the run before and kept for the next one.
+    """
+
+    def __init__(self, asked: Asked, live: Live, log: Path, ear: Ear | None = None, *, remembers: bool = True) -> None:
+        self.live, self.log, self.ear, self._remembers = live, log, ear, remembers
+        self.clock = MonotonicClock()
+        self.ended: dict[str, Any] | None = None
+        """What the loop said at its end."""
+        self.error = ""
+        """Why the loop ended without a word about how it ended; empty where it said that."""
+        self.emergency = 0
+        """Error code of the drive's last emergency; 0 where there was none."""
+        self._last: Row | None = None
+        self._not_kept = ""
+        self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
+        self._stop = threading.Event()
+        self._processes: list[subprocess.Popen[str]] = []
+        name = f"{os.getpid()}-{os.urandom(3).hex()}"
+        self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
+        self._asked = asked
+
+    def __enter__(self) -> "Session":
+        try:
+            self._begin()
+        except BaseException:
+            self.__exit__()
+            self._leave_no_empty_log()
+            raise
+        return self
+
+    def _leave_no_empty_log(self) -> None:
+        """Remove the log of a run that did not begin, if it is known to be ours."""
+        if hasattr(self, "rows"):
+            said = self.rows.recorder.read()
+            if said.state == RecorderState.ENDED and not said.rows:
+                self.log.unlink(missing_ok=True)
+
+    def _begin(self) -> None:
+        live, now = self.live, self.clock.now()
+        _sweep()
+        settings = run_settings(live.law, live.limits, live.cycle().filters, live.drive.sample_time)
+        by_emg, pushed, wall = self.ear is not None, live.push() is not None, round(unix_seconds() * SECOND)
+        told = description(
+            *(live.law, {**settings, **live.told()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
+        )
+        create(self._ring, told)
+        shared_memory.create(self._block, control_block.WORDS)
+        self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
+        self._scenario = TwinScenario(live.drive, now / SECOND)
+        self.block.beat(now)
+        threading.Thread(target=self._beat, daemon=True).start()
+        recorder = ["bowden.live.recorder", str(self._ring), str(self.log), "--rig", str(self._asked.rig.parent)]
+        self._recorder = self._start(recorder)
+        asked = asdict(self._asked) | {"rig": str(self._asked.rig)}
+        warmth = live.limits.thermal
+        thermal = thermal_file.read(live.drive, warmth) if self._remembers else cold(warmth)
+        given = {
+            "asked": asked,
+            "thermal": thermal,
+            "ring": str(self._ring),
+            "block": str(self._block),
+            "emg": None if self.ear is None else str(self.ear.block),
+            "start_ns": now,
+        }
+        self._loop = self._start(["bowden.live.loop_process", json.dumps(given)])
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+        self.ready = self._await_ready()
+        if self.ear is not None:
+            self.ear.go()
+
+    def _start(self, words: list[str]) -> "subprocess.Popen[str]":
+        """A process apart from this terminal's signals: what ends it is our word, or our death."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        self._processes.append(process)
+        return process
+
+    def _beat(self) -> None:
+        while not self._stop.wait(_BEAT):
+            self.block.beat(self.clock.now())
+
+    def _listen(self) -> None:
+        assert self._loop.stdout is not None
+        for line in self._loop.stdout:
+            with contextlib.suppress(ValueError):
+                self._said.put(json.loads(line))
+        self._said.put(None)
+
+    def _await_ready(self) -> dict[str, Any]:
+        said = self._answer()
+        if said and "ready" in said:
+            self._check_recorder()
+            return dict(said["ready"])
+        if said and "error" in said:
+            raise DriveError(said["error"])
+        raise DriveError(self._how_it_died())
+
+    def _answer(self) -> dict[str, Any] | None:
+        """The first thing that the loop's process says; None where it ended without a word."""
+        with contextlib.suppress(queue.Empty):
+            return self._said.get(timeout=_TOLD_AFTER)
+        if sys.stderr.isatty():
+            print("bowden: the loop is made ready; the first time it is compiled, for a minute", file=sys.stderr)
+        with contextlib.suppress(queue.Empty):
+            return self._said.get(timeout=_START)
+        raise DriveError(f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor")
+
+    def _check_recorder(self) -> None:
+        deadline = self.clock.now() + 10 * SECOND
+        while self.recorder == RecorderState.ABSENT and self._recorder.poll() is None:
+            self.clock.sleep_until(self.clock.now() + SECOND // 50)
+            if self.clock.now() > deadline:
+                break
+        if self._recorder.poll() is not None:
+            assert self._recorder.stderr is not None
+            raise OutputError(self._recorder.stderr.read().strip().removeprefix("bowden: "))
+
+    @property
+    def recorder(self) -> int:
+        """A `RecorderState`."""
+        return self.rows.recorder.state(self.clock.now())
+
+    @property
+    def running(self) -> bool:
+        """Whether the loop cycles."""
+        return self._loop.poll() is None
+
+    def _hear_the_end(self) -> None:
+        """Take what the loop's process said at its end, once it has ended."""
+        self._listener.join(1.0)
+        with contextlib.suppress(queue.Empty):
+            while True:
+                said = self._said.get_nowait() or {}
+                self.ended, self.error = said.get("ended", self.ended), said.get("error", self.error)
+        if self.ended is None:
+            self.error = self.error or self._how_it_died()
+
+    def _how_it_died(self) -> str:
+        """Of a loop that did not say it itself."""
+        code, pipe = self._loop.wait(_END), self._loop.stderr
+        if code < 0:
+            how = f"was ended by {signal.Signals(-code).name}"
+            return f"the loop's process {how}; a drive that misses its heartbeat takes its torque off by itself"
+        said = pipe.read().strip().splitlines() if pipe is not None else []
+        return f"the loop's process ended by itself: {said[-1] if said else f'exit code {code}'}"
+
+    def last(self) -> dict[str, float] | None:
+        """The newest row by its columns; None before the first."""
+        rows = self.rows.read().rows
+        if len(rows):
+            self._last = rows[-1]
+            self._scenario.see(rows)
+            codes = rows[:, AT["emergency"]]
+            self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
+        row = self._last
+        return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+
+    def ask(self, request: Request) -> None:
+        """Ask the supervisor for something."""
+        self.block.ask(int(request))
+
+    def remember(self) -> None:
+        """Keep how warm the motor is, for the next run."""
+        row = self.last()
+        if row is not None and self._remembers:
+            self._not_kept = thermal_file.write(self.live.drive, row)
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass [s]."""
+        self._stop.wait(seconds)
+
+    def __exit__(self, *_: object) -> None:
+        """End the run: release, power off, log closed, memory given back."""
+        if hasattr(self, "block"):
+            self.block.quit()
+        if hasattr(self, "_loop"):
+            try:
+                self._loop.wait(_END)
+            except subprocess.TimeoutExpired:
+                self._loop.kill()
+                self.error = f"the loop's process did not end within {_END:g} s and was killed"
+            self.remember()
+            if self._not_kept:
+                what = f"how warm the motor is cannot be kept ({self._not_kept})"
+                print(f"bowden: note: {what}; the next run takes it for cold", file=sys.stderr)
+            self._hear_the_end()
+        if self.ear is not None:
+            self.ear.close()
+        if hasattr(self, "_recorder"):
+            self.rows.recorder.stop()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._recorder.wait(_END)
+        for process in self._processes:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            for pipe in (process.stdout, process.stderr):
+                if pipe is not None:
+                    pipe.close()
+        self._stop.set()
+        self._ring.unlink(missing_ok=True)
+        self._block.unlink(missing_ok=True)
+
+
+def _sweep() -> None:
+    """Remove what runs left whose operator is gone; a loop or recorder that still has it open keeps it."""
+    for path in _left_behind():
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+def _left_behind() -> Iterator[Path]:
+    for path in FOLDER.glob("bowden-*-*.*"):
+        number = path.name.split("-")[1]
+        if path.suffix in (".ring", ".block", ".intent") and number.isdigit() and not Path(f"/proc/{number}").exists():
+            yield path
+
+
+@contextlib.contextmanager
+def own_twin(rig: Path, duration: float | None) -> Iterator[str]:
+    """A twin of the rig on a bus of its own, whatever the rig's is; the channel of that `bowden_unix` bus."""
+    from bowden.hardware.buses.opening import UNIX
+    from bowden.live.twin_process import running_twin
+
+    with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
+        options = ["--interface", UNIX, *([] if duration is None else ["--duration", str(duration)])]
+        print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig} --channel {folder}", file=sys.stderr)
+        with running_twin(rig, Path(folder), options) as twin:
+            yield twin.channel

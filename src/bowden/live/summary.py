@@ -1,0 +1,102 @@
+"""What a run came to, from its log."""
+
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.units import RADIANS
+from bowden.cycle.one_cycle import Source
+from bowden.hardware.drives.emergencies import emergency_text
+from bowden.live import emg_summary, push_summary
+from bowden.live.lateness import figures
+from bowden.live.mcap_read import read
+from bowden.safety import faults
+from bowden.safety.supervisor import Mode
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
+
+
+def document(session: "Session") -> dict[str, Any]:
+    """The figures of a run that has ended, as JSON values."""
+    emg, ear = session.live.emg, session.ear
+    pushing = session.live.setup.pushing
+    more = (*(() if ear is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
+    log = read(session.log, tuple(dict.fromkeys((*_NEEDED, *more))))
+    led = log["source"] >= Source.LAW_BEGINS
+    error = (log["joint"] - log["reference"])[led]
+    error = error[np.isfinite(error)]
+    ended = session.ended or {}
+    mode = Mode(ended["mode"]).name.lower() if ended else None
+    codes = log["emergency"]
+    return {
+        "law": session.live.law.name,
+        "drive": session.ready["drive"],
+        "ended_well": mode == "stopped",
+        "mode": mode,
+        "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
+        "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
+        "preflight": ended.get("reason") or None,
+        "emergencies": [emergency_text(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+        "error": session.error or None,
+        "cycles": ended.get("cycles"),
+        "cycles_logged": len(log.rows),
+        "seconds_led": round(len(error) * session.live.drive.sample_time, 6),
+        "rmse_deg": float(np.sqrt(np.mean(error**2)) / RADIANS) if len(error) else None,
+        "peak_deg": float(np.abs(error).max() / RADIANS) if len(error) else None,
+        "lateness": asdict(figures(log["lateness"])) if len(log.rows) else None,
+        "run_time_median_us": _median_us(log["run_time"]),
+        "overruns": ended.get("overruns"),
+        "emg": None if emg is None or ear is None else emg_summary.figures(log, emg, ear),
+        "interaction": None if pushing is None else push_summary.figures(log, pushing, session.live.drive.sample_time),
+        "grants": session.ready["grants"],
+        "log": str(session.log),
+        "log_whole": log.whole,
+    }
+
+
+_NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
+"""Columns of the log that the figures come from."""
+
+
+def _median_us(values: NDArray[np.float64]) -> float | None:
+    return float(np.median(values) * 1e6) if len(values) else None
+
+
+def print_summary(found: dict[str, Any]) -> None:
+    """The same for a person."""
+    if found["rmse_deg"] is not None:
+        print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
+        print(f" over {found['seconds_led']:g} s")
+    late = found["lateness"]
+    if late:
+        print(
+            f"lateness {late['p50_us']:.0f} µs median, {late['p99_us']:.0f} p99, {late['p999_us']:.0f} p99.9, "
+            f"{late['max_us']:.0f} max; the cycle takes {found['run_time_median_us']:.0f} µs; "
+            f"{found['overruns']} overruns in {found['cycles']} cycles"
+        )
+    if found["emg"]:
+        emg_summary.print_figures(found["emg"])
+    if found["interaction"]:
+        push_summary.print_figures(found["interaction"])
+    for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
+        print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+    for text in found["emergencies"]:
+        print(f"emergency: {text}")
+    if found["preflight"]:
+        print(f"preflight: {found['preflight']}")
+    if found["error"]:
+        print(f"ended by an error: {found['error']}")
+    whole = found["log_whole"]
+    print(f"Log: {found['log']}  (bowden log {'info' if whole else 'recover'} {found['log']})")
+    lost = (found["cycles"] or 0) - found["cycles_logged"]
+    if lost > 0:
+        print(
+            f"bowden: note: {lost} cycles of {found['cycles']} are not in the log, nor in these figures",
+            file=sys.stderr,
+        )
+    if not whole:
+        print(f"bowden: note: {found['log']} was not closed properly", file=sys.stderr)

@@ -1,0 +1,63 @@
+"""A twin in a process of its own, for tests and for commands that need one."""
+
+import contextlib
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from bowden.core.errors import DriveError
+from bowden.hardware.twin.control import TwinControl
+
+
+class RunningTwin(NamedTuple):
+    """A twin that runs."""
+
+    process: subprocess.Popen[str]
+    channel: str
+    """Of its bus."""
+    control: TwinControl
+
+
+@contextlib.contextmanager
+def running_twin(rig: Path, channel: Path, options: Sequence[str] = ()) -> Iterator[RunningTwin]:
+    """Start `bowden twin` and end it afterwards, whatever happens.
+
+    Args:
+        rig: the rig.toml.
+        channel: folder of its bus; made if need be.
+        options: further ones of the command.
+
+    Raises:
+        DriveError: it does not start; with what it said.
+    """
+    command = [sys.executable, "-c", "from bowden.app.main import main; main()", "twin", str(rig), "--json"]
+    command += ["--until-orphaned"]
+    process = subprocess.Popen(
+        [*command, "--channel", str(channel), *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # Ctrl-C is for the run, which still needs a drive to release the cable
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        lines = []
+        for line in process.stdout:
+            lines.append(line)
+            if line.rstrip() == "}":
+                break
+        else:
+            raise DriveError(f"bowden twin did not start: {process.stderr.read().strip()}")
+        with TwinControl(Path(json.loads("".join(lines))["control"])) as control:
+            yield RunningTwin(process, str(channel), control)
+    finally:
+        process.terminate()
+        try:
+            process.communicate(timeout=10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()

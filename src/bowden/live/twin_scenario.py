@@ -1,0 +1,43 @@
+"""A twin's sheath moves from the moment when the law has the motor, as in the simulation."""
+
+import contextlib
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import DriveError
+from bowden.cycle.one_cycle import Source
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.twin.control import TwinControl, control_path
+from bowden.live.row import AT
+
+_PATIENCE = 0.5
+"""For a twin's answer; it must not hold up the operator [s]."""
+
+
+class TwinScenario:
+    """Tells the twin of a drive when the law began; on a rig there is no twin, and nobody is told.
+
+    Until then the sheath stays as it is at the scenario's start.
+
+    Args:
+        drive: whose twin it may be.
+        start: the monotonic clock where the column ``time`` is zero [s].
+    """
+
+    def __init__(self, drive: DriveParameters, start: float) -> None:
+        self._path = control_path(drive.interface, drive.channel, drive.node_id)
+        self._start, self._begun = start, False
+        self._tell(math.inf)
+
+    def see(self, rows: NDArray[np.float64]) -> None:
+        """Take in the rows of a run that have come since the last call (n, width)."""
+        led = np.flatnonzero(rows[:, AT["source"]] >= Source.LAW_BEGINS)
+        if len(led) and not self._begun:
+            self._begun = True
+            self._tell(self._start + float(rows[led[0], AT["time"]]))
+
+    def _tell(self, at: float) -> None:
+        with contextlib.suppress(DriveError), TwinControl(self._path, _PATIENCE) as twin:
+            twin.start_scenario(at)

@@ -1,0 +1,1 @@
+"""Cables, friction and sheath."""

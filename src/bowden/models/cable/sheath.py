@@ -1,0 +1,54 @@
+"""The sheath: its total bend sets the width and the slope of the cable's hysteresis.
+
+Section 3.2 of the paper: the backlash is proportional to the sheath's total bend angle θ and to the gap g. (The
+Discussion says that it falls with the gap; that is erratum 8, Section 3.2 is taken.) Fig. 15 shows that motion is lost
+as well when the bend grows. Relative to the bend θ₀ and gap g₀ at which the cable was identified:
+
+    width = (θ/θ₀)·(g/g₀),    slope = αφ·(1 − loss·(θ/θ₀ − 1))
+
+and the cable, driven by the motor's travel over the width,
+
+    joint = slope·motor + width·αh·h + offset,    h from Eq. 7 with u = d(motor)/width
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel
+from bowden.models.cable.bouc_wen import BoucWen, advance
+
+
+class Sheath(NamedTuple):
+    """How the hysteresis depends on the sheath's bend."""
+
+    bend: float = np.pi
+    """θ₀, total bend angle at which the cable was identified [rad]."""
+    gap: float = 1.0
+    """g/g₀, gap between cable and sheath relative to the identified one [–]."""
+    loss: float = 0.0
+    """Share of the slope lost when the bend doubles [–]."""
+
+
+@kernel
+def width(bend: float, sheath: Sheath) -> float:
+    """Factor on the hysteresis' width and height at a total `bend` [rad]; at least 1 %."""
+    return np.fmax(0.01, bend / sheath.bend * sheath.gap)
+
+
+@kernel
+def slope_factor(bend: float, sheath: Sheath) -> float:
+    """Factor on the cable's slope αφ at a total `bend` [rad]; at least 5 %."""
+    return np.fmax(0.05, 1.0 - sheath.loss * (bend / sheath.bend - 1.0))
+
+
+@kernel
+def advance_in_sheath(h: float, travel: float, width: float, cable: BoucWen) -> float:
+    """h after a signed motor `travel` [rad] in a sheath of that `width`: the play is `width` times as wide."""
+    return advance(h, travel / width, cable)
+
+
+@kernel
+def joint_in_sheath(motor: float, h: float, width: float, slope_factor: float, cable: BoucWen) -> float:
+    """Joint angle in a sheath of that width and slope factor [rad]."""
+    return slope_factor * cable.slope * motor + width * cable.hysteresis_gain * h + cable.offset

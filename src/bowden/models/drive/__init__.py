@@ -1,0 +1,1 @@
+"""Servo, motors, heat and encoders."""

@@ -1,0 +1,1 @@
+"""The suit's geometry and cables, the wearer's arm, sensors on it."""

@@ -1,0 +1,129 @@
+"""A plant round any cable, one cycle at a time; the cable's own kernels take the place of the stand-ins here."""
+
+from typing import Any, NamedTuple
+
+from bowden.core.kernel import kernel
+from bowden.models.drive.servo import (
+    ServoState,
+    ServoSteps,
+    servo_acceleration,
+    servo_is_free,
+    servo_step,
+    servo_turn,
+)
+from bowden.plants.cable_plant import Seen, lagged
+
+
+@kernel
+def cable_start(cable: Any, motor: float, width: float, slope_factor: float) -> Any:
+    """Stand-in for the cable's ``start``; `specialise` puts the cable's own in its place."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def cable_advance(
+    cable: Any, memory: Any, before: float, after: float, width: float, slope_factor: float, dt: float
+) -> Any:
+    """Stand-in for the cable's ``advance``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def cable_look(cable: Any, memory: Any, motor: float, width: float, slope_factor: float) -> Seen:
+    """Stand-in for the cable's ``look``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+class Moving(NamedTuple):
+    """What a plant round a cable is made of while it moves."""
+
+    cable: Any
+    """`Cable.prepared`."""
+    servo: ServoSteps
+    dt: float
+    """One control cycle [s]."""
+    load_lag: float
+    """[s]"""
+
+
+class Body(NamedTuple):
+    """Where everything is."""
+
+    motor: ServoState
+    memory: Any
+    """The cable's."""
+    seen: Seen
+    """The cable as it is."""
+    joint: float
+    """Joint angle, behind the load's lag [rad]."""
+
+
+@kernel
+def cable_rest(plant: Moving, motor: float, width: float, slope_factor: float) -> Body:
+    """At rest at a `motor` angle [rad]."""
+    memory = cable_start(plant.cable, motor, width, slope_factor)
+    seen = cable_look(plant.cable, memory, motor, width, slope_factor)
+    return Body(ServoState(motor, 0.0, 0.0), memory, seen, seen.joint)
+
+
+@kernel
+def cable_moved(
+    plant: Moving,
+    body: Body,
+    applied: float,
+    width: float,
+    next_width: float,
+    factor: float,
+    next_factor: float,
+    substeps: int,
+) -> Body:
+    """One cycle later under the command `applied` [rad], while the sheath's width and slope factor go to the next.
+
+    The cable is advanced where the motor turns and at the end of the cycle, with the time since it last was; the load's
+    lag is solved exactly between cycles. The motor's step is that of `bowden.plants.bench.bench_moved`.
+    """
+    servo, cable, memory, dt = plant.servo.cycle, plant.cable, body.memory, plant.dt
+    begun, velocity = body.motor.position, body.motor.velocity
+    offset = begun - applied
+    if not servo_is_free(offset, velocity, servo):
+        return _cable_in_substeps(plant, body, applied, width, next_width, factor, next_factor, substeps)
+    moved = servo.xx * offset + servo.xv * velocity
+    speed = servo.vx * offset + servo.vv * velocity
+    turned, time = begun, 0.0
+    if speed * velocity < 0.0:
+        still, time = servo_turn(offset, velocity, servo)
+        turned, part = still + applied, time / dt
+        here, at = width + part * (next_width - width), factor + part * (next_factor - factor)
+        memory = cable_advance(cable, memory, begun, turned, here, at, time)
+    motor = ServoState(moved + applied, speed, servo_acceleration(moved, speed, servo))
+    memory = cable_advance(cable, memory, turned, motor.position, next_width, next_factor, dt - time)
+    seen = cable_look(cable, memory, motor.position, next_width, next_factor)
+    return Body(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))
+
+
+@kernel
+def _cable_in_substeps(
+    plant: Moving,
+    body: Body,
+    applied: float,
+    width: float,
+    next_width: float,
+    factor: float,
+    next_factor: float,
+    substeps: int,
+) -> Body:
+    """`cable_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps."""
+    motor, memory, dt = body.motor, body.memory, plant.dt
+    turned, done = motor.position, 0
+    for i in range(substeps):
+        moved = servo_step(motor, applied, plant.servo.substep)
+        if (moved.position - motor.position) * (motor.position - turned) < 0.0:
+            part = i / substeps
+            here, at = width + part * (next_width - width), factor + part * (next_factor - factor)
+            memory = cable_advance(plant.cable, memory, turned, motor.position, here, at, (i - done) / substeps * dt)
+            turned, done = motor.position, i
+        motor = moved
+    part = (substeps - done) / substeps
+    memory = cable_advance(plant.cable, memory, turned, motor.position, next_width, next_factor, part * dt)
+    seen = cable_look(plant.cable, memory, motor.position, next_width, next_factor)
+    return Body(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))

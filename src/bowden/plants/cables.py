@@ -1,0 +1,206 @@
+"""Cables for `CablePlant`: play, a stack of plays, Bouc–Wen with static terms, and those that identification finds."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel
+from bowden.models.cable.backlash import Play, push
+from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
+from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
+from bowden.plants.cable_plant import Cable, Seen
+
+
+class Stack(NamedTuple):
+    """Play operators side by side, as many as there are half-widths; a pure play is a stack of one."""
+
+    slope: float
+    """w₀, share of the joint's motion that has no play [rad/rad]."""
+    half_widths: NDArray[np.float64]
+    """rᵢ (k,) [rad]."""
+    weights: NDArray[np.float64]
+    """wᵢ (k,) [rad/rad]."""
+    offset: float
+    """[rad]"""
+
+
+class Slots(NamedTuple):
+    """Where the slots are; changed in place."""
+
+    z: NDArray[np.float64]
+    """(k,) [rad]."""
+
+
+@kernel
+def stack_start(cable: Stack, motor: float, width: float, slope_factor: float) -> Slots:
+    """Every slot centred on the motor."""
+    return Slots(np.full(cable.half_widths.size, motor))
+
+
+@kernel
+def stack_advance(
+    cable: Stack, memory: Slots, before: float, after: float, width: float, slope_factor: float, dt: float
+) -> Slots:
+    """Every slot, `width` times as wide, pushed by the motor; in place."""
+    for i in range(memory.z.size):
+        memory.z[i] = push(memory.z[i], after, width * cable.half_widths[i])
+    return memory
+
+
+@kernel
+def stack_look(cable: Stack, memory: Slots, motor: float, width: float, slope_factor: float) -> Seen:
+    """joint = slope_factor·(w₀·motor + Σ wᵢ·zᵢ) + offset."""
+    joint = cable.slope * motor
+    for i in range(memory.z.size):
+        joint += cable.weights[i] * memory.z[i]
+    return Seen(slope_factor * joint + cable.offset, np.nan, np.nan)
+
+
+class Bent(NamedTuple):
+    """A Bouc–Wen cable with its static terms."""
+
+    cable: BoucWen
+    terms: StaticTerms
+    hysteresis: PreparedCable
+
+
+class Hysteresis(NamedTuple):
+    """The Bouc–Wen cable's memory."""
+
+    h: float
+    """[–]"""
+
+
+@kernel
+def bent_start(cable: Bent, motor: float, width: float, slope_factor: float) -> Hysteresis:
+    """At rest with h = 0."""
+    return Hysteresis(0.0)
+
+
+@kernel
+def bent_advance(
+    cable: Bent, memory: Hysteresis, before: float, after: float, width: float, slope_factor: float, dt: float
+) -> Hysteresis:
+    """Eq. 7 over the motor's travel, the play being `width` times as wide."""
+    return Hysteresis(advance_prepared(memory.h, (after - before) / width, cable.hysteresis))
+
+
+@kernel
+def bent_look(cable: Bent, memory: Hysteresis, motor: float, width: float, slope_factor: float) -> Seen:
+    """See `bowden.models.cable.bouc_wen_static`."""
+    return Seen(joint_angle(motor, memory.h, width, slope_factor, cable.cable, cable.terms), np.nan, memory.h)
+
+
+def play(parameters: Play | None = None) -> Cable:
+    """Pure play, Eqs 4–5; with the defaults of `Play` where nothing is given."""
+    parameters = parameters or Play()
+    cable = Stack(0.0, np.array([parameters.half_width]), np.array([parameters.slope]), parameters.offset)
+    return Cable("play", parameters, cable, stack_start, stack_advance, stack_look, parameters.slope)
+
+
+def stack(slope: float, half_widths: Sequence[float], weights: Sequence[float], offset: float = 0.0) -> Cable:
+    """A Prandtl–Ishlinskii stack: joint = slope·motor + Σ weightᵢ·zᵢ + offset.
+
+    Args:
+        slope: w₀ [rad/rad].
+        half_widths: rᵢ (k,) [rad].
+        weights: wᵢ (k,) [rad/rad].
+        offset: [rad].
+
+    Raises:
+        ParameterError: lengths that differ, or a half-width below 0.
+    """
+    cable = Stack(float(slope), np.array(half_widths, dtype=float), np.array(weights, dtype=float), float(offset))
+    if cable.half_widths.shape != cable.weights.shape or not (cable.half_widths >= 0.0).all():
+        raise ParameterError(
+            f"stack of plays: half-widths {list(half_widths)}, weights {list(weights)}",
+            expected="two lists of one length, half-widths not below 0",
+        )
+    whole = cable.slope + float(cable.weights.sum())
+    return Cable("prandtl_ishlinskii", cable, cable, stack_start, stack_advance, stack_look, whole)
+
+
+class BoucWenParameters(NamedTuple):
+    """What a Bouc–Wen cable of this file is made of."""
+
+    cable: BoucWen
+    terms: StaticTerms
+
+
+def bouc_wen(cable: BoucWen | None = None, terms: StaticTerms | None = None) -> Cable:
+    """The bench's Bouc–Wen cable, with static terms if they are given (then it is called ``bouc_wen_static``).
+
+    Raises:
+        ParameterError: a half range that is not above 0.
+    """
+    cable, name = cable or BoucWen(), "bouc_wen" if terms is None else "bouc_wen_static"
+    terms = terms or StaticTerms(np.zeros(0), np.zeros(0), 0.0, 1.0)
+    if not terms.half_range > 0.0:
+        raise ParameterError(f"bouc_wen_static: half_range is {terms.half_range}", expected="a number above 0")
+    prepared = Bent(cable, terms, prepare_cable(cable))
+    return Cable(name, BoucWenParameters(cable, terms), prepared, bent_start, bent_advance, bent_look, cable.slope)
+
+
+def identified(name: str, parameters: Mapping[str, float]) -> Cable:
+    """The cable of a model that `bowden identify` has found.
+
+    A cable that runs backwards (a negative slope) is turned round: its motor is counted the other way, so that the
+    joint follows in the same direction. It begins at rest, with no hysteresis locked in, not where the log did.
+
+    Args:
+        name: ``play``, ``bouc_wen``, ``bouc_wen_static`` or ``prandtl_ishlinskii``.
+        parameters: the model's, by name; radians.
+
+    Raises:
+        ParameterError: another name, or a parameter that is missing.
+    """
+    try:
+        return _IDENTIFIED[name]({key: float(value) for key, value in parameters.items()})
+    except KeyError as error:
+        raise ParameterError(
+            f"no cable from the model {name!r} with {', '.join(parameters) or 'no parameters'}",
+            expected=f"one of {', '.join(_IDENTIFIED)} with all its parameters",
+            do=f"{error.args[0]!r} is missing",
+        ) from error
+
+
+def _play(given: Mapping[str, float]) -> Cable:
+    return play(Play(abs(given["slope"]), given["half_width"], given["offset"]))
+
+
+def _stack(given: Mapping[str, float]) -> Cable:
+    widths, weights = _numbered(given, "half_width_"), _numbered(given, "weight_")
+    sign = -1.0 if given["slope"] + sum(weights) < 0.0 else 1.0
+    return stack(sign * given["slope"], widths, [sign * weight for weight in weights], given["offset"])
+
+
+def _bouc_wen(given: Mapping[str, float]) -> Cable:
+    cable = BoucWen(**{field: given[field] for field in BoucWen._fields})
+    turned = -1.0 if cable.slope < 0.0 else 1.0
+    cable = cable._replace(slope=turned * cable.slope, hysteresis_gain=turned * cable.hysteresis_gain)
+    if "static_centre" not in given:
+        return bouc_wen(cable)
+    static, heights = _numbered(given, "static_", first=2), _numbered(given, "hysteresis_gain_")
+    terms = StaticTerms(  # Tₖ(−u) = (−1)ᵏ·Tₖ(u), and h(−motor) = −h
+        np.array([turned**k * value for k, value in enumerate(static, 2)]),
+        np.array([turned ** (k + 1) * value for k, value in enumerate(heights, 1)]),
+        turned * given["static_centre"],
+        given["static_half_range"],
+    )
+    return bouc_wen(cable, terms)
+
+
+def _numbered(given: Mapping[str, float], prefix: str, first: int = 1) -> list[float]:
+    count = sum(key.startswith(prefix) and key.removeprefix(prefix).isdigit() for key in given)
+    return [given[f"{prefix}{k}"] for k in range(first, first + count)]
+
+
+_IDENTIFIED: dict[str, Any] = {
+    "play": _play,
+    "bouc_wen": _bouc_wen,
+    "bouc_wen_static": _bouc_wen,
+    "prandtl_ishlinskii": _stack,
+}

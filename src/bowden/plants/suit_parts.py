@@ -1,0 +1,112 @@
+"""What a suit on an arm is made of, and its constants for the kernels of `bowden.plants.suit_plant`."""
+
+import math
+from typing import NamedTuple
+
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.models.cable.sheath import Sheath
+from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.geared_motor import GearedMotor, check_geared_motor
+from bowden.models.drive.thermal import Thermal
+from bowden.models.suit.arm import Arm, Wearer, check_wearer
+from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor
+from bowden.models.suit.geometry import SuitGeometry, size_spools
+from bowden.models.suit.suit_angle import SpoolMap, spool_map
+from bowden.models.suit.suit_cable import Fabric, PreparedSuitCable, SuitCable, prepare_suit_cable
+
+
+class Suit(NamedTuple):
+    """All that a suit on an arm is made of."""
+
+    geometry: SuitGeometry = SuitGeometry()
+    spool_radius: float = 0.025
+    """r_f, of the flexor's spool; the extensor's is this over the best ratio of Eqs 1–3 [m]."""
+    motor: GearedMotor = GearedMotor()
+    thermal: Thermal = Thermal()
+    flexor: SuitCable = SuitCable()
+    extensor: SuitCable = SuitCable()
+    pretension: float = 25.0
+    """Of both cables at the straight arm; what keeps both taut over 0–90° on spools of the best ratio [N]."""
+    fabric: Fabric = Fabric()
+    sheath: Sheath = Sheath()
+    posture: float = 0.3
+    """How much more the sheaths are bent per angle of the elbow [rad/rad]."""
+    arm: Arm = Arm()
+    wearer: Wearer = Wearer()
+    stops: tuple[float, float] = (-5.0 * RADIANS, 145.0 * RADIANS)
+    """Where the elbow's bones and ligaments stop it [rad]."""
+    joint_sensor: FlexSensor = PAPER_FLEX
+    motor_encoder: Encoder = Encoder()
+    """On the spool."""
+    sample_time: float = 1e-3
+    """Ts, one control cycle [s]."""
+    delay: int = 1
+    """Cycles between a sample and the moment its command reaches the drive [–]."""
+    substeps: int = 10
+    """Plant sub-steps in one cycle [–]."""
+
+
+class PreparedSuit(NamedTuple):
+    """A suit as the kernels need it."""
+
+    map: SpoolMap
+    extensor_radius: float
+    """r_e [m]."""
+    joint_radius: float
+    """R [m]."""
+    motor: GearedMotor
+    thermal: Thermal
+    flexor: PreparedSuitCable
+    extensor: PreparedSuitCable
+    sheath: Sheath
+    posture: float
+    arm: Arm
+    low_stop: float
+    high_stop: float
+    substeps: int
+
+
+def prepare_suit(suit: Suit) -> PreparedSuit:
+    """The suit ready for its kernels.
+
+    Raises:
+        ParameterError: a part that cannot be.
+    """
+    check_geared_motor(suit.motor)
+    check_wearer(suit.wearer)
+    for name, value in (("spool_radius", suit.spool_radius), ("sample_time", suit.sample_time)):
+        if not (value > 0.0 and math.isfinite(value)):
+            raise ParameterError(f"suit: {name} is {value:g}", expected="a number above 0")
+    if not (abs(suit.posture) <= 10.0 and suit.substeps >= 1 and suit.stops[0] < suit.stops[1]):
+        raise ParameterError(
+            f"suit: posture {suit.posture:g}, substeps {suit.substeps}, stops {suit.stops}",
+            expected="at most 10 rad/rad, 1 or more, the low one first",
+        )
+    if not (suit.arm.inertia > 0.0 and math.isfinite(suit.arm.inertia)):
+        raise ParameterError(f"suit: the arm's inertia is {suit.arm.inertia:g}", expected="an arm of models.arm.arm_of")
+    for cable in (suit.flexor, suit.extensor):
+        if cable.kind == "capstan" and suit.sheath.loss != 0.0:
+            raise ParameterError(
+                f"suit: the sheath's loss is {suit.sheath.loss:g} with a capstan cable",
+                expected="0, since that cable computes what its sheath loses",
+            )
+    cables = [
+        prepare_suit_cable(cable, suit.fabric, suit.sheath.bend, suit.pretension)
+        for cable in (suit.flexor, suit.extensor)
+    ]
+    return PreparedSuit(
+        map=spool_map(suit.geometry, suit.spool_radius),
+        extensor_radius=suit.spool_radius / size_spools(suit.geometry).ratio,
+        joint_radius=suit.geometry.joint_radius,
+        motor=suit.motor,
+        thermal=suit.thermal,
+        flexor=cables[0],
+        extensor=cables[1],
+        sheath=suit.sheath,
+        posture=suit.posture,
+        arm=suit.arm,
+        low_stop=suit.stops[0],
+        high_stop=suit.stops[1],
+        substeps=suit.substeps,
+    )

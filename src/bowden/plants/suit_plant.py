@@ -1,0 +1,193 @@
+"""The suit on an arm as one plant: motor, gears, two spools, two cables, fabric, elbow, wearer.
+
+    J·d²θ/dt² = N·kτ·I − r_f·T_f + r_e·T_e − friction                     spool, angle θ
+    I_e·d²φ/dt² = T_f·E'(φ) − T_e·R − damping + gravity + passive + wearer     elbow, angle φ
+
+The flexor has pulled in r_f·θ and the arm gives E(φ) of it back; the extensor's are −r_e·θ and −R·φ. Each cable pulls
+as `bowden.models.suit.suit_cable` says, in a sheath whose bend is that of the scenario and `posture`·φ more. A sub-step
+is semi-implicit: cables from the angles, then speeds with the stiffness and damping of the sub-step's end, then angles.
+
+The kernels run in a compiled loop (`bowden.sim.suit`), and one cycle a call in a live twin.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel
+from bowden.models.cable.sheath import slope_factor, width
+from bowden.models.drive.geared_motor import SpoolState, drive_motor, turn_spool
+from bowden.models.drive.thermal import ThermalState, warm
+from bowden.models.suit.arm import Wearer, gravity_torque, passive_torque, wearer_torque
+from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, motor_of, spool_of
+from bowden.models.suit.suit_cable import PreparedSuitCable, Pull, SuitCableMemory, pull_suit_cable, start_suit_cable
+from bowden.plants.suit_parts import PreparedSuit
+
+
+class SuitState(NamedTuple):
+    """Where everything is, and what pulls."""
+
+    time: float
+    """[s]"""
+    spool: SpoolState
+    joint: float
+    """φ, the elbow [rad]."""
+    joint_velocity: float
+    """[rad/s]"""
+    flexor: SuitCableMemory
+    extensor: SuitCableMemory
+    flexor_pull: Pull
+    extensor_pull: Pull
+    interaction: float
+    """Torque of the suit on the elbow, flexing positive [N·m]."""
+    wearer: float
+    """Torque of the wearer's muscles, flexing positive [N·m]."""
+    motor_heat: ThermalState
+
+
+class Bends(NamedTuple):
+    """Total bend of the sheaths over one cycle, but for what the elbow's posture adds [rad]."""
+
+    before: float
+    after: float
+
+
+STOP_STIFFNESS, STOP_DAMPING = 300.0, 5.0
+"""Of the elbow's end stops [N·m/rad], [N·m·s/rad]; stated choices."""
+TAUT = 1.0
+"""Tension at which half of the flesh's damping acts [N]."""
+
+
+@kernel
+def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> SuitState:
+    """At rest, with one tension all along each cable; not in balance yet, so let it settle.
+
+    Args:
+        suit: prepared.
+        motor: angle of the motor in the joint's coordinate [rad].
+        joint: the elbow [rad].
+        bend: of the sheaths, but for the posture [rad].
+    """
+    spool = spool_of(motor, suit.map)
+    factor = slope_factor(bend + suit.posture * joint, suit.sheath)
+    flexor = start_suit_cable(suit.flexor, suit.map.radius * spool, flexor_travel(joint, suit.map), factor)
+    extensor = start_suit_cable(suit.extensor, -suit.extensor_radius * spool, -suit.joint_radius * joint, factor)
+    heat = ThermalState(suit.thermal.ambient, suit.thermal.ambient, 0.0)
+    slack = Pull(0.0, 0.0)
+    still = SpoolState(spool, 0.0, 0.0, 0.0, spool, 0.0, 0.0)
+    return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
+
+
+@kernel
+def suit_step(
+    suit: PreparedSuit, state: SuitState, command: float, powered: bool, bends: Bends, wearer: Wearer, dt: float
+) -> SuitState:
+    """The suit one cycle later.
+
+    Args:
+        suit: prepared.
+        state: before.
+        command: where the motor is to go, in the joint's coordinate [rad]; not looked at without power.
+        powered: whether the drive gives current.
+        bends: of the sheaths over the cycle.
+        wearer: what their muscles do.
+        dt: length of the cycle [s].
+    """
+    target, step = spool_of(command, suit.map), dt / suit.substeps
+    for i in range(suit.substeps):
+        bend = bends.before + (bends.after - bends.before) * (i + 1.0) / suit.substeps
+        at = state.spool.position
+        spool = SpoolState(at, state.spool.velocity, 0.0, 0.0, at, 0.0, state.spool.told)
+        if powered:
+            spool = drive_motor(suit.motor, state.spool, target, step)
+        state = _substep(suit, state, spool, bend, wearer, step)
+    heat = warm(suit.thermal, state.motor_heat, state.spool.current, dt)
+    return SuitState(
+        state.time,
+        state.spool,
+        state.joint,
+        state.joint_velocity,
+        state.flexor,
+        state.extensor,
+        state.flexor_pull,
+        state.extensor_pull,
+        state.interaction,
+        state.wearer,
+        heat,
+    )
+
+
+@kernel
+def suit_motor(suit: PreparedSuit, state: SuitState) -> float:
+    """The motor's angle in the joint's coordinate, which a law sees as `Sample.motor` [rad]."""
+    return motor_of(state.spool.position, suit.map)
+
+
+@kernel
+def _substep(
+    suit: PreparedSuit, state: SuitState, driven: SpoolState, bend: float, wearer: Wearer, dt: float
+) -> SuitState:
+    """Spool and elbow under the cables' pull where they are, then where they go; `driven` has the spool's current."""
+    joint, velocity, arm = state.joint, state.joint_velocity, suit.arm
+    whole = bend + suit.posture * joint
+    wide, factor = width(whole, suit.sheath), slope_factor(whole, suit.sheath)
+    r_f, r_e = suit.map.radius, suit.extensor_radius
+    spool = turn_spool(
+        suit.motor,
+        driven,
+        r_f * state.flexor_pull.motor - r_e * state.extensor_pull.motor,
+        r_f * r_f * suit.flexor.stiffness + r_e * r_e * suit.extensor.stiffness,
+        dt,
+    )
+    before, after = state.spool.position, spool.position
+    lever_f, lever_e = flexor_arm(joint, suit.map), suit.joint_radius
+
+    damp_f = _flesh(suit.flexor, state.flexor_pull.joint) * lever_f * lever_f
+    damp_e = _flesh(suit.extensor, state.extensor_pull.joint) * lever_e * lever_e
+    suit_damping = damp_f + damp_e
+    interaction = state.flexor_pull.joint * lever_f - state.extensor_pull.joint * lever_e - suit_damping * velocity
+    own = wearer_torque(wearer, arm, joint, velocity, state.time)
+    over, under = np.fmax(0.0, joint - suit.high_stop), np.fmax(0.0, suit.low_stop - joint)
+    stopped = 1.0 if over + under > 0.0 else 0.0
+    stops = STOP_STIFFNESS * (under - over) - stopped * STOP_DAMPING * velocity
+    torque = interaction + gravity_torque(arm, joint) + passive_torque(arm, joint, velocity) + own + stops
+    damping = suit_damping + arm.damping + wearer.damping + stopped * STOP_DAMPING
+    stiffness = _stretching(suit.flexor, state.flexor_pull.joint) * lever_f * lever_f + stopped * STOP_STIFFNESS
+    stiffness += _stretching(suit.extensor, state.extensor_pull.joint) * lever_e * lever_e
+    stiffness += arm.stiffness + wearer.stiffness
+    change = dt * (torque - dt * stiffness * velocity) / (arm.inertia + dt * (damping + dt * stiffness))
+    velocity = velocity + change
+    joint = joint + dt * velocity
+
+    flexor, flexor_pull = pull_suit_cable(
+        suit.flexor, state.flexor, r_f * before, r_f * after, flexor_travel(joint, suit.map), wide, factor
+    )
+    extensor, extensor_pull = pull_suit_cable(
+        suit.extensor, state.extensor, -r_e * before, -r_e * after, -suit.joint_radius * joint, wide, factor
+    )
+    return SuitState(
+        state.time + dt,
+        spool,
+        joint,
+        velocity,
+        flexor,
+        extensor,
+        flexor_pull,
+        extensor_pull,
+        interaction,
+        own,
+        state.motor_heat,
+    )
+
+
+@kernel
+def _flesh(cable: PreparedSuitCable, tension: float) -> float:
+    """Damping of the flesh under a cable, none where the cable is slack [N·s/m]."""
+    return cable.fabric.damping * tension / (tension + TAUT)
+
+
+@kernel
+def _stretching(cable: PreparedSuitCable, tension: float) -> float:
+    """dT/dδ of the fabric at a tension; that of the taut fabric where it is slack, which is the safe side [N/m]."""
+    k, q = cable.fabric.stiffness, cable.fabric.stiffening
+    return np.sqrt(k * k + 4.0 * q * tension)

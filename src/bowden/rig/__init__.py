@@ -1,0 +1,1 @@
+"""A rig: rig.toml, and what it describes."""

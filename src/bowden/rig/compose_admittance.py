@@ -1,0 +1,111 @@
+"""From [admittance] of a rig.toml to the source of a run's reference."""
+
+from dataclasses import dataclass
+
+from bowden.control.admittance.push import ROOM, push_source
+from bowden.control.admittance.virtual_elbow import Admittance, check_admittance
+from bowden.control.law import Law
+from bowden.control.source import Source
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.models.suit.load_cell import LoadCell
+from bowden.plants.suit_parts import Suit
+from bowden.rig import schema as schema
+from bowden.rig.admittance_schema import AdmittanceSection
+from bowden.sim.suit_sources import limit_for, push_of
+
+SURE = "uncompensated"
+"""The law for which the limit holds: it sends the motor where the admittance says and nowhere else."""
+
+
+@dataclass(frozen=True)
+class Pushing:
+    """The wearer's push as a rig describes it."""
+
+    admittance: Admittance
+    suit: Suit
+    section: AdmittanceSection
+    room: float = ROOM
+    """How far beyond its range the reference of a law that feeds the joint back may be led [rad]."""
+
+    @property
+    def cell(self) -> LoadCell:
+        """The load cell, as far off as the rig says."""
+        return LoadCell(self.section.cell_noise_nm, self.section.cell_offset_nm)
+
+    def source(self, law: Law) -> Source:
+        """The source above a law."""
+        estimated, carried = self.section.torque == "estimate", self.section.carried
+        return push_source(
+            push_of(
+                self.suit,
+                law,
+                self.admittance,
+                estimated=estimated,
+                carried=carried,
+                friction_share=self.section.friction_share,
+                room=self.room,
+            )
+        )
+
+    def refuse_integral(self) -> None:
+        """Refuse a drive with an integral: it is beyond the limit, which knows none, and most wearers swing with it.
+
+        Raises:
+            ParameterError: it has one.
+        """
+        given = self.suit.motor.integral
+        if given > 0.0:
+            said = f"suit.drive_integral_per_s is {given:g} under [admittance], where most wearers come to swing"
+            raise ParameterError(said, expected="0", do="set it to 0")
+
+    def notes(self, laws: list[Law], *, force: bool) -> list[str]:
+        """What the user should know; a virtual elbow beyond the limit is refused unless forced.
+
+        Raises:
+            ParameterError: a virtual elbow that the suit cannot render.
+        """
+        notes = []
+        for refuse, do in (
+            (self.refuse_integral, "set it to 0"),
+            (lambda: limit_for(self.suit).refuse(self.admittance), "change [admittance]"),
+        ):
+            try:
+                refuse()
+            except ParameterError as error:
+                if not force:
+                    do = f"{do} in rig.toml, or run it anyway with --force"
+                    raise ParameterError(error.what, expected=error.expected, do=do) from error
+                notes.append(f"{error.what}; it runs because of --force")
+        others = [law.name for law in laws if law.name != SURE]
+        if others:
+            notes.append(
+                f"the limit of [admittance] holds for the law {SURE}; {', '.join(others)}: the run itself shows"
+            )
+        return notes
+
+
+def pushing_of(rig: schema.Rig, suit: Suit | None) -> Pushing | None:
+    """The wearer's push; None where [reference] makes the reference.
+
+    Raises:
+        ParameterError: a virtual elbow that cannot be, or one without a suit.
+    """
+    given = rig.admittance
+    if not given.enabled:
+        return None
+    if suit is None:
+        raise ParameterError(
+            "[admittance] is enabled without a suit", expected="suit.worn = true", do="wear one, or disable it"
+        )
+    settings = Admittance(
+        inertia=given.virtual_inertia,
+        damping=given.virtual_damping,
+        stiffness=given.virtual_stiffness,
+        rest=given.rest_deg * RADIANS,
+        dead_band=given.dead_band_nm,
+        low=given.low_deg * RADIANS,
+        high=given.high_deg * RADIANS,
+        speed_limit=given.speed_limit_deg_per_s * RADIANS,
+    )
+    return Pushing(check_admittance(settings), suit, given)

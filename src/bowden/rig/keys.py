@@ -1,0 +1,102 @@
+"""Keys of rig.toml by their dotted names: which of them are numbers that a simulation feels, and how to set them."""
+
+import difflib
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from pydantic import BaseModel
+
+from bowden.rig.schema import Rig
+
+LIVE = ("drive", "limits", "live", "emg")
+"""Sections that a study does not look at."""
+_OWN = ("scenario.duration_s", "scenario.seed")
+"""What a study says itself."""
+
+
+def numeric_keys(rig: Rig) -> dict[str, str]:
+    """Dotted key → unit, of every number in a rig that a simulation depends on; numbers of a list by their place."""
+    found: dict[str, str] = {}
+    for name, section in rig:
+        if name not in LIVE:
+            found |= dict(_numbers(name, section))
+    if rig.cable.model is not None:
+        found = {name: unit for name, unit in found.items() if not name.startswith("cable.")}
+    return {name: unit for name, unit in found.items() if name not in _OWN}
+
+
+def missing_for(key: str, rig: Rig) -> str | None:
+    """What the rig would need for a simulation to feel one of its numeric keys; None where it does feel it.
+
+    >>> missing_for("wearer.share", Rig()), missing_for("cable.slope", Rig())
+    ('suit.worn = true', None)
+    """
+    section = key.partition(".")[0]
+    if section in ("suit", "wearer") and not rig.suit.worn:
+        return "suit.worn = true"
+    return "admittance.enabled = true" if section == "admittance" and not rig.admittance.enabled else None
+
+
+def _numbers(path: str, section: Any) -> Iterator[tuple[str, str]]:
+    for name, field in type(section).model_fields.items():
+        key, value = f"{path}.{name}", getattr(section, name)
+        extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+        unit = str(extra.get("unit", "–"))
+        if isinstance(value, BaseModel):
+            yield from _numbers(key, value)
+        elif isinstance(value, list):
+            yield from ((f"{key}.{i}", unit) for i, one in enumerate(value) if _is_number(one))
+        elif _is_number(value) or (value is None and "float" in str(field.annotation)):
+            yield key, unit
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def written(rig: Rig) -> dict[str, Any]:
+    """A rig as nested dictionaries, as its file would give it, without what a study does not look at."""
+    return rig.model_dump(exclude_none=True, exclude=set(LIVE))
+
+
+def with_values(tree: dict[str, Any], values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Nested dictionaries and lists with values at dotted keys, sections that are not there being made.
+
+    What is given stays as it is; what does not change is shared with it.
+
+    Raises:
+        KeyError: something that is no section stands in the way of a key, or a list has no such place.
+    """
+    changed = dict(tree)
+    for key, value in values:
+        *path, last = key.split(".")
+        here: Any = changed
+        for part in path:
+            place = _place(here, part, key)
+            inner = here.get(place, {}) if isinstance(here, dict) else here[place]
+            here[place] = list(inner) if isinstance(inner, list) else dict(inner) if isinstance(inner, dict) else inner
+            here = here[place]
+        here[_place(here, last, key)] = value
+    return changed
+
+
+def _place(here: Any, part: str, key: str) -> Any:
+    if isinstance(here, dict):
+        return part
+    if isinstance(here, list) and part.isdigit() and int(part) < len(here):
+        return int(part)
+    raise KeyError(key)
+
+
+def nearest(key: str, known: Iterable[str]) -> str:
+    """The known keys that look most like one that is not, for a message.
+
+    >>> nearest("servo.frequency", ["servo.natural_frequency_hz", "servo.damping"])
+    'servo.natural_frequency_hz (did you mean this?)'
+    """
+    names = list(known)
+    last = key.rpartition(".")[2]
+    alike = difflib.get_close_matches(key, names, 3, 0.5) or [
+        name for name in names if difflib.SequenceMatcher(None, last, name.rpartition(".")[2]).ratio() > 0.5
+    ]
+    return f"{alike[0]} (did you mean this?)" if alike else "a numeric key of rig.toml (docs/rig.md)"

@@ -1,0 +1,116 @@
+"""The paper's bench as we run it: what is printed, what is chosen, and what is fitted, from paper.toml."""
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from bowden.control import LAWS
+from bowden.control.law import Law
+from bowden.control.reference import Chirp, PeriodicMinimumJerk
+from bowden.core.trace import Trace
+from bowden.core.units import RADIANS
+from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.cable.sheath import Sheath
+from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.motor import Motor
+from bowden.models.drive.servo import Servo
+from bowden.plants.bench import Bench
+from bowden.sim.closed_loop import simulate
+from bowden.sim.scenario import BendPath, scripted_bend
+
+
+@cache
+def document() -> dict[str, Any]:
+    """paper.toml as it stands."""
+    return tomllib.loads((resources.files("bowden.rig.presets") / "paper.toml").read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What the paper does not say, fitted to its rows without the adaptive law."""
+
+    natural_frequency: float
+    """Of the servo, from the observer's bandwidth [rad/s]."""
+    gap: float
+    """Width of the cable's hysteresis over the printed parameters', from the dead zone [–]."""
+    observer_share: float
+    """The observer's α̂h over the cable's true αh·gap, from its RMSE at constant bend [–]."""
+    loss: float
+    """Slope lost when the bend doubles, from the observer's RMSE at varying bend [–]."""
+    period: float
+    """Of the periodic reference [s]."""
+
+
+def calibration(name: str = "main") -> Calibration:
+    """A frozen calibration of paper.toml: ``main`` or ``second``."""
+    return Calibration(**document()["calibration"][name])
+
+
+def bench(fit: Calibration | None = None) -> Bench:
+    """The bench with a calibration; the main one where none is given."""
+    fit = fit or calibration()
+    chosen = document()["chosen"]
+    encoder = Encoder(chosen["encoder_resolution_deg"] * RADIANS, chosen["encoder_noise_deg"] * RADIANS)
+    return Bench(
+        cable=BoucWen(),
+        sheath=Sheath(bend=chosen["bend_deg"] * RADIANS, gap=fit.gap, loss=fit.loss),
+        servo=Servo(fit.natural_frequency, chosen["servo_damping"], speed_limit=chosen["speed_limit"]),
+        motor=Motor(),
+        joint_encoder=encoder,
+        motor_encoder=encoder,
+        sample_time=chosen["sample_time"],
+        delay=chosen["delay"],
+        substeps=chosen["substeps"],
+    )
+
+
+def default_bench() -> Bench:
+    """The bench that every default of this package stands on."""
+    return bench()
+
+
+def observer(fit: Calibration | None = None) -> Law:
+    """The observer, knowing the cable but for its share of α̂h."""
+    fit = fit or calibration()
+    cable = BoucWen()
+    return LAWS["observer"].with_gains(
+        hysteresis_gain=fit.observer_share * cable.hysteresis_gain * fit.gap, rate=cable.rate / fit.gap
+    )
+
+
+def minimum_jerk(fit: Calibration | None = None) -> PeriodicMinimumJerk:
+    """The periodic reference of Fig. 9, 0–70°."""
+    return PeriodicMinimumJerk(0.0, document()["chosen"]["stroke_deg"] * RADIANS, (fit or calibration()).period)
+
+
+def chirp() -> Chirp:
+    """The chirp of Fig. 16, with the integrated phase (erratum 1)."""
+    return Chirp(90.0 * RADIANS, 0.1, 20.0, 150.0)
+
+
+def moved_sheath() -> BendPath:
+    """The sheath of Fig. 15: bent to twice its angle while running."""
+    chosen = document()["chosen"]
+    start, end = chosen["moved_from_s"], chosen["moved_to_s"]
+    return scripted_bend((start, end), (chosen["bend_deg"] * RADIANS, chosen["moved_bend_deg"] * RADIANS))
+
+
+def run(law: Law, *, moved: bool = False, fit: Calibration | None = None, duration: float | None = None) -> Trace:
+    """One of Table 1's runs: the periodic reference from rest, for a minute unless told otherwise [s]."""
+    chosen = document()["chosen"]
+    length = chosen["duration_s"] if duration is None else duration
+    path = moved_sheath() if moved else None
+    return simulate(bench(fit), law, minimum_jerk(fit), duration=length, bend=path, seed=chosen["seed"])
+
+
+def run_chirp(law: Law, fit: Calibration | None = None) -> Trace:
+    """Fig. 16's run."""
+    return simulate(bench(fit), law, chirp(), duration=150.0, seed=document()["chosen"]["seed"])
+
+
+def true_bound(fit: Calibration | None = None) -> float:
+    """The true Dm, height of the cable's hysteresis |αh|·gap·max|h| [rad]."""
+    plant = bench(fit)
+    return abs(plant.cable.hysteresis_gain) * plant.sheath.gap * float(saturation(plant.cable))

@@ -1,0 +1,158 @@
+"""The paper's suit as we run it: what is printed, what is chosen, and what is fitted, from paper.toml."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control import LAWS
+from bowden.control.law import Law
+from bowden.control.reference import PeriodicMinimumJerk, Trajectory
+from bowden.core.trace import Trace
+from bowden.core.units import DEGREES, RADIANS
+from bowden.models.cable.sheath import Sheath
+from bowden.models.drive.geared_motor import GearedMotor
+from bowden.models.suit.arm import arm_of
+from bowden.models.suit.suit_cable import Fabric, SuitCable
+from bowden.plants.suit_parts import Suit
+from bowden.rig.presets.bench import bench, document
+from bowden.sim.suit import simulate_suit
+
+
+@dataclass(frozen=True)
+class SuitCalibration:
+    """What the paper does not say of its suit, fitted to its rows without compensation."""
+
+    friction: float
+    """Of bearings, seals and feeder at the spool, from the energy of a flexion [N·m]."""
+    half_width: float
+    """Of the cables' play, from the largest error [m]."""
+    period: float
+    """Of Fig. 6's reference, from the delay; Fig. 17 names its own, 25 s [s]."""
+    cable_stiffness: float = 8000.0
+    """Of cable and sheath; a stated choice where it is not from the energy [N/m]."""
+    drive_integral: float = 0.0
+    """Of the drive's position loop, which is PD without it [1/s]."""
+
+
+def suit_calibration(name: str = "main") -> SuitCalibration:
+    """A frozen calibration of paper.toml: ``main``, on a PD drive, or ``second``, on one with an integral."""
+    return SuitCalibration(**document()["suit"]["calibration"][name])
+
+
+def suit(fit: SuitCalibration | None = None) -> Suit:
+    """The suit with a calibration; the frozen one where none is given."""
+    fit = fit or suit_calibration()
+    chosen = document()["suit"]["chosen"]
+    cable = SuitCable(kind="play", stiffness=fit.cable_stiffness, half_width=fit.half_width)
+    servo, sheath = bench().servo, bench().sheath
+    return Suit(
+        spool_radius=chosen["spool_radius"],
+        motor=GearedMotor(
+            inertia=chosen["inertia"],
+            efficiency=chosen["efficiency"],
+            friction=fit.friction,
+            current_limit=chosen["current_limit"],
+            supply=chosen["supply"],
+            integral=fit.drive_integral,
+            servo=servo,
+        ),
+        flexor=cable,
+        extensor=cable,
+        pretension=chosen["pretension"],
+        fabric=Fabric(chosen["fabric_stiffness"], 0.0, chosen["fabric_damping"]),
+        sheath=Sheath(bend=chosen["bend_deg"] * RADIANS, loss=sheath.loss),
+        posture=chosen["posture"],
+        arm=arm_of(chosen["wearer_mass"], chosen["wearer_height"]),
+        sample_time=chosen["sample_time"],
+        delay=chosen["delay"],
+        substeps=chosen["substeps"],
+    )
+
+
+def default_suit() -> Suit:
+    """The suit that every default of this package stands on."""
+    return suit()
+
+
+def suit_adaptive() -> Law:
+    """The adaptive law with the gains that `bowden.paper.suit_gains` chose for margin on the suit."""
+    return LAWS["adaptive"].preset("suit")
+
+
+def suit_adaptive_integral() -> Law:
+    """The same where the drive has an integral, whose lag leaves half the κ; both calibrations have this choice."""
+    return suit_adaptive().with_gains(error_gain=0.03, feedback_gain=1.5, smoothing=0.2)
+
+
+def suit_ours() -> Law:
+    """Our own law, with its gains for the suit."""
+    return LAWS["bowden"].preset("suit")
+
+
+DRIVE_INTEGRAL = 25.0
+"""k_i of a drive whose position loop has an integral, with which our law runs: 12 dB below that loop's limit, which is
+2·ζ·ω = 107 1/s [1/s]."""
+FRICTION_FEEDFORWARD = 2.79
+"""What our stack's drive pushes against friction: 0.7 of the 3.99 N·m that the uncompensated run shows
+(`bowden.identify.suit_friction`), so that it is no more than there is where friction is 30 % less [N·m]."""
+
+
+def flexions(period: float | None = None) -> PeriodicMinimumJerk:
+    """Flexions and extensions 0–90°; one takes 25 s (Fig. 17) where no `period` [s] is given."""
+    return PeriodicMinimumJerk(
+        0.0, 90.0 * RADIANS, document()["suit"]["chosen"]["period"] if period is None else period
+    )
+
+
+def run_suit(
+    law: Law,
+    *,
+    count: int = 5,
+    period: float | None = None,
+    fit: SuitCalibration | None = None,
+    reference: Trajectory | None = None,
+    duration: float | None = None,
+    drive_integral: float | None = None,
+    friction_feedforward: float = 0.0,
+) -> Trace:
+    """A run of the suit from rest.
+
+    Args:
+        law: with its gains.
+        count: of flexions.
+        period: of one of them [s].
+        fit: in place of the frozen calibration.
+        reference: in place of the flexions.
+        duration: with it [s].
+        drive_integral: of the drive's position loop; the calibration's where it is not given [1/s].
+        friction_feedforward: of the drive, which the paper's has not [N·m].
+    """
+    made, motion = suit(fit), reference or flexions(period)
+    made = made._replace(motor=made.motor._replace(friction_feedforward=friction_feedforward))
+    if drive_integral is not None:
+        made = made._replace(motor=made.motor._replace(integral=drive_integral))
+    one = document()["suit"]["chosen"]["period"] if period is None else period
+    length = count * one if duration is None else duration
+    return simulate_suit(made, law, motion, duration=length, seed=document()["chosen"]["seed"])
+
+
+def each_flexion(trace: Trace, period: float | None = None) -> list[slice]:
+    """The samples of each whole flexion and extension of a run."""
+    length = document()["suit"]["chosen"]["period"] if period is None else period
+    step = float(trace.time[1] - trace.time[0])
+    edges = [round(k * length / step) for k in range(int(len(trace) * step / length + 1e-6) + 1)]
+    return [slice(start, end) for start, end in itertools.pairwise(edges)]
+
+
+def energies(trace: Trace) -> NDArray[np.float64]:
+    """∫Pe dt of each flexion and extension (Eq. 18), (k,) [J]."""
+    electrical = trace.power()[1]
+    return np.array([np.trapezoid(electrical[part], trace.time[part]) for part in each_flexion(trace)])
+
+
+def largest_errors(trace: Trace, after: float = 1.0) -> NDArray[np.float64]:
+    """The largest |joint − reference| of each flexion, without its first second, (k,) [deg]."""
+    skip = round(after / float(trace.time[1] - trace.time[0]))
+    return np.array([np.max(np.abs(trace.error[part][skip:])) * DEGREES for part in each_flexion(trace)])

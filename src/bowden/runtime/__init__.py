@@ -1,1 +1,0 @@
-"""The live loop: clock, cycle, ring buffer, recorder."""

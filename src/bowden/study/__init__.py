@@ -1,0 +1,1 @@
+"""Campaigns of thousands of runs."""

@@ -1,0 +1,199 @@
+"""What the runs of a campaign show together: how figures are spread, shares, worst cases, what they depend on."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.study.sensitivity import Sensitivity, ranked, sensitivity
+from bowden.study.store import Store
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Array = NDArray[np.float64]
+
+SHOWN = ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "lag_s", "command_travel_deg", "electrical_energy_j")
+"""Figures whose spread is shown of every study."""
+RANKING = "rmse_deg"
+"""The figure by which cases are the worst, and whose dependence is looked at."""
+_WORST, _POINTS = 5, 201
+_STEPS = 10
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How a figure is spread over the runs that have it."""
+
+    count: int
+    least: float
+    q05: float
+    median: float
+    q90: float
+    q99: float
+    most: float
+
+
+@dataclass(frozen=True)
+class Worst:
+    """A run that was among the worst."""
+
+    number: int
+    value: float | None
+    """Of `RANKING`; None where the run ran away."""
+    drawn: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class LawFigures:
+    """What one law did."""
+
+    law: str
+    runs: int
+    ran_away: int
+    unstable: int
+    """Those that ran away among them."""
+    figures: dict[str, Spread]
+    """Of those that are shown, where any run has them."""
+    quantiles: dict[str, Array]
+    """The same at even shares from 0 to 1, for plots."""
+    worst: tuple[Worst, ...]
+    sensitivities: tuple[Sensitivity, ...]
+    """Of `RANKING`, the parameter that matters most first."""
+    steps: dict[str, tuple[Array, Array]]
+    """Parameter → its median, and the median of `RANKING`, in tenths of the runs by the parameter."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the share that is unstable [–]."""
+        return wilson(self.unstable, self.runs)
+
+
+def wilson(count: int, of: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share [–]."""
+    z, n, p = 1.959964, of, count / of
+    middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return max(0.0, (middle - half) / (1 + z * z / n)), min(1.0, (middle + half) / (1 + z * z / n))
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a campaign shows."""
+
+    study_hash: str
+    digest: str
+    """SHA-256 of the sorted rows."""
+    runs: int
+    laws: tuple[LawFigures, ...]
+    shown: tuple[str, ...] = SHOWN
+    """Figures whose spread is shown."""
+
+    def document(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {
+            "study": self.study_hash,
+            "rows_sha256": self.digest,
+            "runs": self.runs,
+            "laws": [_document(one) for one in self.laws],
+        }
+
+
+def _document(one: LawFigures) -> dict[str, Any]:
+    low, high = one.interval
+    return {
+        "law": one.law,
+        "runs": one.runs,
+        "ran_away": one.ran_away,
+        "unstable": one.unstable,
+        "unstable_interval": [low, high],
+        "figures": {name: asdict(spread) for name, spread in one.figures.items()},
+        "worst": [asdict(case) for case in one.worst],
+        "sensitivity": [
+            {"parameter": s.name, "rank_correlation": _finite(s.correlation), "variance_share": s.share}
+            for s in one.sensitivities
+        ],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def summarise(store: Store, laws: Sequence[str], drawn: Sequence[str], more: Sequence[str] = ()) -> Summary:
+    """Read the results, and sum them up.
+
+    Args:
+        store: with all its chunks.
+        laws: names, in their order.
+        drawn: columns that were drawn.
+        more: figures beside `SHOWN` whose spread is to be shown.
+
+    Raises:
+        OutputError: a chunk cannot be read.
+    """
+    digest, shown = store.digest(), (*SHOWN, *more)
+    numbers = store.columns(["number", "law", "ended", "stable", *shown, *drawn])
+    found = []
+    for law in laws:
+        import pyarrow.compute as pc
+
+        found.append(_of_law(law, numbers.filter(pc.equal(numbers["law"], law)), drawn, shown))
+    return Summary(store.study_hash, digest, found[0].runs, tuple(found), shown)
+
+
+def _of_law(law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[str]) -> LawFigures:
+    values = {name: table[name].to_numpy().astype(np.float64) for name in shown}
+    ended, stable = table["ended"].to_numpy(), table["stable"].to_numpy()
+    ranking = np.where(np.isfinite(values[RANKING]), values[RANKING], np.inf)
+    number = table["number"].to_numpy()
+    spreads, quantiles = {}, {}
+    for name, column in values.items():
+        there = column[np.isfinite(column)]
+        if len(there):
+            q = np.quantile(there, (0.0, 0.05, 0.5, 0.9, 0.99, 1.0)).tolist()
+            spreads[name] = Spread(len(there), *q)
+            quantiles[name] = np.quantile(there, np.linspace(0.0, 1.0, _POINTS))
+    worst = []
+    for i in np.lexsort((number, -ranking))[:_WORST].tolist():
+        row = {name: table[name][i].as_py() for name in drawn}
+        worst.append(Worst(int(number[i]), _finite(float(ranking[i])), row))
+    dependences, steps = [], {}
+    for name in drawn:
+        column = table[name]
+        words = str(column.type) == "string"
+        parameter = _coded(column.to_pylist()) if words else column.to_numpy().astype(np.float64)
+        dependences.append(sensitivity(name, parameter, ranking, ordered=not words))
+        if not words and np.ptp(parameter) > 0.0:
+            steps[name] = _steps(parameter, ranking)
+    return LawFigures(
+        law=law,
+        runs=len(table),
+        ran_away=int(np.sum(~ended)),
+        unstable=int(np.sum(~stable)),
+        figures=spreads,
+        quantiles=quantiles,
+        worst=tuple(worst),
+        sensitivities=tuple(ranked(dependences)),
+        steps=steps,
+    )
+
+
+def _coded(words: list[str]) -> Array:
+    known = sorted(set(words))
+    return np.array([known.index(word) for word in words], dtype=np.float64)
+
+
+def _steps(parameter: Array, figure: Array) -> tuple[Array, Array]:
+    """Median of both in tenths by the parameter, or for each value where there are no more than ten."""
+    distinct = np.unique(parameter)
+    if len(distinct) <= _STEPS:
+        groups = [parameter == value for value in distinct]
+    else:
+        order = np.argsort(parameter, kind="stable")
+        groups = [part for part in np.array_split(order, _STEPS) if len(part)]
+    medians = [(float(np.median(parameter[g])), float(np.median(figure[g]))) for g in groups]
+    kept = [(x, y) for x, y in medians if math.isfinite(y)]
+    return np.array([x for x, _ in kept]), np.array([y for _, y in kept])

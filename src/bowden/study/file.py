@@ -1,0 +1,69 @@
+"""Reading a study's file: every mistake becomes one line that names the key and what to write instead."""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from bowden.core.errors import ParameterError
+from bowden.rig.config import explained, read_toml
+from bowden.study.distributions import KINDS, WANTED, Distribution, Value, distribution
+from bowden.study.schema import DistributionSection, FaultSection, Study, ToldSection
+
+_CORRECT = "correct it there"
+
+
+def read_study(path: Path) -> tuple[Study, dict[str, Distribution]]:
+    """A study's file, and how each of its parameters is spread: dotted key, ``told.NAME`` or ``fault.NAME``.
+
+    Raises:
+        ParameterError: no such file, not TOML, an unknown key, a value or a distribution that cannot be.
+    """
+    raw = read_toml(path, do="docs/campaign.md shows one")
+    for name in ("vary", "told", "fault"):
+        section = raw.get(name)
+        if isinstance(section, dict):
+            raw[name] = {key: {"fixed": v} if isinstance(v, int | float | str) else v for key, v in section.items()}
+    try:
+        study = Study.model_validate(raw)
+    except ValidationError as error:
+        raise explained(error, path, Study) from error
+    given: dict[str, DistributionSection | None] = dict(study.vary)
+    given |= _section("told", study.told) | _section("fault", study.fault)
+    return study, {key: _spread(key, one, path) for key, one in given.items() if one is not None}
+
+
+def _section(name: str, section: ToldSection | FaultSection | None) -> dict[str, Any]:
+    return {f"{name}.{key}": value for key, value in section or ()}
+
+
+def _spread(key: str, given: DistributionSection, path: Path) -> Distribution:
+    where = key if key.startswith(("told.", "fault.")) else f'vary."{key}"'
+    kinds = [kind for kind in KINDS if getattr(given, kind) is not None]
+    if len(kinds) != 1:
+        raise ParameterError(
+            f"{path}: {where} has {' and '.join(kinds) or 'no kind'}",
+            expected=f"one of {', '.join(KINDS)}",
+            do=_CORRECT,
+        )
+    kind = kinds[0]
+    stands = getattr(given, kind)
+    values: list[Value] = list(stands) if isinstance(stands, list) else [stands]
+    bounds = [given.low, given.high]
+    if kind == "normal":
+        missing = [name for name, bound in zip(("low", "high"), bounds, strict=True) if bound is None]
+        if missing:
+            raise ParameterError(
+                f"{path}: {where} is normal without {' and '.join(missing)}",
+                expected="both: beyond some value no parameter makes sense",
+                do="add what is missing",
+            )
+        values += [bound for bound in bounds if bound is not None]
+    elif bounds != [None, None]:
+        raise ParameterError(
+            f"{path}: {where} is {kind} with low or high", expected="these with normal alone", do="delete them"
+        )
+    try:
+        return distribution(kind, values)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {where}: {error.what}", expected=WANTED[kind], do=_CORRECT) from error

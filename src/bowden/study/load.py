@@ -1,0 +1,138 @@
+"""Reading and checking a study, so that what cannot be is refused before anything begins."""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from bowden.core.errors import ParameterError
+from bowden.rig import compose
+from bowden.rig.config import check_points, explained, read_rig
+from bowden.rig.keys import missing_for, nearest, numeric_keys, with_values, written
+from bowden.rig.schema import Rig
+from bowden.study.distributions import Value
+from bowden.study.file import read_study
+from bowden.study.study import SENSOR_FAULTS, Column, Study
+
+_TRIED = 100
+"""Runs that are put together before any of them begins, so that most mistakes show at once."""
+
+
+def load(path: Path, over: Path | None = None) -> Study:
+    """Read a study, and put its first runs together, so that what cannot be is refused before anything begins.
+
+    Args:
+        path: of the study.
+        over: a rig.toml in place of the study's own, with its law in place of the study's laws.
+
+    Raises:
+        ParameterError: a file, key, distribution or value that cannot be used.
+    """
+    file, spreads = read_study(path)
+    own = path.parent / file.rig if file.rig else None
+    if over is not None and own is not None and not (own.exists() and own.samefile(over)):
+        raise ParameterError(
+            f"{path}: its rig is {file.rig!r}, and the command's {over}",
+            expected="the same file, or a study without a rig",
+            do="delete rig there, or give that file",
+        )
+    found, folder = over or own, path.parent if over is None else over.parent
+    rig_path = found or path
+    rig = _changed(read_rig(found) if found else Rig(), file.set, path)
+    if over is not None:
+        file = file.model_copy(update={"rig": str(over), "laws": [rig.control.law]})
+    if rig.emg.source is not None:
+        raise ParameterError(
+            f"{path}: its rig goes by EMG, emg.source is {rig.emg.source!r}",
+            expected="a rig that goes by [reference]",
+            do="delete emg.source, or copy the rig without it",
+        )
+    laws = tuple(compose.law_named(name, folder) for name in file.laws)
+    names = [law.name for law in laws]
+    if len(set(names)) < len(names):
+        raise ParameterError(f"{path}: laws has two of one name: {', '.join(names)}", do="name each law once")
+    known = numeric_keys(rig) | {f"control.gains.{gain}": "–" for law in laws for gain in law.gains._fields}
+    for key in file.vary:
+        if key not in known:
+            raise ParameterError(
+                f"{path}: vary has the unknown key {key!r}", expected=nearest(key, known), do="rename or delete it"
+            )
+        if (missing := missing_for(key, rig)) is not None:
+            raise ParameterError(
+                f"{path}: vary has {key!r}, which changes nothing here", expected=missing, do="add that to [set]"
+            )
+    columns = tuple(Column(name, _unit(name, known), spread) for name, spread in spreads.items())
+    duration = file.duration_s or rig.scenario.duration_s
+    study = Study(path, file, rig_path, rig, laws, columns, duration)
+    if study.shared.pushing is not None and "suit.drive_integral_per_s" not in file.vary:
+        try:  # where it is varied, each run says which
+            study.shared.pushing.refuse_integral()
+        except ParameterError as error:
+            where = path if "suit.drive_integral_per_s" in file.set else rig_path
+            raise ParameterError(f"{where}: {error.what}", expected=error.expected, do=f"{error.do} there") from error
+    for column in columns:
+        _check_ends(study, column)
+    for number in range(min(file.runs, _TRIED)):
+        study.setup(number)
+    return study
+
+
+def _unit(name: str, known: dict[str, str]) -> str:
+    return "s" if name in ("fault.begin_s", "fault.length_s") else known.get(name, "–")
+
+
+def _changed(rig: Rig, changes: dict[str, Any], path: Path) -> Rig:
+    """The rig with what [set] changes."""
+    if not changes:
+        return rig
+    try:
+        changed = Rig.model_validate(with_values(written(rig), changes.items()))
+    except ValidationError as error:
+        raise explained(error, path) from error
+    except KeyError as error:
+        raise ParameterError(
+            f"{path}: set has the unknown key {error.args[0]!r}",
+            expected=nearest(str(error.args[0]), numeric_keys(rig)),
+        ) from error
+    check_points(changed, path)
+    return changed
+
+
+def _check_ends(study: Study, column: Column) -> None:
+    """Refuse a distribution that reaches values which its key may not have."""
+    where = f"{study.path}: {column.name}"
+    for end in column.spread.ends:
+        if column.name == "fault.kind":
+            if end not in ["nothing", *SENSOR_FAULTS]:
+                raise ParameterError(f"{where} is {end!r}", expected=", ".join(["nothing", *SENSOR_FAULTS]))
+        elif isinstance(end, str):
+            raise ParameterError(f"{where} is {end!r}", expected="numbers", do="correct it there")
+        elif column.name.startswith("fault."):
+            if end < 0.0:
+                raise ParameterError(f"{where} reaches {end:g}", expected="a time not below 0", do="correct it there")
+        elif column.name.startswith("told."):
+            if not 0.0 < end <= 100.0:
+                raise ParameterError(f"{where} reaches {end:g}", expected="factors above 0, up to 100")
+        elif column.name.startswith("control.gains."):
+            _check_gain(study, column.name.removeprefix("control.gains."), end, where)
+        else:
+            _check_key(study, column.name, end)
+
+
+def _check_gain(study: Study, gain: str, value: Value, where: str) -> None:
+    for law in study.laws:
+        if gain in law.gains._fields:
+            try:
+                law.with_gains(**{gain: value})
+            except ParameterError as error:
+                raise ParameterError(f"{where}: {error.what}", expected=error.expected, do="narrow it") from error
+
+
+def _check_key(study: Study, key: str, end: Value) -> None:
+    try:
+        Rig.model_validate(with_values(written(study.rig), [(key, end)]))
+    except ValidationError as error:
+        found = explained(error, study.path)
+        raise ParameterError(
+            found.what.replace(" is ", " reaches ", 1), expected=found.expected, do="narrow what is varied"
+        ) from error

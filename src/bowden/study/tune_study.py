@@ -1,0 +1,143 @@
+"""Gains that are tuned against the plants of a study, and judged by others of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bowden.control.law import Law
+from bowden.core.errors import ParameterError
+from bowden.core.units import DEGREES
+from bowden.sim.many import Case, Outcome, simulate_many
+from bowden.study.figures import wilson
+from bowden.study.pack import packed, unpacked
+from bowden.study.study import Study
+
+TUNED, JUDGED = 24, 400
+"""Plants that gains are tuned against, and others that they are judged by, at most."""
+_CYCLES = 2_000_000
+"""Of all plants that gains are tuned against, at most: what they are given over time stays in memory."""
+_CHUNK = 10
+
+
+@dataclass(frozen=True)
+class StudyRuns:
+    """The first runs of a study, as `bowden.design.tune_runs.Runs`."""
+
+    pack: bytes
+    """The study."""
+    count: int
+
+    @property
+    def duration(self) -> float:
+        """Of each run [s]."""
+        return unpacked(self.pack).duration
+
+    def cases(self) -> Sequence[Case]:
+        """Each run, but for the law."""
+        return [case._replace(laws=()) for case in _cases(self.pack, 0, self.count)]
+
+    def laws(self, law: Law) -> Sequence[Law]:
+        """The law in each run: with its gains, but for what the run tells it of the servo, and of its cable."""
+        return [_in_run(unpacked(self.pack), case, law) for case in _cases(self.pack, 0, self.count)]
+
+
+class Spread(NamedTuple):
+    """What gains make of plants that they were not tuned against."""
+
+    runs: int
+    unstable: int
+    unstable_interval: list[float]
+    """Wilson's 95 % interval of their share."""
+    rmse_median_deg: float | None
+    rmse_90_deg: float | None
+    """Of nine runs in ten, from rest, a run that did not end counting as the largest."""
+    rmse_worst_deg: float | None
+
+
+def check_study(study: Study) -> None:
+    """Refuse a study that gains cannot be tuned against.
+
+    Raises:
+        ParameterError: one of suits, with too few runs, or that varies gains itself.
+    """
+    drawn = [c.name for c in study.columns if c.name.startswith("control.gains.")]
+    if drawn:
+        raise ParameterError(
+            f"{study.path} varies {', '.join(drawn)}", expected="a study of plants", do="delete what is to be tuned"
+        )
+    if study.worn:
+        raise ParameterError(f"{study.path}: a suit is worn", expected="a bench", do="set suit.worn = false")
+    if study.file.runs < 4:
+        raise ParameterError(f"{study.path}: runs is {study.file.runs}", expected="4 or more: half are judged by")
+
+
+def runs_of(study: Study) -> StudyRuns:
+    """The runs that gains are tuned against."""
+    most = int(_CYCLES * study.rig.bench.sample_time_ms * 1e-3 / study.duration)
+    return StudyRuns(packed(study), max(2, min(TUNED, study.file.runs // 2, most)))
+
+
+def fixed_of(study: Study) -> frozenset[str]:
+    """Gains that are not the search's to choose: what a study with [told] gives to each run."""
+    if study.file.told is None:
+        return frozenset()
+    known, leads = {"servo_frequency", "servo_damping", "delay"}, {"lead", "lead_square"}
+    fields = set(study.laws[0].gains._fields)
+    return frozenset(known & fields | (leads if leads <= fields else set()))
+
+
+class Part(NamedTuple):
+    """Some of the plants that gains are judged by."""
+
+    pack: bytes
+    first: int
+    last: int
+    before: Law
+    after: Law
+
+
+def parts(runs: StudyRuns, before: Law, after: Law) -> list[Part]:
+    """The plants that follow those that gains were tuned against, in parts for processes."""
+    total = min(unpacked(runs.pack).file.runs, runs.count + JUDGED)
+    begins = range(runs.count, total, _CHUNK)
+    return [Part(runs.pack, begin, min(begin + _CHUNK, total), before, after) for begin in begins]
+
+
+def judged(part: Part) -> list[tuple[Outcome, Outcome]]:
+    """Each plant with the gains before and after."""
+    study = unpacked(part.pack)
+    cases = []
+    for case in _cases(part.pack, part.first, part.last):
+        cases.append(case._replace(laws=tuple(_in_run(study, case, law) for law in (part.before, part.after))))
+    return [(before, after) for before, after in simulate_many(cases, study.duration)]
+
+
+def spread(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """The figures of `Spread`."""
+    errors = np.array([one.rmse if one.ended else np.inf for one in outcomes]) * DEGREES
+    unstable = sum(not one.stable for one in outcomes)
+    shown = [float(value) for value in np.quantile(errors, (0.5, 0.9, 1.0), method="higher")]
+    median, most, worst = (value if np.isfinite(value) else None for value in shown)
+    return Spread(len(outcomes), unstable, list(wilson(unstable, len(outcomes))), median, most, worst)._asdict()
+
+
+@lru_cache(2)
+def _cases(pack: bytes, first: int, last: int) -> tuple[Case, ...]:
+    study = unpacked(pack)
+    return tuple(study.cases((number, study.drawn(number)) for number in range(first, last)))
+
+
+def _in_run(study: Study, case: Case, law: Law) -> Law:
+    """The law of a run with what differs in `law` from the study's own on its rig."""
+    (own,) = case.laws
+    (nominal,) = study.nominal
+    told = fixed_of(study)
+    changed = {
+        name: value
+        for name, value in law.gains._asdict().items()
+        if name not in told and value != getattr(nominal.gains, name)
+    }
+    return own.with_gains(**changed)
