@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from bowden.core.kernel_cache import cache_folder
+from bowden.core.kernel_cache import source_hash
 
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
 
@@ -22,7 +22,7 @@ class Kept:
 
     def __init__(self, name: str, folder: Path = FOLDER) -> None:
         self._name = name
-        self._file = folder / f"{name}-{cache_folder().name}.jsonl"
+        self._file = folder / f"{name}-{source_hash()}.jsonl"
 
     def rows(self) -> list[list[Any]]:
         """What is there; a last line that an interruption cut off is left out."""

@@ -10,10 +10,12 @@ import importlib
 import sys
 from collections.abc import Callable
 from functools import cache
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, TypeGuard, TypeVar
 
-from bowden.core.kernel_cache import Files, keep, outside
+import numpy as np
+
+from bowden.core.kernel_cache import Files, file_of, file_of_type, keep, number_of
 from bowden.core.primitives import PRIMITIVES, cos, exp, log, power, sel, sin, tanh, twin_of
 
 __all__ = ["compiled", "cos", "exp", "kernel", "log", "power", "sel", "sin", "specialise", "tanh"]
@@ -104,7 +106,7 @@ def _compile(function: FunctionType, name: str, replacements: _Parts) -> Callabl
     twin.__qualname__, twin.__module__ = name, function.__module__
     options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
     dispatcher: Callable[..., Any] = numba.njit(**options)(twin)
-    keep(dispatcher, _outside(function).union(*(_outside(part) for _, part in replacements)))
+    keep(dispatcher, _files(function).union(*(_files(part) for _, part in replacements)))
     return dispatcher
 
 
@@ -129,22 +131,33 @@ def _numba() -> Any:
     return numba
 
 
+_COMPILING = (__name__, "bowden.core.primitives", "bowden.core.refill")
+"""Modules that decide how a kernel is compiled, whatever it is."""
+
+
 @cache
-def _outside(function: Callable[..., Any]) -> Files:
-    """The files outside the package that a kernel and the kernels it calls stand in, and the numbers that they name.
+def _files(function: Callable[..., Any]) -> Files:
+    """What a kernel and the kernels it calls are made of: their files, those of the types that they make, and numbers.
 
     A number may have come from a further file, and is compiled in. No file tells code typed at a prompt, functions made
     by other functions, and what stands in the script itself, whose types have another identity in each process.
     """
     files: set[str | None] = set()
+    for module in _COMPILING:
+        files |= file_of(getattr(sys.modules.get(module), "__file__", None), module)
     for part in _called(function):
         if part.__closure__ or "<locals>" in part.__qualname__:
             files.add(None)
-        elif place := outside(part.__code__.co_filename, part.__module__):
-            files |= place
-            named = {key: part.__globals__.get(key) for key in part.__code__.co_names}
-            numbers = {key: value for key, value in named.items() if isinstance(value, int | float | tuple)}
-            files.add(hashlib.sha256(repr(sorted(numbers.items())).encode()).hexdigest())
+            continue
+        files |= file_of(part.__code__.co_filename, part.__module__)
+        for key in sorted(set(part.__code__.co_names)):
+            value = part.__globals__.get(key)
+            if isinstance(value, type):
+                files |= file_of_type(value)
+            elif isinstance(value, ModuleType) and value.__name__.startswith("bowden."):
+                files |= file_of(value.__file__, value.__name__)
+            elif isinstance(value, int | float | tuple | np.ndarray):
+                files.add(number_of(key, value))
     return frozenset(files)
 
 

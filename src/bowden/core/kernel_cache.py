@@ -1,10 +1,10 @@
 """Where compiled kernels are kept on disk.
 
-In a folder named after a hash of the package's source, because Numba's own cache does not notice when a function that
-another one calls has changed. What depends on files outside the package, by its code or by the types that it is called
-with, goes to a folder of its own below it, named after those files' bytes: an edited file is compiled anew, and what
-is kept for a type is only looked for where the type is known. What has no file, or is the script itself, is compiled
-in every process.
+In a folder named after what the compiled code is made of: the bytes of the files in which the kernel, the kernels that
+it calls and the types that it is called with stand, and the numbers that these name. Numba's own cache does not notice
+when a function that another one calls has changed. So an edited file costs the compilation of what is made of it, and
+of nothing else, and what is kept for a type is only looked for where the type is known. What has no file, or is the
+script itself, is compiled in every process.
 """
 
 import hashlib
@@ -18,11 +18,11 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-Files = frozenset[str | None]
-"""Files outside the package that compiled code depends on, as hashes of their bytes at the time when they were first
-looked at; None among them stands for code that no file tells."""
+import numpy as np
 
-_PACKAGE = Path(__file__).parents[1]
+Files = frozenset[str | None]
+"""What compiled code is made of: hashes of files' bytes at the time when they were first looked at, and of numbers;
+None among them stands for code that no file tells."""
 
 
 def keep(dispatcher: Any, files: Files) -> None:
@@ -36,14 +36,29 @@ def keep(dispatcher: Any, files: Files) -> None:
         dispatcher._cache = _BySignature(dispatcher.py_func, files)
 
 
-def outside(file: str | None, module: str) -> Files:
-    """The file in which something of a module stands, where that is outside the package; not to be asked twice."""
+@cache
+def file_of(file: str | None, module: str) -> Files:
+    """The file in which something of a module stands."""
     path = Path(file) if file else None
-    if path and path.is_relative_to(_PACKAGE):
-        return frozenset()
     if path is None or module == "__main__" or not path.is_file():
         return frozenset([None])
     return frozenset([hashlib.sha256(path.read_bytes()).hexdigest()])
+
+
+@cache
+def file_of_type(made: type) -> Files:
+    """The file in which a class stands; none of Python's own."""
+    if made.__module__ == "builtins":
+        return frozenset()
+    if "<locals>" in made.__qualname__:
+        return frozenset([None])
+    return file_of(getattr(sys.modules.get(made.__module__), "__file__", None), made.__module__)
+
+
+def number_of(name: str, value: Any) -> str:
+    """A number, numbers or an array that compiled code has in it by a name."""
+    whole = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+    return hashlib.sha256(name.encode() + b"=" + whole).hexdigest()
 
 
 class _BySignature:
@@ -56,7 +71,7 @@ class _BySignature:
 
     @property
     def cache_path(self) -> str:
-        """The folder of what is called with numbers and the package's own types."""
+        """The folder of what is called with numbers alone."""
         return str(self._at(self._files).cache_path)
 
     def load_overload(self, signature: tuple[Any, ...], target: Any) -> Any:
@@ -85,7 +100,7 @@ def _numbas_cache(function: FunctionType, files: Files) -> Any:
         return caching.NullCache()
     config: Any = importlib.import_module("numba.core.config")  # its options come from a table, unseen by types
     before = config.CACHE_DIR  # other users of Numba in this process keep theirs
-    part = hashlib.sha256("".join(hashes).encode()).hexdigest()[:16] if hashes else ""
+    part = hashlib.sha256("".join(hashes).encode()).hexdigest()[:16]
     config.CACHE_DIR = str(cache_folder() / part)
     try:
         return caching.FunctionCache(function)
@@ -94,11 +109,11 @@ def _numbas_cache(function: FunctionType, files: Files) -> Any:
 
 
 def _files_of(kinds: Iterable[Any]) -> Files:
-    """The files outside the package that the types of arguments stand in, in tuples of tuples."""
+    """The files that the types of arguments stand in, in tuples of tuples."""
     files: Files = frozenset()
     for kind in kinds:
         if (made := getattr(kind, "instance_class", None)) is not None:
-            files |= _file_of(made)
+            files |= file_of_type(made)
         if _is_tuple(kind):
             files |= _files_of(kind)
     return files
@@ -110,22 +125,15 @@ def _is_tuple(kind: Any) -> bool:
 
 
 @cache
-def _file_of(made: type) -> Files:
-    if "<locals>" in made.__qualname__:
-        return frozenset([None])
-    return outside(getattr(sys.modules.get(made.__module__), "__file__", None), made.__module__)
-
-
-@cache
 def cache_folder() -> Path:
-    """Where compiled code is kept: ``$BOWDEN_CACHE_DIR`` or the user's cache folder, then a hash of the source.
+    """Where compiled code is kept: in ``$BOWDEN_CACHE_DIR`` or the user's cache folder.
 
     Where that cannot be written (a read-only home), a folder in the system's temporary one that only this user can
     read and write, since what is cached is run; a fresh one if another user has taken its name.
     """
     try:
         root = os.environ.get("BOWDEN_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        folder = Path(root) / "bowden" / _source_hash()
+        folder = Path(root) / "bowden" / "kernels"
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder
@@ -135,12 +143,14 @@ def cache_folder() -> Path:
         own.mkdir(mode=0o700, exist_ok=True)
         if hasattr(os, "getuid") and (own.stat().st_uid != os.getuid() or own.stat().st_mode & 0o077):
             own = Path(tempfile.mkdtemp(prefix="bowden-"))
-        folder = own / _source_hash()
+        folder = own / "kernels"
         folder.mkdir(exist_ok=True)
         return folder
 
 
-def _source_hash() -> str:
+@cache
+def source_hash() -> str:
+    """A hash of the package's source: what may give other numbers has another one."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())

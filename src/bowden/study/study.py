@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from bowden import __version__
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
-from bowden.core.kernel_cache import cache_folder
+from bowden.core.kernel_cache import source_hash
 from bowden.design.league import told_of
 from bowden.rig import compose
 from bowden.rig.config import check_points, explained
@@ -33,7 +33,7 @@ SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <=
 
 def software() -> str:
     """Version of the package, and of its source: what may give other rows is another one."""
-    return f"{__version__} ({cache_folder().name})"
+    return f"{__version__} ({source_hash()})"
 
 
 class Drawn(NamedTuple):
