@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+from bowden.live.compose_live import Asked, compose_live
 
 from bowden.core.units import DEGREES
 from bowden.cycle.one_cycle import Source
 from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.live.compose_live import Asked, compose_live
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
 from bowden.safety.supervisor import Mode, Observed, Request

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from bowden.live.compose_live import Asked, compose_live
 
 from bowden.app import main
 from bowden.control import LAWS
@@ -16,7 +17,6 @@ from bowden.core.units import RADIANS
 from bowden.design.admittance_study import MIDDLE
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
-from bowden.live.compose_live import Asked, compose_live
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.plants.suit_parts import Suit
 from bowden.rig import compose_admittance

@@ -7,6 +7,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+from bowden.rig.schema import BENDS, REFERENCES, Rig
 
 from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
@@ -17,7 +18,6 @@ from bowden.rig.config import read_rig
 from bowden.rig.page import json_schema, markdown, toml_text
 from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.presets.bench import observer as paper_observer
-from bowden.rig.schema import BENDS, REFERENCES, Rig
 from bowden.sim.closed_loop import simulate
 
 ROOT = Path(__file__).parents[1]

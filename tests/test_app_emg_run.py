@@ -5,16 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bowden.live.compose_live import Asked, compose_live
+from bowden.rig.compose import setup
 
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.hardware.emg.course import CourseSettings
 from bowden.hardware.ports import EmgChunk
-from bowden.live.compose_live import Asked, compose_live
 from bowden.live.emg_summary import figures
 from bowden.live.preflight import Preflight, require
 from bowden.live.screen import _emg
-from bowden.rig.compose import setup
 from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.emg_setup import columns, emg_run
 

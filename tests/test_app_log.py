@@ -9,6 +9,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from bowden.live.compose_live import Asked, compose_live
 
 from bowden.app import main
 from bowden.control import LAWS
@@ -18,7 +19,6 @@ from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
 from bowden.identify.log.read import read_log
-from bowden.live.compose_live import Asked, compose_live
 from bowden.live.events import Changes
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bowden.live.compose_live import Asked, Live, compose_live
+from bowden.rig.suit_schema import SuitSection
 
 from bowden.app import main
 from bowden.control import LAWS
@@ -17,7 +19,6 @@ from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, Source, led
 from bowden.design.admittance_study import felt
-from bowden.live.compose_live import Asked, Live, compose_live
 from bowden.live.events import Changes
 from bowden.live.log_replay import source_for
 from bowden.live.mcap_log import LogFile, about
@@ -28,7 +29,6 @@ from bowden.live.row import columns, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
 from bowden.rig.config import near
-from bowden.rig.suit_schema import SuitSection
 from bowden.safety.supervisor import Observed
 from live_runs import pushed_rig
 

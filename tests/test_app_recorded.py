@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bowden.rig.schema import RecordedSection
 
 from bowden.core.errors import BowdenError
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.rig.recorded import read_motion
-from bowden.rig.schema import RecordedSection
 
 
 def motion(folder: Path, text: str | bytes, **keys: str | float) -> RecordedSection:

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
+from bowden.rig.live_schema import DriveSection
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -18,7 +19,6 @@ from bowden.hardware.twin.bus import TwinBus
 from bowden.live.preflight import contradictions
 from bowden.rig.config import read_rig
 from bowden.rig.drive import drive_parameters, limits, on_bus
-from bowden.rig.live_schema import DriveSection
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.presets.suit import suit
 from bowden.sim.scenario import constant_bend

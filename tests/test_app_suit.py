@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from bowden.rig.schema import Rig
 
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
@@ -12,7 +13,6 @@ from bowden.rig import compose
 from bowden.rig.compose_suit import suit_of
 from bowden.rig.presets.bench import bench
 from bowden.rig.presets.suit import suit
-from bowden.rig.schema import Rig
 from bowden.sim.suit import simulate_suit
 
 MOTION = '[reference]\nkind = "periodic_minimum_jerk"\nlow_deg = 0.0\nhigh_deg = 60.0\nperiod_s = 4.0\n'

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from bowden.core.quantity import declared
+
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -80,7 +82,7 @@ def rebuilt(value: Any, replace: Callable[[Leaf], Any], path: tuple[str | int, .
 
 @cache
 def meanings(kind: Any) -> Mapping[str, str]:
-    """What the fields of a NamedTuple mean: the text below each, or the comment behind it."""
+    """What the fields of a NamedTuple mean: their declaration, or the text below each, or the comment behind it."""
     try:
         source = textwrap.dedent(inspect.getsource(kind))
         body = ast.parse(source).body[0]
@@ -96,7 +98,7 @@ def meanings(kind: Any) -> Mapping[str, str]:
         if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
             text = after.value.value
         found[node.target.id] = " ".join(text.split())
-    return found
+    return found | {one.name: f"{one.quantity.meaning} [{one.quantity.unit}]" for one in declared(kind)}
 
 
 def snake(name: str) -> str:
