@@ -18,10 +18,10 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import PAPER_ENCODER, Bench
 from bowden.sim import many
-from bowden.sim.closed_loop import simulate
 from bowden.sim.faulty import Fault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
+from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, random_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 5.0)
