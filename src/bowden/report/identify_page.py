@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.model import meaning
 from bowden.identify.log.read import Log
 from bowden.report.page import Page
-from bowden.report.style import COLOURS, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
