@@ -13,6 +13,7 @@ from bowden.rig.compose_suit import suit_of
 from bowden.rig.presets.bench import bench
 from bowden.rig.presets.suit import suit
 from bowden.rig.schema import Rig
+from bowden.sim.run import simulate
 
 MOTION = '[reference]\nkind = "periodic_minimum_jerk"\nlow_deg = 0.0\nhigh_deg = 60.0\nperiod_s = 4.0\n'
 

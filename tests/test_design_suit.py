@@ -24,6 +24,7 @@ from bowden.rig.presets.suit import (
     suit_calibration,
     suit_ours,
 )
+from bowden.sim.run import simulate
 
 
 def test_the_linear_suit_at_rest_is_its_statics() -> None:

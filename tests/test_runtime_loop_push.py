@@ -35,6 +35,7 @@ from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
+from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit_sources import behind, friction_of, push_of
 from loop_rig import LoopRig

@@ -18,6 +18,7 @@ from bowden.design.admittance_study import MIDDLE, Pushed, back_driven, felt, mi
 from bowden.design.admittance_unseen import unseen, unseen_felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.rig.presets.suit import suit
+from bowden.sim.run import simulate
 from bowden.sim.suit_sources import limit_for, push_of
 
 SURE = LAWS["uncompensated"]

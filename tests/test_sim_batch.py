@@ -47,12 +47,13 @@ def alone(one: Case, law: Law, duration: float) -> tuple[float | None, ...]:
         fault=one.fault,
     )
     found = trace.metrics()
-    if not trace.stable:
-        return (float(np.isfinite(trace["joint"]).sum()), 0.0, *[None] * 7)
+    if not trace.ended:
+        return (float(np.isfinite(trace["joint"]).sum()), 0.0, 0.0, *[None] * 7)
     commands = trace["command"]
     return (
         float(len(trace)),
         1.0,
+        float(trace.stable),
         found.rmse_deg,
         found.rmse_after_10s_deg,
         found.peak_deg,
@@ -67,6 +68,7 @@ def together(outcome: Outcome) -> tuple[float | None, ...]:
     values = (
         outcome.cycles,
         outcome.ended,
+        outcome.stable,
         outcome.rmse * DEGREES,
         outcome.rmse_after_10s * DEGREES,
         outcome.peak * DEGREES,

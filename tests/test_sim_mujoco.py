@@ -29,6 +29,7 @@ from bowden.rig.presets.suit import default_suit
 from bowden.sim import arm_check, mujoco_arm
 from bowden.sim.arm_agreement import Agreement
 from bowden.sim.mujoco_arm import MujocoArm, arm_xml
+from bowden.sim.run import simulate
 from bowden.sim.suit_replay import parts_of, replay
 
 ROOT = Path(__file__).parents[1]

@@ -20,6 +20,7 @@ from bowden.models.suit.geometry import extensor_extension, flexor_extension, fl
 from bowden.models.suit.suit_cable import Fabric, fabric_tension
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.sim.run import simulate
 from bowden.sim.scenario import scripted_bend
 
 SUIT = Suit()

@@ -41,7 +41,7 @@ def worst_margins(bench: Bench, gains: AdaptiveGains) -> Margins | None:
         plant = servo_model(bench.servo, bench.sample_time, bench.delay, slope)
         law = adaptive_model(gains, bench.sample_time, slope_inverse, bound)
         found.append(margins(plant, law, bench.sample_time))
-        if not found[-1].ended:
+        if not found[-1].stable:
             return None
     return Margins(
         stable=True,

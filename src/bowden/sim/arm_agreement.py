@@ -21,6 +21,7 @@ from bowden.sim.arm_check import (
     compare_motion,
     convergence,
 )
+from bowden.sim.run import simulate
 from bowden.sim.suit_replay import replay
 
 PERIOD = 25.0
