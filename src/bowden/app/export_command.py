@@ -163,7 +163,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
 
     from bowden.control import user_law
     from bowden.export.replay import COLUMNS
-    from bowden.sim.closed_loop import inputs_of, simulate
+    from bowden.sim.run import simulate
 
     duration = min(RECORDED, rig.duration)
     with user_law.explained(law):
@@ -176,7 +176,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
             seed=rig.seed,
             initial_motor=rig.start_motor,
         )
-    references = inputs_of(rig.bench, rig.trajectory, duration, rig.bend_path, rig.seed).references
+    references = rig.trajectory.sample(trace.time).T
     lasted = int(np.isfinite(trace["command"]).cumprod().sum())
     source = np.where(np.arange(lasted) == 0, 2.0, 3.0)  # runtime.cycle.Source: the law begins, the law goes on
     values = (trace["time"], trace["joint_measured"], trace["motor_measured"], *references, trace["command"])

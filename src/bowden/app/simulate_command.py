@@ -109,7 +109,7 @@ def _run(rig: "Rig", laws: list["Law"], progress: Callable[[str, float], None]) 
 
 def _interaction(rig: "Rig", trace: "Trace") -> dict[str, float | None] | None:
     """What the wearer felt of a suit that follows their push; None of any other run, and of one that ran away."""
-    if rig.pushing is None or not trace.stable:
+    if rig.pushing is None or not trace.ended:
         return None
     from bowden.design.admittance_study import felt
 

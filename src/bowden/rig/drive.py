@@ -76,20 +76,6 @@ def drive_parameters(
     return parameters
 
 
-def on_bus(drive: DriveParameters, channel: str | None, interface: str | None) -> DriveParameters:
-    """The drive on another bus than the rig's, where one is given.
-
-    Raises:
-        ParameterError: a channel that is none.
-    """
-    moved = drive._replace(
-        channel=drive.channel if channel is None else channel,
-        interface=drive.interface if interface is None else interface,
-    )
-    check_parameters(moved)
-    return moved
-
-
 def settings(live: LiveSettings) -> Settings:
     """What the live loop asks of the system."""
     return Settings(live.priority, live.cpu, live.lock_memory)

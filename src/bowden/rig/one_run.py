@@ -6,9 +6,8 @@ from bowden.control.law import Law
 from bowden.control.source import TABLE
 from bowden.core.trace import Trace
 from bowden.rig.rig import Rig
-from bowden.sim.closed_loop import simulate
 from bowden.sim.faulty import Fault
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 
 
 def run_of(rig: Rig, law: Law, fault: Fault | None = None) -> Trace:
@@ -23,32 +22,16 @@ def run_of(rig: Rig, law: Law, fault: Fault | None = None) -> Trace:
         ParameterError: a setting that cannot be.
         StreamError: a recording of EMG that cannot be used.
     """
-    trace = _simulated(rig.offline(), law, fault)
-    return replace(trace, settings={**trace.settings, "rig": rig.hash})
-
-
-def _simulated(rig: Rig, law: Law, fault: Fault | None) -> Trace:
-    if rig.worn is None:
-        return simulate(
-            rig.bench,
-            law,
-            rig.trajectory,
-            duration=rig.duration,
-            bend=rig.bend_path,
-            seed=rig.seed,
-            initial_motor=rig.start_motor,
-            fault=fault,
-        )
-    push = rig.pushing
-    return simulate_suit(
-        rig.worn,
+    rig = rig.offline()
+    trace = simulate(
+        rig.simulated_plant,
         law,
         rig.trajectory,
         duration=rig.duration,
         bend=rig.bend_path,
         seed=rig.seed,
         initial_motor=rig.start_motor,
-        source=TABLE if push is None else push.source(law),
-        cell=None if push is None else push.cell,
+        source=TABLE if rig.pushing is None else rig.pushing.source(law),
         fault=fault,
     )
+    return replace(trace, settings={**trace.settings, "rig": rig.hash})

@@ -24,6 +24,7 @@ from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.rig import config, emg_motion, emg_setup, given_law, packing, toml_text
 from bowden.rig import drive as live_parts
@@ -369,6 +370,13 @@ class Rig:
         """What is moved."""
         return self.worn or self.bench
 
+    @property
+    def simulated_plant(self) -> Plant:
+        """The plant with what a simulation measures of it: under the wearer's push, its load cell."""
+        if self.worn is not None and self.pushing is not None:
+            return self.worn._replace(load_cell=self.pushing.cell)
+        return self.plant
+
     @cached_property
     def pushing(self) -> Pushing | None:
         """In place of the reference, where the wearer's push makes it.
@@ -517,9 +525,10 @@ def _one_file(one: Any, other: Any) -> bool:
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
     if isinstance(given, Fit):
-        return IdentifiedCable(given.best, {name: dict(one.parameters) for name, one in given.models.items()})
+        given = IdentifiedCable(given.best.name, {name: dict(one.parameters) for name, one in given.models.items()})
     if isinstance(given, CableModel):
-        return IdentifiedCable(given.name, {given.name: dict(given.parameters)})
+        own = {given.name: dict(given.parameters)}
+        given = IdentifiedCable(given.name, own | {name: dict(one) for name, one in given.others.items()})
     if isinstance(given, IdentifiedCable):
         _ = given.bouc_wen
         return given

@@ -23,7 +23,6 @@ from bowden.sim.faulty import Fault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case
 from bowden.sim.scenario import BendPath
-from bowden.sim.suit_many import SuitCase
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.schema import Study as StudyFile
 
@@ -159,14 +158,13 @@ class Study:
         """Whether the plants are suits on wearers, in place of benches."""
         return self.rig.suit.worn
 
-    def suit_cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[SuitCase]:
-        """The runs of these numbers on the suit, for `bowden.sim.suit_many.simulate_suits`."""
+    def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
+        """The runs of these numbers, for `bowden.sim.many` and `bowden.sim.suit_figures`."""
         for number, drawn in runs:
             rig, laws, fault = self.run(number, drawn)
-            assert rig.worn is not None
             push = rig.pushing
-            yield SuitCase(
-                suit=rig.worn,
+            yield Case(
+                plant=rig.simulated_plant,
                 laws=laws,
                 reference=rig.trajectory,
                 bend=self._bend(rig),
@@ -174,21 +172,6 @@ class Study:
                 initial_motor=rig.start_motor,
                 fault=fault,
                 sources=() if push is None else tuple(map(push.source, laws)),
-                cell=None if push is None else push.cell,
-            )
-
-    def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
-        """The runs of these numbers on the bench, for `bowden.sim.many.simulate_many`."""
-        for number, drawn in runs:
-            rig, laws, fault = self.run(number, drawn)
-            yield Case(
-                plant=rig.bench,
-                laws=laws,
-                reference=rig.trajectory,
-                bend=self._bend(rig),
-                seed=rig.seed,
-                initial_motor=rig.start_motor,
-                fault=fault,
             )
 
     @cached_property
