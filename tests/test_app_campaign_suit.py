@@ -181,4 +181,4 @@ def test_a_drive_with_an_integral_is_refused_under_admittance(
         with pytest.raises(ParameterError, match=r"^rig.toml: suit.drive_integral_per_s is 30 under \[admittance\]"):
             load(Path("study.toml"))
     Path("study.toml").write_text(STUDY.replace("[set]", '[set]\n"suit.drive_integral_per_s" = 20.0'))
-    assert load(Path("study.toml")).shared.suit is not None
+    assert load(Path("study.toml")).rig.worn is not None

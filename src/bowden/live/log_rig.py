@@ -36,6 +36,12 @@ def rig_of_log(path: Path) -> Rig:
         raise LogError(f"{path}: its rig cannot be used: {error.what}", expected=error.expected, do=error.do) from error
 
 
+def hash_of(settings: Mapping[str, Any]) -> str | None:
+    """The hash of the rig that a log's settings name; None of a log without one."""
+    told = settings.get("rig")
+    return told.get("hash") if isinstance(told, Mapping) else None
+
+
 def without_none(tree: Any) -> Any:
     """Nested dictionaries without the keys that older logs kept as left out."""
     if not isinstance(tree, Mapping):

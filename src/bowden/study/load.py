@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.errors import ParameterError
+from bowden.rig.config import checked_file, read_toml
 from bowden.rig.given_law import loaded, named
 from bowden.rig.keys import missing_for, nearest, numeric_keys, simulated, with_values
 from bowden.rig.rig import Rig
@@ -36,7 +37,7 @@ def load(path: Path, over: Path | None = None) -> Study:
     found, folder = over or own, path.parent if over is None else over.parent
     rig_path = found or path
     duration = {"duration": file.duration_s} if file.duration_s else {}
-    rig = _changed(Rig.read(found) if found else Rig(), file.set, path).replace(**duration)
+    rig = _changed(found, file.set, path).replace(**duration)
     if over is not None:
         file = file.model_copy(update={"rig": str(over), "laws": [rig.law_name]})
     if rig.emg.source is not None:
@@ -79,18 +80,26 @@ def _unit(name: str, known: dict[str, str]) -> str:
     return "s" if name in ("fault.begin_s", "fault.length_s") else known.get(name, "–")
 
 
-def _changed(rig: Rig, changes: dict[str, Any], path: Path) -> Rig:
-    """The rig with what [set] changes."""
+def _changed(found: Path | None, changes: dict[str, Any], path: Path) -> Rig:
+    """The rig of a file, or the default one, with what [set] changes; only both together need to make sense."""
+    tree = read_toml(found) if found else {}
+    whole = checked_file(tree, found or path).model_dump(exclude_none=True)
     if not changes:
-        return rig
+        return Rig.of_tree(tree, found or path)
     try:
-        tree = with_values(rig.tree(), changes.items())
+        changed = with_values(_as_given(tree, whole), changes.items())
     except KeyError as error:
         raise ParameterError(
             f"{path}: set has the unknown key {error.args[0]!r}",
-            expected=nearest(str(error.args[0]), numeric_keys(rig.tree())),
+            expected=nearest(str(error.args[0]), numeric_keys(whole)),
         ) from error
-    return Rig.of_tree(tree, path, keep=rig)
+    checked_file(changed, path)
+    return Rig.of_tree(changed, found or path)
+
+
+def _as_given(tree: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:
+    """All sections of a rig with their defaults, but a cable's parameters where the file names its model."""
+    return whole | ({"cable": tree["cable"]} if "model" in tree.get("cable", {}) else {})
 
 
 def _check_ends(study: Study, column: Column) -> None:
