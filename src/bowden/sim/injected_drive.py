@@ -1,6 +1,6 @@
 """A drive with a motor on the bench that can break, cycle by cycle: what the supervisor is tested on.
 
-    drive = drive_start(settings, motor, width, slope_factor)
+    drive = drive_start(settings, motor, sheath)
     in each cycle:
         drive = drive_heard(drive, power)             the state that it goes to, as it was told
         reading = drive_reading(settings, drive, …)   what it says
@@ -11,7 +11,7 @@
 Both the fault matrix (`bowden.sim.supervised`, compiled) and the tests' drive for the live loop are made of these.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,10 @@ from bowden.core.kernel import kernel
 from bowden.core.signals import DriveReading
 from bowden.models.cable.bouc_wen import advance_prepared
 from bowden.models.drive.encoder import reading
-from bowden.models.drive.motor import Motor
 from bowden.models.drive.motor import current as motor_current
 from bowden.models.drive.servo import ServoState, servo_step
-from bowden.plants.bench import BenchState, BenchStep, bench_at, bench_start
+from bowden.plants.bench import BenchState, BenchStep, bench_at, bench_rest
+from bowden.plants.plant import SheathState
 from bowden.safety.supervisor import POWER_ON
 from bowden.sim.injected import CONSUMER, DISABLED, ENABLED, Injected
 
@@ -39,12 +39,8 @@ class DriveSettings(NamedTuple):
     """What does not change in a run."""
 
     bench: BenchStep
-    motor: Motor
-    encoders: Any
-    """Of joint and motor."""
     dt: float
     """Length of a cycle [s]."""
-    substeps: int
 
 
 class Damage(NamedTuple):
@@ -84,10 +80,10 @@ class DriveState(NamedTuple):
 
 
 @kernel
-def drive_start(settings: DriveSettings, motor: float, width: float, slope_factor: float) -> DriveState:
+def drive_start(settings: DriveSettings, motor: float, sheath: SheathState) -> DriveState:
     """Without power, at rest at a `motor` angle [rad]."""
     nothing = Damage(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return DriveState(bench_start(settings.bench, motor, width, slope_factor), DISABLED, 0.0, motor, nothing)
+    return DriveState(bench_rest(settings.bench, motor, sheath), DISABLED, 0.0, motor, nothing)
 
 
 @kernel
@@ -114,14 +110,14 @@ def true_joint(drive: DriveState) -> float:
 @kernel
 def drive_reading(settings: DriveSettings, drive: DriveState, normals: NDArray[np.float64]) -> DriveReading:
     """What the drive says in order: before what is injected at sensors and bus. `normals` (2,) are the encoders'."""
-    damage, motor, spool, joint = drive.damage, settings.motor, drive.body.motor, true_joint(drive)
+    damage, motor, spool, joint = drive.damage, settings.bench.motor, drive.body.motor, true_joint(drive)
     pulls = 0.0 if damage.slack + damage.torn > 0.0 else 1.0
     load = TRAIN * (motor.pretension + motor.spring * joint) * pulls
     amperes = motor_current(spool.acceleration, 0.0, 0.0, motor) + load / (motor.gear * motor.torque_constant)
     amperes = (motor.current_limit if damage.jams > 0.0 else amperes) if drive_turns(drive) else 0.0
     return DriveReading(
-        reading(spool.position, normals[1], settings.encoders[1]) + damage.slipped,
-        reading(joint, normals[0], settings.encoders[0]),
+        reading(spool.position, normals[1], settings.bench.motor_encoder) + damage.slipped,
+        reading(joint, normals[0], settings.bench.joint_encoder),
         amperes,
         max(0.0, load / SPOOL_RADIUS),
         40.0,
@@ -170,16 +166,16 @@ def drive_told(drive: DriveState, target: float) -> DriveState:
 
 @kernel
 def drive_moved(
-    settings: DriveSettings, drive: DriveState, width: float, next_width: float, next_factor: float
+    settings: DriveSettings, drive: DriveState, sheath: SheathState, next_sheath: SheathState
 ) -> DriveState:
-    """One cycle later, in a sheath of that width, and of the next width and slope factor at its end.
+    """One cycle later, in a sheath of the width of the cycle's beginning, and of the next state at its end.
 
     A motor without torque coasts to a stop; the servo of one that runs away is drawn on, and one that is jammed stands.
     In sub-steps, since none of these has an exact step.
     """
     bench, damage, h, travel = settings.bench, drive.damage, drive.body.h, 0.0
     servo, spool = bench.servo, drive.body.motor
-    for _ in range(settings.substeps):
+    for _ in range(bench.substeps):
         aim = drive.applied
         if not drive_turns(drive):
             aim = spool.position * (1.0 - settings.dt / 0.1)
@@ -189,10 +185,10 @@ def drive_moved(
         spool = servo_step(spool, aim, servo)
         if damage.jams > 0.0:
             spool = ServoState(before, 0.0, 0.0)
-        piece = (spool.position - before) / width
+        piece = (spool.position - before) / sheath.width
         if piece * travel < 0.0:
             h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
         travel += piece
     h = advance_prepared(h, travel, bench.hysteresis)
-    body = bench_at(bench, spool, h, next_width, next_factor)
+    body = bench_at(bench, spool, h, next_sheath.width, next_sheath.slope_factor)
     return DriveState(body, drive.state, drive.power, drive.applied, damage)

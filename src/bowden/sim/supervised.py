@@ -30,6 +30,7 @@ from bowden.cycle.one_cycle import (
 from bowden.models.drive.servo import ServoState
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.plants.bench import Bench, prepare_bench
+from bowden.plants.plant import SheathPath, sheath_at
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import (
@@ -44,7 +45,6 @@ from bowden.safety.supervisor import (
     Verdict,
     begin,
 )
-from bowden.sim.closed_loop import inputs_of
 from bowden.sim.injected import FAULT, Injected, Misled, asleep, disturbed, misled_start, misled_step, misread
 from bowden.sim.injected_drive import (
     DriveSettings,
@@ -56,6 +56,7 @@ from bowden.sim.injected_drive import (
     drive_told,
     true_joint,
 )
+from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
 
 
@@ -99,8 +100,7 @@ def run_supervised(
     drive_settings: DriveSettings,
     thermal: ThermalState,
     references: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    slope_factors: NDArray[np.float64],
+    sheath: SheathPath,
     normals: NDArray[np.float64],
     initial_motor: float,
     delay: int,
@@ -118,8 +118,7 @@ def run_supervised(
         drive_settings: of the drive and its bench.
         thermal: how warm the motor is.
         references: of the joint (3, n).
-        widths: of the sheath at the cycles' edges (n + 1,).
-        slope_factors: likewise.
+        sheath: at the edges of the cycles.
         normals: of the encoders' noise (n, 2).
         initial_motor: motor angle at rest [rad].
         delay: [cycles]
@@ -130,7 +129,7 @@ def run_supervised(
     """
     cycles, dt, limits = references.shape[1], drive_settings.dt, settings.limits
     kinds, onsets, now = settings.gains.kinds, settings.gains.onsets, settings.gains.now
-    drive = drive_start(drive_settings, initial_motor, widths[0], slope_factors[0])
+    drive = drive_start(drive_settings, initial_motor, sheath_at(sheath, 0))
     seen = Sample(drive.body.joint, drive.body.motor.position)
     first = drive_reading(drive_settings, drive, np.zeros(2))
     state = CycleState(
@@ -212,7 +211,7 @@ def run_supervised(
         for j in range(k, k + missed + 1):
             joints[j], motors[j] = true.joint, true.motor
             drive = drive_told(drive, record[1, j - delay] if j >= delay else initial_motor)
-            drive = drive_moved(drive_settings, drive, widths[j], widths[j + 1], slope_factors[j + 1])
+            drive = drive_moved(drive_settings, drive, sheath_at(sheath, j), sheath_at(sheath, j + 1))
         k += missed + 1
     out[1] = ran
 
@@ -292,11 +291,10 @@ def supervised(
     parts |= {"sound_start": law.start_kernel, "sound_step": law.step_kernel}
     specialise(run_supervised, law.name, **parts, **SUPERVISED)(
         CycleSettings(misled_gains(law, injected, bench.sample_time), TABLE.settings, Filters(), limits),
-        drive_settings(bench),
+        DriveSettings(prepare_bench(bench), bench.sample_time),
         thermal or cold(limits.thermal),
         inputs.references,
-        inputs.widths,
-        inputs.slope_factors,
+        inputs.sheath,
         inputs.normals,
         float(initial_motor),
         bench.delay,
@@ -313,9 +311,3 @@ def misled_gains(law: Law, injected: tuple[tuple[Injected, float], ...], dt: flo
     faults = injected or ((Injected.NOTHING, 1e6),)
     kinds, onsets = ([int(kind) for kind, _ in faults], [round(onset / dt) for _, onset in faults])
     return Misled(law.gains, np.array(kinds), np.array(onsets), np.zeros(1, dtype=np.int64))
-
-
-def drive_settings(bench: Bench) -> DriveSettings:
-    """The drive on this bench."""
-    encoders = (bench.joint_encoder, bench.motor_encoder)
-    return DriveSettings(prepare_bench(bench), bench.motor, encoders, bench.sample_time, bench.substeps)
