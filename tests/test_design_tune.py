@@ -25,7 +25,7 @@ from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
 from bowden.design.tune_runs import NineRuns, Rig, course_of, runs_of
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 from bowden.study import tune_study
 from bowden.study.load import load
