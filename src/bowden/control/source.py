@@ -4,7 +4,7 @@
     step(settings, state, heard, scheduled, dt) -> (state, reference, added)
 
 `scheduled` is the table's reference at this instant; `added` is an angle of the motor that is added to the law's
-command. As laws are, sources are kernels in the portable subset with flat states, and `specialise` puts them in a loop.
+command. As laws are, sources are kernels in the portable subset, and `specialise` puts them in a loop.
 """
 
 from collections.abc import Callable
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from bowden.core.kernel import kernel
+from bowden.core.nested import columns
 from bowden.core.signals import Reference
 
 
@@ -51,7 +52,11 @@ class Source:
     start_kernel: Callable[[Any, Heard], Any]
     step_kernel: Callable[[Any, Any, Heard, Reference, float], tuple[Any, Reference, float]]
     state_units: dict[str, str]
-    """Field of the state → its unit; a field that is not named has none."""
+    """Field of the state → its unit, where the state's type does not say."""
+
+    def columns(self) -> dict[str, str]:
+        """Column → unit of its state, as traces and logs have it: ``<name>.<field>``."""
+        return columns(self.start(Heard(0.0, 0.0, 0.0, 0.0)), self.name, self.state_units)
 
     def start(self, heard: Heard) -> Any:
         """The state with which the source begins."""

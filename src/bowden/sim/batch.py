@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bowden.control.law import law_start, law_step
 from bowden.core.kernel import apart, kernel
 from bowden.core.pairwise import pairwise_sum
-from bowden.core.refill import refilled
+from bowden.core.nested import refilled
 from bowden.core.signals import Reference, Sample
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.motor import Motor, current
@@ -162,7 +162,7 @@ def run_batch(
 
     Args:
         like: an example of a run's numbers.
-        numbers: those of each run (b, m), see `bowden.core.refill`.
+        numbers: those of each run (b, m), see `bowden.core.nested`.
         rows: cycles, row of the references, of the sheath's and of the normal numbers for each run (b, 4).
         inputs: see there.
         limits: see there.

@@ -11,6 +11,7 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.models.drive import motor as motor_model
@@ -65,8 +66,9 @@ def run_cable_loop(
         record[6, k] = motor.acceleration
         record[7, k] = body.seen.h
         record[8, k] = body.seen.torque
-        for j in range(len(state)):
-            states[j, k] = state[j]
+        numbers = flat(state)
+        for j in range(len(numbers)):
+            states[j, k] = numbers[j]
         if not abs(command) < RUNAWAY:
             return k
         applied = record[4, k - delay] if k >= delay else initial_motor
@@ -100,7 +102,7 @@ def simulate_cable(
     references = np.ascontiguousarray(reference.sample(time).T)
     noisy = plant.joint_encoder.noise > 0.0 or plant.motor_encoder.noise > 0.0
     shape = (len(time), 2)
-    fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
+    fields = law.columns()
     block = np.empty((len(_RECORDED) + len(fields), len(time)))
     record, states = block[: len(_RECORDED)], block[len(_RECORDED) :]
     lasted = compiled_cable_loop(plant, law)(
@@ -131,7 +133,7 @@ def simulate_cable(
     else:
         values["current"] = np.asarray(motor_model.current(acceleration, values["joint"], values["slope"], motor))
     values |= dict(zip(fields, states, strict=True))
-    units = UNITS | {name: law.state_units.get(name.removeprefix("law."), "1") for name in fields}
+    units = UNITS | fields
     return Trace(values, units, _settings(plant, law, reference), seed)
 
 

@@ -11,6 +11,7 @@ from bowden.control.law import Law, law_start, law_step
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
@@ -98,8 +99,9 @@ def run_loop(
         record[5, k] = plant.motor.velocity
         record[6, k] = plant.motor.acceleration
         record[7, k] = plant.h
-        for j in range(len(state)):
-            states[j, k] = state[j]
+        numbers = flat(state)
+        for j in range(len(numbers)):
+            states[j, k] = numbers[j]
         if not abs(command) < RUNAWAY:
             return k
         applied = record[4, k - delay] if k >= delay else initial_motor
@@ -156,7 +158,7 @@ def simulate(
             plant, law, reference, duration=duration, bend=bend, seed=seed, initial_motor=initial_motor
         )
     inputs = inputs_of(plant, reference, duration, bend, seed)
-    fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
+    fields = law.columns()
     # one block: a system hands out a large piece of memory far faster than many small ones
     block = np.empty((len(_RECORDED) + len(fields), len(inputs.time)))
     record, states = block[: len(_RECORDED)], block[len(_RECORDED) :]
@@ -188,7 +190,7 @@ def simulate(
     values |= dict(zip(fields, states, strict=True))
     return Trace(
         values,
-        UNITS | {name: law.state_units.get(name[4:], "1") for name in fields},
+        UNITS | fields,
         _settings(plant, law, reference),
         seed,
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.core.refill import form_of, numbers_of
+from bowden.core.nested import form_of, numbers_of
 from bowden.sim.batch import FIGURES, Limits, One
 from bowden.sim.many import Case, Given, Ready, one_of
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.core.kernel import specialise
-from bowden.core.refill import form_of, numbers_of
+from bowden.core.nested import form_of, numbers_of
 from bowden.plants.bench import Bench, prepare_bench
 from bowden.plants.cable_body import Moving, cable_moved, cable_rest
 from bowden.plants.cable_plant import CablePlant, prepare_servo

@@ -76,9 +76,7 @@ def simulate_suit(
     values |= dict(zip(fields, states, strict=False))
     units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s"} | RECORDED
     units |= {"bend": "rad", "width": "1", "slope": "rad/rad"}
-    known = {f"law.{name}": unit for name, unit in law.state_units.items()}
-    known |= {f"{source.name}.{name}": unit for name, unit in source.state_units.items()}
-    units |= {name: known.get(name, "1") for name in fields}
+    units |= law.columns() | ({} if source is TABLE else source.columns())
     return Trace(values, units, _settings(suit, inputs.prepared, law, reference, source), seed)
 
 

@@ -11,6 +11,7 @@ from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Heard, Source, source_start, source_step
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.models.drive.encoder import reading
 from bowden.models.suit.arm import Wearer
@@ -114,10 +115,9 @@ def run_suit_loop(
             record[13, k] = plant.interaction
             record[14, k] = plant.wearer
             record[15, k] = plant.motor_heat.winding
-            for j in range(len(state)):
-                states[j, k] = state[j]
-            for j in range(len(asked)):
-                states[len(state) + j, k] = asked[j]
+            numbers = flat((state, asked))
+            for j in range(len(numbers)):
+                states[j, k] = numbers[j]
             if not abs(command) < RUNAWAY:
                 return k
             applied = record[4, k - delay] if k >= delay else initial_motor
@@ -211,9 +211,7 @@ def run_suit(
 
 def state_fields(law: Law, source: Source) -> tuple[list[str], list[str]]:
     """What law and source remember, as the columns of a trace name it."""
-    fields = [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
-    asked = [f"{source.name}.{name}" for name in type(source.start(Heard(0.0, 0.0, 0.0, 0.0)))._fields]
-    return fields, asked
+    return list(law.columns()), list(source.columns())
 
 
 def compiled_suit_loop(law: Law, source: Source = TABLE) -> Callable[..., int]:

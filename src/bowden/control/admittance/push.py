@@ -111,9 +111,9 @@ class Push(NamedTuple):
 
 
 class Pushed(NamedTuple):
-    """The part of the state between virtual elbow and estimate; compiled code joins tuples, not numbers to tuples."""
+    """The wearer's push."""
 
-    push: float
+    torque: float
     """τ [N·m]."""
     rested: float
     """s, 0 for an elbow that moves, 1 for one at rest [–]."""
@@ -124,23 +124,9 @@ class Pushed(NamedTuple):
 class PushState(NamedTuple):
     """What the source remembers: the virtual elbow, the push, and the estimate."""
 
-    position: float
-    velocity: float
-    acceleration: float
-    push: float
-    rested: float
-    slow: float
-    spool: float
-    joint: float
-    spool_rate: float
-    joint_rate: float
-    current: float
-    flexor_node: float
-    extensor_node: float
-    estimate: float
-    doubt: float
-    from_current: float
-    from_stretch: float
+    virtual: AdmittanceState
+    push: Pushed
+    estimate: InteractionState
 
 
 @kernel
@@ -148,7 +134,7 @@ def push_start(settings: Push, heard: Heard) -> PushState:
     """At rest where the motor is: the law's first command then moves nothing."""
     estimate = interaction_start(settings.chain, spool_of(heard.motor, settings.chain.map), heard.joint)
     virtual = admittance_start(settings.admittance, heard.motor)
-    return PushState(*(virtual[:] + Pushed(0.0, 0.0, heard.joint)[:] + estimate[:]))
+    return PushState(virtual, Pushed(0.0, 0.0, heard.joint), estimate)
 
 
 @kernel
@@ -173,25 +159,24 @@ def push_step(
 ) -> tuple[PushState, Reference, float]:
     """One cycle: torque, admittance, and the motor's lead."""
     chain, under = settings.chain, settings.under
-    before = InteractionState(*state[6:17])
     spool = spool_of(heard.motor, chain.map)
-    estimate = interaction_step(chain, settings.doubt, before, spool, heard.joint, heard.current, dt)
+    estimate = interaction_step(chain, settings.doubt, state.estimate, spool, heard.joint, heard.current, dt)
     torque = sel(settings.estimated > 0.5, estimate.torque, heard.load)
     held = settings.carried * settings.weight * sin(estimate.joint + settings.elevation)
     push = held - torque
-    slow = state.slow + dt / (settings.rest.smoothing + dt) * (estimate.joint - state.slow)
+    slow = state.push.slow + dt / (settings.rest.smoothing + dt) * (estimate.joint - state.push.slow)
     still = np.abs(estimate.joint - slow) < settings.rest.still * settings.rest.smoothing
     goal, lag = sel(still, 1.0, 0.0), sel(still, settings.rest.patience, settings.rest.leave)
-    rested = state.rested + dt / (lag + dt) * (goal - state.rested)
+    rested = state.push.rested + dt / (lag + dt) * (goal - state.push.rested)
     doubt = sel(settings.estimated > 0.5, settings.rest.sure * estimate.doubt, settings.rest.cell)
     told = beyond_band(push, rested * doubt)
-    virtual, reference = admittance_step(settings.admittance, AdmittanceState(*state[0:3]), told, dt)
+    virtual, reference = admittance_step(settings.admittance, state.virtual, told, dt)
     ratio = chain.map.radius / flexor_arm(reference.position, chain.map)
     effort = under.friction * tanh(reference.velocity / under.speed) + held * ratio
     added = under.lead * reference.velocity + under.lead_square * reference.acceleration
     added = added + effort / under.stiffness * ratio
     shown = Reference(stretched(settings, reference.position, push), reference.velocity, reference.acceleration)
-    return PushState(*(virtual[:] + Pushed(push, rested, slow)[:] + estimate[:])), shown, added
+    return PushState(virtual, Pushed(push, rested, slow), estimate), shown, added
 
 
 PUSH_UNITS = {
