@@ -15,7 +15,7 @@ from bowden.core.errors import LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, Source, led
+from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, WishSource, led
 from bowden.design.admittance_study import felt
 from bowden.live.compose_live import Asked, Live, compose_live
 from bowden.live.events import Changes
@@ -151,7 +151,7 @@ def recorded(ran: Live) -> np.ndarray:
             (
                 *(k * DT, *cycle.reference, *reading, *cycle.state.sample, wish),
                 *(*verdict, plan.source, 0.0, DT, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, math.nan, 8e-5),
-                *(*cycle.state.law, *cycle.state.supervisor, *cycle.asked()),
+                *(*cycle.state.law, *cycle.state.supervisor, *cycle.source_row()),
             )
         )
     return np.array(rows)
@@ -196,8 +196,8 @@ def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -
         time = np.arange(round(seconds / DT)) * DT
         joint, torque = 0.8 + 0.3 * np.sin(time), 2.0 * np.sin(3.0 * time) * np.exp(-time)
         names = ("source", "joint_seen", "admittance.estimate", "admittance.doubt")
-        before = np.tile([Source.MOTION, 0.0, 50.0, 9.0], (700, 1))
-        after = np.column_stack([np.full(len(time), Source.LAW), joint, torque, np.full(len(time), 0.4)])
+        before = np.tile([WishSource.MOTION, 0.0, 50.0, 9.0], (700, 1))
+        after = np.column_stack([np.full(len(time), WishSource.LAW), joint, torque, np.full(len(time), 0.4)])
         rows = np.vstack([before, after])
         log = Recording({}, None, names, (), np.arange(len(rows)), rows, [], Damage(0, 0, 0))
         found = figures(log, pushing, DT)
