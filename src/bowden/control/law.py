@@ -5,9 +5,9 @@ A law is two kernels and a NamedTuple of gains:
     start(gains, sample) -> state
     step(gains, state, sample, reference, dt) -> (state, command)
 
-Both are written in the portable subset (see ``docs/kernels.md``), and the state is a NamedTuple of floats (or of such tuples), so
-that one source runs interpreted in the live loop, compiled in simulation and exported as C99, and every state variable can
-be recorded.
+Both are written in the portable subset (see ``docs/kernels.md``), and the state is a NamedTuple of floats and of
+further NamedTuples, so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
+C99, and every state variable can be recorded.
 """
 
 import difflib
@@ -64,7 +64,7 @@ class Law:
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)
-    """Field of the state, or column (``part.field``) → its unit, for the record, where the state's type does not say."""
+    """Field of the state, or its column (``part.field``) → unit for the record, where the state's type does not say."""
 
     def columns(self) -> dict[str, str]:
         """Column → unit of its state, as traces and logs have it: ``law.<field>``, ``law.<part>.<field>``."""

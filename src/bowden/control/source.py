@@ -7,8 +7,8 @@
 command. As laws are, sources are kernels in the portable subset, and `specialise` puts them in a loop.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from bowden.core.kernel import kernel
@@ -51,7 +51,7 @@ class Source:
     """NamedTuple handed to the kernels."""
     start_kernel: Callable[[Any, Heard], Any]
     step_kernel: Callable[[Any, Any, Heard, Reference, float], tuple[Any, Reference, float]]
-    state_units: dict[str, str]
+    state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state → its unit, where the state's type does not say."""
 
     def columns(self) -> dict[str, str]:
@@ -87,5 +87,5 @@ def table_step(
     return state, scheduled, 0.0
 
 
-TABLE = Source("table", Nothing(), table_start, table_step, {})
+TABLE = Source("table", Nothing(), table_start, table_step)
 """The reference as it was made beforehand."""

@@ -4,8 +4,8 @@ A state is a NamedTuple of numbers and of further NamedTuples. A trace, a log, a
 `columns` names its numbers (``motor.speed``) and tells their units, `flat` gives them in that order, and `refilled`
 makes the state again. Interpreted, compiled and while exporting it is the same order.
 
-A unit is declared where the field is, ``speed: Annotated[float, Quantity("rad/s", …)]``; whatever of an annotation has
-a ``unit`` counts. A law of a user's file may name units apart, by column or by the field's own name.
+A unit is declared where the field is, ``speed: Annotated[float, Quantity(…, "rad/s")]``. A law of a user's file may
+name units apart, by column or by the field's own name.
 
 Compiled code cannot loop over a list of parameter sets whose type it does not know: a law's gains are whatever its
 author made them. A row of numbers beside one example of the tuple can stand for each of them.
@@ -13,10 +13,12 @@ author made them. A row of numbers beside one example of the tuple can stand for
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bowden.core.quantity import declared
 
 Array = NDArray[np.float64]
 
@@ -92,7 +94,8 @@ def unit_at(value: Any, path: Path) -> str:
     unit = ""
     for step in path:
         if isinstance(step, str):
-            unit = declared_units(type(value)).get(step, unit)
+            kind: Any = type(value)
+            unit = _units_of(kind).get(step, unit)
             value = getattr(value, step)
         else:
             value = value[step]
@@ -100,11 +103,9 @@ def unit_at(value: Any, path: Path) -> str:
 
 
 @cache
-def declared_units(kind: type) -> Mapping[str, str]:
+def _units_of(kind: Any) -> Mapping[str, str]:
     """Field → unit that a NamedTuple's annotations have; a field that says none is left out."""
-    hints = get_type_hints(kind, include_extras=True)
-    marks = {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
-    return {name: mark.unit for name, told in marks.items() for mark in told if hasattr(mark, "unit")}
+    return {one.name: one.quantity.unit.replace("–", "1") for one in declared(kind)}
 
 
 def from_columns(example: Any, row: Mapping[str, float], prefix: str = "") -> Any:
@@ -164,6 +165,51 @@ def refilled(template: Any, row: Array) -> Any:
     return rebuilt(template, lambda _, old: old if isinstance(old, np.ndarray) else type(old)(next(numbers)))
 
 
+def restored(template: Any, row: Array) -> Any:
+    """`refilled` with a float for every number: a state that was kept flat. Compiled, it is a primitive of kernels.
+
+    >>> restored((1.0, (2, 3.0)), np.array([4.0, 5.5, 6.0]))
+    (4.0, (5.5, 6.0))
+    """
+    numbers = iter(row.tolist())
+    return rebuilt(template, lambda *_: next(numbers))
+
+
+def compiled_restored() -> Any:
+    """`restored` for Numba; of the template it needs the type alone."""
+    from numba.core import cgutils, types
+    from numba.extending import intrinsic
+
+    structure: Any = cgutils.create_struct_proxy  # untyped
+
+    def floats(kind: Any) -> Any:
+        if not isinstance(kind, types.BaseTuple):
+            return types.float64
+        inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
+        base: Any = types.BaseTuple  # untyped
+        return base.from_types(list(map(floats, inner)), getattr(kind, "instance_class", None))
+
+    def filled(context: Any, builder: Any, kind: Any, data: Any, at: list[int]) -> Any:
+        if isinstance(kind, types.BaseTuple):
+            inner: Any = list(kind)  # type: ignore[call-overload]
+            return context.make_tuple(builder, kind, [filled(context, builder, part, data, at) for part in inner])
+        place = builder.gep(data, [context.get_constant(types.intp, at[0])])
+        at[0] += 1
+        return builder.load(place)
+
+    @intrinsic
+    def restore(typing: Any, template: Any, row: Any) -> Any:
+        made = floats(template)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array = structure(signature.args[1])(context, builder, value=arguments[1])
+            return filled(context, builder, made, array.data, [0])
+
+        return made(template, row), generate
+
+    return restore
+
+
 def compiled_refilled() -> Any:
     """`refilled` for Numba, which unrolls the nesting while it compiles."""
     from numba.core import cgutils, types
@@ -215,11 +261,15 @@ def compiled_flat() -> Any:
         ]
 
     def count(kind: Any) -> int:
-        return sum(map(count, kind)) if isinstance(kind, types.BaseTuple) else 1
+        if not isinstance(kind, types.BaseTuple):
+            return 1
+        inner: Any = list(kind)  # type: ignore[call-overload]
+        return sum(map(count, inner))
 
     @intrinsic
     def flatten(typing: Any, value: Any) -> Any:
-        made = types.UniTuple(types.float64, count(value))
+        uniform: Any = types.UniTuple  # untyped
+        made = uniform(types.float64, count(value))
 
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             return context.make_tuple(builder, made, numbers(context, builder, signature.args[0], arguments[0]))

@@ -74,9 +74,7 @@ def linearise(
 
     def after(state: Sequence[float] | Array, joint: float, motor: float) -> Array:
         numbers = iter(state)
-        stepped, command = law.step(
-            rebuilt(rest, lambda *_: next(numbers)), Sample(joint, motor), reference, dt
-        )
+        stepped, command = law.step(rebuilt(rest, lambda *_: next(numbers)), Sample(joint, motor), reference, dt)
         return np.array([*flat(stepped), -command])
 
     moved = [
@@ -135,7 +133,8 @@ def find_estimates(law: Law, visited: State, dt: float) -> list[str]:
     found = []
     for i, (name, begun, tried) in enumerate(zip(names(rest), flat(rest), flat(visited), strict=True)):
         change = tried - begun or _NOISE
-        other = rebuilt(rest, lambda path, old, moved=name, by=change: old + by if name_of(path) == moved else old)
+        moved = {name: begun + change}
+        other = rebuilt(rest, lambda path, old, moved=moved: moved.get(name_of(path), old))  # type: ignore[misc]
         state, commands = _at_rest(law, other, sample, dt)
         kept = (flat(state)[i] - flat(still)[i]) / change
         if np.array_equal(commands, quiet) and kept > 0.9:

@@ -5,11 +5,12 @@ wish is passed on unchanged or not at all; a reading is used as it is or not at 
 """
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import DriveReading
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import ThermalState, warm
@@ -58,68 +59,47 @@ class Verdict(NamedTuple):
 class Decided(NamedTuple):
     """What the supervisor decided last, and what its next decision needs of it."""
 
-    mode: float
-    """Number of a `Mode`."""
-    passed: float
-    """1 from the request to run on, until the power is off, else 0."""
-    target_before: float
-    """What the drive was told a cycle before the last [rad]."""
-    bridged: float
-    """Time in R1, of which good time forgets a share [s]."""
-    released: float
-    """Time in R2 [s]."""
-    eased: float
-    """Time in R2 for which the motor has carried nothing [s]."""
-    latched: float
-    """The faults that have to be acknowledged, a sum of 2**fault."""
+    mode: Annotated[float, Quantity("number of a `Mode`")]
+    passed: Annotated[float, Quantity("1 from the request to run on, until the power is off, else 0")]
+    target_before: Annotated[float, Quantity("what the drive was told a cycle before the last", "rad")]
+    bridged: Annotated[float, Quantity("time in R1, of which good time forgets a share", "s")]
+    released: Annotated[float, Quantity("time in R2", "s")]
+    eased: Annotated[float, Quantity("time in R2 for which the motor has carried nothing", "s")]
+    latched: Annotated[float, Quantity("the faults that have to be acknowledged, a sum of 2**fault")]
 
 
 class Servo(NamedTuple):
     """The drive as its servo's model says it is."""
 
-    enabled: float
-    """1 from the drive's operation enabled on, while it is powered, else 0."""
-    position: float
-    """Where the model is [rad]."""
-    speed: float
-    """[rad/s]"""
-    astray: float
-    """For how long the motor has not followed it [s]."""
+    enabled: Annotated[float, Quantity("1 from the drive's operation enabled on, while it is powered, else 0")]
+    position: Annotated[float, Quantity("where the model is", "rad")]
+    speed: Annotated[float, Quantity("its speed", "rad/s")]
+    astray: Annotated[float, Quantity("for how long the motor has not followed it", "s")]
 
 
 class Anchor(NamedTuple):
     """Both angles when the joint's reading last changed."""
 
-    motor: float
-    """[rad]"""
-    joint: float
-    """[rad]"""
+    motor: Annotated[float, Quantity("motor angle", "rad")]
+    joint: Annotated[float, Quantity("joint angle", "rad")]
 
 
 class Sums(NamedTuple):
     """For how long something has lasted, and sums that forget."""
 
-    overload: float
-    """Time beyond the largest current [s]."""
-    saturated: float
-    """Time of a drive that counts as saturated [s]."""
-    slack: float
-    """Time of a slack cable [s]."""
-    late: float
-    """Lateness of the last cycles [s]."""
-    bus_errors: float
-    """The drive's counter when it was last known."""
-    failures: float
-    """Frames that could not be sent; one is forgiven each second."""
-    armed: float
-    """Time with power and without a run [s]."""
+    overload: Annotated[float, Quantity("time beyond the largest current", "s")]
+    saturated: Annotated[float, Quantity("time of a drive that counts as saturated", "s")]
+    slack: Annotated[float, Quantity("time of a slack cable", "s")]
+    late: Annotated[float, Quantity("lateness of the last cycles", "s")]
+    bus_errors: Annotated[float, Quantity("the drive's counter when it was last known")]
+    failures: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second")]
+    armed: Annotated[float, Quantity("time with power and without a run", "s")]
 
 
 class SupervisorState(NamedTuple):
     """What the supervisor decided, and what it sees."""
 
-    target: float
-    """What the drive was told last [rad]."""
+    target: Annotated[float, Quantity("what the drive was told last", "rad")]
     decided: Decided
     servo: Servo
     motor: Followed

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from bowden.control.law import law_start, law_step
 from bowden.core.kernel import apart, kernel
-from bowden.core.pairwise import pairwise_sum
 from bowden.core.nested import refilled
+from bowden.core.pairwise import pairwise_sum
 from bowden.core.signals import Reference, Sample
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.motor import Motor, current

@@ -31,7 +31,7 @@ F: of drive, gears and sheaths, at the spool; v: speed within which its sign goe
 there is only costs transparency; making up for more lets the drive hunt.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from bowden.control.admittance.virtual_elbow import (
 )
 from bowden.control.source import Heard, Source
 from bowden.core.kernel import kernel, sel, sin, tanh
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.models.suit.suit_angle import flexor_arm, spool_of
@@ -113,12 +114,9 @@ class Push(NamedTuple):
 class Pushed(NamedTuple):
     """The wearer's push."""
 
-    torque: float
-    """τ [N·m]."""
-    rested: float
-    """s, 0 for an elbow that moves, 1 for one at rest [–]."""
-    slow: float
-    """φ, late by `Rest.smoothing` [rad]."""
+    torque: Annotated[float, Quantity("the wearer's torque on the elbow", "N·m", symbol="τ")]
+    rested: Annotated[float, Quantity("s, 0 for an elbow that moves, 1 for one at rest")]
+    slow: Annotated[float, Quantity("φ, late by `Rest.smoothing`", "rad")]
 
 
 class PushState(NamedTuple):
@@ -179,19 +177,6 @@ def push_step(
     return PushState(virtual, Pushed(push, rested, slow), estimate), shown, added
 
 
-PUSH_UNITS = {
-    **dict.fromkeys(("position", "spool", "joint"), "rad"),
-    **dict.fromkeys(("velocity", "spool_rate", "joint_rate"), "rad/s"),
-    "acceleration": "rad/s²",
-    **dict.fromkeys(("push", "estimate", "doubt", "from_current", "from_stretch"), "N·m"),
-    "rested": "1",
-    "slow": "rad",
-    "current": "A",
-    **dict.fromkeys(("flexor_node", "extensor_node"), "m"),
-}
-"""Field of `PushState` → its unit."""
-
-
 def push_source(settings: Push) -> Source:
     """The source with its settings."""
-    return Source("admittance", settings, push_start, push_step, PUSH_UNITS)
+    return Source("admittance", settings, push_start, push_step)

@@ -17,7 +17,7 @@ in part, sought in the rest until the joint is seen to move; there the motor is 
 Derivation, stability and limits: ``docs/our_law.md``.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from bowden.control.our_law.slot_plan import (
     wanted_side,
 )
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 
@@ -48,8 +49,7 @@ class BowdenState(NamedTuple):
     feedback: Feedback
     crossing: CrossingEstimate
     slopes: SlopeEstimate
-    origin: float
-    """Motor angle at the start, from which the others count [rad]."""
+    origin: Annotated[float, Quantity("motor angle at the start, from which the others count", "rad")]
 
 
 NARROWEST = 0.012
@@ -209,13 +209,6 @@ def step(
     return BowdenState(plan, feedback, crossing, slopes, state.origin), command
 
 
-_ANGLES = (
-    *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
-    *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
-    *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
-    *("moved_motor", "moved_joint", "origin", "low", "dip", "gone"),
-)
-
 BOWDEN = Law(
     name="bowden",
     gains=BowdenGains(),
@@ -224,12 +217,4 @@ BOWDEN = Law(
     source="this project, docs/our_law.md",
     presets={"suit": SUIT},
     limits=LIMITS,
-    state_units={
-        **dict.fromkeys(_ANGLES, "rad"),
-        **dict.fromkeys(("since", "lag", "elapsed", "wave_time"), "s"),
-        **dict.fromkeys(("wedge", "slope_up", "slope_down"), "rad/rad"),
-        "from_rate": "rad/s",
-        "variance": "rad²",
-        "sway": "rad²",
-    },
 )
