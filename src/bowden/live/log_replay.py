@@ -11,13 +11,13 @@ from bowden.control import Law, user_law
 from bowden.control.admittance.push import push_source
 from bowden.control.reference import PointToPoint
 from bowden.control.source import TABLE, Source
-from bowden.core.errors import BowdenError, LogError, ParameterError
+from bowden.core.errors import BowdenError, LogError, ParameterError, near
 from bowden.core.nested import leaves, name_of
 from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
 from bowden.rig import compose
-from bowden.rig.config import explained, near
+from bowden.rig.config import explained
 from bowden.rig.laws import KNOWN
 from bowden.rig.schema import Rig
 from bowden.sim.suit_sources import push_of

@@ -10,7 +10,7 @@ import numpy as np
 from bowden.control import Law, user_law
 from bowden.control.laws.uncompensated import UncompensatedGains
 from bowden.control.reference import Trajectory
-from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.errors import BowdenError, ParameterError, near
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath, slope_factor
@@ -24,7 +24,7 @@ from bowden.rig import schema as schema
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_motion import bend_of, reference_of
 from bowden.rig.compose_suit import for_suit, suit_of
-from bowden.rig.config import near, read_rig
+from bowden.rig.config import read_rig
 from bowden.rig.emg_setup import emg_run
 from bowden.rig.known_cable import knowing
 from bowden.rig.laws import KNOWN
