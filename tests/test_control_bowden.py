@@ -208,7 +208,7 @@ def test_a_dead_zone_that_shrinks_is_noticed_by_the_jumps_that_go_too_far(number
 def test_doubt_stays_bounded_over_hours() -> None:
     strokes = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 1.0)
     trace = simulate(CablePlant(cable=play(Play(SLOPE, HALF_WIDTH))), LAWS["bowden"], strokes, duration=300.0)
-    assert trace["law.w33"].max() < 6e-4
+    assert trace["law.crossing.w33"].max() < 6e-4
 
 
 def test_a_joint_that_runs_the_wrong_way_is_told_from_one_that_rests(moved: Trace) -> None:
@@ -223,7 +223,7 @@ def test_masses_that_swing_are_calmed() -> None:
     trace = simulate(
         CablePlant(cable=lumped(), sheath=Sheath(gap=1.0, loss=0.0)), LAWS["bowden"], strokes, duration=12.0
     )
-    assert trace["law.calm"][-1] < 0.7
+    assert trace["law.feedback.calm"][-1] < 0.7
     assert error_deg(trace) < 0.7
     quiet = paper.run(LAWS["bowden"])
-    assert quiet["law.calm"].min() == 1.0
+    assert quiet["law.feedback.calm"].min() == 1.0
