@@ -40,12 +40,9 @@ class Thermal(NamedTuple):
 class ThermalState(NamedTuple):
     """How warm the motor is."""
 
-    winding: float
-    """Tw [°C]."""
-    housing: float
-    """Th [°C]."""
-    i2t: float
-    """S [A²s]."""
+    winding: Annotated[float, Quantity("temperature of the winding", "°C", symbol="Tw")]
+    housing: Annotated[float, Quantity("temperature of the housing", "°C", symbol="Th")]
+    i2t: Annotated[float, Quantity("sum of I²t", "A²s", symbol="S")]
 
 
 def cold(thermal: Thermal) -> ThermalState:
