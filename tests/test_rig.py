@@ -19,6 +19,7 @@ from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo
+from bowden.plants.cable_plant import CablePlant
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.declaration import items_of
 from bowden.rig.one_run import run_of
@@ -133,7 +134,11 @@ def test_what_a_file_names_is_part_of_the_rig(folder: Path) -> None:
         assert one.fitted().gains.feedback_gain == 1.5
         assert one.cable.model("play").parameters["half_width"] == 0.05  # type: ignore[union-attr]
         assert np.array_equal(one.trajectory.sample(np.linspace(0.0, 3.0, 50)), before)
-    assert np.isfinite(run_of(rig.replace(duration=0.2), rig.fitted())["joint"]).all()
+    assert isinstance(rig.plant, CablePlant)
+    assert rig.plant.cable.name == "play"
+    trace = run_of(rig.replace(duration=0.2), rig.fitted())
+    assert np.isfinite(trace["joint"]).all()
+    assert trace["joint"][0] == pytest.approx(rig.begin)
 
 
 def test_the_same_contents_elsewhere_make_the_same_hash_and_others_another(folder: Path) -> None:
