@@ -29,7 +29,7 @@ LAWS = (
 _MINUTE = """
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.plants.bench import Bench
 simulate(Bench(), LAWS["adaptive"], PeriodicMinimumJerk(0.0, 1.2, 10.0), duration=60.0)
 """
@@ -37,7 +37,7 @@ _LOG = """
 import numpy as np
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.plants.bench import Bench
 run = simulate(Bench(), LAWS["uncompensated"], PeriodicMinimumJerk(0.0, 1.2, 5.0), duration=20.0)
 columns = np.column_stack([run[name] for name in ("time", "motor_measured", "joint_measured")])

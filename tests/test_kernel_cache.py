@@ -15,7 +15,8 @@ from bowden.control import LAWS
 from bowden.core import kernel as kernel_module
 from bowden.core import kernel_cache
 from bowden.core.kernel_content import content_of, global_names
-from bowden.sim import batch, closed_loop
+from bowden.sim import batch
+from bowden.sim import run as sim_run
 
 SCRIPT = """
 from typing import NamedTuple
@@ -122,7 +123,7 @@ def looked_up(code: CodeType) -> set[str]:
     return found.union(*(looked_up(part) for part in code.co_consts if isinstance(part, CodeType)))
 
 
-@pytest.mark.parametrize("function", [closed_loop.run_loop, batch.run_batch, LAWS["bowden"].step_kernel])
+@pytest.mark.parametrize("function", [sim_run.run_loop, batch.run_batch, LAWS["bowden"].step_kernel])
 def test_names_are_found_as_the_disassembler_finds_them(function: object) -> None:
     code = function.__code__  # type: ignore[attr-defined]  # a kernel is a function
     assert set(global_names(code)) == looked_up(code)

@@ -130,7 +130,7 @@ def _numba() -> Any:
     return numba
 
 
-_COMPILING = content_of_files(__name__, "bowden.core.primitives", "bowden.core.refill", "bowden.core.kernel_cache")
+_COMPILING = content_of_files(__name__, "bowden.core.primitives", "bowden.core.nested", "bowden.core.kernel_cache")
 """Of what decides how a kernel is compiled, whatever it is."""
 
 
