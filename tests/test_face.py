@@ -214,17 +214,19 @@ def test_a_check_and_a_tuning_say_what_the_commands_say() -> None:
     assert axes.get_xlabel() == "gain margin [dB]"
     tuning = bowden.tune(bowden.Rig(gains={"error_gain": 0.03}), generations=2)
     assert tuning.rig.fitted().gains == tuning.law.gains
-    assert tuning.phase_margin_deg == bowden.check(bowden.Rig(gains={}), "adaptive").phase_margin_deg or tuning.gains
+    assert tuning.phase_margin_deg is not None
     assert repr(tuning).startswith("Tuning of adaptive")
     assert len(tuning.plot()) == 2
     assert "<svg" in tuning._repr_html_()
 
 
 def test_a_fit_goes_into_a_rig_as_it_is() -> None:
-    fit = bowden.identify(T, MOTOR, JOINT)
-    with_fit, with_best = bowden.Rig(cable=fit, duration=4.0), bowden.Rig(cable=fit.best, duration=4.0)
-    for rig in (with_fit, with_best):
-        assert bowden.simulate(rig, "uncompensated").stable
+    lag = 0.05 * np.sign(np.gradient(MOTOR))
+    fit = bowden.identify(T, MOTOR, 0.9 * (MOTOR - lag))
+    assert fit.best.name != "line"
+    runs = [bowden.simulate(bowden.Rig(cable=cable, duration=4.0), "adaptive") for cable in (fit, fit.best)]
+    assert runs[0].stable
+    assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
 
 
 @pytest.mark.live
