@@ -28,7 +28,7 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
 
     >>> found = check(Rig(), "adaptive")
     >>> found.verdict, round(found.gain_margin_db)
-    ('holds', 18)
+    ('holds', 19)
     """
     whole = given.under(given.rig_of(rig, "check"), law, preset, "check")
     given.tell(whole.notes)
