@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bowden.control import source as references
-from bowden.control.known_width import told
+from bowden.control.knowledge import measured
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Heard, source_start, source_step
 from bowden.core.kernel import kernel, specialise
@@ -190,7 +190,7 @@ class Cycle:
 
     def know(self, width: float) -> None:
         """Let the law begin with the dead zone that was measured [rad], where it takes one; NaN is none."""
-        self._gains = told(self.law, width)
+        self._gains = measured(self.law, width).gains
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""

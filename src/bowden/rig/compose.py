@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.control import Law, user_law
-from bowden.control.laws.uncompensated import UncompensatedGains
+from bowden.control import LAWS, Law, user_law
+from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Trajectory
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
@@ -18,16 +18,15 @@ from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.suit_parts import Suit
 from bowden.rig import emg_motion
 from bowden.rig import schema as schema
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_motion import bend_of, reference_of
-from bowden.rig.compose_suit import for_suit, suit_of
-from bowden.rig.config import near, read_rig
+from bowden.rig.compose_suit import suit_of
+from bowden.rig.config import read_rig
 from bowden.rig.emg_setup import emg_run
-from bowden.rig.known_cable import knowing
-from bowden.rig.laws import KNOWN
 from bowden.sim.scenario import BendPath
 
 MOST_CYCLES = 10_000_000
@@ -163,13 +162,11 @@ def setup_of(
 def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str | None = None) -> Law:
     """A law with the gains that this rig gives it.
 
-    A law that carries a model of the cable (its gains have all the fields of `BoucWen`) is given the rig's, and the
-    uncompensated one the motor angle at which the joint is at zero: encoders zeroed apart are no backlash. One that
-    learns slope and dead zone begins with those of an identified model. Then comes the preset, and the rig's own gains
-    last, if it is the rig's law.
+    In this order: its own, what the rig tells it, the preset, and the rig's own gains last, if it is the rig's law
+    (`bowden.control.knowledge`).
 
     Args:
-        name: a key of `KNOWN`, or ``FILE.py:NAME`` of a user's own.
+        name: a key of `LAWS`, or ``FILE.py:NAME`` of a user's own.
         rig: the file's contents.
         bench: with the cable as the laws know it.
         folder: where a relative FILE is found.
@@ -178,7 +175,8 @@ def law_for(name: str, rig: schema.Rig, bench: Bench, folder: Path, preset: str 
     Raises:
         ParameterError: an unknown law, preset or gain, or a user's file that cannot be used.
     """
-    return fitted(law_named(name, folder), rig, bench, preset, rigs_own=name == rig.control.law)
+    known = known_of(rig, bench, suit_of(rig, bench))
+    return fitted(law_named(name, folder), rig, known, preset, rigs_own=name == rig.control.law)
 
 
 def law_named(name: str, folder: Path) -> Law:
@@ -187,38 +185,35 @@ def law_named(name: str, folder: Path) -> Law:
     Raises:
         ParameterError: an unknown law, or a user's file that cannot be used.
     """
-    if user_law.is_file(name):
-        return user_law.load(name, folder)
-    if name in KNOWN:
-        return KNOWN[name]
-    raise ParameterError(f"there is no law {name!r}", expected=near(name, KNOWN), do="or name a file: my_law.py:NAME")
+    return user_law.load(name, folder) if user_law.is_file(name) else LAWS[name]
 
 
-def fitted(law: Law, rig: schema.Rig, bench: Bench, preset: str | None = None, *, rigs_own: bool) -> Law:
+def known_of(rig: schema.Rig, bench: Bench, suit: Suit | None) -> Knowledge:
+    """What a rig knows.
+
+    Args:
+        rig: the file's contents.
+        bench: with the cable as the laws know it.
+        suit: in place of it, where one is worn.
+    """
+    return knowledge_of(bench, identified=rig.cable.model is not None) if suit is None else knowledge_of(suit)
+
+
+def fitted(law: Law, rig: schema.Rig, known: Knowledge, preset: str | None = None, *, rigs_own: bool) -> Law:
     """A law with its own gains, given those that the rig gives it; see `law_for`.
 
     Args:
         law: as it comes.
         rig: the file's contents.
-        bench: with the cable as the laws know it.
+        known: what the rig knows.
         preset: in place of the rig's.
         rigs_own: whether it is the law that the rig names.
     """
-    if set(BoucWen._fields) <= set(law.gains._fields):
-        law = law.with_gains(**bench.cable._asdict())
-    elif isinstance(law.gains, UncompensatedGains):
-        law = law.with_gains(motor_zero=0.0 - bench.cable.offset / bench.cable.slope)
-    elif rig.cable.model is not None and not rig.suit.worn:
-        law = knowing(law, bench.cable, bench.sheath.gap)
-    chosen = preset or (rig.control.preset if rigs_own else None)
-    if rig.suit.worn:
-        law = for_suit(law, preset=chosen, gains=rigs_own and bool(rig.control.gains))
-    if chosen is not None:
-        law = law.preset(chosen)
-    if not rigs_own:
-        return law
+    gains = rig.control.gains if rigs_own else {}
     with _asked_for_by("the rig's control.gains"):
-        return law.with_gains(**rig.control.gains)
+        law.with_gains(**gains)
+    chosen = preset or (rig.control.preset if rigs_own else None)
+    return configured(law, known, preset=chosen, gains=gains)
 
 
 def _cable(section: schema.CableSection, rig: Path) -> tuple[BoucWen, float, list[str]]:

@@ -1,6 +1,5 @@
 """From [suit] and [wearer] of a rig.toml to a suit on an arm."""
 
-from bowden.control import Law
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
@@ -11,9 +10,6 @@ from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.rig import schema as schema
 from bowden.rig.suit_schema import SuitSection, WearerSection
-
-PRESET = "suit"
-"""Name of the gains that a law has for a suit; it begins with them where the rig names no others."""
 
 
 def suit_of(rig: schema.Rig, bench: Bench) -> Suit | None:
@@ -61,11 +57,6 @@ def suit_of(rig: schema.Rig, bench: Bench) -> Suit | None:
     )
     prepare_suit(suit)
     return suit
-
-
-def for_suit(law: Law, *, preset: str | None, gains: bool) -> Law:
-    """The law as it begins on a suit: with its preset `suit`, unless a preset or gains of its own are named."""
-    return law.preset(PRESET) if preset is None and not gains and PRESET in law.presets else law
 
 
 def _motor(given: SuitSection, bench: Bench) -> GearedMotor:

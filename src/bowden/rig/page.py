@@ -8,9 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from bowden.control.law import Law
+from bowden.control import LAWS, Law
 from bowden.core.files import whole_file
-from bowden.rig.laws import KNOWN
 from bowden.rig.schema import BENDS, REFERENCES, EncodersSection, Rig
 from bowden.rig.section import Section
 
@@ -55,7 +54,7 @@ def toml_text(name: str = "rig.toml") -> str:
         parts.append(_table(title, chosen))
         parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
         if title == "control":
-            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(KNOWN[Rig().control.law])]
+            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[Rig().control.law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
     return "\n\n".join(part.rstrip() for part in parts) + "\n"
 
@@ -81,7 +80,7 @@ def markdown() -> str:
             ]
             lines.append("")
     lines += ["## Gains of the laws", "", *_GAINS, ""]
-    for law in KNOWN.values():
+    for law in LAWS.values():
         lines += [f"### {law.name}", "", f"Presets: {', '.join(law.presets) or 'none'}. Source: {law.source}.", ""]
         lines += ["| gain | default | meaning |", "|---|---|---|"]
         lines += [f"| `{name}` | {value:g} | {meaning} |" for name, value, meaning in gains_of(law)]

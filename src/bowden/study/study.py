@@ -13,9 +13,9 @@ from pydantic import ValidationError
 
 from bowden import __version__
 from bowden.control import Law, user_law
+from bowden.control.knowledge import Knowledge
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
-from bowden.design.league import told_of
 from bowden.rig import compose
 from bowden.rig.config import check_points, explained
 from bowden.rig.keys import LIVE, with_values, written
@@ -26,9 +26,14 @@ from bowden.sim.many import Case
 from bowden.sim.suit_many import SuitCase
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.schema import Study as StudyFile
+from bowden.study.schema import ToldSection
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
+
+
+_LOOKED_AT = 24
+"""Runs that are made to see what differs between them."""
 
 
 def software() -> str:
@@ -83,8 +88,17 @@ class Study:
     def nominal(self) -> tuple[Law, ...]:
         """The laws as the rig itself has them, where nothing is drawn."""
         names = zip(self.laws, self.file.laws, strict=True)
-        bench, own = self.shared.bench, self.rig.control.law
-        return tuple(compose.fitted(law, self.rig, bench, rigs_own=name == own) for law, name in names)
+        known, own = compose.known_of(self.rig, self.shared.bench, self.shared.suit), self.rig.control.law
+        return tuple(compose.fitted(law, self.rig, known, rigs_own=name == own) for law, name in names)
+
+    @cached_property
+    def told_apart(self) -> frozenset[str]:
+        """Gains of the first law that its runs are told differently, judged by the first of them."""
+        nominal, first = self.nominal[0].gains, range(min(self.file.runs, _LOOKED_AT))
+        laws = [self.setup(number)[1][0] for number in first]
+        return frozenset(
+            name for name, value in nominal._asdict().items() if any(getattr(law.gains, name) != value for law in laws)
+        )
 
     @cached_property
     def _begin(self) -> float:
@@ -147,24 +161,21 @@ class Study:
         )
         if setup.pushing is not None:
             setup.pushing.refuse_integral()
+        known = self._believed(compose.known_of(rig, setup.bench, setup.suit), drawn)
         laws = tuple(
-            self._fitted(law, name, rig, setup, drawn) for law, name in zip(self.laws, self.file.laws, strict=True)
+            self._fitted(law, name, rig, known, drawn) for law, name in zip(self.laws, self.file.laws, strict=True)
         )
         return setup, laws, self._fault(drawn.values, setup.bench.sample_time)
 
-    def _fitted(self, law: Law, name: str, rig: Rig, setup: compose.Setup, drawn: Drawn) -> Law:
-        law = compose.fitted(law, rig, setup.bench, rigs_own=name == rig.control.law)
+    def _believed(self, known: Knowledge, drawn: Drawn) -> Knowledge:
+        """What the laws of a run are told: what its rig knows, wrong by the factors of [told]."""
+        factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in ToldSection.model_fields}
+        return known._replace(**{key: getattr(known, key) * factor for key, factor in factors.items()})
+
+    def _fitted(self, law: Law, name: str, rig: Rig, known: Knowledge, drawn: Drawn) -> Law:
+        law = compose.fitted(law, rig, known, rigs_own=name == rig.control.law)
         gains = {k.removeprefix("control.gains."): v for k, v in drawn.values.items() if k.startswith("control.gains.")}
-        law = law.with_gains(**{key: value for key, value in gains.items() if key in law.gains._fields})
-        if self.file.told is None:
-            return law
-        servo, bench = setup.bench.servo, setup.bench
-        factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in type(self.file.told).model_fields}
-        believed = servo._replace(
-            natural_frequency=servo.natural_frequency * factors["servo_frequency"],
-            damping=servo.damping * factors["servo_damping"],
-        )
-        return told_of(law, believed, (bench.delay + 0.5) * bench.sample_time * factors["delay"])
+        return law.with_gains(**{key: value for key, value in gains.items() if key in law.gains._fields})
 
     def _fault(self, values: dict[str, Value], dt: float) -> Fault | None:
         if "fault.kind" not in values:

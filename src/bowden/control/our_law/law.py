@@ -21,9 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.control.law import Law
 from bowden.control.our_law.crossing_estimate import CrossingEstimate, crossing_from, first_crossing, harmless, watch
-from bowden.control.our_law.gains import LIMITS, SUIT, BowdenGains
+from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.held_feedback import LOST, SLIP, Feedback, Setting, answered, listen, no_feedback, steer
 from bowden.control.our_law.slope_estimate import SlopeEstimate, first_slope, learn_slope
 from bowden.control.our_law.slot_plan import (
@@ -264,29 +263,3 @@ def step(
     crossing, seen = watch(crossing, motor, joint, slope, np.sqrt(heard_noise), settled)
     slopes = learn_slope(slopes, crossing, seen, motor, joint, np.abs(gains.slope), gains.stray, dt)
     return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slopes[:] + (state.origin,))), command
-
-
-_ANGLES = (
-    *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
-    *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
-    *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
-    *("moved_motor", "moved_joint", "origin", "low", "dip", "gone"),
-)
-
-BOWDEN = Law(
-    name="bowden",
-    gains=BowdenGains(),
-    start_kernel=start,
-    step_kernel=step,
-    source="this project, docs/our_law.md",
-    presets={"suit": SUIT},
-    limits=LIMITS,
-    state_units={
-        **dict.fromkeys(_ANGLES, "rad"),
-        **dict.fromkeys(("since", "lag", "elapsed", "wave_time"), "s"),
-        **dict.fromkeys(("wedge", "slope_up", "slope_down"), "rad/rad"),
-        "from_rate": "rad/s",
-        "variance": "rad²",
-        "sway": "rad²",
-    },
-)

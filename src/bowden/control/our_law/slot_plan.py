@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.control.laws.parts import bounded
+from bowden.control.law_parts import bounded
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference
 
