@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import SafetyError
-from bowden.cycle.one_cycle import Source
+from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
 from bowden.live.measured import NEEDED, motions
@@ -26,12 +26,12 @@ def run(
     rows: list[dict[str, float]] = []
     tick = 0
 
-    def cycle(mode: Mode, source: Source, wish: float) -> None:
+    def cycle(mode: Mode, source: WishSource, wish: float) -> None:
         angle = 0.9 * wish
         values = {"mode": mode, "source": source, "wish": wish, "command": wish, "motor": wish, "joint": angle}
         rows.append({"time": tick * PERIOD + 4e-5, "lateness": 4e-5, "motor_age": 0.0, "joint_age": 0.0, **values})
 
-    for mode, source, count in ((Mode.STOPPED, Source.HOLD, 10), (Mode.PREFLIGHT, Source.MOTION, 20)):
+    for mode, source, count in ((Mode.STOPPED, WishSource.HOLD, 10), (Mode.PREFLIGHT, WishSource.MOTION, 20)):
         for k in range(count):
             tick += 1
             cycle(Mode.BRIDGING if mode == Mode.PREFLIGHT and k == 7 else mode, source, 0.0)
@@ -41,10 +41,10 @@ def run(
         step = 1 + skips.get(place, 0)
         place, tick = place + step, tick + step
         wish = MOTION[min(place, len(MOTION) - 1)] if place >= 0 else -0.01
-        cycle(Mode.BRIDGING if place in bridged else Mode.RUNNING, Source.MOTION, float(wish))
+        cycle(Mode.BRIDGING if place in bridged else Mode.RUNNING, WishSource.MOTION, float(wish))
     for _ in range(20):
         tick += 1
-        cycle(Mode.RELEASING, Source.HOLD, 0.0)
+        cycle(Mode.RELEASING, WishSource.HOLD, 0.0)
     return {name: np.array([row[name] for row in rows], float) for name in NEEDED}
 
 

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from bowden.control import LAWS
 from bowden.core.errors import SafetyError
-from bowden.cycle.one_cycle import Source
+from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.live import operator, thermal_file
 from bowden.live.preflight import Reason
@@ -115,15 +115,15 @@ def test_the_screen_tells_what_a_fault_refers_to() -> None:
 def test_a_push_is_shown_only_while_it_makes_the_reference() -> None:
     heard = {"admittance.push": 1.25, "admittance.doubt": 0.5}
     for source, told in (
-        (Source.HOLD, "–"),
-        (Source.MOTION, "–"),
-        (Source.LAW_BEGINS, "+1.25 N·m, in doubt by 0.50"),
-        (Source.LAW, "+1.25 N·m, in doubt by 0.50"),
+        (WishSource.HOLD, "–"),
+        (WishSource.MOTION, "–"),
+        (WishSource.LAW_BEGINS, "+1.25 N·m, in doubt by 0.50"),
+        (WishSource.LAW, "+1.25 N·m, in doubt by 0.50"),
     ):
         lines = shown(row(source=float(source), **heard)).splitlines()
         assert [line.split(maxsplit=1)[1].strip() for line in lines if line.startswith("push")] == [told]
-    assert "not known" in shown(row(source=float(Source.LAW), **(heard | {"admittance.push": math.nan})))
-    assert "push" not in shown(row(source=float(Source.LAW)))
+    assert "not known" in shown(row(source=float(WishSource.LAW), **(heard | {"admittance.push": math.nan})))
+    assert "push" not in shown(row(source=float(WishSource.LAW)))
 
 
 def test_faults_stand_where_a_low_terminal_still_shows_them() -> None:

@@ -15,7 +15,7 @@ from bowden.core.errors import LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, Source, led
+from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, WishSource, led
 from bowden.design.admittance_study import felt
 from bowden.live.compose_live import Asked, Live, compose_live
 from bowden.live.events import Changes
@@ -86,7 +86,6 @@ def test_a_table_is_the_same_table_for_any_law() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda s: s.pop("law"), "the log does not say which law ran, and its lead is that law's"),
         (lambda s: s.pop("rig"), "the log has no rig, of which the wearer's push is made for another law"),
         (
             lambda s: s["rig"]["suit"].update(friction_mn=1),
@@ -115,8 +114,7 @@ def test_what_cannot_be_made_again_is_refused_and_its_own_law_is_not(change: Any
     settings = told(live("uncompensated"))
     change(settings)
     log = recording(settings)
-    if "law" in settings:
-        assert source_for(log, LAWS["uncompensated"]).name == "admittance"
+    assert source_for(log, LAWS["uncompensated"]).name == "admittance"
     with pytest.raises(LogError) as refused:
         source_for(log, LAWS["adaptive"])
     assert str(refused.value) == f"{said}; replay it without --law, which needs no rig"
@@ -151,14 +149,14 @@ def recorded(ran: Live) -> np.ndarray:
             (
                 *(k * DT, *cycle.reference, *reading, *cycle.state.sample, wish),
                 *(*verdict, plan.source, 0.0, DT, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, math.nan, 8e-5),
-                *(*cycle.state.law, *cycle.state.supervisor, *cycle.asked()),
+                *(*cycle.state.law, *cycle.state.supervisor, *cycle.source_row()),
             )
         )
     return np.array(rows)
 
 
 def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pytest.CaptureFixture[str]) -> None:
-    ran, other = live("uncompensated"), LAWS["cascaded_pid"]
+    ran, other = live("uncompensated"), live("cascaded_pid").law
     rows, source = recorded(ran), live("cascaded_pid").source()
     kept = description(ran.law, told(ran), 1_700_000_000 * 10**9, 5, source=ran.source())
     events, _ = Changes(kept).find(np.arange(CYCLES), rows)
@@ -196,8 +194,8 @@ def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -
         time = np.arange(round(seconds / DT)) * DT
         joint, torque = 0.8 + 0.3 * np.sin(time), 2.0 * np.sin(3.0 * time) * np.exp(-time)
         names = ("source", "joint_seen", "admittance.estimate", "admittance.doubt")
-        before = np.tile([Source.MOTION, 0.0, 50.0, 9.0], (700, 1))
-        after = np.column_stack([np.full(len(time), Source.LAW), joint, torque, np.full(len(time), 0.4)])
+        before = np.tile([WishSource.MOTION, 0.0, 50.0, 9.0], (700, 1))
+        after = np.column_stack([np.full(len(time), WishSource.LAW), joint, torque, np.full(len(time), 0.4)])
         rows = np.vstack([before, after])
         log = Recording({}, None, names, (), np.arange(len(rows)), rows, [], Damage(0, 0, 0))
         found = figures(log, pushing, DT)

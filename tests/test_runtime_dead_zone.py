@@ -10,7 +10,7 @@ from bowden.control import LAWS
 from bowden.control.knowledge import MEASURED, informed, measured
 from bowden.control.knowledge import dead_zone as of_model
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Filters, Source
+from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.live.dead_zone import dead_zone
 from bowden.live.preflight import Preflight, begin, step
@@ -46,8 +46,8 @@ def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path)
     rest = np.zeros((300, 3))  # the preflight is what moves the motor
     script = Script(rest, 0.0, 0.5, Preflight(moved=1.5 * RADIANS), 1e-3, slope=BENCH.cable.slope)
     _, log = LoopRig(tmp_path, LAW, LIMITS, SimulatedDrive(twin_bench()), script).run()
-    first = int(np.argmax(log["source"] == Source.LAW_BEGINS))
-    assert log["source"][first] == Source.LAW_BEGINS
+    first = int(np.argmax(log["source"] == WishSource.LAW_BEGINS))
+    assert log["source"][first] == WishSource.LAW_BEGINS
     width = log["play"][first]
     assert width > 0.02
     assert np.isnan(log["play"][0])

@@ -7,7 +7,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.core.clock import SECOND
-from bowden.cycle.one_cycle import Filters, Source
+from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import CourseSettings, EmgCourse
@@ -57,7 +57,7 @@ def test_a_contraction_moves_the_joint_in_the_cycle_in_which_it_comes(tmp_path: 
     assert log["emg.intent"][seen] == Intent.FLEX
     assert log["reference_velocity"][seen] == 0.0
     assert log["reference_velocity"][seen + 1] > 0.0
-    led = log["source"] >= Source.LAW_BEGINS
+    led = log["source"] >= WishSource.LAW_BEGINS
     assert CYCLES <= led.sum() <= CYCLES + 1
     assert log["reference"][led][-1] == 1.0
     assert abs(log["joint"][led][-1] - 1.0) < 0.03
@@ -69,7 +69,7 @@ def test_a_motion_goes_on_where_it_was_after_cycles_that_were_skipped(tmp_path: 
     ended, log = run(tmp_path, 1200, 99_999, stalls=1700)
     assert (ended.mode, ended.faults) == (Mode.STOPPED, 0)
     assert ended.overruns >= 7
-    moves = np.diff(log["reference"][log["source"] == Source.LAW][1100:])
+    moves = np.diff(log["reference"][log["source"] == WishSource.LAW][1100:])
     assert moves.max() == pytest.approx(1.875e-3, rel=1e-3), "15/8 of the mean speed, a cycle after the other"
 
 
@@ -99,5 +99,5 @@ def test_without_a_stream_it_cannot_be_armed_until_there_is_one(tmp_path: Path) 
     assert (log["power"][before] == 0.0).all()
     assert (log["faults"][10:300] == 2**Fault.EMG_LOST).all()
     assert ended.mode == Mode.STOPPED
-    assert (log["source"] >= Source.LAW_BEGINS).sum() >= CYCLES
-    assert not log["reference"][log["source"] == Source.LAW][1500:].any(), "nobody contracts, nothing moves"
+    assert (log["source"] >= WishSource.LAW_BEGINS).sum() >= CYCLES
+    assert not log["reference"][log["source"] == WishSource.LAW][1500:].any(), "nobody contracts, nothing moves"

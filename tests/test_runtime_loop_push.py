@@ -18,7 +18,7 @@ from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Filters, Source, led
+from bowden.cycle.one_cycle import Filters, WishSource, led
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.design.admittance_study import felt, swinging
 from bowden.hardware.drives.simulated import SimulatedDrive
@@ -106,14 +106,14 @@ def test_the_wearer_feels_of_the_live_suit_what_they_feel_of_the_simulated_one(f
     rms = float(np.sqrt(np.mean(live**2)))
     assert rms == pytest.approx(simulated, rel=0.1)
     assert rms < 1.0
-    joint = log["joint"][log["source"] == Source.LAW][3000:]
+    joint = log["joint"][log["source"] == WishSource.LAW][3000:]
     assert joint.min() == pytest.approx(20.0 * RADIANS, abs=2.0 * RADIANS)
     assert joint.max() == pytest.approx(70.0 * RADIANS, abs=2.0 * RADIANS)
 
 
 def test_what_the_log_has_makes_the_same_reference_and_command_interpreted(followed: Any) -> None:
     _, log, _ = followed
-    begins = int(np.argmax(log["source"] == Source.LAW_BEGINS))
+    begins = int(np.argmax(log["source"] == WishSource.LAW_BEGINS))
     names = ("joint_seen", "motor_seen", "current", "reference", "reference_velocity", "wish")
     rows = np.column_stack([log[name] for name in names])[begins : begins + 300].tolist()
     nothing, state = Reference(math.nan, math.nan, math.nan), None
@@ -166,7 +166,7 @@ def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, l
     ended, log, _ = run_of(tmp_path, lost, 1500)
     assert ended.mode == Mode.LATCHED
     assert ended.faults & 2**fault
-    gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == Source.LAW)))
+    gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == WishSource.LAW)))
     ends = gone + int(np.argmax(log["mode"][gone:] >= Mode.RELEASING))
     assert ends - gone <= 8
     assert np.isnan(log["admittance.estimate"][gone]), "a torque that is not known"
@@ -179,7 +179,7 @@ def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, l
 def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Path) -> None:
     strong = SUIT._replace(wearer=swinging(60.0 * RADIANS, share=1.0))
     ended, log, _ = run_of(tmp_path, suit=strong)
-    led_by = log["source"] >= Source.LAW_BEGINS
+    led_by = log["source"] >= WishSource.LAW_BEGINS
     assert log["reference"][led_by].max() == pytest.approx(100.0 * RADIANS, abs=1e-9)
     assert log["reference"][led_by].min() == pytest.approx(0.0, abs=1e-9)
     assert log["wish"][led_by].min() >= LIMITS.motor_low
@@ -194,7 +194,7 @@ def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Pat
 def test_a_reading_that_the_supervisor_bridges_is_no_push(reading: str, off: float, tmp_path: Path) -> None:
     still = SUIT._replace(wearer=SUIT.wearer._replace(swing=0.0))
     ended, log, _ = run_of(tmp_path, reading, 1500, still, off)
-    led = np.flatnonzero(log["source"] == Source.LAW)[1300:1900]
+    led = np.flatnonzero(log["source"] == WishSource.LAW)[1300:1900]
     assert ended.faults == 0
     assert np.abs(np.diff(log[reading][led])).max() > 2.0
     assert np.ptp(log["reference"][led]) < 1.0 * RADIANS  # without this 18° and more

@@ -92,8 +92,7 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: _Names) -> list[Any]:
     Raises:
         ParameterError: one that is not known.
     """
-    from bowden.core.errors import ParameterError
-    from bowden.rig.config import near
+    from bowden.core.errors import ParameterError, near
 
     asked = [name.strip() for text in wanted or [] for name in text.split(",")]
     for name in asked:

@@ -20,7 +20,7 @@ def lag(known: Knowledge) -> float:
 
 
 def lag_square(known: Knowledge) -> float:
-    """The same to second order, 1/ω² + (2ζ/ω)·τ + τ²/2 [s²]."""
+    """Lag of servo and delay to second order, 1/ω² + (2ζ/ω)·τ + τ²/2 [s²]."""
     omega, delay = known.servo_frequency, known.delay
     return 1.0 / omega**2 + 2.0 * known.servo_damping / omega * delay + 0.5 * delay * delay
 

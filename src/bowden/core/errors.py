@@ -46,6 +46,9 @@ class SafetyError(BowdenError):
     """A run that must not begin: a preflight that failed, or limits that contradict one another."""
 
 
+_MOST_NAMES = 20
+
+
 def near(name: str, known: Iterable[str]) -> str:
     """What is there to choose from, with the likely meaning first.
 
@@ -55,4 +58,6 @@ def near(name: str, known: Iterable[str]) -> str:
     names = list(known)
     alike = difflib.get_close_matches(name, names, 1, 0.6)
     ordered = [f"{alike[0]} (did you mean this?)", *(other for other in names if other != alike[0])] if alike else names
+    if len(ordered) > _MOST_NAMES:
+        ordered = [*ordered[: _MOST_NAMES - 1], f"{len(ordered) - _MOST_NAMES + 1} others"]
     return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"

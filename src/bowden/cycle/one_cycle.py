@@ -1,7 +1,15 @@
-"""One cycle of the live loop as one compiled function: filter, source of the reference, law, supervisor.
+"""One cycle of the loop, wherever it runs: sense → reference → law → supervisor, as one kernel.
 
-Read and write stand around it in `runtime.loop`. States go in and come out as NamedTuples: boxing them costs 20 µs a
-cycle, which buys that source, law and supervisor are the very kernels of the simulation.
+    one_cycle(settings, state, observed, plan, dt) -> (state, reference, wish, verdict)
+
+Law and source of the reference are stand-ins, and so are three parts that a loop may have or not, which `specialise`
+fills with `SUPERVISED` (the live loop, replay and the fault matrix) or with `BARE` (simulation of a law alone):
+
+    cycle_sense(settings, state, observed, dt) -> (sample, heard)           what law and source see of the readings
+    cycle_lead(limits, command, added) -> wish                              the law's command, with what the source adds
+    cycle_watch(limits, watched, observed, wish, dt) -> (watched, verdict)  the last word
+
+A part that is left out costs nothing once it is compiled. Reading and writing stand around the cycle.
 """
 
 import math
@@ -11,20 +19,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bowden.control import source as references
 from bowden.control.knowledge import measured
 from bowden.control.law import Law, law_start, law_step
-from bowden.control.source import TABLE, Heard, source_start, source_step
+from bowden.control.source import TABLE, Heard, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.models.plausible import Followed, follow
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, SupervisorState, Verdict, begin, supervise
+from bowden.safety.supervisor import POWER_ON, RUNNING, Observed, SupervisorState, Verdict, begin, supervise
 from bowden.sensing.filters import last_valid, low_pass
 
 
-class Source(IntEnum):
+class WishSource(IntEnum):
     """Where the wish for the motor comes from in a cycle."""
 
     HOLD = 0
@@ -37,14 +44,14 @@ class Source(IntEnum):
     """The law."""
 
 
-HOLD, MOTION, LAW_BEGINS, LAW = (float(source) for source in Source)
+HOLD, MOTION, LAW_BEGINS, LAW = (float(source) for source in WishSource)
 
 
 class Plan(NamedTuple):
     """What is planned for one cycle."""
 
     source: float
-    """Number of a `Source`."""
+    """Number of a `WishSource`."""
     motor: float
     """Target of a `MOTION` [rad]."""
     reference: Reference
@@ -58,21 +65,158 @@ class Filters(NamedTuple):
     motor: float = 0.0
 
 
+class CycleSettings(NamedTuple):
+    """What does not change in a run."""
+
+    gains: Any
+    """The law's."""
+    source: Any
+    """Settings of the reference's source."""
+    filters: Any
+    """`Filters`, where there are any."""
+    limits: Any
+    """The supervisor's `Limits`, where there is one."""
+
+
 class CycleState(NamedTuple):
     """What one cycle hands to the next."""
 
     sample: Sample
     """What the law saw."""
     law: Any
-    """The law's own state, a flat NamedTuple of floats."""
-    asked: Any
-    """That of the reference's source, likewise."""
-    supervisor: SupervisorState
+    """The law's own state."""
+    source: Any
+    """That of the reference's source."""
+    supervisor: Any
+    """That of the supervisor, or of what stands in its place; ``target`` is what the drive was told last [rad]."""
+
+
+@kernel
+def cycle_sense(settings: CycleSettings, state: CycleState, observed: Any, dt: float) -> tuple[Sample, Heard]:
+    """Stand-in for what law and source are shown of the readings."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def cycle_lead(limits: Any, command: float, added: float) -> float:
+    """Stand-in for how a law's command and what the source adds make the wish [rad]."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def cycle_watch(limits: Any, watched: Any, observed: Any, wish: float, dt: float) -> tuple[Any, Verdict]:
+    """Stand-in for the supervisor."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def one_cycle(
+    settings: CycleSettings, state: CycleState, observed: Any, plan: Plan, dt: float
+) -> tuple[CycleState, Reference, float, Verdict]:
+    """One cycle.
+
+    Args:
+        settings: of the run.
+        state: after the cycle before.
+        observed: what there is to see in this cycle: `Heard` for a bare law, `Observed` under the supervisor.
+        plan: who has the motor, and the reference that is scheduled.
+        dt: length of a cycle [s].
+
+    Returns:
+        The state after this cycle, the law's reference, the wish for the motor [rad], and what the drive is told.
+    """
+    sample, heard = cycle_sense(settings, state, observed, dt)
+    law, source, reference, wish = state.law, state.source, plan.reference, state.supervisor.target
+    if plan.source == LAW_BEGINS:
+        law = law_start(settings.gains, sample)
+        source = source_start(settings.source, Heard(sample.joint, sample.motor, heard.current, heard.load))
+    if plan.source >= LAW_BEGINS:
+        source, reference, added = source_step(settings.source, source, heard, plan.reference, dt)
+        law, command = law_step(settings.gains, law, sample, reference, dt)
+        wish = cycle_lead(settings.limits, command, added)
+    elif plan.source == MOTION:
+        wish = plan.motor
+    supervisor, verdict = cycle_watch(settings.limits, state.supervisor, observed, wish, dt)
+    return CycleState(sample, law, source, supervisor), reference, wish, verdict
+
+
+class Unwatched(NamedTuple):
+    """What stands in the supervisor's place where there is none."""
+
+    target: float
+    """The wish of the cycle before [rad]."""
+
+
+@kernel
+def as_measured(settings: CycleSettings, state: CycleState, observed: Heard, dt: float) -> tuple[Sample, Heard]:
+    """`cycle_sense` of a bare law: the readings as they are."""
+    return Sample(observed.joint, observed.motor), observed
+
+
+@kernel
+def summed(limits: Any, command: float, added: float) -> float:
+    """`cycle_lead` of a bare law [rad]."""
+    return command + added
+
+
+@kernel
+def unwatched(limits: Any, watched: Unwatched, observed: Any, wish: float, dt: float) -> tuple[Unwatched, Verdict]:
+    """`cycle_watch` of a bare law: the wish itself, at power on."""
+    return Unwatched(wish), Verdict(wish, POWER_ON, RUNNING, 0.0, 0.0)
+
+
+BARE: dict[str, Callable[..., Any]] = {"cycle_sense": as_measured, "cycle_lead": summed, "cycle_watch": unwatched}
+"""A law alone: neither filter nor supervisor, and no state of theirs."""
+
+
+@kernel
+def bare_settings(gains: Any, source: Any) -> CycleSettings:
+    """The settings of a bare law."""
+    return CycleSettings(gains, source, 0.0, 0.0)
+
+
+@kernel
+def bare_start(settings: CycleSettings, heard: Heard) -> CycleState:
+    """The state with which a bare law begins."""
+    sample = Sample(heard.joint, heard.motor)
+    law, source = law_start(settings.gains, sample), source_start(settings.source, heard)
+    return CycleState(sample, law, source, Unwatched(heard.motor))
+
+
+@kernel
+def filtered(settings: CycleSettings, state: CycleState, observed: Observed, dt: float) -> tuple[Sample, Heard]:
+    """`cycle_sense` under the supervisor: each angle's last number, behind its low-pass.
+
+    The source hears what the law sees, but an angle that is missing or not credible as missing: a push is not guessed.
+    """
+    reading, filters, limits, watched = observed.reading, settings.filters, settings.limits, state.supervisor
+    joint = last_valid(state.sample.joint, reading.joint)
+    motor = last_valid(state.sample.motor, reading.motor)
+    sample = Sample(
+        low_pass(state.sample.joint, joint, filters.joint, dt), low_pass(state.sample.motor, motor, filters.motor, dt)
+    )
+    time = np.fmax(dt, observed.elapsed)
+    motors = Followed(watched.motor, watched.motor_speed, watched.motor_gap)
+    joints = Followed(watched.joint, watched.joint_speed, watched.joint_gap)
+    heard = Heard(
+        sample.joint if credible(limits, joints, reading.joint, limits.joint_speed, time) else math.nan,
+        sample.motor if credible(limits, motors, reading.motor, limits.motor_speed, time) else math.nan,
+        reading.current,
+        math.nan,
+    )
+    return sample, heard
+
+
+@kernel
+def credible(limits: Limits, before: Followed, angle: float, fastest: float, time: float) -> bool:
+    """Whether the supervisor will take an angle for true: it can be, and motion explains it."""
+    _, lost, jumped = follow(before, angle, time, limits.sensor_span, limits.jump, fastest, limits.speed_filter)
+    return lost + jumped == 0.0
 
 
 @kernel
 def led(limits: Limits, command: float, added: float) -> float:
-    """A law's command and what its source adds, which takes it no further than the motor's range [rad].
+    """`cycle_lead` under the supervisor: what is added takes the law's command no further than the motor's range [rad].
 
     What is no number, or a law's command that is out of range itself, is left to the supervisor.
 
@@ -89,54 +233,18 @@ def led(limits: Limits, command: float, added: float) -> float:
     return wish
 
 
-@kernel
-def credible(limits: Limits, before: Followed, angle: float, fastest: float, time: float) -> bool:
-    """Whether the supervisor will take an angle for true: it can be, and motion explains it."""
-    _, lost, jumped = follow(before, angle, time, limits.sensor_span, limits.jump, fastest, limits.speed_filter)
-    return lost + jumped == 0.0
+SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": filtered, "cycle_lead": led, "cycle_watch": supervise}
+"""A law as it runs live: `Observed` in, and the supervisor's last word out."""
 
 
-@kernel
-def one_cycle(
-    gains: Any,
-    source: Any,
-    limits: Limits,
-    filters: Filters,
-    state: CycleState,
-    observed: Observed,
-    plan: Plan,
-    dt: float,
-) -> tuple[CycleState, Reference, float, Verdict]:
-    """The state after this cycle, the law's reference, the wish for the motor [rad], and what the drive is told.
-
-    The source hears what the law sees, but an angle that is missing or not credible as missing: a push is not guessed.
-    """
-    reading = observed.reading
-    joint = last_valid(state.sample.joint, reading.joint)
-    motor = last_valid(state.sample.motor, reading.motor)
-    sample = Sample(
-        low_pass(state.sample.joint, joint, filters.joint, dt), low_pass(state.sample.motor, motor, filters.motor, dt)
-    )
-    watched = state.supervisor
-    law, asked, reference, wish = state.law, state.asked, plan.reference, watched.target
-    if plan.source == LAW_BEGINS:
-        law = law_start(gains, sample)
-        asked = source_start(source, Heard(sample.joint, sample.motor, reading.current, math.nan))
-    if plan.source >= LAW_BEGINS:
-        time, motors, joints = np.fmax(dt, observed.elapsed), Followed(*watched[12:15]), Followed(*watched[15:18])
-        seen = Heard(
-            sample.joint if credible(limits, joints, reading.joint, limits.joint_speed, time) else math.nan,
-            sample.motor if credible(limits, motors, reading.motor, limits.motor_speed, time) else math.nan,
-            reading.current,
-            math.nan,
-        )
-        asked, reference, added = source_step(source, asked, seen, plan.reference, dt)
-        law, command = law_step(gains, law, sample, reference, dt)
-        wish = led(limits, command, added)
-    elif plan.source == MOTION:
-        wish = plan.motor
-    supervisor, verdict = supervise(limits, watched, observed, wish, dt)
-    return CycleState(sample, law, asked, supervisor), reference, wish, verdict
+def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., Any]]:
+    """A law's and a source's kernels by the names of the stand-ins that they replace."""
+    return {
+        "law_start": law.start_kernel,
+        "law_step": law.step_kernel,
+        "source_start": source.start_kernel,
+        "source_step": source.step_kernel,
+    }
 
 
 NOWHERE = Reference(math.nan, math.nan, math.nan)
@@ -146,6 +254,9 @@ NOWHERE = Reference(math.nan, math.nan, math.nan)
 class Cycle:
     """A law under the supervisor, compiled and ready: `step` is one cycle.
 
+    States go in and come out as NamedTuples: boxing them costs 20 µs a cycle, which buys that source, law and
+    supervisor are the very kernels of the simulation.
+
     Args:
         law: with its gains.
         limits: the supervisor's.
@@ -154,18 +265,11 @@ class Cycle:
         source: of the reference; the plan's own where it is not given.
     """
 
-    def __init__(
-        self, law: Law, limits: Limits, filters: Filters, period: float, source: references.Source = TABLE
-    ) -> None:
+    def __init__(self, law: Law, limits: Limits, filters: Filters, period: float, source: Source = TABLE) -> None:
         self.law, self.limits, self.filters, self.period, self.source = law, limits, filters, period, source
-        self._gains = law.gains
+        self._settings = CycleSettings(law.gains, source.settings, filters, limits)
         self._run: Callable[..., tuple[CycleState, Reference, float, Verdict]] = specialise(
-            one_cycle,
-            f"{law.name}_{source.name}",
-            law_start=law.start_kernel,
-            law_step=law.step_kernel,
-            source_start=source.start_kernel,
-            source_step=source.step_kernel,
+            one_cycle, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
         )
         self.reference = NOWHERE
         """What the law was told last."""
@@ -175,30 +279,28 @@ class Cycle:
         """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time."""
         joint, motor = (0.0 if math.isnan(angle) else float(angle) for angle in (reading.joint, reading.motor))
         sample = Sample(joint, motor)
-        law, asked = self.law.start(sample), self.source.start(Heard(joint, motor, 0.0, math.nan))
+        law, source = self.law.start(sample), self.source.start(Heard(joint, motor, 0.0, math.nan))
         fresh = CycleState(
             sample,
             type(law)(*map(float, law)),  # whole numbers in a user's start would be compiled for apart
-            type(asked)(*map(float, asked)),
+            type(source)(*map(float, source)),
             SupervisorState(*map(float, begin(self.limits, reading, thermal))),
         )
         self.state = fresh
         observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
-        for source in (HOLD, MOTION, LAW_BEGINS, LAW):
-            self.step(observed, Plan(source, motor, Reference(joint, 0.0, 0.0)))
+        for wish_source in (HOLD, MOTION, LAW_BEGINS, LAW):
+            self.step(observed, Plan(wish_source, motor, Reference(joint, 0.0, 0.0)))
         self.state = fresh
 
     def know(self, width: float) -> None:
         """Let the law begin with the dead zone that was measured [rad], where it takes one; NaN is none."""
-        self._gains = measured(self.law, width).gains
+        self._settings = self._settings._replace(gains=measured(self.law, width).gains)
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""
-        self.state, self.reference, wish, verdict = self._run(
-            self._gains, self.source.settings, self.limits, self.filters, self.state, observed, plan, self.period
-        )
+        self.state, self.reference, wish, verdict = self._run(self._settings, self.state, observed, plan, self.period)
         return wish, verdict
 
-    def asked(self) -> tuple[float, ...]:
+    def source_row(self) -> tuple[float, ...]:
         """What is recorded of the reference's source: its state, and nothing of a table."""
-        return () if self.source is TABLE else tuple(self.state.asked)
+        return () if self.source is TABLE else tuple(self.state.source)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Source
+from bowden.cycle.one_cycle import WishSource
 from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def figures(log: Columns, run: "EmgRun", ear: "Ear") -> dict[str, Any]:
 
     In the proportional mode the joint follows the envelope: there are no motions to speak of.
     """
-    led, triggered = log["source"] >= Source.LAW_BEGINS, run.course.proportional < 0.5
+    led, triggered = log["source"] >= WishSource.LAW_BEGINS, run.course.proportional < 0.5
     at = _motions(log["emg.intent"], led) if triggered else []
     time, onset = log["time"], log["emg.onset"]
     end = int(np.flatnonzero(led)[-1]) + 1 if led.any() else 0

@@ -119,7 +119,7 @@ class Loop:
                 *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
                 *(script.outcome, script.reason, script.play, 0.0),
                 *(*state.law, *state.supervisor, *(() if course is None else course.row())),
-                *(*(() if push is None else push.row()), *cycle.asked()),
+                *(*(() if push is None else push.row()), *cycle.source_row()),
             )
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9

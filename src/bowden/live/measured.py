@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import SafetyError
-from bowden.cycle.one_cycle import Source
+from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import Recording
 from bowden.safety.supervisor import Mode
 
@@ -37,7 +37,7 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
     """
     mode = log["mode"]
     armed = np.flatnonzero(mode == Mode.PREFLIGHT)
-    led = (log["source"] == Source.MOTION) & ((mode == Mode.RUNNING) | (mode == Mode.BRIDGING))
+    led = (log["source"] == WishSource.MOTION) & ((mode == Mode.RUNNING) | (mode == Mode.BRIDGING))
     rows = np.flatnonzero(led & (np.arange(len(mode)) > (armed[-1] if len(armed) else -1)))
     tick = np.rint((log["time"] - log["lateness"])[rows] / period).astype(int)  # deadlines lie on a grid
     place = _places(tick, log["wish"][rows], mode[rows] == Mode.RUNNING, motor)

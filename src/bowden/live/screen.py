@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Source
+from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
@@ -63,7 +63,7 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
 
 def _push(row: dict[str, float]) -> str:
     """The push that makes the reference; none is heard where the law has not got the motor."""
-    if row["source"] < Source.LAW_BEGINS:
+    if row["source"] < WishSource.LAW_BEGINS:
         return "–"
     push, doubt = row["admittance.push"], row["admittance.doubt"]
     return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"

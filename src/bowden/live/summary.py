@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import RADIANS
-from bowden.cycle.one_cycle import Source
+from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.live import emg_summary, push_summary
 from bowden.live.lateness import figures
@@ -26,7 +26,7 @@ def document(session: "Session") -> dict[str, Any]:
     pushing = session.live.setup.pushing
     more = (*(() if ear is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
     log = read(session.log, tuple(dict.fromkeys((*_NEEDED, *more))))
-    led = log["source"] >= Source.LAW_BEGINS
+    led = log["source"] >= WishSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
     ended = session.ended or {}

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import DriveError
-from bowden.cycle.one_cycle import Source
+from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.twin.control import TwinControl, control_path
 from bowden.live.row import AT
@@ -33,7 +33,7 @@ class TwinScenario:
 
     def see(self, rows: NDArray[np.float64]) -> None:
         """Take in the rows of a run that have come since the last call (n, width)."""
-        led = np.flatnonzero(rows[:, AT["source"]] >= Source.LAW_BEGINS)
+        led = np.flatnonzero(rows[:, AT["source"]] >= WishSource.LAW_BEGINS)
         if len(led) and not self._begun:
             self._begun = True
             self._tell(self._start + float(rows[led[0], AT["time"]]))

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.style import COLOURS, CYCLE, legend, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.report.simulate_figures import law_states as _law_states
-from bowden.report.style import COLOURS, CYCLE, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

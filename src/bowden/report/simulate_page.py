@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.metrics import Metrics
+from bowden.core.style import colours_for
 from bowden.core.trace import Trace
 from bowden.report import simulate_figures as figures
 from bowden.report import suit_figures
 from bowden.report.page import Page
-from bowden.report.style import colours_for
 
 _MOST_VALUES = 8  # of a list in the settings; a longer one (way points of a recording) is cut
 

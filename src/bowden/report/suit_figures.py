@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.trace import Trace
-from bowden.report.style import COLOURS, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,16 +1,14 @@
 """Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
 
-import difflib
 import itertools
 import tomllib
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, near
 from bowden.rig import schema as schema
 from bowden.rig.schema import BENDS, REFERENCES, Rig
 
@@ -91,18 +89,6 @@ def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, 
         raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from error
     except ValueError as error:  # also a null byte in the path
         raise ParameterError(f"{path} is not TOML: {error}", do="correct it there") from error
-
-
-def near(name: str, known: Iterable[str]) -> str:
-    """What is there to choose from, with the likely meaning first.
-
-    >>> near("dampng", ["damping", "gear"])
-    'damping (did you mean this?) or gear'
-    """
-    names = list(known)
-    alike = difflib.get_close_matches(name, names, 1, 0.6)
-    ordered = [f"{alike[0]} (did you mean this?)", *(other for other in names if other != alike[0])] if alike else names
-    return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"
 
 
 _CORRECT = "correct it there"

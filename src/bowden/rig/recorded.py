@@ -7,9 +7,8 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from bowden.control.reference import Recorded
-from bowden.core.errors import LogError
+from bowden.core.errors import LogError, near
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
-from bowden.rig.config import near
 from bowden.rig.schema import RecordedSection
 
 

@@ -41,7 +41,7 @@ def model_text(fit: Fit, source: str) -> str:
         "# the log's first half; test_rms_deg is their error on the second half, which no decision has seen.",
         "",
         "# Recommended: the simplest model whose error on strokes left out of the fit is not clearly above the least.",
-        f"best = {quoted(fit.best)}",
+        f"best = {quoted(fit.best.name)}",
         f"source = {quoted(_one_line(source))}",
         f"samples = {fit.samples}",
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -120,6 +122,42 @@ def finish(figure: Figure) -> None:
             axes.set_title("")
             axes.set_title(title, loc="left", fontsize=10.0, fontweight="bold")
     figure.align_ylabels()
+
+
+def svg(figure: Figure, prefix: str) -> str:
+    """The figure as an SVG element whose ids begin with `prefix`, so that several share one page."""
+    finish(figure)
+    buffer = io.StringIO()
+    with drawing():
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.S)
+    text = re.sub(r'\bid="', f'id="{prefix}', text)
+    text = re.sub(r'(href="|url\()#', rf"\1#{prefix}", text)
+    text = re.sub(r'\bd="[^"]*"', lambda match: re.sub(r"(\.\d\d)\d+", r"\1", match.group()), text)  # 0.01 pt is enough
+    return re.sub(r"\n\s*", "\n", text).strip()
+
+
+def widened(low: float, high: float, share: float) -> tuple[float, float]:
+    """Limits a `share` of their range further apart."""
+    room = share * (high - low) or 1.0
+    return low - room, high + room
+
+
+def stay_near(axes: Axes, wanted: list[Array], drawn: list[Array]) -> None:
+    """Vertical limits that show `wanted`, and of `drawn` as much as lies within three times its range.
+
+    A run that ran away would otherwise flatten all the others.
+    """
+    finite = [values[np.isfinite(values)] for values in wanted]
+    low = min((float(values.min()) for values in finite if len(values)), default=0.0)
+    high = max((float(values.max()) for values in finite if len(values)), default=1.0)
+    bottom, top = widened(low, high, 1.0)
+    seen = [values[(values >= bottom) & (values <= top)] for values in drawn]
+    low = min([low, *(float(values.min()) for values in seen if len(values))])
+    high = max([high, *(float(values.max()) for values in seen if len(values))])
+    axes.set_ylim(*widened(low, high, 0.06))
 
 
 def colours_for(names: Sequence[str]) -> dict[str, str]:
