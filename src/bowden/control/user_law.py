@@ -31,7 +31,7 @@ _CORRECT = "correct the law there"
 _RENAME = "give it another name"
 _TRIAL_CYCLES = 5
 _TRIAL_TIME = 1e-3
-_EXAMPLE = Knowledge(*(1.0 for _ in range(6)))._replace(width=0.1, cable=BoucWen(), motor_zero=0.0)
+_EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
 """What a law's own functions of what it is told are tried with, beside nothing known."""
 
 

@@ -25,8 +25,8 @@ _HEAD = """\
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own values.",
     "",
-    "- What the rig tells a law comes first (the column *told*), then the preset, then `[control.gains]`. A gain that a",
-    "  preset leaves as it is is told. Every command that runs a law goes by this.",
+    "- What the rig tells a law comes first (the column *told*), then the preset, then `[control.gains]`. What a",
+    "  preset leaves as the law's own is told. Every command that runs a law goes by this.",
     "- `slope`, `width` and `doubt` are told where the cable was identified (`cable.model`); `cable.…` always.",
     "- The uncompensated law is told only the motor angle at which the joint is at zero: encoders that are not zeroed",
     "  together are no backlash. Its slope stays 1, as in the paper; set it where the joint is geared.",
@@ -130,10 +130,10 @@ def _meanings(kind: type) -> dict[str, str]:
 
 def _told(law: Law, gain: str) -> str:
     """What of the rig a gain takes, as `bowden.control.knowledge.Knowledge` has it; of a function its first line."""
-    what = law.told.get(gain, "")
-    return (
-        " ".join((what.__doc__ or what.__name__).split(".")[0].split()) if callable(what) else f"`{what}`" * bool(what)
-    )
+    what = law.told.get(gain)
+    if callable(what):
+        return " ".join((what.__doc__ or what.__name__).split(".")[0].split())
+    return "" if what is None else f"`{what}`"
 
 
 def _sections() -> Iterator[tuple[str, list[type[Section]]]]:
