@@ -18,7 +18,7 @@ COMMAND = (sys.executable, "-c", "from bowden.app.main import main; main()")
 _MINUTE = """
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.plants.bench import Bench
 simulate(Bench(), LAWS["adaptive"], PeriodicMinimumJerk(0.0, 1.2, 10.0), duration=60.0)
 """

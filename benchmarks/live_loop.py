@@ -21,7 +21,7 @@ from bowden.live.lateness import bare_loop_apart
 from bowden.live.machine import cyclictest
 from bowden.live.mcap_read import read
 from bowden.rig import compose
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from kept import Kept
 from measure import Figure
 from same_run import rmse_deg

@@ -18,7 +18,7 @@ from bowden.rig.page import json_schema, markdown, toml_text
 from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.presets.bench import observer as paper_observer
 from bowden.rig.schema import BENDS, REFERENCES, Rig
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 ROOT = Path(__file__).parents[1]
 

@@ -13,7 +13,7 @@ from bowden.rig.compose_suit import suit_of
 from bowden.rig.presets.bench import bench
 from bowden.rig.presets.suit import suit
 from bowden.rig.schema import Rig
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 
 MOTION = '[reference]\nkind = "periodic_minimum_jerk"\nlow_deg = 0.0\nhigh_deg = 60.0\nperiod_s = 4.0\n'
 
@@ -103,7 +103,7 @@ def test_the_page_of_a_run_shows_what_the_suit_pulls(tmp_path: Path) -> None:
     setup, rig = compose.setup(written(tmp_path, MOTION + "[suit]\nworn = true\n"))
     assert setup.suit is not None
     law = compose.law_for("adaptive", rig, setup.bench, tmp_path)
-    trace = simulate_suit(setup.suit, law, setup.reference, duration=4.0, initial_motor=setup.initial_motor)
+    trace = simulate(setup.suit, law, setup.reference, duration=4.0, initial_motor=setup.initial_motor)
     path = tmp_path / "page.html"
     simulation_page({"adaptive": trace}, "A suit").write(path)
     text = path.read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.rig.presets.bench import default_bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_law.py"
 SOURCE = EXAMPLE.read_text()

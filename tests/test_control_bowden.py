@@ -22,7 +22,7 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.friction_cables import lumped
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 
 def error_deg(trace: Trace) -> float:

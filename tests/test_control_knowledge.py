@@ -32,7 +32,7 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig import compose
 from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.presets.suit import default_suit
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.study.load import load
 
@@ -78,6 +78,7 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
     monkeypatch.setattr(design_check, "check", catching("check", lambda bench, law: [law]))
     monkeypatch.setattr(design_tune, "tune", catching("tune", lambda bench, law: [law]))
     monkeypatch.setattr(export_law, "law_module", catching("export", lambda law: [law]))
+    monkeypatch.setattr(league, "exact_travel", lambda *_, **__: 1.0)
     monkeypatch.setattr(league, "simulate_each", catching("league", lambda case, duration: list(case.laws)))
     return found
 

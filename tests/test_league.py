@@ -18,11 +18,10 @@ from bowden.design import league, league_cells, league_identified
 from bowden.design.league import Cell, Played, standings
 from bowden.design.league_cells import STROKE, LeaguePlant
 from bowden.design.league_exact import exact_travel
-from bowden.plants.cable_plant import resting_motor
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.report.league_page import league_page
 from bowden.rig.presets.bench import default_bench, moved_sheath
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 ROOT = Path(__file__).parents[1]
 BENCH = default_bench()
@@ -57,7 +56,7 @@ def test_the_bench_is_the_bench(name: str) -> None:
 )
 def test_a_cell_is_what_a_trace_of_its_run_shows_to_the_last_bit(plant: str, name: str) -> None:
     found, motion = PLANTS[plant], SCENARIOS["fast"]
-    start = resting_motor(found.plant, 0.0, float(found.bend(np.zeros(1))[0]))
+    start = found.plant.resting_motor(0.0, float(found.bend(np.zeros(1))[0]))
     trace = simulate(
         found.plant,
         informed(LAWS[name], knowledge_of(found.plant)),

@@ -18,7 +18,7 @@ from bowden.design.admittance_study import MIDDLE, Pushed, back_driven, felt, mi
 from bowden.design.admittance_unseen import unseen, unseen_felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.rig.presets.suit import suit
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 from bowden.sim.suit_sources import limit_for, push_of
 
 SURE = LAWS["uncompensated"]
@@ -190,7 +190,7 @@ def test_a_source_is_the_same_compiled() -> None:
 
 def test_the_table_is_the_reference_that_was_asked_for() -> None:
     course = PointToPoint((0.0, 1.0), (0.2, 0.9))
-    run = simulate_suit(SUIT, SURE, course, duration=1.0)
+    run = simulate(SUIT, SURE, course, duration=1.0)
     assert np.array_equal(run["reference"], course.sample(run.time)[:, 0])
     assert not any(name.startswith("table") for name in run.columns)
 

@@ -46,7 +46,7 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
         print(f"bowden: note: {note}", file=sys.stderr)
     metrics = {name: trace.metrics() for name, trace in traces.items()}
     if json:
-        runs = [{"law": name, "ended": traces[name].stable} | asdict(found) for name, found in metrics.items()]
+        runs = [{"law": name, "ended": traces[name].ended} | asdict(found) for name, found in metrics.items()]
         drawn_values = {"seed": drawn.seed} | drawn.values
         print_json({"run": number, "drawn": drawn_values, "runs": runs, "files": files, "seconds": seconds()})
         return

@@ -167,7 +167,7 @@ def _recording(setup: "Setup", law: "Law") -> str:
 
     from bowden.control import user_law
     from bowden.export.replay import COLUMNS
-    from bowden.sim.closed_loop import inputs_of, simulate
+    from bowden.sim.run import simulate
 
     duration = min(RECORDED, setup.duration)
     with user_law.explained(law):
@@ -180,7 +180,7 @@ def _recording(setup: "Setup", law: "Law") -> str:
             seed=setup.seed,
             initial_motor=setup.initial_motor,
         )
-    references = inputs_of(setup.bench, setup.reference, duration, setup.bend, setup.seed).references
+    references = setup.reference.sample(trace.time).T
     lasted = int(np.isfinite(trace["command"]).cumprod().sum())
     source = np.where(np.arange(lasted) == 0, 2.0, 3.0)  # runtime.cycle.Source: the law begins, the law goes on
     values = (trace["time"], trace["joint_measured"], trace["motor_measured"], *references, trace["command"])

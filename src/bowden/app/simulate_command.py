@@ -110,7 +110,7 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
 
 def _interaction(setup: "Setup", trace: "Trace") -> dict[str, float | None] | None:
     """What the wearer felt of a suit that follows their push; None of any other run, and of one that ran away."""
-    if setup.pushing is None or not trace.stable:
+    if setup.pushing is None or not trace.ended:
         return None
     from bowden.design.admittance_study import felt
 

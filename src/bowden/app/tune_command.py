@@ -63,15 +63,15 @@ def tune(
     runs = "nine runs of 20 s" if plants is None else f"{_count(plants)} plants of {plants.path.name}"
     evidence = _evidence(found, bends, runs, interrupted=interrupted)
     evidence += [] if others is None else _said_of(others)
-    files = [] if dry_run or not found.changed else [str(_written(rig, found, evidence))]
+    files = [] if dry_run or not found.gains else [str(_written(rig, found, evidence))]
     if interrupted:
         where = f"written to {files[0]}" if files else "not written"
         raise InterruptedPartway(f"the best gains after {found.generations} generations are {where}")
     if json:
         document: dict[str, Any] = {
             "law": law.name,
-            "gains": dict(found.changed),
-            "before": {name: getattr(law.gains, name) for name in found.changed},
+            "gains": dict(found.gains),
+            "before": {name: getattr(law.gains, name) for name in found.gains},
             "verdict": found.found.verdict,
             "verdict_before": found.before.verdict,
             "gain_margin_db": found.found.gain_margin_db,
@@ -85,7 +85,7 @@ def tune(
         return
     for line in evidence:
         print(line)
-    for name, value in found.changed.items():
+    for name, value in found.gains.items():
         print(f"  {name} = {value:g}  (was {getattr(law.gains, name):g})")
     print(f"{'Wrote ' + str(rig) if files else 'Nothing written'}  ({seconds():.1f} s)")
 
@@ -181,7 +181,7 @@ def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     from bowden.core.files import whole_file
     from bowden.design import gains_text
 
-    text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.changed, evidence, rig)
+    text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig)
     with whole_file(rig) as part:
         part.write_text(text, encoding="utf-8")
     return rig

@@ -250,9 +250,17 @@ class Trace:
         return self.columns["joint"] - self.columns["reference"]
 
     @property
-    def stable(self) -> bool:
+    def ended(self) -> bool:
         """Whether the run reached its end with finite numbers."""
         return bool(np.isfinite(self.columns["joint"]).all())
+
+    @property
+    def stable(self) -> bool:
+        """Whether it ended, and the joint was never further from the reference than that's whole stroke (5° at least).
+
+        See `bowden.core.metrics.is_stable`.
+        """
+        return metrics.is_stable(self.columns["reference"], self.columns["joint"])
 
     def metrics(self) -> metrics.Metrics:
         """RMSE, peak error, delay, hysteresis width, power and energy of the run."""
@@ -297,7 +305,7 @@ class Trace:
         Raises:
             LogError: time is not even, or the run is too short for that resolution.
         """
-        if not self.stable:
+        if not self.ended:
             return None
         frequencies = np.arange(lowest, highest, half_width / 6.0)
         reference, joint = self.columns["reference"], self.columns["joint"]

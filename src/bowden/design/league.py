@@ -15,7 +15,6 @@ from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, Scenario
 from bowden.design.league_exact import exact_travel
-from bowden.plants.cable_plant import resting_motor
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.sim.many import Case, Shown, simulate_each
 
@@ -108,7 +107,7 @@ def play(
         for scenario in scenarios:
             reference = scenario.reference(found.stroke)
             start = float(reference.sample(np.zeros(1))[0, 0])
-            initial = resting_motor(found.plant, start, float(found.bend(np.zeros(1))[0]))
+            initial = found.plant.resting_motor(start, float(found.bend(np.zeros(1))[0]))
             progress(f"{found.name}, {scenario.name}", done / total)
             travel = exact_travel(
                 found.plant, reference, duration=scenario.duration, bend=found.bend, initial_motor=initial

@@ -9,15 +9,18 @@
 4. A gain that can go back to where it stood at no cost does.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bowden.control.knowledge import cable_gains, informed
 from bowden.control.law import Law
+from bowden.core import shown
 from bowden.core.errors import ParameterError
+from bowden.core.style import new_figure
+from bowden.design import findings
 from bowden.design.advice import gains_that_matter
 from bowden.design.check import STROKE, Check, Estimates, check, visited_estimates
 from bowden.design.evolution import Array, Population, Score
@@ -26,6 +29,9 @@ from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
 from bowden.plants.bench import Bench
 from bowden.plants.knowledge_of import knowledge_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""
@@ -49,14 +55,16 @@ Workers = Callable[[Callable[[Task], Any], Iterable[Task]], Iterable[Any]]
 """Like `map`: the one of a process pool spreads the work."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Tuning:
     """The gains that were found, and the evidence."""
 
     law: Law
     """With the new gains."""
-    changed: Mapping[str, float]
-    """Name → value of those that differ."""
+    gains: Mapping[str, float]
+    """Name → value of those that differ from before."""
+    stood: Mapping[str, float]
+    """Name → value of all gains before."""
     found: Check
     """Of the new gains."""
     before: Check
@@ -67,6 +75,46 @@ class Tuning:
     """The same of the gains before [rad]; None where a run was unstable."""
     generations: int
     """After which the search was over, or broken off."""
+
+    @property
+    def gain_margin_db(self) -> float | None:
+        """The smallest with the new gains [dB]; None where none has a limit."""
+        return self.found.gain_margin_db
+
+    @property
+    def phase_margin_deg(self) -> float | None:
+        """The smallest with the new gains [deg]; None where none has a limit."""
+        return self.found.phase_margin_deg
+
+    @property
+    def delay_margin_s(self) -> float | None:
+        """The smallest with the new gains [s]; None where none has a limit."""
+        return self.found.delay_margin_s
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw by how much each gain changed and, on second axes, the largest error before and after.
+
+        Args:
+            axes: matplotlib's, one or two; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        drawn = shown.axes_for(axes, 1, 2, 7.0, 3.0)
+        findings.draw_tuning(drawn, self)
+        return drawn
+
+    def __repr__(self) -> str:
+        """One screen: the gains that changed, margins, and the largest error before and after."""
+        return shown.screen(f"Tuning of {self.law.name}", findings.tuning_rows(self))
+
+    def _repr_html_(self) -> str:
+        figure, axes = new_figure(1, 2, height=3.0)
+        findings.draw_tuning(axes, self)
+        return shown.fragment(f"Tuning of {self.law.name}", findings.tuning_rows(self), figure)
 
 
 class BrokenOff(KeyboardInterrupt):
@@ -186,7 +234,9 @@ class _Search:
         stood = self.law.gains._asdict()
         changed = {name: value for name, value in law.gains._asdict().items() if value != stood[name]}
         before = max(self.errors_before)
-        return Tuning(law, changed, found, self.before, worst, before if np.isfinite(before) else None, self.steps)
+        return Tuning(
+            law, changed, stood, found, self.before, worst, before if np.isfinite(before) else None, self.steps
+        )
 
     def _names(self) -> list[str]:
         """Gains that change the linear loop or the errors; parameters of a cable's model and switches are no choice."""

@@ -16,7 +16,7 @@ from bowden.models.drive.encoder import Encoder
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 
 def run(runs: Runs) -> Finding:

@@ -39,11 +39,13 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
     measured = {name: trace.metrics() for name, trace in traces.items()}  # first: it refuses what is no run
     page = Page(title, _lead(traces))
     for name, trace in traces.items():
-        if not trace.stable:
+        if not trace.ended:
             page.notice(
                 f"{name} is unstable on this bench: its numbers ran away after {figures.lasted(trace):.2f} s, "
                 "and it has no figures of merit."
             )
+        elif not trace.stable:
+            page.notice(f"{name} is unstable on this bench: its error is at times larger than the reference's stroke.")
     page.heading("How well the joint follows")
     _metrics_table(page, traces, measured)
     page.figure(

@@ -3,10 +3,10 @@
 from bowden.control.law import Law
 from bowden.control.source import TABLE
 from bowden.core.trace import Trace
+from bowden.plants.plant import Plant
 from bowden.rig.compose import Setup
-from bowden.sim.closed_loop import simulate
 from bowden.sim.faulty import Fault
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 
 
 def run_of(setup: Setup, law: Law, fault: Fault | None = None) -> Trace:
@@ -21,19 +21,11 @@ def run_of(setup: Setup, law: Law, fault: Fault | None = None) -> Trace:
         ParameterError: a setting that cannot be.
     """
     push = setup.pushing
-    if setup.suit is None:
-        return simulate(
-            setup.bench,
-            law,
-            setup.reference,
-            duration=setup.duration,
-            bend=setup.bend,
-            seed=setup.seed,
-            initial_motor=setup.initial_motor,
-            fault=fault,
-        )
-    return simulate_suit(
-        setup.suit,
+    plant: Plant = setup.bench
+    if setup.suit is not None:
+        plant = setup.suit if push is None else setup.suit._replace(load_cell=push.cell)
+    return simulate(
+        plant,
         law,
         setup.reference,
         duration=setup.duration,
@@ -41,6 +33,5 @@ def run_of(setup: Setup, law: Law, fault: Fault | None = None) -> Trace:
         seed=setup.seed,
         initial_motor=setup.initial_motor,
         source=TABLE if push is None else push.source(law),
-        cell=None if push is None else push.cell,
         fault=fault,
     )

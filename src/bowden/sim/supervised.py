@@ -16,11 +16,11 @@ from bowden.models.drive.motor import current as motor_current
 from bowden.models.drive.servo import ServoState, servo_step
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.models.plausible import Followed, follow
-from bowden.plants.bench import Bench, bench_at, bench_start, prepare_bench
+from bowden.plants.bench import Bench, bench_at, prepare_bench
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
-from bowden.sim.closed_loop import inputs_of
 from bowden.sim.injected import Around, Injected, asleep, disturbed, misled, misread
+from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
 
 SPOOL_RADIUS = 0.02
@@ -77,7 +77,7 @@ def run_supervised(
 ) -> None:
     """One run from a stopped supervisor: armed, run as soon as the drive is enabled, and on after any stop."""
     cycles = references.shape[1]
-    plant = bench_start(bench, initial_motor, widths[0], slope_factors[0])
+    plant = bench_at(bench, ServoState(initial_motor, 0.0, 0.0), 0.0, widths[0], slope_factors[0])
     seen = Sample(plant.joint, plant.motor.position)
     law, wish = law_step(gains, law_start(gains, seen), seen, Reference(references[0, 0], 0.0, 0.0), dt)
     law = law_start(gains, seen)
@@ -282,8 +282,8 @@ def supervised(
         limits,
         thermal or cold(limits.thermal),
         inputs.references,
-        inputs.widths,
-        inputs.slope_factors,
+        inputs.sheath.widths,
+        inputs.sheath.slope_factors,
         inputs.normals,
         (bench.joint_encoder, bench.motor_encoder),
         float(initial_motor),

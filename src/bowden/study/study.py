@@ -23,7 +23,6 @@ from bowden.rig.schema import Rig
 from bowden.sim.faulty import Fault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case
-from bowden.sim.suit_many import SuitCase
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.schema import Study as StudyFile
 from bowden.study.schema import ToldSection
@@ -190,14 +189,15 @@ class Study:
         """Whether the plants are suits on wearers, in place of benches."""
         return self.rig.suit.worn
 
-    def suit_cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[SuitCase]:
-        """The runs of these numbers on the suit, for `bowden.sim.suit_many.simulate_suits`."""
+    def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
+        """The runs of these numbers, for `bowden.sim.many` and `bowden.sim.suit_figures`."""
         for number, drawn in runs:
             setup, laws, fault = self.setup(number, drawn)
-            assert setup.suit is not None  # it is worn
-            push = setup.pushing
-            yield SuitCase(
-                suit=setup.suit,
+            push, plant = setup.pushing, setup.suit or setup.bench
+            if setup.suit is not None and push is not None:
+                plant = setup.suit._replace(load_cell=push.cell)
+            yield Case(
+                plant=plant,
                 laws=laws,
                 reference=setup.reference,
                 bend=setup.bend,
@@ -205,21 +205,6 @@ class Study:
                 initial_motor=setup.initial_motor,
                 fault=fault,
                 sources=() if push is None else tuple(map(push.source, laws)),
-                cell=None if push is None else push.cell,
-            )
-
-    def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
-        """The runs of these numbers on the bench, for `bowden.sim.many.simulate_many`."""
-        for number, drawn in runs:
-            setup, laws, fault = self.setup(number, drawn)
-            yield Case(
-                plant=setup.bench,
-                laws=laws,
-                reference=setup.reference,
-                bend=setup.bend,
-                seed=setup.seed,
-                initial_motor=setup.initial_motor,
-                fault=fault,
             )
 
     @cached_property
