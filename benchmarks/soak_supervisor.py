@@ -35,7 +35,7 @@ def runs(hours: float, done: int) -> Iterator[list[Any]]:
             played, gone = played + 1, gone + scenario.duration
             if played <= done:
                 continue
-            out = supervised(
+            out, _ = supervised(
                 bench,
                 informed(law, knowledge_of(plant.plant)),
                 scenario.reference(plant.stroke),

@@ -1,5 +1,6 @@
 """What a rig tells a law: one rule, by which every command that runs a law goes."""
 
+import contextlib
 import dataclasses
 import itertools
 import math
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.main import get_command
 
 from bowden.app import main
 from bowden.control import LAWS, Law
@@ -18,7 +20,7 @@ from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.design import check as design_check
-from bowden.design import league, league_cells, trial
+from bowden.design import league, league_cells, processes, trial
 from bowden.design import tune as design_tune
 from bowden.design import verdict as design_verdict
 from bowden.design.random_plants import random_plant, run_random_plant
@@ -37,6 +39,7 @@ from bowden.sim.scenario import constant_bend
 from bowden.study.load import load
 
 BENCH = default_bench()
+COMMANDS = get_command(main.app)
 MODEL = """
 best = "bouc_wen"
 [models.bouc_wen.parameters]
@@ -78,6 +81,7 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
     monkeypatch.setattr(design_check, "check", catching("check", lambda bench, law: [law]))
     monkeypatch.setattr(design_tune, "tune", catching("tune", lambda bench, law: [law]))
     monkeypatch.setattr(export_law, "law_module", catching("export", lambda law: [law]))
+    monkeypatch.setattr(processes, "two_workers", lambda *_: contextlib.nullcontext(map))
     monkeypatch.setattr(league, "exact_travel", lambda *_, **__: 1.0)
     monkeypatch.setattr(league, "simulate_each", catching("league", lambda case, duration: list(case.laws)))
     return found
@@ -112,7 +116,7 @@ def test_every_command_gives_every_law_the_same_gains(
         path = written(tmp_path, *rig, law=name)
         for command in (["simulate"], ["check"], ["tune", "--dry-run"], ["export", "--to", "out"]):
             with pytest.raises(Caught):
-                main.app([command[0], str(path), *command[1:]], standalone_mode=False)
+                COMMANDS([command[0], str(path), *command[1:]], standalone_mode=False)
         live = compose_live(Asked(path))
         handed["run"] = [live.law]
         (tmp_path / "study.toml").write_text(f'rig = "rig.toml"\nlaws = ["{name}"]\nruns = 4\n')

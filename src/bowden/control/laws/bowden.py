@@ -7,13 +7,6 @@ from bowden.control.law import Law
 from bowden.control.our_law.gains import LIMITS, SUIT, BowdenGains
 from bowden.control.our_law.law import start, step
 
-_ANGLES = (
-    *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
-    *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
-    *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
-    *("moved_motor", "moved_joint", "origin", "low", "dip", "gone"),
-)
-
 LAW = Law(
     name="bowden",
     gains=BowdenGains(),
@@ -25,12 +18,4 @@ LAW = Law(
     told={name: name for name in ("servo_frequency", "servo_damping", "delay", "slope", "width", "doubt")},
     compensates_lag=True,
     limits=LIMITS,
-    state_units={
-        **dict.fromkeys(_ANGLES, "rad"),
-        **dict.fromkeys(("since", "lag", "elapsed", "wave_time"), "s"),
-        **dict.fromkeys(("wedge", "slope_up", "slope_down"), "rad/rad"),
-        "from_rate": "rad/s",
-        "variance": "rad²",
-        "sway": "rad²",
-    },
 )
