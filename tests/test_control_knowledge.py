@@ -25,15 +25,15 @@ from bowden.design import tune as design_tune
 from bowden.design import verdict as design_verdict
 from bowden.design.random_plants import random_plant, run_random_plant
 from bowden.export import law as export_law
-from bowden.live.compose_live import Asked, compose_live
+from bowden.live.live_run import live_run
 from bowden.live.log_replay import law_of
 from bowden.live.mcap_read import Recording
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.rig import compose
 from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.presets.suit import default_suit
+from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.study.load import load
@@ -117,23 +117,20 @@ def test_every_command_gives_every_law_the_same_gains(
         for command in (["simulate"], ["check"], ["tune", "--dry-run"], ["export", "--to", "out"]):
             with pytest.raises(Caught):
                 COMMANDS([command[0], str(path), *command[1:]], standalone_mode=False)
-        live = compose_live(Asked(path))
-        handed["run"] = [live.law]
+        rig_of = Rig.read(path)
+        handed["run"] = [live_run(Rig.unpack(rig_of.pack())).law]
         (tmp_path / "study.toml").write_text(f'rig = "rig.toml"\nlaws = ["{name}"]\nruns = 4\n')
         study = load(tmp_path / "study.toml")
-        handed["campaign"] = [*study.nominal, *study.setup(3)[1]]
-        setup, description = compose.setup(path)
-        known = compose.known_of(description, setup.bench, None)
+        handed["campaign"] = [*study.nominal, *study.run(3)[1]]
         plant = league_cells.LeaguePlant(
-            "rig", "", league_cells.as_cable_plant(setup.bench), constant_bend(math.pi), known=known
+            "rig", "", league_cells.as_cable_plant(rig_of.bench), constant_bend(math.pi), known=rig_of.knowledge
         )
         with pytest.raises(Caught):
             list(league.play([LAWS[name]], [lambda plant=plant: plant], league_cells.scenarios()[:1], print, print))
-        if "model" not in rig[-1]:  # a log has no model
-            handed["replay"] = [law_of(recorded(description.model_dump(mode="json")), name)[0]]
+        handed["replay"] = [law_of(recorded(rig_of.document()), name)[0]]
         gains = {command: [law.gains for law in laws] for command, laws in handed.items()}
-        assert set(gains) >= {"simulate", "check", "tune", "export", "run", "campaign", "league"}
-        expected = configured(LAWS[name], known).gains
+        assert set(gains) == {"simulate", "check", "tune", "export", "run", "campaign", "league", "replay"}
+        expected = configured(LAWS[name], rig_of.knowledge).gains
         assert gains == {command: [expected] * len(found) for command, found in gains.items()}, name
 
 
@@ -162,7 +159,7 @@ def test_of_a_plant_round_any_other_cable_nothing_is_known_of_the_cable() -> Non
     assert np.isnan(plant.cable).all()
     assert math.isnan(plant.motor_zero)
     for name in ("observer", "uncompensated", "adaptive"):
-        assert informed(LAWS[name], plant) is LAWS[name]
+        assert informed(LAWS[name], plant) == LAWS[name]
 
 
 def test_on_a_suit_a_law_begins_with_its_preset_and_is_told_the_rest() -> None:
@@ -191,7 +188,18 @@ def test_the_order_is_own_told_preset_and_the_rigs_own() -> None:
     assert informed(own, known) == own, "telling again changes nothing"
     later = informed(own, known._replace(servo_frequency=30.0))
     assert later.gains == own.gains._replace(servo_frequency=30.0), "another rig is told in place of the first"
+    assert informed(later, Knowledge()).gains == law.preset("mine").with_gains(delay=0.003, slope=1.1).gains, "nothing"
     assert informed(law.with_gains(servo_frequency=9.0), known).gains.servo_frequency == 9.0
+
+
+def test_what_was_chosen_reaches_another_process() -> None:
+    """Also a value that is the law's own, which a rig would tell otherwise; what another rig told does not count."""
+    told = Rig(servo=BENCH.servo._replace(natural_frequency=20.0), law="bowden").fitted()
+    for law in (LAWS["bowden"].with_gains(servo_frequency=LAWS["bowden"].gains.servo_frequency, feedback=0.9), told):
+        rig = Rig(law=law, servo=BENCH.servo._replace(natural_frequency=30.0))
+        assert Rig.unpack(rig.pack()).fitted().gains == rig.fitted().gains
+        chosen = "servo_frequency" in law.chosen
+        assert rig.fitted().gains.servo_frequency == (LAWS["bowden"].gains.servo_frequency if chosen else 30.0)
 
 
 def test_a_preset_takes_the_place_of_another() -> None:
@@ -208,7 +216,7 @@ def test_what_is_told_stays_inside_the_gains_limits() -> None:
 
 def test_parts_of_what_is_known_tell_only_what_they_suffice_for() -> None:
     known = Knowledge(servo_frequency=20.0, delay=0.004)
-    assert informed(LAWS["offset_inverse"], known) is LAWS["offset_inverse"], "its lead takes the damping too"
+    assert informed(LAWS["offset_inverse"], known) == LAWS["offset_inverse"], "its lead takes the damping too"
     gains = informed(LAWS["bowden"], known).gains
     assert gains == LAWS["bowden"].gains._replace(servo_frequency=20.0, delay=0.004)
     assert math.isnan(lag(known))
@@ -320,8 +328,7 @@ def test_our_law_follows_on_other_servos_as_it_is(hertz: float, most_deg: float,
     """Untold, it has 0.24°, 0.17° and 0.41° there."""
     path = tmp_path / "rig.toml"
     path.write_text(f"[servo]\nnatural_frequency_hz = {hertz}\n[control]\nlaw = 'bowden'\n")
-    setup, rig = compose.setup(path)
-    law = compose.law_for("bowden", rig, setup.bench, tmp_path)
-    trace = simulate(setup.bench, law, setup.reference, duration=setup.duration, bend=setup.bend, seed=setup.seed)
+    rig = Rig.read(path)
+    trace = simulate(rig.plant, rig.fitted(), rig.trajectory, duration=60.0, bend=rig.bend_path, seed=rig.seed)
     rmse = float(np.sqrt(np.mean(trace.error**2))) / RADIANS
     assert rmse < most_deg

@@ -119,14 +119,21 @@ def configured(
 
 
 def informed(law: Law, known: Knowledge) -> Law:
-    """The law with what it takes of the knowledge in its gains; what was chosen for it stays.
+    """The law with what it takes of the knowledge in its gains, in place of what it was told before.
 
-    A value is kept inside the gain's limits. A law that has a gain for the doubt about its first guesses is told
-    `slope`, `width` and `doubt` only where less is left in doubt than it is already.
+    What was chosen for it stays; what is not known is as the law's own. A value is kept inside the gain's limits. A law
+    that has a gain for the doubt about its first guesses is told `slope`, `width` and `doubt` only where the knowledge
+    is in no more doubt.
 
     Raises:
         ParameterError: the law declares something that there is not.
     """
+    untold = {gain: getattr(law.own, gain) for gain in law.told if gain not in law.chosen}
+    return _told(replace(law, gains=law.gains._replace(**untold)), known)
+
+
+def _told(law: Law, known: Knowledge) -> Law:
+    """`informed`, with what is not known as it is."""
     taken = {gain for gain, what in law.told.items() if what in _GUESSES} if _surer(law, known) else set()
     told = {}
     for gain in law.told:
@@ -146,7 +153,7 @@ def measured(law: Law, width: float) -> Law:
     if not (width > 0.0 and doubts):  # without a doubt there is nothing that says how far to trust so small a motion
         return law
     guesses = {gain for gain, what in law.told.items() if what in _GUESSES}
-    return informed(replace(law, chosen=law.chosen - guesses), Knowledge(width=width, doubt=MEASURED))
+    return _told(replace(law, chosen=law.chosen - guesses), Knowledge(width=width, doubt=MEASURED))
 
 
 def cable_gains(law: Law) -> frozenset[str]:
