@@ -33,7 +33,7 @@ def tune(
     from bowden.design.tune import BrokenOff
     from bowden.face.tune import bends_of, tuned, workers_for
     from bowden.rig.rig import Rig
-    from bowden.study.tune_study import fixed_of, runs_of
+    from bowden.study.tune_study import runs_of
 
     plants = None if study is None else _plants(study, rig)
     if plants is None:
@@ -41,7 +41,7 @@ def tune(
         law = given.fitted()
     else:
         given, law = plants.rig, plants.nominal[0]
-    judges, fixed = (None, ()) if plants is None else (runs_of(plants), fixed_of(plants))
+    judges, fixed = (None, ()) if plants is None else (runs_of(plants), plants.told_apart)
     interrupted, others = False, None
     with (
         progress_bar(quiet=json) as report,
