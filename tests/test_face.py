@@ -220,6 +220,18 @@ def test_a_check_and_a_tuning_say_what_the_commands_say() -> None:
     assert "<svg" in tuning._repr_html_()
 
 
+def test_a_rig_and_a_law_are_one_screen_each() -> None:
+    rig = bowden.Rig(law="bowden", bend=np.pi)
+    for text in (str(rig), *(repr(law) for law in bowden.LAWS.values())):
+        assert 3 <= len(text.splitlines()) < 30
+        assert max(map(len, text.splitlines())) <= 100
+    assert str(rig).startswith(f"Rig {rig.hash}")
+    assert repr(bowden.Rig()) == "Rig()"
+    assert "<svg" in rig._repr_html_()
+    assert "<table>" in bowden.LAWS["bowden"]._repr_html_()
+    assert [axes.get_ylabel() for axes in rig.plot()] == ["reference [°]", "bend [°]"]
+
+
 def test_a_fit_goes_into_a_rig_as_it_is() -> None:
     lag = 0.05 * np.sign(np.gradient(MOTOR))
     fit = bowden.identify(T, MOTOR, 0.9 * (MOTOR - lag))

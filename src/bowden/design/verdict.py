@@ -45,7 +45,7 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[V
     if failing and not force:
         said = [f"{law.name} does not hold on {name}: {_why(rig, law, found)}" for law, found in failing]
         others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""
-        raise ParameterError("; ".join(said) + f", or run it anyway with --force (force=True in Python){others}")
+        raise ParameterError("; ".join(said) + f", or run it anyway with --force{others}")
     return [_verdict(law, found, name) for law, found in zip(laws, checks, strict=True)]
 
 

@@ -100,9 +100,17 @@ def export(
     whole = given.under(given.rig_of(rig, "export"), law, preset, "export")
     to = arguments.path_of(folder, "export: folder")
     rate = None if emg_rate is None else arguments.number(emg_rate, "export: emg_rate", "samples a second")
-    found = exported(
-        whole, to, name=given.name_of(whole), preset=preset, float32=float32, emg_rate=rate, safety=safety, force=force
-    )
+    with given.in_words_of_python():
+        found = exported(
+            whole,
+            to,
+            name=given.name_of(whole),
+            preset=preset,
+            float32=float32,
+            emg_rate=rate,
+            safety=safety,
+            force=force,
+        )
     given.tell(found.notes)
     return found
 

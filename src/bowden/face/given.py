@@ -1,14 +1,14 @@
 """The rig and the laws that a function of the face was handed, whatever form they have."""
 
+import contextlib
 import difflib
-import re
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from bowden.control import Law, user_law
-from bowden.core.errors import ParameterError
+from bowden.core.errors import BowdenError, ParameterError
 from bowden.face import arguments
 from bowden.rig.rig import Rig
 
@@ -114,7 +114,22 @@ def numbered(names: Sequence[str]) -> list[str]:
     return found
 
 
+@contextlib.contextmanager
+def in_words_of_python() -> Iterator[None]:
+    """Name what lets a refused law through as Python has it, not as the command line."""
+    try:
+        yield
+    except BowdenError as error:
+        if _FORCE not in str(error):
+            raise
+        words = [part.replace(_FORCE, "force=True") for part in (error.what, error.expected, error.do)]
+        raise type(error)(words[0], expected=words[1], do=words[2]) from error
+
+
+_FORCE = "--force"
+
+
 def tell(notes: Iterable[str]) -> None:
     """Say what the user should know, as Python says it: a warning at the line that called the face."""
     for note in notes:
-        warnings.warn(re.sub(r"--force", "force=True", note), stacklevel=3)
+        warnings.warn(note.replace(_FORCE, "force=True"), stacklevel=3)

@@ -68,9 +68,12 @@ def run(
     whole = whole.on_bus(channel)
     whole = whole if emg is None else whole.with_emg(emg)
     folder = arguments.path_of(out, "run: out")
-    with live_session(
-        whole, given.name_of(whole), twin=twin, out=folder, force=force, tell=lambda note: given.tell([note])
-    ) as session:
+    with (
+        given.in_words_of_python(),
+        live_session(
+            whole, given.name_of(whole), twin=twin, out=folder, force=force, tell=lambda note: given.tell([note])
+        ) as session,
+    ):
         yield session
 
 

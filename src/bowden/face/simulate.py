@@ -127,7 +127,8 @@ def simulate(
     whole = whole.replace(**{name: value for name, value in changes.items() if value is not None})
     listed = given.several(laws)
     fitted = [given.under(whole, law, preset, "simulate").fitted() for law in (listed or [laws])]
-    found = simulated(whole.offline(whole=duration is not None), fitted, given.name_of(whole), force=force)
+    with given.in_words_of_python():
+        found = simulated(whole.offline(whole=duration is not None), fitted, given.name_of(whole), force=force)
     given.tell(found.notes)
     if found.interrupted:
         raise KeyboardInterrupt
