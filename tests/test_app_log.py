@@ -13,7 +13,7 @@ import pytest
 from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core.errors import BowdenError
+from bowden.core.errors import BowdenError, LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
