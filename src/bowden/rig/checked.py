@@ -53,10 +53,11 @@ def checked(value: Any, kind: type[Value], name: str) -> Value:
         raise ParameterError(
             f"Rig: {name} is {shown(value)}", expected=f"a {kind.__name__}", do=f"make one: {_like(kind)}"
         )
+    wanted: Any = kind
     try:
-        return cast(Value, _looked_at(value, kind, name))
+        return cast(Value, _looked_at(value, wanted, name))
     except TypeError:  # something in it is no number at all
-        return cast(Value, _looked_at.__wrapped__(value, kind, name))
+        return cast(Value, _looked_at.__wrapped__(value, wanted, name))
 
 
 @lru_cache(512)
