@@ -27,7 +27,7 @@ from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps
 from bowden.design.tune_rig import easier, told
 from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,7 +124,7 @@ class BrokenOff(KeyboardInterrupt):
 
 
 def tune(
-    bench: Bench,
+    bench: Plant,
     law: Law,
     *,
     bends: tuple[float, float] | None = None,

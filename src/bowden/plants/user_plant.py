@@ -17,7 +17,6 @@ line and a compiler's rarely do.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -76,8 +75,7 @@ def effort_unknown(plant: UserParameters, body: Any, sheath: SheathState) -> flo
     return np.nan
 
 
-@dataclass(frozen=True)
-class UserPlant:
+class UserPlant(NamedTuple):
     """A plant of one's own; see the module."""
 
     name: str
@@ -98,10 +96,6 @@ class UserPlant:
     delay: int = 1
     """Cycles between a sample and the moment its command reaches the servo [–]."""
 
-    def _replace(self, **changes: Any) -> "UserPlant":
-        """The same with other parts, as of the plants that are NamedTuples."""
-        return replace(self, **changes)
-
     def dynamics(self) -> Dynamics:
         """See `Plant.dynamics`.
 
@@ -120,6 +114,7 @@ class UserPlant:
             self.observe,
             self.effort,
             dict.fromkeys(body._fields, "1") | {"joint": "rad", "motor": "rad", "motor_velocity": "rad/s"},
+            file=str(self.path),
         )
 
     @property

@@ -160,21 +160,22 @@ def simulate(
     # one block: a system hands out a large piece of memory far faster than many small ones
     rows = [*RECORDED, *dynamics.columns]
     block = np.empty((len(rows) + len(laws) + len(asked), len(inputs.time)))
-    lasted = compiled_loop(dynamics, law, source, fails=fault.kind > 0.0)(
-        law.gains,
-        source.settings,
-        dynamics.plant,
-        references,
-        inputs.sheath,
-        inputs.normals,
-        initial,
-        plant.sample_time,
-        plant.delay,
-        block[: len(rows)],
-        block[len(rows) :],
-        fault,
-        np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
-    )
+    with dynamics.explained():
+        lasted = compiled_loop(dynamics, law, source, fails=fault.kind > 0.0)(
+            law.gains,
+            source.settings,
+            dynamics.plant,
+            references,
+            inputs.sheath,
+            inputs.normals,
+            initial,
+            plant.sample_time,
+            plant.delay,
+            block[: len(rows)],
+            block[len(rows) :],
+            fault,
+            np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
+        )
     block[:, lasted:] = np.nan
     if source is not TABLE:
         references[:, lasted:] = np.nan
