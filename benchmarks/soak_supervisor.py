@@ -34,7 +34,7 @@ def runs(hours: float, done: int) -> Iterator[list[Any]]:
             played, gone = played + 1, gone + scenario.duration
             if played <= done:
                 continue
-            out = supervised(
+            out, _ = supervised(
                 bench,
                 told(law, plant.plant),
                 scenario.reference(plant.stroke),

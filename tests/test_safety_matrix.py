@@ -51,7 +51,7 @@ def test_a_run_in_order_is_never_touched(limits: Limits) -> None:
     plant = plants(BENCH, moved_sheath())[1]
     start = plant.plant.resting_motor(0.0, float(plant.bend(np.zeros(1))[0]))
     for name, scenario in itertools.product(("adaptive", "bowden"), scenarios()):
-        outcome = supervised(
+        outcome, _ = supervised(
             BENCH,
             told(LAWS[name], plant.plant),
             scenario.reference(plant.stroke),
