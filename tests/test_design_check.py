@@ -130,8 +130,8 @@ def test_what_holds_must_stand_a_part_of_its_margin_with_the_play() -> None:
 
 def test_the_papers_bounds_stand_beside_the_simulation() -> None:
     found = check(BENCH, ADAPTIVE)
-    found = transmission(BENCH, np.pi, STROKE)
-    bounds = ultimate_bounds(ADAPTIVE.gains, found.slope, 0.5 * found.dead_zone)
+    cable = transmission(BENCH, np.pi, STROKE)
+    bounds = ultimate_bounds(ADAPTIVE.gains, cable.slope, 0.5 * cable.dead_zone)
     assert (found.ultimate_s, found.ultimate_error) == bounds
     assert all(trial.peak is not None and trial.peak < bounds.error for trial in found.trials)
     assert check(BENCH, LAWS["uncompensated"]).ultimate_error is None

@@ -75,8 +75,7 @@ def run_trial(
     commands = trace.columns["command"][-len(rest) :]
     return Trial(
         moving=moving,
-        bounded=lasted == len(error)
-        and span <= 2.0 * transmission(bench, bend, stroke).dead_zone + float(np.radians(1.0)),
+        bounded=lasted == len(error) and span <= most,
         swing=0.5 * span,
         period=_period(rest, bench.sample_time),
         peak=float(np.max(np.abs(error[trace.columns["time"] >= 2.0 * _HALF]))),

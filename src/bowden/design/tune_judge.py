@@ -65,9 +65,8 @@ def lack(task: Task) -> float:
     """The largest share of the wanted margins that is missing over all linear loops; 0 for none."""
     resolution = task.rig.bench.joint_encoder.resolution or 1e-6
     missing = 0.0
-    for point in linear_points(
-        _thinned(task.rig.bench), task.law, task.rig.bends, task.estimates, resolution, task.rig.stroke
-    ):
+    bench, rig = _thinned(task.rig.bench), task.rig
+    for point in linear_points(bench, task.law, rig.bends, task.estimates, resolution, rig.stroke):
         found = point.margins
         if not found.stable:
             missing = max(missing, _UNSTABLE + found.largest_pole)
