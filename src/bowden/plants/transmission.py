@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
-from bowden.core.refill import form_of, numbers_of
+from bowden.core.nested import form_of, numbers_of
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.plants.bench import Bench
