@@ -71,6 +71,26 @@ _ABOUT_ITSELF = (
 """How those lines of Numba's messages begin that tell where it was, not what is wrong."""
 
 
+def fingerprint(source: bytes) -> str:
+    """A short name of what stands in a file."""
+    return hashlib.sha256(source).hexdigest()[:16]
+
+
+def source_of(path: Path, what: str) -> bytes:
+    """What stands in a file that is to hold a `what`.
+
+    Raises:
+        ParameterError: it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise ParameterError(
+            f"cannot read the {what} {path}: {reason.lower()}", expected="a Python file", do="check the path"
+        ) from error
+
+
 def run(path: Path, what: str) -> ModuleType:
     """Execute the file as a module of its own, found again by its content when cached code is loaded.
 
@@ -81,14 +101,8 @@ def run(path: Path, what: str) -> ModuleType:
     Raises:
         ParameterError: a file that cannot be read, or a mistake in it, with its line.
     """
-    try:
-        source = path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise ParameterError(
-            f"cannot read the {what} {path}: {reason.lower()}", expected="a Python file", do="check the path"
-        ) from error
-    name = f"bowden_user_{what}_{hashlib.sha256(source).hexdigest()[:16]}"
+    source = source_of(path, what)
+    name = f"bowden_user_{what}_{fingerprint(source)}"
     known = sys.modules.get(name)
     if known is not None and _is_copy(path, known, source):  # what is handed to another process names the first's types
         return known
