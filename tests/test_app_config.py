@@ -209,7 +209,7 @@ def test_an_identified_cable_is_the_benchs_and_the_observers(tmp_path: Path) -> 
     assert observer.gains._asdict().items() >= setup.bench.cable._asdict().items()
 
     (tmp_path / "model.toml").write_text(MODEL.format(slope=0.9, best="line"))
-    assert "recommends 'line'" in Rig.read(path).notes[0]
+    assert "recommends 'line', which is simulated" in Rig.read(path).notes[0]
     (tmp_path / "model.toml").write_text(MODEL.format(slope=0.0, best="line"))
     with pytest.raises(ParameterError, match="slope of bouc_wen is 0"):
         Rig.read(path)

@@ -191,7 +191,15 @@ def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> 
     cable = identified(name, parameters)
     if name == "bouc_wen":
         return bench._replace(cable=cable.parameters.cable)
-    return CablePlant(cable, **{part: value for part, value in bench._asdict().items() if part != "cable"})
+    return as_cable_plant(bench)._replace(cable=cable)
+
+
+def as_cable_plant(bench: Bench | CablePlant) -> CablePlant:
+    """The bench as a plant round its own cable; the same motion, but for what the compiler calls it."""
+    if isinstance(bench, CablePlant):
+        return bench
+    parts = {name: part for name, part in bench._asdict().items() if name != "cable"}
+    return CablePlant(bouc_wen(bench.cable), **parts)
 
 
 def _play(given: Mapping[str, float]) -> Cable:
