@@ -173,8 +173,8 @@ def identified(name: str, parameters: Mapping[str, float]) -> Cable:
 def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> Bench | CablePlant:
     """The plant that an identified model makes of a bench: its servo, motor, encoders, sheath and clock stay.
 
-    The plain Bouc–Wen cable is the bench itself, which has an exact step of its own; a straight line is a bench without
-    hysteresis. Any other is a plant round its cable. Each is turned round where it runs backwards, see `identified`.
+    The plain Bouc–Wen cable is the bench itself, which has an exact step of its own; any other is a plant round its
+    cable. Each is turned round where it runs backwards, see `identified`.
 
     Args:
         name: the model's.
@@ -184,10 +184,6 @@ def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> 
     Raises:
         ParameterError: another name, or a parameter that is missing.
     """
-    if name == "line":
-        slope = abs(float(parameters["slope"]))
-        line = BoucWen(slope=slope, hysteresis_gain=0.0, offset=float(parameters["offset"]))
-        return bench._replace(cable=line)
     cable = identified(name, parameters)
     if name == "bouc_wen":
         return bench._replace(cable=cable.parameters.cable)
