@@ -11,7 +11,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Recorded
-from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.errors import BowdenError, OutputError, ParameterError
 from bowden.core.quantity import in_unit
 from bowden.core.units import DEGREES, HERTZ, RADIANS
 from bowden.identify.cable.model import CableModel
@@ -139,6 +139,19 @@ def test_what_a_file_names_is_part_of_the_rig(folder: Path) -> None:
     trace = run_of(rig.replace(duration=0.2), rig.fitted())
     assert np.isfinite(trace["joint"]).all()
     assert trace["joint"][0] == pytest.approx(rig.begin)
+
+
+def test_a_rig_is_written_with_all_that_it_was_made_of(folder: Path) -> None:
+    rig = Rig.read(whole(folder))
+    (folder / "new").mkdir()
+    rig.write("new/rig.toml")
+    assert {path.name for path in (folder / "new").iterdir()} == {"rig.toml", "model.toml", "motion.csv", "my_law.py"}
+    assert Rig.read("new/rig.toml").hash == rig.hash
+    rig.write("new/rig.toml")
+    with pytest.raises(OutputError, match=r"rig\.toml is there already"):
+        rig.replace(delay=3).write("new/rig.toml")
+    with pytest.raises(ParameterError, match=r"servo\.acceleration_limit is 9, which has no key"):
+        Rig(servo=Servo(20.0, 1.0, 10.0, 9.0)).to_toml()
 
 
 def test_the_same_contents_elsewhere_make_the_same_hash_and_others_another(folder: Path) -> None:

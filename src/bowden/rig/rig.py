@@ -12,7 +12,8 @@ import numpy as np
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
-from bowden.core.errors import ParameterError, near
+from bowden.core.errors import OutputError, ParameterError, near
+from bowden.core.files import whole_file
 from bowden.core.quantity import Quantity, declared
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.parameters import DriveParameters
@@ -218,6 +219,25 @@ class Rig:
             ParameterError: see `tree`.
         """
         return toml_text.written(self.tree())
+
+    def write(self, path: Path | str) -> None:
+        """Write the rig as a rig.toml, and what it was made of beside it: model, motion, law and wearer.
+
+        Raises:
+            ParameterError: see `tree`.
+            OutputError: a file cannot be written, or another one of its name is there.
+        """
+        target = Path(path)
+        tree, files = toml_text.files_of(self._fields)
+        contents = {target: toml_text.written(tree).encode()} | {
+            target.parent / name: text for name, text in files.items()
+        }
+        for file, content in contents.items():
+            if file.exists() and file.read_bytes() != content:
+                raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
+        for file, content in contents.items():
+            with whole_file(file) as part:
+                part.write_bytes(content)
 
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields.
