@@ -248,6 +248,10 @@ def test_an_angle_in_degrees_is_said_to_look_like_it() -> None:
 def test_an_unknown_field_gets_the_one_that_was_meant() -> None:
     with pytest.raises(ParameterError, match=r"a rig has no 'servos'; expected servo \(did you mean this\?\)"):
         Rig().replace(servos=Servo())
+    with pytest.raises(ParameterError, match=r"a rig has no 'dely'; expected delay \(did you mean this\?\)"):
+        Rig(dely=3)  # type: ignore[call-arg]
+    with pytest.raises(ParameterError, match="3 has no name"):
+        Rig(3)  # type: ignore[misc]
 
 
 def test_whole_numbers_and_numpys_become_plain_ones() -> None:

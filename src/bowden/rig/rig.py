@@ -123,6 +123,16 @@ class Rig:
     stands_for: str = field(default="", compare=False)
     """Hash of the rig of which this one is only another form, `offline`."""
 
+    def __new__(cls, *given: Any, **named: Any) -> "Rig":
+        """Refuse what is no field before Python does, and say what was meant."""
+        if given:
+            raise ParameterError(
+                f"Rig: {shown(given[0])} has no name", expected="every part by its name", do="Rig(cable=…, servo=…)"
+            )
+        for name in named:
+            _check_name(name)
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         self._check_clock()
         for kind in (Clock, Scenario):
@@ -246,8 +256,7 @@ class Rig:
             ParameterError: a field that there is not, or a value that it cannot have.
         """
         for name in changes:
-            if name not in self._fields:
-                raise ParameterError(f"a rig has no {name!r}", expected=near(name, self._fields))
+            _check_name(name)
         return dataclasses.replace(self, **({"stands_for": ""} | changes))
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
@@ -556,6 +565,12 @@ class Rig:
             ParameterError: a cut-off that the cycle is too slow for.
         """
         return live_parts.filters(self.live, self.sample_time)
+
+
+def _check_name(name: str) -> None:
+    fields = [one.name for one in dataclasses.fields(Rig)]
+    if name not in fields:
+        raise ParameterError(f"a rig has no {name!r}", expected=near(name, fields))
 
 
 def _loaded(given: GivenLaw) -> Law:
