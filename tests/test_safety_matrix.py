@@ -10,10 +10,10 @@ from bowden.design.league import told
 from bowden.design.league_cells import plants, scenarios
 from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.limits import Limits
-from bowden.sim.adversary import attack
-from bowden.sim.fault_matrix import MEASURED, ROWS, complaints, pair_complaints, run_row
 from bowden.sim.injected import Injected
-from bowden.sim.supervised import supervised
+from support.adversary import attack
+from support.fault_matrix import MEASURED, ROWS, complaints, pair_complaints, run_row
+from support.supervised import supervised
 
 BENCH = default_bench()
 LAW = LAWS["adaptive"]
