@@ -61,8 +61,8 @@ def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> Non
     assert run["interaction"]["rms_nm"] < 1.0
     assert run["interaction"]["rms_nm"] < run["interaction"]["peak_nm"]
     trace = Trace.from_parquet("out/uncompensated.parquet")
-    assert trace.units["admittance.push"] == "N·m"
-    assert trace.units["admittance.velocity"] == "rad/s"
+    assert trace.units["admittance.push.torque"] == "N·m"
+    assert trace.units["admittance.virtual.velocity"] == "rad/s"
     assert "What the wearer pushes" in Path("out/simulate.html").read_text()
 
 

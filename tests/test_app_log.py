@@ -56,7 +56,7 @@ def live_run() -> np.ndarray:
         lateness, elapsed = abs(noise[k, 1]) * 0.1, DT + noise[k, 2] * 0.1
         observed = Observed(reading, lateness, elapsed, float(request), 0.05, 1.0, 1.0 if k > 150 else 0.0, 0.0)
         wish, verdict = cycle.step(observed, Plan(source, target, reference))
-        mode, target, state = verdict.mode, verdict.target, cycle.state
+        mode, target, state = verdict.mode, verdict.target, cycle.recorded()
         rows.append(
             (
                 *(k * DT, *reference, *reading, *state.sample, wish),

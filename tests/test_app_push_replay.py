@@ -149,9 +149,9 @@ def recorded(ran: Live) -> np.ndarray:
         wish, verdict = cycle.step(observed, plan)
         rows.append(
             (
-                *(k * DT, *cycle.reference, *reading, *cycle.state.sample, wish),
+                *(k * DT, *cycle.reference, *reading, *cycle.recorded().sample, wish),
                 *(*verdict, plan.source, 0.0, DT, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, math.nan, 8e-5),
-                *(*cycle.state.law, *cycle.state.supervisor, *cycle.source_row()),
+                *(*cycle.recorded().law, *cycle.recorded().supervisor, *cycle.recorded().source),
             )
         )
     return np.array(rows)
@@ -195,7 +195,7 @@ def test_the_summary_of_a_run_has_the_figures_of_the_simulations(folder: Path) -
     for seconds in (3.0, 9.0):
         time = np.arange(round(seconds / DT)) * DT
         joint, torque = 0.8 + 0.3 * np.sin(time), 2.0 * np.sin(3.0 * time) * np.exp(-time)
-        names = ("source", "joint_seen", "admittance.estimate", "admittance.doubt")
+        names = ("source", "joint_seen", "admittance.estimate.torque", "admittance.estimate.doubt")
         before = np.tile([WishSource.MOTION, 0.0, 50.0, 9.0], (700, 1))
         after = np.column_stack([np.full(len(time), WishSource.LAW), joint, torque, np.full(len(time), 0.4)])
         rows = np.vstack([before, after])

@@ -168,7 +168,7 @@ def test_the_dead_zone_is_crossed_while_the_reference_rests() -> None:
     trace = simulate(made, suit_ours(), rests, duration=16.0, seed=400)
     for begin, way in ((10.0, 1.0), (14.0, -1.0)):  # the first stroke is to learn from
         start = round(begin * 1000)
-        assert trace["law.side"][start] == way
+        assert trace["law.plan.side"][start] == way
         moved = way * (trace["joint"][start:] - trace["joint"][start])
         assert np.argmax(moved > 0.5 * RADIANS) < 300  # the reference itself takes 166
         assert np.abs(trace.error[start - 200 : start]).max() * DEGREES < 3.0

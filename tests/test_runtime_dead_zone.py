@@ -51,7 +51,7 @@ def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path)
     measured = log["play"][first]
     assert measured > 0.02
     assert np.isnan(log["play"][0])
-    assert log["law.width"][first] == measured
+    assert log["law.crossing.width"][first] == measured
     same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
     assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
 

@@ -169,8 +169,8 @@ def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, l
     gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == WishSource.LAW)))
     ends = gone + int(np.argmax(log["mode"][gone:] >= Mode.RELEASING))
     assert ends - gone <= 8
-    assert np.isnan(log["admittance.estimate"][gone]), "a torque that is not known"
-    speeds = np.abs(log["admittance.velocity"][gone - 1 : ends])
+    assert np.isnan(log["admittance.estimate.torque"][gone]), "a torque that is not known"
+    speeds = np.abs(log["admittance.virtual.velocity"][gone - 1 : ends])
     assert (np.diff(speeds) <= 0.0).all(), "the reference comes to rest"
     assert np.isfinite(log["command"]).all()
     assert log["power"][-1] == 0.0

@@ -10,8 +10,8 @@ from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
+from bowden.core.nested import numbers_of, refilled
 from bowden.core.pairwise import pairwise_sum
-from bowden.core.refill import numbers_of, refilled
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.random_plants import random_plant, run_random_plants
 from bowden.models.cable.bouc_wen import BoucWen

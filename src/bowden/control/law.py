@@ -5,9 +5,9 @@ A law is two kernels and a NamedTuple of gains:
     start(gains, sample) -> state
     step(gains, state, sample, reference, dt) -> (state, command)
 
-Both are written in the portable subset (see ``docs/kernels.md``), and the state is a flat NamedTuple of floats, so that
-one source runs interpreted in the live loop, compiled in simulation and exported as C99, and every state variable can
-be recorded.
+Both are written in the portable subset (see ``docs/kernels.md``), and the state is a NamedTuple of floats and of
+further NamedTuples, so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
+C99, and every state variable can be recorded.
 """
 
 import difflib
@@ -18,10 +18,11 @@ from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
+from bowden.core.nested import columns
 from bowden.core.signals import Reference, Sample
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
-State = Any  # a NamedTuple of floats, one type a law
+State = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 
 
 @kernel
@@ -63,7 +64,11 @@ class Law:
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)
-    """Field of the state → its unit, for the record; a field that is not named has none."""
+    """Field of the state, or its column (``part.field``) → unit for the record, where the state's type does not say."""
+
+    def columns(self) -> dict[str, str]:
+        """Column → unit of its state, as traces and logs have it: ``law.<field>``, ``law.<part>.<field>``."""
+        return columns(self.start(Sample(0.0, 0.0)), "law", self.state_units)
 
     def start(self, sample: Sample) -> State:
         """The state with which the law begins at this sample."""

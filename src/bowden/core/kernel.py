@@ -131,7 +131,7 @@ def _numba() -> Any:
     return numba
 
 
-_COMPILING = (__name__, "bowden.core.primitives", "bowden.core.refill")
+_COMPILING = (__name__, "bowden.core.primitives", "bowden.core.nested")
 """Modules that decide how a kernel is compiled, whatever it is."""
 
 

@@ -124,9 +124,9 @@ def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
     tail = settled(trace.time)
     joint, torque = trace["joint"][tail], trace["interaction_torque"][tail]
     rms, peak = rms_and_peak(beside_load(torque, joint, arm, carried))
-    names = ("estimate", "from_current", "from_stretch")
-    have = "admittance.estimate" in trace.columns
-    errors = [_rms(trace[f"admittance.{name}"][tail] - torque) if have else None for name in names]
+    names = ("torque", "from_current", "from_stretch")
+    have = "admittance.estimate.torque" in trace.columns
+    errors = [_rms(trace[f"admittance.estimate.{name}"][tail] - torque) if have else None for name in names]
     return Felt(
         rms,
         peak,

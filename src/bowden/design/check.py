@@ -13,6 +13,7 @@ from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.control.stability import Margins, frequencies, margins, response, servo_model, ultimate_bounds
 from bowden.core import shown
 from bowden.core.errors import ParameterError
+from bowden.core.nested import flat, from_columns, names
 from bowden.core.signals import Sample
 from bowden.core.style import new_figure
 from bowden.core.units import RADIANS
@@ -235,8 +236,9 @@ def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Esti
     """Values of the law's estimates: where they start, then what the trials visited, the last of them last."""
     visited = [state for trial in trials for state in trial.visited]
     start = law.start(Sample(0.0, 0.0))
-    names = find_estimates(law, type(start)(**visited[-1]), dt) if visited else []
-    picked = [{name: getattr(start, name) for name in names}, *({n: state[n] for n in names} for state in visited)]
+    begun = dict(zip(names(start), flat(start), strict=True))
+    found = find_estimates(law, from_columns(start, visited[-1]), dt) if visited else []
+    picked = [{name: state[name] for name in found} for state in (begun, *visited)]
     return [values for i, values in enumerate(picked) if values not in picked[i + 1 :]]
 
 

@@ -1,6 +1,5 @@
 """The law of a recorded run, with the gains it had, or another one in its place; and its reference under that one."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from bowden.control.admittance.push import push_source
 from bowden.control.reference import PointToPoint
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import BowdenError, LogError, ParameterError, near
+from bowden.core.nested import leaves, name_of
 from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
@@ -87,10 +87,10 @@ def source_for(found: Recording, law: Law) -> Source:
             room=had.under.room,
         )
 
-    for (name, again), (_, given) in zip(_numbers(push(ran)), _numbers(had), strict=True):
+    for (path, again), (_, given) in zip(leaves(push(ran)), leaves(had), strict=True):
         if not np.isclose(again, given, rtol=1e-9, atol=0.0):
             raise LogError(
-                f"the log's rig makes another source of the wearer's push: its {name} is {again:.12g}, "
+                f"the log's rig makes another source of the wearer's push: its {name_of(path)} is {again:.12g}, "
                 f"and ran with {given:.12g}",
                 do=_WITHOUT,
             )
@@ -118,12 +118,3 @@ def _suit_of(told: Any) -> tuple[Suit, float]:
     if suit is None:
         raise LogError("the log's rig wears no suit", do=_WITHOUT)
     return suit, rig.admittance.friction_share
-
-
-def _numbers(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
-    """Those of nested NamedTuples, in their order, each with its name."""
-    if isinstance(value, tuple):
-        for part, inner in zip(type(value)._fields, value, strict=True):  # type: ignore[attr-defined]
-            yield from _numbers(inner, f"{name}.{part}".strip("."))
-    else:
-        yield name, float(value)

@@ -14,8 +14,8 @@ from bowden.control.law import law_start, law_step
 from bowden.control.source import Heard, source_start, source_step
 from bowden.core.kernel import apart, kernel
 from bowden.core.metrics import LATE, SMALLEST_STROKE
+from bowden.core.nested import refilled
 from bowden.core.pairwise import pairwise_sum
-from bowden.core.refill import refilled
 from bowden.core.signals import Reference, Sample
 from bowden.plants.plant import (
     SheathPath,
@@ -110,7 +110,7 @@ def run_batch(
 
     Args:
         like: an example of a run's numbers.
-        numbers: those of each run (b, m), see `bowden.core.refill`.
+        numbers: those of each run (b, m), see `bowden.core.nested`.
         rows: cycles, row of the references, of the sheath's and of the normal numbers for each run (b, 4).
         inputs: see there.
         limits: see there.

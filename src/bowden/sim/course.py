@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.source import TABLE
-from bowden.core.refill import form_of, numbers_of
+from bowden.core.nested import form_of, numbers_of
 from bowden.sim.batch import FIGURES, Limits, One
 from bowden.sim.many import Case, Given, Ready
 

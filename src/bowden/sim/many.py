@@ -10,7 +10,7 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
 from bowden.core.kernel import specialise
-from bowden.core.refill import form_of, numbers_of
+from bowden.core.nested import form_of, numbers_of
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
 from bowden.sim.batch import FIGURES, ROWS, BatchInputs, Limits, One, run_batch
 from bowden.sim.faulty import Fault

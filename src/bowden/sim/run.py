@@ -12,6 +12,7 @@ from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Heard, Source, source_start, source_step
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.plants.plant import (
@@ -99,10 +100,9 @@ def run_loop(
         columns = plant_look(plant, body)
         for j in range(len(columns)):
             record[4 + j, k] = columns[j]
-        for j in range(len(state)):
-            states[j, k] = state[j]
-        for j in range(states.shape[0] - len(state)):
-            states[len(state) + j, k] = asked[j]
+        numbers = flat((state, asked))
+        for j in range(states.shape[0]):
+            states[j, k] = numbers[j]
         if not abs(command) < RUNAWAY:
             return k
         applied = record[2, k - delay] if k >= delay else initial_motor
@@ -225,12 +225,7 @@ def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> d
 
 def state_columns(law: Law, source: Source) -> tuple[dict[str, str], dict[str, str]]:
     """What law and source remember, as the columns of a trace name it, each with its unit; a table's is worth none."""
-    own = type(law.start(Sample(0.0, 0.0)))._fields
-    laws = {f"law.{name}": law.state_units.get(name, "1") for name in own}
-    if source is TABLE:
-        return laws, {}
-    asked = type(source.start(Heard(0.0, 0.0, 0.0, 0.0)))._fields
-    return laws, {f"{source.name}.{name}": source.state_units.get(name, "1") for name in asked}
+    return law.columns(), {} if source is TABLE else source.columns()
 
 
 def check_clock(plant: Plant, duration: float) -> None:

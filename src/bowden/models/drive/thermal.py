@@ -6,11 +6,12 @@ with winding w, housing h and surroundings a; the resistance of copper grows by 
 bounds short peaks as a drive does: dS/dt = I² − Ic², S ≥ 0, for the continuous current Ic.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 
 COPPER = 0.0039
 """Temperature coefficient of copper's resistance [1/K]."""
@@ -42,12 +43,9 @@ class Thermal(NamedTuple):
 class ThermalState(NamedTuple):
     """How warm the motor is."""
 
-    winding: float
-    """Tw [°C]."""
-    housing: float
-    """Th [°C]."""
-    i2t: float
-    """S [A²s]."""
+    winding: Annotated[float, Quantity("temperature of the winding", "°C", symbol="Tw")]
+    housing: Annotated[float, Quantity("temperature of the housing", "°C", symbol="Th")]
+    i2t: Annotated[float, Quantity("sum of I²t", "A²s", symbol="S")]
 
 
 def cold(thermal: Thermal) -> ThermalState:
