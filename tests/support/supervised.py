@@ -152,6 +152,7 @@ def run_supervised(
 
         # the clock and all else that the loop observes
         request = ARM if k == 0 else RUN if ran < 0 else NONE
+        due = k - missed  # the reference is that of the deadline
         late, elapsed = in_seconds(missed * period), in_seconds((missed + 1) * period)
         observed = Observed(told, late, elapsed, request, OPERATOR_AGE, 1.0, 1.0, EMG_AGE)
         missed = 0
@@ -163,7 +164,7 @@ def run_supervised(
         # the cycle
         plan = Plan(HOLD, 0.0, Reference(math.nan, math.nan, math.nan))
         if ran >= 0 and mode in (RUNNING, BRIDGING):
-            j = k - ran
+            j = due - ran
             reference = Reference(references[0, j], references[1, j], references[2, j])
             plan = Plan(LAW_BEGINS if j == 0 else LAW, 0.0, reference)
         now[0] = k
