@@ -6,7 +6,6 @@ armed in the first cycle, and to the law as soon as the drive is enabled.
 """
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -142,7 +141,7 @@ class InjectedLoop:
         gains = misled_gains(LAWS[law], injected, bench.sample_time)
         self._kinds, self._onsets, self._now = gains.kinds, gains.onsets, gains.now
         start, step = KERNELS[law]
-        misled_law: Law = replace(LAWS[law], gains=gains, start_kernel=start, step_kernel=step)
+        misled_law = Law(law, gains, start, step, "tests", state_units=LAWS[law].state_units)
 
         # the drive
         self._settings = DriveSettings(prepare_bench(bench), bench.sample_time)
