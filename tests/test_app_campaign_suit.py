@@ -120,8 +120,8 @@ def test_a_frozen_sensor_is_what_the_law_sees() -> None:
     """The run that ``--run`` shows, with its fault."""
     study = load(Path("study.toml"))
     number = next(n for n in range(6) if study.drawn(n).values["fault.kind"] == "joint_frozen")
-    setup, laws, fault = study.setup(number)
-    trace = run_of(setup, laws[1], fault)
+    rig, laws, fault = study.run(number)
+    trace = run_of(rig, laws[1], fault)
     (row,) = [r for r in table_of(study, [number]).to_pylist() if r["law"] == "adaptive"]
     assert trace.metrics().rmse_deg == row["rmse_deg"]
     assert len(set(trace["joint_measured"][1000:1200].tolist())) == 1
@@ -181,4 +181,4 @@ def test_a_drive_with_an_integral_is_refused_under_admittance(
         with pytest.raises(ParameterError, match=r"^rig.toml: suit.drive_integral_per_s is 30 under \[admittance\]"):
             load(Path("study.toml"))
     Path("study.toml").write_text(STUDY.replace("[set]", '[set]\n"suit.drive_integral_per_s" = 20.0'))
-    assert load(Path("study.toml")).shared.suit is not None
+    assert load(Path("study.toml")).rig.worn is not None

@@ -33,24 +33,25 @@ def tune(
     from bowden.core.units import DEGREES
     from bowden.design.processes import two_workers
     from bowden.design.tune import BrokenOff
-    from bowden.rig import compose, ranges
+    from bowden.rig import ranges
+    from bowden.rig.rig import Rig
 
     plants = None if study is None else _plants(study, rig)
     if plants is None:
-        setup, description = compose.setup(rig)
-        law = compose.law_for(description.control.law, description, setup.bench, rig.parent)
+        given = Rig.read(rig)
+        law = given.fitted()
     else:
-        setup, description, law = plants.shared, plants.rig, plants.nominal[0]
-    low, high = ranges.bends(setup)
+        given, law = plants.rig, plants.nominal[0]
+    low, high = ranges.bends(given)
     bends = (low, high) if high > low else (low, 2.0 * low)  # a sheath that nobody moves in the file is moved in use
     interrupted, others = False, None
     with (
         progress_bar(quiet=json) as report,
         user_law.explained(law),
-        two_workers(description.control.law, rig.parent) as workers,
+        two_workers(given.law_name, rig.parent) as workers,
     ):
         try:
-            found = _search(plants, setup, law, bends, seed, workers, report)
+            found = _search(plants, given, law, bends, seed, workers, report)
         except BrokenOff as broken:
             found, interrupted = broken.tuning, True
         try:
@@ -58,7 +59,7 @@ def tune(
                 others = _judged(plants, law, found.law, workers, report)
         except KeyboardInterrupt:
             interrupted = True
-    for note in setup.notes:
+    for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     runs = "nine runs of 20 s" if plants is None else f"{_count(plants)} plants of {plants.path.name}"
     evidence = _evidence(found, bends, runs, interrupted=interrupted)
@@ -70,6 +71,7 @@ def tune(
     if json:
         document: dict[str, Any] = {
             "law": law.name,
+            "rig": given.hash,
             "gains": dict(found.gains),
             "before": {name: getattr(law.gains, name) for name in found.gains},
             "verdict": found.found.verdict,
@@ -107,7 +109,7 @@ def _count(plants: "Study") -> int:
 
 def _search(
     plants: "Study | None",
-    setup: Any,
+    rig: Any,
     law: "Law",
     bends: tuple[float, float],
     seed: int,
@@ -119,10 +121,10 @@ def _search(
     from bowden.study.tune_study import fixed_of, runs_of
 
     return search(
-        setup.bench,
+        rig.bench,
         law,
         bends=bends,
-        stroke=ranges.stroke(setup),
+        stroke=ranges.stroke(rig),
         seed=seed,
         runs=None if plants is None else runs_of(plants),
         fixed=() if plants is None else fixed_of(plants),

@@ -41,6 +41,26 @@ def absolute(name: str, folder: Path | None = None) -> str:
     return f"{path}:{attribute}" if attribute else str(path)
 
 
+def fingerprint(source: bytes) -> str:
+    """A short name of what stands in a file."""
+    return hashlib.sha256(source).hexdigest()[:16]
+
+
+def source_of(path: Path) -> bytes:
+    """What stands in a law's file.
+
+    Raises:
+        ParameterError: it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise ParameterError(
+            f"cannot read the law {path}: {reason.lower()}", expected="a Python file", do="check the path"
+        ) from error
+
+
 def load(name: str, folder: Path | None = None) -> Law:
     """The law that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
 
@@ -107,14 +127,8 @@ def _split(name: str) -> tuple[str, str]:
 
 def _run(path: Path) -> ModuleType:
     """Execute the file as a module of its own, found again by its content when cached code is loaded."""
-    try:
-        source = path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise ParameterError(
-            f"cannot read the law {path}: {reason.lower()}", expected="a Python file", do="check the path"
-        ) from error
-    name = f"bowden_user_law_{hashlib.sha256(source).hexdigest()[:16]}"
+    source = source_of(path)
+    name = f"bowden_user_law_{fingerprint(source)}"
     known = sys.modules.get(name)
     if known is not None and _is_copy(path, known, source):  # a law handed to another process names the first's types
         return known

@@ -16,6 +16,9 @@ def sel(condition: Any, a: Any, b: Any) -> Any:
     """`a` where the condition holds, else `b`: the portable subset's ``if``. Both sides are always evaluated.
 
     Compound conditions are products: ``sel((x >= low) * (x <= high), x, refused)``.
+
+    >>> sel(0.2 > 0.1, 1.0, -1.0)
+    1.0
     """
     kind = type(condition)
     if hasattr(kind, "__sel__"):

@@ -159,8 +159,7 @@ class Declared(NamedTuple):
     quantity: Quantity
 
 
-@cache
-def declared(kind: type) -> tuple[Declared, ...]:
+def declared(kind: Any) -> tuple[Declared, ...]:
     """The declared fields of a NamedTuple or dataclass, in their order.
 
     >>> class Disc(NamedTuple):
@@ -168,10 +167,15 @@ def declared(kind: type) -> tuple[Declared, ...]:
     >>> declared(Disc)[0].quantity.named("radius")
     'radius_mm'
     """
-    return tuple(_declared(kind))
+    return _declared(kind)
 
 
-def _declared(kind: type) -> Iterator[Declared]:
+@cache
+def _declared(kind: Any) -> tuple[Declared, ...]:
+    return tuple(_looked_up(kind))
+
+
+def _looked_up(kind: Any) -> Iterator[Declared]:
     for name, hint in typing.get_type_hints(kind, include_extras=True).items():
         for extra in getattr(hint, "__metadata__", ()):
             if isinstance(extra, Quantity):

@@ -1,25 +1,23 @@
 """The law of a recorded run, with the gains it had, or another one in its place; and its reference under that one."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
-from bowden.control import Law, user_law
+from bowden.control import Law
 from bowden.control.admittance.push import push_source
-from bowden.control.reference import PointToPoint
 from bowden.control.source import TABLE, Source
-from bowden.core.errors import BowdenError, LogError, ParameterError, near
+from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.nested import leaves, name_of
+from bowden.live.log_rig import without_none
 from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
-from bowden.rig import compose
-from bowden.rig.config import explained
-from bowden.rig.laws import KNOWN
-from bowden.rig.schema import Rig
+from bowden.rig.given_law import LawFile, loaded, named
+from bowden.rig.rig import Rig
 from bowden.sim.suit_sources import push_of
 
 
@@ -33,13 +31,14 @@ def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
         LogError: the record does not say which law ran, or its gains do not fit.
     """
     recorded = found.settings.get("law")
-    source = found.settings.get("law_file") or recorded
-    name = wanted or source
-    if not isinstance(name, str):
+    given = wanted if wanted is not None else _recorded_law(found)
+    if given is None:
         raise LogError("the log does not say which law ran", do="name one with --law")
-    law = _load(name)
+    law = loaded(named(given) if isinstance(given, str) else given)
     if law.name != recorded:
         return law, False
+    if wanted is not None and isinstance(own := _recorded_law(found), LawFile):
+        law = loaded(own)
     gains = found.settings.get("gains", {})
     try:
         return law.with_gains(**gains), True
@@ -47,12 +46,15 @@ def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
         raise LogError(f"the log's gains do not fit the law {law.name!r}: {error}", do="name another law") from error
 
 
-def _load(name: str) -> Law:
-    if user_law.is_file(name):
-        return user_law.load(name, Path())
-    if name in KNOWN:
-        return KNOWN[name]
-    raise ParameterError(f"there is no law {name!r}", expected=near(name, KNOWN), do="or name a file: my_law.py:NAME")
+def _recorded_law(found: Recording) -> str | LawFile | None:
+    """The law that ran: a user's with its source, where the log has that."""
+    ran, rig = found.settings.get("law"), found.settings.get("rig")
+    where = found.settings.get("law_file")
+    if where is not None and isinstance(rig, Mapping) and "format" in rig:
+        law = Rig.unpack(rig).law
+        if isinstance(law, LawFile):
+            return law
+    return where or (ran if isinstance(ran, str) else None)
 
 
 def source_for(found: Recording, law: Law) -> Source:
@@ -103,18 +105,19 @@ _WITHOUT = "replay it without --law, which needs no rig"
 def _suit_of(told: Any) -> tuple[Suit, float]:
     """Suit and friction share of a log's rig.
 
-    What the push does not need is left out, lest files be looked for that were the run's: reference and cable's model.
+    Of a log that has a rig.toml's sections alone, what the push does not need is left out, lest files be looked for
+    that were the run's: reference and cable's model.
     """
-    where, hold = Path("the log's rig"), PointToPoint((0.0, 1.0), (0.0, 0.0))
+    where = Path("the log's rig")
     try:
-        rig = Rig.model_validate(told)
-        own = rig.model_copy(update={"cable": rig.cable.model_copy(update={"model": None})})
-        suit = compose.setup_of(own, where, reference=hold).suit
-    except ValidationError as error:
-        wrong = explained(error, where)
-        raise LogError(wrong.what, expected=wrong.expected, do=_WITHOUT) from error
+        if "format" in told:
+            rig = Rig.unpack(told)
+        else:
+            cable = {key: value for key, value in told.get("cable", {}).items() if key != "model"}
+            others = {key: value for key, value in told.items() if key not in ("cable", "reference", "control", "emg")}
+            rig = Rig.of_tree(without_none(others | {"cable": cable}), where)
     except BowdenError as error:
         raise LogError(error.what, expected=error.expected, do=_WITHOUT) from error
-    if suit is None:
+    if rig.worn is None:
         raise LogError("the log's rig wears no suit", do=_WITHOUT)
-    return suit, rig.admittance.friction_share
+    return rig.worn, rig.admittance.friction_share

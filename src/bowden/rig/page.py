@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 from bowden.control.law import Law
 from bowden.core.files import whole_file
+from bowden.rig.declaration import Section
 from bowden.rig.laws import KNOWN
-from bowden.rig.schema import BENDS, REFERENCES, EncodersSection, Rig
-from bowden.rig.section import Section
+from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile
 
 _HEAD = """\
 # The bench of bowden, and how to run it: bowden simulate {name}
@@ -55,7 +55,7 @@ def toml_text(name: str = "rig.toml") -> str:
         parts.append(_table(title, chosen))
         parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
         if title == "control":
-            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(KNOWN[Rig().control.law])]
+            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(KNOWN[Control().law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
     return "\n\n".join(part.rstrip() for part in parts) + "\n"
 
@@ -91,7 +91,7 @@ def markdown() -> str:
 
 def json_schema() -> str:
     """``docs/json/rig.schema.json``."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | Rig.model_json_schema()
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RigFile.model_json_schema()
     return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
 
 
@@ -119,15 +119,15 @@ def gains_of(law: Law) -> list[tuple[str, float, str]]:
 
 def _sections() -> Iterator[tuple[str, list[type[Section]]]]:
     """Title and class of each section, in the order of the file; of one with several kinds, the default first."""
-    for name, field in Rig.model_fields.items():
+    for name, field in RigFile.model_fields.items():
         if name == "reference":
-            yield name, list(REFERENCES.values())
+            yield name, list(REFERENCE_KINDS.values())
         elif name == "encoder":
             for side, inner in EncodersSection.model_fields.items():
                 yield f"{name}.{side}", [type(inner.default)]
         else:
             yield name, [type(field.default)]
-    yield "scenario.bend", list(BENDS.values())
+    yield "scenario.bend", list(BEND_KINDS.values())
 
 
 def keys_of(section: type[Section]) -> Iterator[Key]:

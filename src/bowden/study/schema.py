@@ -4,8 +4,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from bowden.rig.section import Section
-from bowden.rig.section import key as _key
+from bowden.rig.declaration import Section
+from bowden.rig.declaration import plain_key as _key
 
 _Number = float | int
 _Word = float | int | str

@@ -76,7 +76,7 @@ def check_study(study: Study) -> None:
 
 def runs_of(study: Study) -> StudyRuns:
     """The runs that gains are tuned against."""
-    most = int(_CYCLES * study.rig.bench.sample_time_ms * 1e-3 / study.duration)
+    most = int(_CYCLES * study.rig.sample_time / study.duration)
     return StudyRuns(packed(study), max(2, min(TUNED, study.file.runs // 2, most)))
 
 

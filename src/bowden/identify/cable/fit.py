@@ -3,7 +3,7 @@
 import math
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -249,7 +249,10 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     tell("done", 1.0)
     return Fit(
         models=models,
-        best=models[best].model,
+        best=replace(
+            models[best].model,
+            others={name: dict(one.parameters) for name, one in models.items() if name != best},
+        ),
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),
         seconds=clock.perf_counter() - begin,
