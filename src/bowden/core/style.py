@@ -194,12 +194,12 @@ def thin(x: Array, y: Array, most: int = 4000) -> tuple[Array, Array]:
     finite = np.isfinite(y)
     stretches = (most - 2) // (2 if finite.all() else 3)
     edges = np.linspace(0, n, stretches + 1).astype(np.intp)
-    keep = [0, n - 1]
-    for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        good = first + np.flatnonzero(finite[first:end])
-        if len(good):
-            keep += [int(good[y[good].argmin()]), int(good[y[good].argmax()])]
-        if len(good) < end - first:
-            keep.append(first + int(np.flatnonzero(~finite[first:end])[0]))
-    index = np.unique(keep)
+    first, end = edges[:-1], edges[1:]
+    inside = np.minimum(first[:, None] + np.arange(int((end - first).max())), end[:, None] - 1)  # the last one again
+    good, values = finite[inside], y[inside]
+    rows = np.arange(stretches)
+    lowest = inside[rows, np.where(good, values, np.inf).argmin(axis=1)][good.any(axis=1)]
+    highest = inside[rows, np.where(good, values, -np.inf).argmax(axis=1)][good.any(axis=1)]
+    breaks = inside[rows, good.argmin(axis=1)][~good.all(axis=1)]
+    index = np.unique(np.concatenate([[0, n - 1], lowest, highest, breaks]))
     return x[index], y[index]

@@ -57,6 +57,7 @@ def running_twin(rig: Path | Rig, channel: Path, options: Sequence[str] = ()) ->
             with contextlib.suppress(OSError):  # one that has died already says so itself
                 process.stdin.write(rig.pack().decode())
                 process.stdin.close()
+            process.stdin = None  # so that `communicate` leaves it alone
         assert process.stdout is not None
         assert process.stderr is not None
         lines = []

@@ -105,7 +105,11 @@ def effort(traces: Traces, colours: Colours) -> "Figure":
 
 
 def law_states(trace: Trace, colour: str) -> "Figure | None":
-    """Each of the law's own variables over time but its command; None where it has none that ever leaves zero."""
+    """A band for each of the law's own variables but its command, over time, from its smallest to its largest value.
+
+    One pair of axes for all of them: matplotlib takes half a second for each dozen of panels. None where the law has no
+    variable that ever leaves zero.
+    """
     names = [
         name
         for name in trace.columns
@@ -113,18 +117,18 @@ def law_states(trace: Trace, colour: str) -> "Figure | None":
     ]
     if not names:
         return None
-    columns = 1 if len(names) == 1 else 2
-    rows = math.ceil(len(names) / columns)
-    figure, panels = new_figure(rows, columns, height=0.5 + 1.5 * rows, share_x=True)
-    for axes, name in zip(panels, names, strict=False):
-        _draw(axes, trace, trace[name], colour)
-        unit = trace.units[name]
-        axes.set_title(name.removeprefix("law.").replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
-    for axes in panels[len(names) :]:
-        axes.set_axis_off()
-    for axes in panels[len(names) - columns : len(names)]:
-        axes.tick_params(labelbottom=True)  # also where the panel below is empty
-        axes.set_xlabel("time [s]")
+    figure, (axes,) = new_figure(height=0.7 + 0.42 * len(names))
+    for row, name in enumerate(names):
+        values = trace[name]
+        finite = values[np.isfinite(values)]
+        low, high = float(finite.min()), float(finite.max())
+        share = (values - low) / (high - low) if 0.0 < high - low < np.inf else np.full_like(values, 0.5)
+        axes.plot(*thin(trace.time, row + 0.4 - 0.8 * share, 2000), color=colour, lw=1.0)
+        unit = "" if trace.units[name] == "1" else f" {trace.units[name]}"
+        said = f"{low:.3g} … {high:.3g}{unit}" if high > low else f"{low:.3g}{unit}"
+        axes.text(1.01, row, said.replace("-", "−"), transform=axes.get_yaxis_transform(), va="center", fontsize=8.0)
+    axes.set_yticks(range(len(names)), [name.removeprefix("law.").replace("_", " ") for name in names])
+    axes.set(ylim=(len(names) - 0.5, -0.5), xlabel="time [s]")
     return figure
 
 

@@ -23,7 +23,9 @@ from bowden.models.cable.sheath import Sheath, slope_factor
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
+from bowden.plants import cables
 from bowden.plants.bench import Bench
+from bowden.plants.cable_plant import CablePlant
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.rig import config, emg_motion, emg_setup, given_law, packing, toml_text
@@ -60,6 +62,10 @@ MOST_CYCLES = 10_000_000
 
 CableLike = BoucWen | IdentifiedCable | CableModel | Fit
 GivenLaw = str | Law | LawFile
+
+_LINE = "line"
+_AS_BENCH = ("bouc_wen", _LINE)
+"""Models that are simulated as the bench, with its fast step."""
 
 _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 
@@ -382,10 +388,22 @@ class Rig:
         """
         return suit_of(self.suit, self.wearer, self.bench, self.sheath.gap) if self.suit.worn else None
 
-    @property
-    def plant(self) -> Bench | Suit:
-        """What is moved."""
-        return self.worn or self.bench
+    @cached_property
+    def plant(self) -> Plant:
+        """What is moved: the suit where one is worn, and else the bench round its cable.
+
+        The cable is the model that an identification recommends; a straight line is no cable with hysteresis, and the
+        plain Bouc–Wen model stands for it.
+
+        Raises:
+            ParameterError: a part that cannot be.
+        """
+        if self.worn is not None:
+            return self.worn
+        if not isinstance(self.cable, IdentifiedCable) or self.cable.best in _AS_BENCH:
+            return self.bench
+        parts = {name: value for name, value in self.bench._asdict().items() if name != "cable"}
+        return CablePlant(cables.identified(self.cable.best, self.cable.model().parameters), **parts)
 
     @property
     def simulated_plant(self) -> Plant:
@@ -438,6 +456,8 @@ class Rig:
             return (-1 if self.turned else 1) * self.initial_motor
         if self.suit.worn:  # the motor is counted in the joint's coordinate
             return self.begin
+        if self.plant is not self.bench:
+            return self.plant.resting_motor(self.begin, float(self.bend_path(np.zeros(1))[0]))
         # where the joint is where the reference starts, with h = 0
         bench = self.bench
         slope = bench.cable.slope * float(slope_factor(float(self.bend_path(np.zeros(1))[0]), bench.sheath))
@@ -447,9 +467,9 @@ class Rig:
     def notes(self) -> tuple[str, ...]:
         """What the user should know about how the rig is understood."""
         notes = list(self.remarks)
-        if isinstance(self.cable, IdentifiedCable) and self.cable.best != "bouc_wen":
+        if isinstance(self.cable, IdentifiedCable) and self.cable.best == _LINE:
             where = Path(self.origin).parent / self.cable.file if self.cable.file else "the identified cable"
-            notes.append(f"{where} recommends {self.cable.best!r}; the bench runs the cable's bouc_wen model")
+            notes.append(f"{where} recommends {_LINE!r}; the bench runs the cable's bouc_wen model")
         if self.turned:
             notes.append("the cable's slope is negative: motor angles are counted the other way round here")
         return tuple(notes)
