@@ -5,13 +5,15 @@ import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from bowden.core.errors import ParameterError, near
 from bowden.hardware.drives import families
 from bowden.hardware.ports import Drive
-from bowden.hardware.twin.plant import TwinPlant
 from bowden.models.suit.suit_angle import SpoolMap
+
+if TYPE_CHECKING:
+    from bowden.hardware.twin.plant import TwinPlant
 
 DEFAULT = "cia402"
 """The family of a rig that names none."""
@@ -74,7 +76,7 @@ class Family:
     that make no sense together, before anything is opened."""
     open: Callable[[Any], Drive]
     """``open(parameters)``: the drive; nothing is sent before `bring_up`."""
-    twin: Callable[[Any, TwinPlant, Callable[[], float], Sequence[str]], Twin]
+    twin: Callable[[Any, "TwinPlant", Callable[[], float], Sequence[str]], Twin]
     """``twin(parameters, plant, clock, options)``: who plays the drive; the options are the command line's --object."""
     moved: Callable[[Any, str | None, str | None], Any]
     """``moved(parameters, channel, interface)``: the same drive on another bus, where one is given."""

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import DriveNeeds, Family, Twin
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push
 from bowden.hardware.ports import Drive
-from bowden.hardware.twin.plant import TwinPlant
+
+if TYPE_CHECKING:
+    from bowden.hardware.twin.plant import TwinPlant
 
 
 def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
@@ -37,7 +40,7 @@ def open_drive(parameters: DriveParameters) -> Drive:
     return CanopenDrive(parameters)
 
 
-def twin(parameters: DriveParameters, plant: TwinPlant, clock: Callable[[], float], options: Sequence[str]) -> Twin:
+def twin(parameters: DriveParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]) -> Twin:
     """The digital twin; an option is an object of its dictionary that is otherwise, as ``6502:0=0x25``.
 
     Raises:
