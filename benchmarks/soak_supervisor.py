@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.design.league import told
+from bowden.control.knowledge import informed
 from bowden.design.league_cells import plants, scenarios
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
@@ -36,7 +37,7 @@ def runs(hours: float, done: int) -> Iterator[list[Any]]:
                 continue
             out, _ = supervised(
                 bench,
-                told(law, plant.plant),
+                informed(law, knowledge_of(plant.plant)),
                 scenario.reference(plant.stroke),
                 MEASURED if seed % 2 else Limits(),
                 duration=scenario.duration,

@@ -176,9 +176,10 @@ def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, tex
 
 
 def test_the_observers_preset_is_table_1s(tmp_path: Path) -> None:
-    setup = Rig.read(rig(tmp_path, "[cable]\nslope = 0.8\n"))
-    law = setup.with_law("observer", "paper").fitted()
-    assert law.gains == paper_observer().gains
+    assert LAWS["observer"].presets["paper"] == paper_observer().gains
+    for cable, slope in (("", 0.938), ("[cable]\nslope = 0.8\n", 0.8)):  # what the preset leaves, the rig tells
+        law = Rig.read(rig(tmp_path, cable)).with_law("observer", "paper").fitted()
+        assert law.gains == paper_observer().gains._replace(slope=slope)
     assert law.gains.hysteresis_gain == pytest.approx(-0.129 * 0.8841 * 0.566, rel=1e-3)
 
 

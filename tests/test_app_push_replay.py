@@ -92,7 +92,6 @@ def test_a_table_is_the_same_table_for_any_law() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda s: s.pop("law"), "the log does not say which law ran, and its lead is that law's"),
         (lambda s: s.pop("rig"), "the log has no rig, of which the wearer's push is made for another law"),
         (
             lambda s: s["rig"]["suit"].update(friction_mn=1),
@@ -121,8 +120,7 @@ def test_what_cannot_be_made_again_is_refused_and_its_own_law_is_not(change: Any
     settings = older(told(live("uncompensated")))
     change(settings)
     log = recording(settings)
-    if "law" in settings:
-        assert source_for(log, LAWS["uncompensated"]).name == "admittance"
+    assert source_for(log, LAWS["uncompensated"]).name == "admittance"
     with pytest.raises(LogError) as refused:
         source_for(log, LAWS["adaptive"])
     assert str(refused.value) == f"{said}; replay it without --law, which needs no rig"
@@ -164,7 +162,7 @@ def recorded(ran: Live) -> np.ndarray:
 
 
 def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pytest.CaptureFixture[str]) -> None:
-    ran, other = live("uncompensated"), LAWS["cascaded_pid"]
+    ran, other = live("uncompensated"), live("cascaded_pid").law
     rows, source = recorded(ran), live("cascaded_pid").source()
     kept = description(ran.law, told(ran), 1_700_000_000 * 10**9, 5, source=ran.source())
     events, _ = Changes(kept).find(np.arange(CYCLES), rows)

@@ -47,7 +47,7 @@ def test_a_law_object_is_found_by_its_name_or_alone(tmp_path: Path) -> None:
         user_law.load("two.py", tmp_path)
     with pytest.raises(ParameterError, match="has no 'WEAK'; expected one of SOFT, HARD"):
         user_law.load("two.py:WEAK", tmp_path)
-    with pytest.raises(ParameterError, match=r"LAWS in .*two\.py is a dict; expected a Law"):
+    with pytest.raises(ParameterError, match=r"LAWS in .*two\.py is a Laws; expected a Law"):
         user_law.load("two.py:LAWS", tmp_path)
 
 

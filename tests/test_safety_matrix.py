@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.design.league import told
+from bowden.control.knowledge import informed
 from bowden.design.league_cells import plants, scenarios
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.limits import Limits
 from bowden.sim.adversary import attack
@@ -53,7 +54,7 @@ def test_a_run_in_order_is_never_touched(limits: Limits) -> None:
     for name, scenario in itertools.product(("adaptive", "bowden"), scenarios()):
         outcome, _ = supervised(
             BENCH,
-            told(LAWS[name], plant.plant),
+            informed(LAWS[name], knowledge_of(plant.plant)),
             scenario.reference(plant.stroke),
             limits,
             duration=scenario.duration,

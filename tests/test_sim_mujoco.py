@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bowden.app import main
-from bowden.control.laws.uncompensated import UNCOMPENSATED
+from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
@@ -58,7 +58,7 @@ def run() -> Trace:
 def lifted(suit: Suit) -> Trace:
     """The uncompensated suit, with a weak and trembling wearer, 0–90–0° in 8 s."""
     wearer, reference = WEARERS["weak"]._replace(tremor=0.2), PeriodicMinimumJerk(0.0, 0.5 * math.pi, 8.0)
-    return simulate(suit._replace(wearer=wearer), UNCOMPENSATED, reference, duration=8.0)
+    return simulate(suit._replace(wearer=wearer), LAWS["uncompensated"], reference, duration=8.0)
 
 
 # Geometry.

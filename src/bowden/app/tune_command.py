@@ -118,7 +118,7 @@ def _search(
 ) -> "Tuning":
     from bowden.design.tune import tune as search
     from bowden.rig import ranges
-    from bowden.study.tune_study import fixed_of, runs_of
+    from bowden.study.tune_study import runs_of
 
     return search(
         rig.bench,
@@ -127,7 +127,7 @@ def _search(
         stroke=ranges.stroke(rig),
         seed=seed,
         runs=None if plants is None else runs_of(plants),
-        fixed=() if plants is None else fixed_of(plants),
+        fixed=() if plants is None else plants.told_apart,
         workers=workers,
         report=report,
     )

@@ -1,7 +1,8 @@
 """A user's own law, from a Python file.
 
 The file either defines a `Law` object, or the three parts of one: a NamedTuple ``Gains`` with a default for every
-field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``. What it defines is
+field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
+likes, ``TOLD``, what its gains are told of a rig (`Law.told`). What it defines is
 tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
 compiler's rarely do. Compiled code is kept under the hash of the file (see
 `bowden.core.kernel_cache`), so an edited law is never met by stale code.
@@ -13,20 +14,25 @@ import math
 import re
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-from bowden.control.law import Law
+from bowden.control.knowledge import Knowledge, informed
+from bowden.control.law import Law, Told
+from bowden.control.law_parts import LAG
 from bowden.core.errors import ParameterError
 from bowden.core.signals import Reference, Sample
+from bowden.models.cable.bouc_wen import BoucWen
 
 _CORRECT = "correct the law there"
 _RENAME = "give it another name"
 _TRIAL_CYCLES = 5
 _TRIAL_TIME = 1e-3
+_EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
+"""What a law's own functions of what it is told are tried with, beside nothing known."""
 
 
 def is_file(name: str) -> bool:
@@ -106,6 +112,12 @@ def explained(law: Law) -> Iterator[None]:
         ) from error
 
 
+_BY_NAME: Mapping[str, Told] = {
+    **{name: name for name in ("servo_frequency", "servo_damping", "delay")},
+    **LAG,
+}
+"""What gains of these names are told in a file that has the parts of a law and no `TOLD`."""
+
 _ABOUT_ITSELF = (
     "Failed in",
     "During",
@@ -181,7 +193,8 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         gains = names["Gains"]()
     except Exception as error:
         raise _mistake(error, path) from error
-    return Law(path.stem, gains, names["start"], names["step"], source=str(path))
+    told = names.get("TOLD", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())})
+    return Law(path.stem, gains, names["start"], names["step"], source=str(path), told=told)
 
 
 def _check(law: Law, path: Path) -> None:
@@ -195,6 +208,13 @@ def _check(law: Law, path: Path) -> None:
             raise ParameterError(f"{_line(part, path)}: not a kernel", do="put @kernel of bowden.core.kernel before it")
     _check_numbers(law.gains, "gains", str(path), whole=True)
     where = _line(law.step_kernel, path)
+    try:
+        for known in (Knowledge(), _EXAMPLE):
+            _check_numbers(informed(law, known).gains, "gains that a rig tells", str(path), whole=True)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error.what}", expected=error.expected, do=error.do) from error
+    except Exception as error:
+        raise _mistake(error, path) from error
     sample = Sample(0.01, 0.02)
     try:
         state = law.start(sample)

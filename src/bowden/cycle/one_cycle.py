@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.known_width import told
+from bowden.control.knowledge import measured
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Heard, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise
@@ -338,7 +338,7 @@ class Cycle:
 
     def know(self, width: float) -> None:
         """Let the law begin with the dead zone that was measured [rad], where it takes one; NaN is none."""
-        self._settings = self._settings._replace(gains=told(self.law, width))
+        self._settings = self._settings._replace(gains=measured(self.law, width).gains)
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""

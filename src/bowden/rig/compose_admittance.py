@@ -12,9 +12,6 @@ from bowden.plants.suit_parts import Suit
 from bowden.rig.settings import AdmittanceSettings
 from bowden.sim.suit_sources import limit_for, push_of
 
-SURE = "uncompensated"
-"""The law for which the limit holds: it sends the motor where the admittance says and nowhere else."""
-
 
 @dataclass(frozen=True)
 class Pushing:
@@ -75,10 +72,11 @@ class Pushing:
                     do = f"{do} in rig.toml, or run it anyway with --force"
                     raise ParameterError(error.what, expected=error.expected, do=do) from error
                 notes.append(f"{error.what}; it runs because of --force")
-        others = [law.name for law in laws if law.name != SURE]
+        others = [law.name for law in laws if law.feeds_back]
         if others:
             notes.append(
-                f"the limit of [admittance] holds for the law {SURE}; {', '.join(others)}: the run itself shows"
+                "the limit of [admittance] holds for a law that feeds nothing back, such as uncompensated; "
+                f"{', '.join(others)}: the run itself shows"
             )
         return notes
 

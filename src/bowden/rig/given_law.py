@@ -4,11 +4,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bowden.control import Law, user_law
-from bowden.core.errors import ParameterError, near
+from bowden.control import LAWS, Law, user_law
+from bowden.core.errors import ParameterError
 from bowden.core.files import whole_files
 from bowden.core.kernel_cache import cache_folder
-from bowden.rig.laws import KNOWN
 
 
 class LawFile(NamedTuple):
@@ -52,7 +51,7 @@ def named(name: str, folder: Path | None = None) -> str | LawFile:
     """A law by its name, checked.
 
     Args:
-        name: a key of `KNOWN`, or ``FILE.py:NAME`` of a user's own.
+        name: a key of `LAWS`, or ``FILE.py:NAME`` of a user's own.
         folder: where a relative FILE is found.
 
     Raises:
@@ -60,9 +59,7 @@ def named(name: str, folder: Path | None = None) -> str | LawFile:
     """
     if user_law.is_file(name):
         return law_file(name, folder)
-    if name in KNOWN:
-        return name
-    raise ParameterError(f"there is no law {name!r}", expected=near(name, KNOWN), do="or name a file: my_law.py:NAME")
+    return LAWS[name].name
 
 
 def loaded(given: str | LawFile) -> Law:
@@ -71,17 +68,17 @@ def loaded(given: str | LawFile) -> Law:
     Raises:
         ParameterError: a user's file that cannot be used.
     """
-    return KNOWN[given] if isinstance(given, str) else given.load()
+    return LAWS[given] if isinstance(given, str) else given.load()
 
 
 def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
-    """A law of Python's as its name or file, and the gains in which it differs from what that gives.
+    """A law of Python's as its name or file, and the gains that were chosen for it.
 
     Raises:
         ParameterError: a law that stands in no file.
     """
     base: str | LawFile | None = None
-    known = KNOWN.get(law.name)
+    known = LAWS.get(law.name)
     if known is not None and known.step_kernel is law.step_kernel and known.start_kernel is law.start_kernel:
         base = law.name
     else:
@@ -91,8 +88,12 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
             f"the law {law.name!r} stands in no file, so that it cannot be handed to another process",
             do="write it into a file and name that: my_law.py:NAME",
         )
-    own = known.gains._asdict()
-    return base, {name: value for name, value in law.gains._asdict().items() if value != own[name]}
+    chosen = {
+        name: value
+        for name, value in law.gains._asdict().items()
+        if name in law.chosen - known.chosen or (value != getattr(known.gains, name) and name not in law.told)
+    }
+    return base, chosen
 
 
 def _in_file(law: Law) -> tuple[Law | None, LawFile | None]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.control import Law
+from bowden.control import LAWS, Law
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import optional
 from bowden.identify.cable.model import IdentifiedCable
@@ -22,7 +22,6 @@ from bowden.rig.checked import Gains
 from bowden.rig.declaration import items_of
 from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.given_law import LawFile, packable
-from bowden.rig.laws import KNOWN
 from bowden.rig.recorded import RecordedMotion
 from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, RecordedFile, drive_part
 
@@ -182,7 +181,7 @@ def unpacked(pack: bytes | Mapping[str, Any]) -> Packed:
         values[name] = _value(name, given, remarks)
     if "own_gains" in found:
         law = values["law"]
-        loaded = law.load() if isinstance(law, LawFile) else KNOWN[law]
+        loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
         values["law"] = loaded.with_gains(**found["own_gains"])
     return Packed(values, tuple(remarks))
 

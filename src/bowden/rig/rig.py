@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from bowden.control import Law
+from bowden.control import LAWS, Law
+from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
 from bowden.core.errors import ParameterError, near
 from bowden.core.quantity import Quantity, declared
@@ -26,6 +27,7 @@ from bowden.models.drive.servo import Servo
 from bowden.plants import cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.rig import config, emg_motion, emg_setup, given_law, packing, toml_text
@@ -35,9 +37,7 @@ from bowden.rig.checked import Gains, checked, checked_number, shown
 from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
 from bowden.rig.emg_setup import EmgRun
-from bowden.rig.fitted import fitted
 from bowden.rig.given_law import LawFile
-from bowden.rig.laws import KNOWN
 from bowden.rig.recorded import held
 from bowden.rig.sections import (
     DEFAULT_CABLE,
@@ -479,22 +479,29 @@ class Rig:
         """The law as the rig names it."""
         return self.law if isinstance(self.law, str) else self.law.name
 
-    def fitted(self, law: GivenLaw | None = None) -> Law:
+    @cached_property
+    def knowledge(self) -> Knowledge:
+        """What a law is told of the rig."""
+        return knowledge_of(self.bench, identified=self.identified) if self.worn is None else knowledge_of(self.worn)
+
+    def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:
         """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.
+
+        In this order: the law's own, what it is told, the preset, the rig's own (`bowden.control.knowledge`).
+
+        Args:
+            law: in place of the rig's.
+            known: what the law is told, in place of `knowledge`.
 
         Raises:
             ParameterError: an unknown law, preset or gain.
         """
         given = given_law.named(law) if isinstance(law, str) else law
         own = given is None or given == self.law or _one_file(given, self.law)
-        return fitted(
-            self.loaded_law if given is None or own else _loaded(given),
-            self.bench,
-            identified=self.identified,
-            worn=self.suit.worn,
-            preset=self.preset if own else None,
-            gains=self.gains if own else {},
-        )
+        found, gains = self.loaded_law if given is None or own else _loaded(given), self.gains if own else {}
+        with config.asked_for_by("the rig's control.gains"):
+            found.with_gains(**gains)
+        return configured(found, known or self.knowledge, preset=self.preset if own else None, gains=gains)
 
     @cached_property
     def loaded_law(self) -> Law:
@@ -616,7 +623,7 @@ def _law(given: Any) -> GivenLaw:
         return given_law.named(given)
     if not isinstance(given, Law | LawFile):
         raise ParameterError(f"Rig: law is {shown(given)}", expected='a name ("adaptive"), "FILE.py:NAME" or a Law')
-    if isinstance(given, Law) and KNOWN.get(given.name) == given:
+    if isinstance(given, Law) and LAWS.get(given.name) == given:
         return given.name
     return given
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from bowden import __version__
 from bowden.control import Law, user_law
+from bowden.control.knowledge import Knowledge
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
-from bowden.design.league import told_of
 from bowden.rig.bends import RandomBend
 from bowden.rig.given_law import LawFile
 from bowden.rig.keys import simulated, with_values
@@ -25,9 +25,14 @@ from bowden.sim.many import Case
 from bowden.sim.scenario import BendPath
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.schema import Study as StudyFile
+from bowden.study.schema import ToldSection
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
+
+
+_LOOKED_AT = 24
+"""Runs that are made to see what differs between them."""
 
 
 def software() -> str:
@@ -79,10 +84,16 @@ class Study:
     @cached_property
     def nominal(self) -> tuple[Law, ...]:
         """The laws as the rig itself has them, where nothing is drawn."""
-        return tuple(self._of_rig(self.rig, given) for given in self.given)
+        return tuple(self.rig.fitted(given) for given in self.given)
 
-    def _of_rig(self, rig: Rig, given: str | LawFile) -> Law:
-        return rig.fitted(given)
+    @cached_property
+    def told_apart(self) -> frozenset[str]:
+        """Gains of the first law that its runs are told differently, judged by the first of them."""
+        nominal, first = self.nominal[0].gains, range(min(self.file.runs, _LOOKED_AT))
+        laws = [self.run(number)[1][0] for number in first]
+        return frozenset(
+            name for name, value in nominal._asdict().items() if any(getattr(law.gains, name) != value for law in laws)
+        )
 
     def _varies(self, *sections: str) -> bool:
         return any(column.name.startswith(sections) for column in self.columns)
@@ -128,17 +139,14 @@ class Study:
         return rig, laws, self._fault(drawn.values, rig.sample_time)
 
     def _fitted(self, given: str | LawFile, rig: Rig, drawn: Drawn) -> Law:
-        law = self._of_rig(rig, given)
+        law = rig.fitted(given, self._believed(rig.knowledge, drawn))
         gains = {k.removeprefix("control.gains."): v for k, v in drawn.values.items() if k.startswith("control.gains.")}
-        law = law.with_gains(**{key: value for key, value in gains.items() if key in law.gains._fields})
-        if self.file.told is None:
-            return law
-        factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in type(self.file.told).model_fields}
-        believed = rig.servo._replace(
-            natural_frequency=rig.servo.natural_frequency * factors["servo_frequency"],
-            damping=rig.servo.damping * factors["servo_damping"],
-        )
-        return told_of(law, believed, (rig.delay + 0.5) * rig.sample_time * factors["delay"])
+        return law.with_gains(**{key: value for key, value in gains.items() if key in law.gains._fields})
+
+    def _believed(self, known: Knowledge, drawn: Drawn) -> Knowledge:
+        """What the laws of a run are told: what its rig knows, wrong by the factors of [told]."""
+        factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in ToldSection.model_fields}
+        return known._replace(**{key: getattr(known, key) * factor for key, factor in factors.items()})
 
     def _bend(self, rig: Rig) -> BendPath:
         """The bend of a run; one that is not drawn is the same object in all runs, which share what it costs."""

@@ -21,9 +21,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from bowden.control.law import Law
 from bowden.control.our_law.crossing_estimate import CrossingEstimate, crossing_from, first_crossing, harmless, watch
-from bowden.control.our_law.gains import LIMITS, SUIT, BowdenGains
+from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.held_feedback import LOST, SLIP, Feedback, Setting, answered, listen, no_feedback, steer
 from bowden.control.our_law.slope_estimate import SlopeEstimate, first_slope, learn_slope
 from bowden.control.our_law.slot_plan import (
@@ -207,14 +206,3 @@ def step(
     crossing, seen = watch(crossing, motor, joint, slope, np.sqrt(heard_noise), settled)
     slopes = learn_slope(slopes, crossing, seen, motor, joint, np.abs(gains.slope), gains.stray, dt)
     return BowdenState(plan, feedback, crossing, slopes, state.origin), command
-
-
-BOWDEN = Law(
-    name="bowden",
-    gains=BowdenGains(),
-    start_kernel=start,
-    step_kernel=step,
-    source="this project, docs/our_law.md",
-    presets={"suit": SUIT},
-    limits=LIMITS,
-)

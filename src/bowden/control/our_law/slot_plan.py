@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from bowden.control.laws.parts import bounded
+from bowden.control.law_parts import bounded
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
