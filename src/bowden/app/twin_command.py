@@ -98,7 +98,7 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
     drive = rig.drive_parameters
     family = family_of(drive)
     rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, clock())
-    plant = TwinBench(rig.bench, *rest) if rig.worn is None else TwinSuit(rig.worn, *rest)
+    plant = TwinBench(rig.cabled, *rest) if rig.worn is None else TwinSuit(rig.worn, *rest)
     running = family.twin(drive, plant, clock, objects)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
