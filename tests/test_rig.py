@@ -181,7 +181,7 @@ def test_a_file_that_changes_after_the_check_changes_nothing(folder: Path) -> No
     loop = live_run(Rig.unpack(handed))
     assert loop.law.gains == live.law.gains
     assert loop.law.gains.feedback_gain == 4.0
-    assert loop.drive == live.drive
+    assert loop.needs == live.needs
     assert loop.limits == live.limits
     assert np.array_equal(loop.table, live.table)
     assert live.told()["rig"]["gains"] == {"feedback_gain": 4.0}

@@ -16,7 +16,7 @@ from bowden.core.errors import OutputError, ParameterError, near
 from bowden.core.files import whole_file
 from bowden.core.quantity import Quantity, declared
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.model import CableModel, IdentifiedCable
@@ -40,7 +40,20 @@ from bowden.rig.compose_suit import suit_of
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.recorded import held
-from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH, PARTS, REFERENCES, WIDTH, Clock, Control, Scenario
+from bowden.rig.sections import (
+    DEFAULT_CABLE,
+    DEFAULT_FAMILY,
+    DEFAULT_WIDTH,
+    DRIVE,
+    PARTS,
+    REFERENCES,
+    WIDTH,
+    Clock,
+    Control,
+    Part,
+    Scenario,
+    drive_part,
+)
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
 from bowden.sim.scenario import BendPath
@@ -110,8 +123,8 @@ class Rig:
     """Of the encoders' noise and of a random bend."""
     initial_motor: float | None = _SCENARIO.initial_motor
     """Motor angle before the start; None: the joint is where the reference starts [rad]."""
-    drive: DriveParameters = PARTS["drive"].default
-    """What only the rig itself says of it; `drive_parameters` is the whole."""
+    drive: Any = DRIVE
+    """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
     limits: Limits = PARTS["limits"].default
     """What only the rig itself says of them; `supervisor_limits` is the whole."""
     live: LiveSettings = PARTS["live"].default
@@ -139,7 +152,7 @@ class Rig:
             for one in declared(kind):
                 value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
                 object.__setattr__(self, one.name, value)
-        for name, part in PARTS.items():
+        for name, part in {**PARTS, "drive": self._drive_part()}.items():
             object.__setattr__(self, name, checked(getattr(self, name), part.kind, name))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
@@ -161,6 +174,10 @@ class Rig:
                     expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
                     do="change scenario.duration_s or --duration",
                 )
+
+    def _drive_part(self) -> Part:
+        """What [drive] is of its family."""
+        return drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
 
     def _made(self) -> dict[str, Any]:
         """The fields that may be given in several forms, in the one in which a rig holds them."""
@@ -533,13 +550,22 @@ class Rig:
         return live_parts.limits(self.limits, self.bench, self.drive)
 
     @cached_property
-    def drive_parameters(self) -> DriveParameters:
-        """All that is to be known of the drive.
+    def drive_needs(self) -> DriveNeeds:
+        """What is asked of the drive, whatever it is.
+
+        Raises:
+            ParameterError: limits that contradict one another.
+        """
+        return live_parts.drive_needs(self.supervisor_limits, self.bench, self.worn)
+
+    @cached_property
+    def drive_parameters(self) -> Any:
+        """All that is to be known of the drive, as its family has it.
 
         Raises:
             ParameterError: values that make no sense together.
         """
-        return live_parts.drive_parameters(self.drive, self.supervisor_limits, self.bench, self.worn)
+        return live_parts.drive_parameters(self.drive, self.drive_needs)
 
     def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
         """The rig with its drive on another bus, where one is given.
@@ -547,10 +573,7 @@ class Rig:
         Raises:
             ParameterError: a channel that is none.
         """
-        moved = self.drive._replace(
-            channel=self.drive.channel if channel is None else channel,
-            interface=self.drive.interface if interface is None else interface,
-        )
+        moved = family_of(self.drive).moved(self.drive, channel, interface)
         return self if moved == self.drive else self.replace(drive=moved)
 
     @property

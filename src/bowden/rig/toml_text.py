@@ -32,6 +32,7 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
         _refuse_unnamed(values[name], part.default, name)
         target = found[section].setdefault(side[0], {}) if side else found[section]
         target |= section_tree(values[name])
+    found["drive"] = section_tree(values["drive"])
     for title, kind in (("bench", Clock), ("scenario", Scenario)):
         for one in declared(kind):
             if values[one.name] is not None:
