@@ -2,15 +2,12 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
-
-if TYPE_CHECKING:
-    pass
 
 
 def _folder(given: str | Path) -> Path:

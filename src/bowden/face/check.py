@@ -40,5 +40,5 @@ def checked(rig: Rig) -> Check:
     law = rig.fitted()
     bends, stroke = ranges.bends(rig), ranges.stroke(rig)
     with user_law.explained(law):
-        found = judge(rig.bench, law, bends=bends, stroke=stroke, seed=rig.seed)
-        return replace(found, advice=advise(rig.bench, law, found, bends=bends, stroke=stroke))
+        found = judge(rig.cabled, law, bends=bends, stroke=stroke, seed=rig.seed)
+        return replace(found, advice=advise(rig.cabled, law, found, bends=bends, stroke=stroke))

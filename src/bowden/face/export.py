@@ -18,6 +18,8 @@ from bowden.face import arguments, given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
+from bowden.sensing.detector import Detector
+from bowden.sensing.detectors import detector_named
 
 if TYPE_CHECKING:
     from bowden.export.module import Module
@@ -131,7 +133,7 @@ def exported(
     law = rig.fitted()
     output_folder(folder, "--to")
     progress("tracing the kernels", 0.0)
-    modules = _modules(law, emg_rate, _limits(rig) if safety else None)
+    modules = _modules(law, emg_rate, detector_named(rig.emg.detector), _limits(rig) if safety else None)
     said = _said(name, law, preset, float32=float32, turned=rig.turned)
     texts = _texts(modules, law, rig.sample_time, said, float32=float32)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
@@ -157,7 +159,7 @@ def exported(
     )
 
 
-def _modules(law: Law, emg_rate: float | None, limits: Limits | None) -> "list[Module]":
+def _modules(law: Law, emg_rate: float | None, kind: Detector, limits: Limits | None) -> "list[Module]":
     """The law's module first.
 
     Raises:
@@ -168,7 +170,7 @@ def _modules(law: Law, emg_rate: float | None, limits: Limits | None) -> "list[M
 
     modules = [law_module(law)]
     if emg_rate is not None:
-        modules += emg_modules(emg_rate)
+        modules += emg_modules(emg_rate, kind)
     if limits is not None:
         modules.append(safety_module(limits))
     names = [module.prefix for module in modules]
@@ -230,7 +232,7 @@ def _recording(rig: Rig, law: Law) -> str:
     duration = min(RECORDED, rig.duration)
     with user_law.explained(law):
         trace = simulate(
-            rig.bench,
+            rig.cabled,
             law,
             rig.trajectory,
             duration=duration,

@@ -92,7 +92,7 @@ def live_session(
         tell: called with each thing that the user should know.
     """
     from bowden.design.verdict import verdicts
-    from bowden.hardware.buses.opening import claim
+    from bowden.hardware.drives.family import family_of
     from bowden.live.emg_ear import Ear
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
@@ -100,7 +100,7 @@ def live_session(
 
     live = live_run(rig)
     if not twin:  # another run's bus is told at once; the drive claims it for good
-        claim(live.drive.interface, live.drive.channel, "host").release()
+        family_of(rig.drive).claim(rig.drive)()
     with contextlib.ExitStack() as stack:
         ear = None if live.emg is None else stack.enter_context(contextlib.closing(Ear(rig)))
         checked = verdicts(rig, [live.law], name, force=force)[0]
@@ -108,7 +108,7 @@ def live_session(
         for note in (*live.notes, *pushing, checked.note):
             if note:
                 tell(note)
-        require(live.limits, live.drive.sample_time, "little_margin" if force else checked.name or "little_margin")
+        require(live.limits, live.rig.sample_time, "little_margin" if force else checked.name or "little_margin")
         if ear is not None:
             ear.await_ready()  # a stream that cannot be used is told before anything else is started
         if twin:

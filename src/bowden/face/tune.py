@@ -90,7 +90,7 @@ def tuned(
     try:
         with user_law.explained(law):
             found = search(
-                rig.bench,
+                rig.cabled,
                 law,
                 bends=bends_of(rig),
                 stroke=ranges.stroke(rig),

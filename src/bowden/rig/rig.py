@@ -12,23 +12,24 @@ import numpy as np
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
-from bowden.core.errors import ParameterError, near
+from bowden.core.errors import OutputError, ParameterError, near
+from bowden.core.files import whole_file
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
 from bowden.core.style import new_figure
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.models.cable.sheath import Sheath, slope_factor
+from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
-from bowden.plants import cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
+from bowden.plants.cables import plant_of_model
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
@@ -41,7 +42,20 @@ from bowden.rig.compose_suit import suit_of
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.recorded import held
-from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH, PARTS, REFERENCES, WIDTH, Clock, Control, Scenario
+from bowden.rig.sections import (
+    DEFAULT_CABLE,
+    DEFAULT_FAMILY,
+    DEFAULT_WIDTH,
+    DRIVE,
+    PARTS,
+    REFERENCES,
+    WIDTH,
+    Clock,
+    Control,
+    Part,
+    Scenario,
+    drive_part,
+)
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
 from bowden.sim.scenario import BendPath
@@ -114,8 +128,8 @@ class Rig:
     """Of the encoders' noise and of a random bend."""
     initial_motor: float | None = _SCENARIO.initial_motor
     """Motor angle before the start; None: the joint is where the reference starts [rad]."""
-    drive: DriveParameters = PARTS["drive"].default
-    """What only the rig itself says of it; `drive_parameters` is the whole."""
+    drive: Any = DRIVE
+    """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
     limits: Limits = PARTS["limits"].default
     """What only the rig itself says of them; `supervisor_limits` is the whole."""
     live: LiveSettings = PARTS["live"].default
@@ -127,13 +141,23 @@ class Rig:
     stands_for: str = field(default="", compare=False)
     """Hash of the rig of which this one is only another form, `offline`."""
 
+    def __new__(cls, *given: Any, **named: Any) -> "Rig":
+        """Refuse what is no field before Python does, and say what was meant."""
+        if given:
+            raise ParameterError(
+                f"Rig: {shown(given[0])} has no name", expected="every part by its name", do="Rig(cable=…, servo=…)"
+            )
+        for name in named:
+            _check_name(name)
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         self._check_clock()
         for kind in (Clock, Scenario):
             for one in declared(kind):
                 value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
                 object.__setattr__(self, one.name, value)
-        for name, part in PARTS.items():
+        for name, part in {**PARTS, "drive": self._drive_part()}.items():
             object.__setattr__(self, name, checked(getattr(self, name), part.kind, name))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
@@ -155,6 +179,10 @@ class Rig:
                     expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
                     do="change scenario.duration_s or --duration",
                 )
+
+    def _drive_part(self) -> Part:
+        """What [drive] is of its family."""
+        return drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
 
     def _made(self) -> dict[str, Any]:
         """The fields that may be given in several forms, in the one in which a rig holds them."""
@@ -224,6 +252,25 @@ class Rig:
         """
         return toml_text.written(self.tree())
 
+    def write(self, path: Path | str) -> None:
+        """Write the rig as a rig.toml, and what it was made of beside it: model, motion, law and wearer.
+
+        Raises:
+            ParameterError: see `tree`.
+            OutputError: a file cannot be written, or another one of its name is there.
+        """
+        target = Path(path)
+        tree, files = toml_text.files_of(self._fields)
+        contents = {target: toml_text.written(tree).encode()} | {
+            target.parent / name: text for name, text in files.items()
+        }
+        for file, content in contents.items():
+            if file.exists() and file.read_bytes() != content:
+                raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
+        for file, content in contents.items():
+            with whole_file(file) as part:
+                part.write_bytes(content)
+
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields.
 
@@ -231,8 +278,7 @@ class Rig:
             ParameterError: a field that there is not, or a value that it cannot have.
         """
         for name in changes:
-            if name not in self._fields:
-                raise ParameterError(f"a rig has no {name!r}", expected=near(name, self._fields))
+            _check_name(name)
         return dataclasses.replace(self, **({"stands_for": ""} | changes))
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
@@ -402,8 +448,8 @@ class Rig:
         return suit_of(self.suit, self.wearer, self.bench, self.sheath.gap) if self.suit.worn else None
 
     @cached_property
-    def plant(self) -> Plant:
-        """What is moved: the suit where one is worn, and else the bench round its cable.
+    def cabled(self) -> Bench | CablePlant:
+        """What is moved where no suit is worn: the bench round its cable.
 
         The cable is the model that an identification recommends; a straight line is no cable with hysteresis, and the
         plain Bouc–Wen model stands for it.
@@ -411,12 +457,18 @@ class Rig:
         Raises:
             ParameterError: a part that cannot be.
         """
-        if self.worn is not None:
-            return self.worn
         if not isinstance(self.cable, IdentifiedCable) or self.cable.best in _AS_BENCH:
             return self.bench
-        parts = {name: value for name, value in self.bench._asdict().items() if name != "cable"}
-        return CablePlant(cables.identified(self.cable.best, self.cable.model().parameters), **parts)
+        return plant_of_model(self.cable.best, self.cable.model().parameters, self.bench)
+
+    @property
+    def plant(self) -> Bench | CablePlant | Suit:
+        """What is moved: the suit where one is worn, and else the bench round its cable.
+
+        Raises:
+            ParameterError: a part that cannot be.
+        """
+        return self.worn or self.cabled
 
     @property
     def simulated_plant(self) -> Plant:
@@ -469,12 +521,7 @@ class Rig:
             return (-1 if self.turned else 1) * self.initial_motor
         if self.suit.worn:  # the motor is counted in the joint's coordinate
             return self.begin
-        if self.plant is not self.bench:
-            return self.plant.resting_motor(self.begin, float(self.bend_path(np.zeros(1))[0]))
-        # where the joint is where the reference starts, with h = 0
-        bench = self.bench
-        slope = bench.cable.slope * float(slope_factor(float(self.bend_path(np.zeros(1))[0]), bench.sheath))
-        return (self.begin - bench.cable.offset) / slope
+        return self.cabled.resting_motor(self.begin, float(self.bend_path(np.zeros(1))[0]))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -533,13 +580,22 @@ class Rig:
         return live_parts.limits(self.limits, self.bench, self.drive)
 
     @cached_property
-    def drive_parameters(self) -> DriveParameters:
-        """All that is to be known of the drive.
+    def drive_needs(self) -> DriveNeeds:
+        """What is asked of the drive, whatever it is.
+
+        Raises:
+            ParameterError: limits that contradict one another.
+        """
+        return live_parts.drive_needs(self.supervisor_limits, self.bench, self.worn)
+
+    @cached_property
+    def drive_parameters(self) -> Any:
+        """All that is to be known of the drive, as its family has it.
 
         Raises:
             ParameterError: values that make no sense together.
         """
-        return live_parts.drive_parameters(self.drive, self.supervisor_limits, self.bench, self.worn)
+        return live_parts.drive_parameters(self.drive, self.drive_needs)
 
     def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
         """The rig with its drive on another bus, where one is given.
@@ -547,10 +603,7 @@ class Rig:
         Raises:
             ParameterError: a channel that is none.
         """
-        moved = self.drive._replace(
-            channel=self.drive.channel if channel is None else channel,
-            interface=self.drive.interface if interface is None else interface,
-        )
+        moved = family_of(self.drive).moved(self.drive, channel, interface)
         return self if moved == self.drive else self.replace(drive=moved)
 
     @property
@@ -566,6 +619,12 @@ class Rig:
             ParameterError: a cut-off that the cycle is too slow for.
         """
         return live_parts.filters(self.live, self.sample_time)
+
+
+def _check_name(name: str) -> None:
+    fields = [one.name for one in dataclasses.fields(Rig)]
+    if name not in fields:
+        raise ParameterError(f"a rig has no {name!r}", expected=near(name, fields))
 
 
 def _loaded(given: GivenLaw) -> Law:
