@@ -17,11 +17,11 @@ from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
 from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import describing_function, hysteresis_response
-from bowden.design.study import random_rigs
 from bowden.design.trial import dead_zone, run_trial, slope_at
 from bowden.models.cable.bouc_wen import prepare_cable
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
+from study import random_rigs
 
 BENCH = default_bench()
 BENDS = (np.pi, 2.0 * np.pi)
