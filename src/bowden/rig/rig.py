@@ -12,7 +12,8 @@ import numpy as np
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
-from bowden.core.errors import ParameterError, near
+from bowden.core.errors import OutputError, ParameterError, near
+from bowden.core.files import whole_file
 from bowden.core.quantity import Quantity, declared
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
@@ -135,6 +136,16 @@ class Rig:
     stands_for: str = field(default="", compare=False)
     """Hash of the rig of which this one is only another form, `offline`."""
 
+    def __new__(cls, *given: Any, **named: Any) -> "Rig":
+        """Refuse what is no field before Python does, and say what was meant."""
+        if given:
+            raise ParameterError(
+                f"Rig: {shown(given[0])} has no name", expected="every part by its name", do="Rig(cable=…, servo=…)"
+            )
+        for name in named:
+            _check_name(name)
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         self._check_clock()
         for kind in (Clock, Scenario):
@@ -236,6 +247,25 @@ class Rig:
         """
         return toml_text.written(self.tree())
 
+    def write(self, path: Path | str) -> None:
+        """Write the rig as a rig.toml, and what it was made of beside it: model, motion, law and wearer.
+
+        Raises:
+            ParameterError: see `tree`.
+            OutputError: a file cannot be written, or another one of its name is there.
+        """
+        target = Path(path)
+        tree, files = toml_text.files_of(self._fields)
+        contents = {target: toml_text.written(tree).encode()} | {
+            target.parent / name: text for name, text in files.items()
+        }
+        for file, content in contents.items():
+            if file.exists() and file.read_bytes() != content:
+                raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
+        for file, content in contents.items():
+            with whole_file(file) as part:
+                part.write_bytes(content)
+
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields.
 
@@ -243,8 +273,7 @@ class Rig:
             ParameterError: a field that there is not, or a value that it cannot have.
         """
         for name in changes:
-            if name not in self._fields:
-                raise ParameterError(f"a rig has no {name!r}", expected=near(name, self._fields))
+            _check_name(name)
         return dataclasses.replace(self, **({"stands_for": ""} | changes))
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
@@ -560,6 +589,12 @@ class Rig:
             ParameterError: a cut-off that the cycle is too slow for.
         """
         return live_parts.filters(self.live, self.sample_time)
+
+
+def _check_name(name: str) -> None:
+    fields = [one.name for one in dataclasses.fields(Rig)]
+    if name not in fields:
+        raise ParameterError(f"a rig has no {name!r}", expected=near(name, fields))
 
 
 def _loaded(given: GivenLaw) -> Law:
