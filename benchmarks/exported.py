@@ -28,7 +28,7 @@ from bowden.export.law import law_module
 from bowden.export.module import files
 from bowden.export.readme import FLAGS
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import inputs_of, simulate
+from bowden.sim.run import inputs_of, simulate
 from bowden.sim.scenario import constant_bend
 from hand_c import compiler
 from measure import Timing, by_turns, machine

@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 import tight
 from bowden.control import LAWS
+from bowden.control.source import TABLE
 from bowden.core.trace import Trace
 from bowden.models.drive.encoder import Encoder
-from bowden.plants.bench import prepare_bench
+from bowden.plants.bench import Bench
+from bowden.plants.plant import SheathPath
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import compiled_loop, simulate
 from bowden.sim.faulty import Fault
+from bowden.sim.run import RECORDED, compiled_loop, simulate
 from measure import Row, by_turns
 
 Array = NDArray[np.float64]
@@ -29,7 +31,7 @@ FLAGS = ("-O3", "-std=c99", "-ffp-contract=off", "-fPIC", "-shared")
 SEED = 1
 
 PLANT, LAW, REFERENCE = paper.bench(), LAWS["adaptive"], paper.minimum_jerk()
-STEP = prepare_bench(PLANT)
+DYNAMICS = PLANT.dynamics()
 CYCLES = round(DURATION / PLANT.sample_time)
 CABLE, SERVO, MOTOR = PLANT.cable, PLANT.servo, PLANT.motor
 
@@ -43,7 +45,7 @@ NUMBERS: dict[str, float] = {
     "natural_frequency": SERVO.natural_frequency,
     "damping": SERVO.damping,
     "speed_limit": SERVO.speed_limit,
-    "acceleration_limit": STEP.servo.acceleration_limit,
+    "acceleration_limit": DYNAMICS.plant.servo.acceleration_limit,
     **{name: getattr(MOTOR, name) for name in ("torque_constant", "gear", "inertia", "spring", "pretension")},
     "joint_resolution": PLANT.joint_encoder.resolution,
     "joint_noise": PLANT.joint_encoder.noise,
@@ -108,17 +110,15 @@ def _rows(library: ctypes.CDLL, rounds: int, cc: str) -> tuple[list[Row], list[s
         raise RuntimeError(f"C and package differ by {difference:g}: not the same work")
 
     references, (widths, slopes) = inputs[1:4].copy(), edges
-    record, states, loop = np.empty((8, CYCLES)), np.empty((6, CYCLES)), compiled_loop(LAW)
-    arguments = (references, widths, slopes, noise, (PLANT.joint_encoder, PLANT.motor_encoder), 0.0)
-    settings = (PLANT.sample_time, PLANT.delay, PLANT.substeps)
-
+    record, states = np.empty((8, CYCLES)), np.empty((6, CYCLES))
     c_arguments = [_at(values) for values in (references, widths, slopes, noise, record, states)]
+    ours = _loop(PLANT, references, widths, slopes, noise)
     timings = by_turns(
         rounds,
         simulate=package,
         c_program=lambda: c_program(noise),
         c_with_noise=lambda: c_program(np.random.default_rng(SEED).standard_normal((CYCLES, 2))),
-        loop=lambda: _lasted(loop(LAW.gains, STEP, *arguments, *settings, record, states, Fault(), np.empty((2, 0)))),
+        loop=lambda: _lasted(ours()),
         c_loop=lambda: _lasted(library.loop(pointer, *c_arguments)),
     )
 
@@ -166,14 +166,13 @@ def _as_exact(library: ctypes.CDLL, rounds: int) -> tuple[Row, str]:
     while (difference := c_program(substeps)) > EXACT:
         errors[substeps] = difference
         substeps = round(1.25 * substeps)
-    references, (widths, slopes), loop = inputs[1:4].copy(), edges.copy(), compiled_loop(LAW)
+    references, (widths, slopes) = inputs[1:4].copy(), edges.copy()
     parameters = Parameters(**(NUMBERS | none), delay=PLANT.delay, substeps=substeps, cycles=cycles, whole=0)
-    arguments = (references, widths, slopes, normals, (Encoder(), Encoder()), 0.0)
-    settings = (PLANT.sample_time, PLANT.delay, PLANT.substeps)
+    loop = _loop(plant, references, widths, slopes, normals)
     in_loop = [_at(values) for values in (references, widths, slopes, normals, record, states)]
     timings = by_turns(
         rounds,
-        loop=lambda: loop(LAW.gains, STEP, *arguments, *settings, record, states, Fault(), np.empty((2, 0))),
+        loop=loop,
         c_loop=lambda: library.loop(ctypes.byref(parameters), *in_loop),
     )
     first = f"{errors.get(PLANT.substeps, difference):.1g}"
@@ -185,6 +184,16 @@ def _as_exact(library: ctypes.CDLL, rounds: int) -> tuple[Row, str]:
     ratio = timings["c_loop"].over(timings["loop"])
     what = f"ten seconds of the loop against C in sub-steps, as exact ({substeps} a cycle)"
     return Row(what, timings["loop"], timings["c_loop"], ratio, "× faster", "≥ 2"), note
+
+
+def _loop(plant: Bench, references: Array, widths: Array, slopes: Array, normals: Array) -> Callable[[], int]:
+    """Our compiled loop alone, ready to be called."""
+    dynamics, cycles = plant.dynamics(), references.shape[1]
+    record, states = np.empty((len(RECORDED) + len(dynamics.columns), cycles)), np.empty((6, cycles))
+    sheath = SheathPath(np.full(cycles + 1, plant.sheath.bend), widths, slopes)
+    arguments = (LAW.gains, TABLE.settings, dynamics.plant, references, sheath, normals, 0.0, plant.sample_time)
+    loop = compiled_loop(dynamics, LAW)
+    return lambda: loop(*arguments, plant.delay, record, states, Fault(), np.empty((2, 0)))
 
 
 def _difference(trace: Trace, inputs: Array, block: Array, current: Array) -> float:

@@ -20,8 +20,8 @@ from bowden.live import lateness
 from bowden.live.lateness import bare_loop_apart
 from bowden.live.machine import cyclictest
 from bowden.live.mcap_read import read
-from bowden.rig import compose
-from bowden.sim.closed_loop import simulate
+from bowden.rig.rig import Rig
+from bowden.sim.run import simulate
 from kept import Kept
 from measure import Figure
 from same_run import rmse_deg
@@ -69,12 +69,9 @@ def _one(law: str, seconds: float, seed: int, folder: Path, cpu: int) -> dict[st
     bare, other = np.concatenate([before, after]), cyclictest(BARE, 1e-3, settings.priority, cpu)
     log = read(Path(found["log"]))
     late = log["lateness"]
-    setup, description = compose.setup(rig)
-    chosen = compose.law_for(law, description, setup.bench, folder)
+    own = Rig.read(rig).with_law(law)
     led = max(1.0, found["seconds_led"])
-    pure = simulate(
-        setup.bench, chosen, setup.reference, duration=led, seed=setup.seed, initial_motor=setup.initial_motor
-    )
+    pure = simulate(own.bench, own.fitted(), own.trajectory, duration=led, seed=own.seed, initial_motor=own.start_motor)
     same = late <= max(STALL, float(bare.max()))
     return {
         "law": law,

@@ -13,7 +13,7 @@ from bowden.core.metrics import rmse
 from bowden.models.cable.sheath import width as width_at
 from bowden.models.drive.encoder import Encoder
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from bowden.core.metrics import rmse
 from bowden.core.signals import Reference, Sample
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from measure import Row, Timing, by_turns
 from peer_control import BENCH, LAW, REFERENCE
 

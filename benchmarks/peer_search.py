@@ -27,7 +27,7 @@ from bowden.identify.log.read import read_log
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.rig.presets import bench as paper
-from bowden.sim import closed_loop
+from bowden.sim import run
 from measure import Row, Timing, by_turns
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Search:
 def simulated_log() -> HalfLog:
     """The bench under a multisine without compensation, as its encoders show it."""
     motion = Multisine((0.11, 0.37), (0.45, 0.2), (0.0, 1.0), centre=0.6)
-    trace = closed_loop.simulate(paper.bench(), LAWS["uncompensated"], motion, duration=20.0, seed=5)
+    trace = run.simulate(paper.bench(), LAWS["uncompensated"], motion, duration=20.0, seed=5)
     return HalfLog("simulated bench", trace.time, trace["motor_measured"], trace["joint_measured"])
 
 

@@ -9,9 +9,10 @@ from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
-from bowden.live.compose_live import Asked, compose_live
+from bowden.live.live_run import live_run
 from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
+from bowden.rig.rig import Rig
 from bowden.safety.supervisor import Mode, Observed, Request
 
 LONGEST = 60.0
@@ -26,9 +27,10 @@ def rmse_deg(rig: Path, law: str, seconds: float) -> float:
         law: name.
         seconds: how long the law leads.
     """
-    live = compose_live(Asked(rig, law, duration=seconds))
-    setup, cycle, script = live.setup, live.cycle(), live.script()
-    drive = SimulatedDrive(TwinBench(setup.bench, setup.bend, setup.duration, setup.seed, setup.initial_motor, 0.0))
+    read = Rig.read(rig).with_law(law).replace(duration=seconds)
+    live = live_run(read)
+    cycle, script = live.cycle(), live.script()
+    drive = SimulatedDrive(TwinBench(read.bench, read.bend_path, read.duration, read.seed, read.start_motor, 0.0))
     cycle.begin(NOTHING_READ, cold(live.limits.thermal))
     mode, target, errors = float(Mode.STOPPED), cycle.state.supervisor.target, []
     for k in range(1, round((LONGEST + seconds) / cycle.period)):

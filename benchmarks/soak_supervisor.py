@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.design.league import told
+from bowden.control.knowledge import informed
 from bowden.design.league_cells import plants, scenarios
-from bowden.plants.cable_plant import resting_motor
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
@@ -35,15 +35,15 @@ def runs(hours: float, done: int) -> Iterator[list[Any]]:
             played, gone = played + 1, gone + scenario.duration
             if played <= done:
                 continue
-            out = supervised(
+            out, _ = supervised(
                 bench,
-                told(law, plant.plant),
+                informed(law, knowledge_of(plant.plant)),
                 scenario.reference(plant.stroke),
                 MEASURED if seed % 2 else Limits(),
                 duration=scenario.duration,
                 bend=plant.bend,
                 seed=seed,
-                initial_motor=resting_motor(plant.plant, 0.0, float(plant.bend(np.zeros(1))[0])),
+                initial_motor=plant.plant.resting_motor(0.0, float(plant.bend(np.zeros(1))[0])),
             )
             names = " ".join(fault.name for fault in of(out.faults))
             yield [law.name, plant.name, scenario.name, seed, scenario.duration, out.differs + out.bad, names]

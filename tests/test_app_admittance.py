@@ -16,10 +16,11 @@ from bowden.core.units import RADIANS
 from bowden.design.admittance_study import MIDDLE
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
-from bowden.live.compose_live import Asked, compose_live
+from bowden.live.live_run import live_run
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.plants.suit_parts import Suit
 from bowden.rig import compose_admittance
+from bowden.rig.rig import Rig
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit_sources import behind, push_of
 
@@ -61,8 +62,8 @@ def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> Non
     assert run["interaction"]["rms_nm"] < 1.0
     assert run["interaction"]["rms_nm"] < run["interaction"]["peak_nm"]
     trace = Trace.from_parquet("out/uncompensated.parquet")
-    assert trace.units["admittance.push"] == "N·m"
-    assert trace.units["admittance.velocity"] == "rad/s"
+    assert trace.units["admittance.push.torque"] == "N·m"
+    assert trace.units["admittance.virtual.velocity"] == "rad/s"
     assert "What the wearer pushes" in Path("out/simulate.html").read_text()
 
 
@@ -169,21 +170,21 @@ def test_beyond_the_limit_nothing_runs_live(
 def test_a_live_reference_is_held_inside_the_supervisors_limits() -> None:
     text = RIG.replace("worn = true", "worn = true\nfriction_feedforward_nm = 2.79")
     Path("rig.toml").write_text(f'{text}torque = "estimate"\n[limits]\njoint_high_deg = 80.0\njoint_low_deg = -1.0\n')
-    live = compose_live(Asked(Path("rig.toml")))
+    live = live_run(Rig.read("rig.toml"))
     virtual = live.source().settings.admittance
     assert (virtual.low, virtual.high) == pytest.approx((4.0 * RADIANS, 75.0 * RADIANS))
-    held, tracked = live.setup.notes
+    held, tracked = live.notes
     assert held == "the reference of [admittance] is held within 4° to 75°, inside [limits]"
     assert tracked.startswith("limits.tracking_deg is 5.73; where a motion turns, friction leaves the motor 28° behind")
     assert live.told()["admittance"]["estimated"] == 1.0
-    assert compose_live(Asked(Path("rig.toml"), measure=True)).source() is TABLE
+    assert live_run(Rig.read("rig.toml"), measure=True).source() is TABLE
 
 
 def test_a_law_is_led_no_further_than_joint_and_motor_may_go_live() -> None:
     text = RIG.replace(*PUSH) + 'torque = "estimate"\n[limits]\njoint_high_deg = 95.0\n'
     for motor_high, room in ((120.0, 5.0), (92.0, 2.0), (80.0, 0.0)):
         Path("rig.toml").write_text(f"{text}motor_high_deg = {motor_high}\n")
-        settings = compose_live(Asked(Path("rig.toml"), law="adaptive")).source().settings
+        settings = live_run(Rig.read("rig.toml").with_law("adaptive")).source().settings
         assert settings.under.room == pytest.approx(room * RADIANS)
         assert settings.admittance.high == pytest.approx(min(90.0, motor_high) * RADIANS)
 
@@ -204,12 +205,12 @@ def test_the_friction_that_is_left_decides_whether_a_live_motor_can_move(
 ) -> None:
     keys = f"friction_nm = {friction}\nfriction_feedforward_nm = {made_up}\n"
     Path("rig.toml").write_text(RIG.replace("worn = true\n", f"worn = true\n{keys}") + 'torque = "estimate"\n')
-    asked = Asked(Path("rig.toml"))
+    rig = Rig.read("rig.toml")
     if said == "refused":
         with pytest.raises(ParameterError, match=f"friction_feedforward_nm is {made_up:g} in a live run"):
-            compose_live(asked)
+            live_run(rig)
     else:
-        notes = [note for note in compose_live(asked).setup.notes if "friction_feedforward_nm" in note]
+        notes = [note for note in live_run(rig).notes if "friction_feedforward_nm" in note]
         assert len(notes) == (said == "noted")
 
 
@@ -227,13 +228,13 @@ def test_the_friction_that_is_left_decides_whether_a_live_motor_can_move(
 def test_the_advice_on_friction_can_be_followed(keys: str, said: str) -> None:
     Path("rig.toml").write_text(RIG.replace("worn = true\n", f"worn = true\n{keys}\n") + 'torque = "estimate"\n')
     with pytest.raises(ParameterError) as refused:
-        compose_live(Asked(Path("rig.toml")))
+        live_run(Rig.read("rig.toml"))
     assert refused.value.do == said
     least = refused.value.expected.removeprefix("at least ")
     if said.startswith("set it"):
         given = "friction_feedforward_nm = " + least.partition(":")[0]
         Path("rig.toml").write_text(Path("rig.toml").read_text().replace("friction_feedforward_nm = 0.3", given))
-        compose_live(Asked(Path("rig.toml")))
+        live_run(Rig.read("rig.toml"))
     else:
         assert least.startswith("5.34, and this drive has 4.175 at most: ")
 
@@ -241,7 +242,7 @@ def test_the_advice_on_friction_can_be_followed(keys: str, said: str) -> None:
 def test_friction_of_another_cable_is_said_not_to_be_foreseen() -> None:
     keys = 'cable = "capstan"\ncapstan_friction = 1.0\nfriction_nm = 0.2\n'
     Path("rig.toml").write_text(RIG.replace("worn = true\n", f"worn = true\n{keys}") + 'torque = "estimate"\n')
-    notes = compose_live(Asked(Path("rig.toml"))).setup.notes
+    notes = live_run(Rig.read("rig.toml")).notes
     assert sum("friction of its sheath is not foreseen" in note for note in notes) == 1
 
 

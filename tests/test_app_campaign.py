@@ -242,11 +242,11 @@ def test_a_packed_study_is_the_same_study(tmp_path: Path) -> None:
     again = study_pack.unpacked(study_pack.packed(study))
     assert [law.name for law in again.laws] == [law.name for law in study.laws]
     for number in (0, 5):
-        (_, laws, fault), (_, others, another) = study.setup(number), again.setup(number)
+        (_, laws, fault), (_, others, another) = study.run(number), again.run(number)
         assert study.drawn(number) == again.drawn(number)
         assert [law.gains._asdict() for law in laws] == [law.gains._asdict() for law in others]
         assert fault == another
-        assert study.setup(number)[0].bench == again.setup(number)[0].bench
+        assert study.run(number)[0].bench == again.run(number)[0].bench
 
 
 def test_other_software_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -373,8 +373,8 @@ def test_the_study_on_the_page_can_be_run(capsys: pytest.CaptureFixture[str]) ->
     assert main.run(["init"]) == 0
     study = load(Path("study.toml"))
     assert [law.name for law in study.laws] == ["adaptive", "bowden"]
-    setup, (_, ours), fault = study.setup(3)
+    rig, (_, ours), fault = study.run(3)
     drawn = study.drawn(3).values
-    truth = setup.bench.servo.natural_frequency
+    truth = rig.servo.natural_frequency
     assert ours.gains.servo_frequency == pytest.approx(truth * float(drawn["told.servo_frequency"]))
     assert fault.end - fault.begin == 500.0

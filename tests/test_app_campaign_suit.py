@@ -98,10 +98,10 @@ def test_a_row_is_the_run_of_bowden_simulate_to_the_last_bit(capsys: pytest.Capt
 def test_wearers_sheaths_noise_and_faults_differ_from_run_to_run() -> None:
     study = load(Path("study.toml"))
     time = np.linspace(0.0, 1.5, 7)
-    cases = list(study.suit_cases([(number, study.drawn(number)) for number in range(6)]))
-    assert len({case.suit.arm.mass for case in cases}) == 6
-    assert len({case.suit.wearer.share for case in cases}) == 6
-    assert len({case.suit.flexor.half_width for case in cases}) == 6
+    cases = list(study.cases([(number, study.drawn(number)) for number in range(6)]))
+    assert len({case.plant.arm.mass for case in cases}) == 6
+    assert len({case.plant.wearer.share for case in cases}) == 6
+    assert len({case.plant.flexor.half_width for case in cases}) == 6
     assert len({tuple(case.bend(time).tolist()) for case in cases}) == 6
     assert len({case.seed for case in cases}) == 6
     assert all(2.0 <= case.bend(time).min() <= case.bend(time).max() <= 5.3 for case in cases)
@@ -120,8 +120,8 @@ def test_a_frozen_sensor_is_what_the_law_sees() -> None:
     """The run that ``--run`` shows, with its fault."""
     study = load(Path("study.toml"))
     number = next(n for n in range(6) if study.drawn(n).values["fault.kind"] == "joint_frozen")
-    setup, laws, fault = study.setup(number)
-    trace = run_of(setup, laws[1], fault)
+    rig, laws, fault = study.run(number)
+    trace = run_of(rig, laws[1], fault)
     (row,) = [r for r in table_of(study, [number]).to_pylist() if r["law"] == "adaptive"]
     assert trace.metrics().rmse_deg == row["rmse_deg"]
     assert len(set(trace["joint_measured"][1000:1200].tolist())) == 1
@@ -141,7 +141,7 @@ def test_other_sheath_paths_vary_too(bend: str) -> None:
     study = load(Path("study.toml"))
     for number in range(3):
         drawn = study.drawn(number)
-        (case,) = study.suit_cases([(number, drawn)])
+        (case,) = study.cases([(number, drawn)])
         assert case.bend(np.array([1.0]))[0] * DEGREES == pytest.approx(float(drawn.values[key]))
 
 
@@ -181,4 +181,4 @@ def test_a_drive_with_an_integral_is_refused_under_admittance(
         with pytest.raises(ParameterError, match=r"^rig.toml: suit.drive_integral_per_s is 30 under \[admittance\]"):
             load(Path("study.toml"))
     Path("study.toml").write_text(STUDY.replace("[set]", '[set]\n"suit.drive_integral_per_s" = 20.0'))
-    assert load(Path("study.toml")).shared.suit is not None
+    assert load(Path("study.toml")).rig.worn is not None

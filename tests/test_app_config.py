@@ -12,13 +12,12 @@ from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.rig import compose
-from bowden.rig.config import read_rig
 from bowden.rig.page import json_schema, markdown, toml_text
 from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.presets.bench import observer as paper_observer
-from bowden.rig.schema import BENDS, REFERENCES, Rig
-from bowden.sim.closed_loop import simulate
+from bowden.rig.rig import Rig
+from bowden.rig.sections import BENDS, REFERENCES, RigFile
+from bowden.sim.run import simulate
 
 ROOT = Path(__file__).parents[1]
 
@@ -31,8 +30,8 @@ def rig(folder: Path, text: str) -> Path:
 
 def test_the_commented_default_says_what_an_empty_file_says() -> None:
     table = tomllib.loads(toml_text())
-    assert Rig.model_validate(table) == Rig()
-    assert set(table) == set(Rig.model_fields)
+    assert RigFile.model_validate(table) == RigFile()
+    assert set(table) == set(RigFile.model_fields)
 
 
 def numbers(value: Any) -> list[float]:
@@ -41,10 +40,10 @@ def numbers(value: Any) -> list[float]:
 
 
 def test_the_default_rig_is_the_papers_bench(tmp_path: Path) -> None:
-    setup, _ = compose.setup(rig(tmp_path, toml_text()))
+    setup = Rig.read(rig(tmp_path, toml_text()))
     assert numbers(setup.bench) == pytest.approx(numbers(default_bench()), rel=4e-16, abs=0.0)  # degrees and back
     assert setup.reference == minimum_jerk()
-    assert setup.initial_motor == 0.0
+    assert setup.start_motor == 0.0
     assert not setup.notes
 
 
@@ -54,7 +53,7 @@ def test_every_commented_alternative_is_right_when_it_is_uncommented() -> None:
     assert len(blocks) == len(REFERENCES) + len(BENDS) - 2
     for block in blocks:
         lines = block.split("\n\n")[0].splitlines()
-        Rig.model_validate(tomllib.loads("\n".join(line.removeprefix("# ") for line in lines)))
+        RigFile.model_validate(tomllib.loads("\n".join(line.removeprefix("# ") for line in lines)))
     gains = text.split("# [control.gains]\n")[1].split("\n\n")[0]
     given = tomllib.loads("\n".join(line.removeprefix("# ") for line in gains.splitlines()))
     assert given == LAWS["adaptive"].gains._asdict()
@@ -76,7 +75,7 @@ def test_the_schema_takes_the_default_and_refuses_an_unknown_key() -> None:
 
 @pytest.mark.parametrize("example", sorted((ROOT / "examples").glob("*.toml")), ids=lambda path: path.name)
 def test_the_examples_are_right(example: Path) -> None:
-    compose.setup(example)
+    Rig.read(example)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +126,7 @@ def test_the_examples_are_right(example: Path) -> None:
 )
 def test_a_mistake_gets_one_line_that_helps(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(BowdenError) as caught:
-        compose.setup(rig(tmp_path, text))
+        Rig.read(rig(tmp_path, text))
     message = str(caught.value).replace("\\", "/")
     assert said.replace("{folder}", tmp_path.as_posix()) in message
     assert "duration" in text or f"{tmp_path.as_posix()}/rig.toml" in message
@@ -143,15 +142,15 @@ def test_a_file_that_is_no_text_or_no_file(tmp_path: Path) -> None:
         (tmp_path / "x", "bowden init"),
     ):
         with pytest.raises(ParameterError, match=said):
-            read_rig(path)
+            Rig.read(path)
 
 
 def test_gains_come_from_the_rig_the_preset_and_the_cable_in_that_order(tmp_path: Path) -> None:
     text = "[cable]\nslope = 0.8\n[control]\nlaw = 'observer'\n[control.gains]\nrate = 7.0\n"
-    setup, description = compose.setup(rig(tmp_path, text))
-    observer = compose.law_for("observer", description, setup.bench, tmp_path)
+    setup = Rig.read(rig(tmp_path, text))
+    observer = setup.fitted("observer")
     assert (observer.gains.slope, observer.gains.rate) == (0.8, 7.0)
-    adaptive = compose.law_for("adaptive", description, setup.bench, tmp_path, "paper")
+    adaptive = setup.with_law("adaptive", "paper").fitted()
     assert adaptive.gains == LAWS["adaptive"].presets["paper"]
 
 
@@ -169,17 +168,18 @@ def test_gains_come_from_the_rig_the_preset_and_the_cable_in_that_order(tmp_path
     ],
 )
 def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, text: str, said: str) -> None:
-    setup, description = compose.setup(rig(tmp_path, text))
+    setup = Rig.read(rig(tmp_path, text))
     with pytest.raises(ParameterError) as caught:
-        compose.law_for(law, description, setup.bench, tmp_path)
+        setup.fitted(law)
     assert said in str(caught.value)
     assert caught.value.do
 
 
 def test_the_observers_preset_is_table_1s(tmp_path: Path) -> None:
-    setup, description = compose.setup(rig(tmp_path, "[cable]\nslope = 0.8\n"))
-    law = compose.law_for("observer", description, setup.bench, tmp_path, "paper")
-    assert law.gains == paper_observer().gains
+    assert LAWS["observer"].presets["paper"] == paper_observer().gains
+    for cable, slope in (("", 0.938), ("[cable]\nslope = 0.8\n", 0.8)):  # what the preset leaves, the rig tells
+        law = Rig.read(rig(tmp_path, cable)).with_law("observer", "paper").fitted()
+        assert law.gains == paper_observer().gains._replace(slope=slope)
     assert law.gains.hysteresis_gain == pytest.approx(-0.129 * 0.8841 * 0.566, rel=1e-3)
 
 
@@ -202,18 +202,18 @@ offset = 0.0
 def test_an_identified_cable_is_the_benchs_and_the_observers(tmp_path: Path) -> None:
     path = rig(tmp_path, "[cable]\nmodel = 'model.toml'\n[control]\nlaw = 'observer'")
     (tmp_path / "model.toml").write_text(MODEL.format(slope=-0.9, best="bouc_wen"))
-    setup, description = compose.setup(path)
+    setup = Rig.read(path)
     assert setup.bench.cable == BoucWen(0.9, -0.11, 10.0, 9.0, 2.5, 0.02)  # it runs the other way: counted so
     assert setup.bench.sheath.gap == 1.0
     assert len(setup.notes) == 1
-    observer = compose.law_for("observer", description, setup.bench, tmp_path)
+    observer = setup.fitted("observer")
     assert observer.gains._asdict().items() >= setup.bench.cable._asdict().items()
 
     (tmp_path / "model.toml").write_text(MODEL.format(slope=0.9, best="line"))
-    assert "recommends 'line'" in compose.setup(path)[0].notes[0]
+    assert "recommends 'line'" in Rig.read(path).notes[0]
     (tmp_path / "model.toml").write_text(MODEL.format(slope=0.0, best="line"))
     with pytest.raises(ParameterError, match="slope of bouc_wen is 0"):
-        compose.setup(path)
+        Rig.read(path)
 
 
 def test_the_uncompensated_law_knows_how_the_encoders_are_zeroed_and_nothing_else(tmp_path: Path) -> None:
@@ -221,10 +221,10 @@ def test_the_uncompensated_law_knows_how_the_encoders_are_zeroed_and_nothing_els
     errors = []
     for offset in ("0.0", "1.25"):
         (tmp_path / "model.toml").write_text(MODEL.format(slope=-0.9, best="bouc_wen").replace("0.02", offset))
-        setup, description = compose.setup(path)
-        law = compose.law_for("uncompensated", description, setup.bench, tmp_path)
+        setup = Rig.read(path)
+        law = setup.fitted("uncompensated")
         assert law.gains._asdict() == {"slope": 1.0, "motor_zero": pytest.approx(-float(offset) / 0.9)}
-        trace = simulate(setup.bench, law, setup.reference, duration=setup.duration, initial_motor=setup.initial_motor)
+        trace = simulate(setup.bench, law, setup.trajectory, duration=setup.duration, initial_motor=setup.start_motor)
         errors.append(trace.metrics().rmse_deg)
     assert errors[0] is not None
     assert 2.0 < errors[0] < 8.0  # the slope of 0.9 and the play
@@ -235,18 +235,23 @@ def test_a_run_starts_where_the_reference_does(tmp_path: Path) -> None:
     text = (
         "[cable]\noffset_deg = 4.0\n[reference]\nkind = 'multisine'\ncentre_deg = 30.0\n[scenario]\nduration_s = 0.1\n"
     )
-    setup, description = compose.setup(rig(tmp_path, text + "[scenario.bend]\nkind = 'constant'\nbend_deg = 300.0"))
-    law = compose.law_for("observer", description, setup.bench, tmp_path)
+    setup = Rig.read(rig(tmp_path, text + "[scenario.bend]\nkind = 'constant'\nbend_deg = 300.0"))
+    law = setup.fitted("observer")
     trace = simulate(
-        setup.bench, law, setup.reference, duration=setup.duration, bend=setup.bend, initial_motor=setup.initial_motor
+        setup.bench,
+        law,
+        setup.trajectory,
+        duration=setup.duration,
+        bend=setup.bend_path,
+        initial_motor=setup.start_motor,
     )
     assert trace["joint"][0] == pytest.approx(30.0 * RADIANS)
 
 
 def test_a_cable_that_runs_the_other_way_is_counted_the_other_way(tmp_path: Path) -> None:
     text = "[cable]\nslope = {}0.9\nhysteresis_gain_rad = {}0.1\n[scenario]\ninitial_motor_deg = {}5.0"
-    plus, _ = compose.setup(rig(tmp_path, text.format("", "-", "")))
-    minus, _ = compose.setup(rig(tmp_path, text.format("-", "", "-")))
+    plus = Rig.read(rig(tmp_path, text.format("", "-", "")))
+    minus = Rig.read(rig(tmp_path, text.format("-", "", "-")))
     assert minus.bench == plus.bench
-    assert minus.initial_motor == plus.initial_motor
+    assert minus.start_motor == plus.start_motor
     assert "other way" in minus.notes[0]

@@ -10,13 +10,13 @@ from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.hardware.emg.course import CourseSettings
 from bowden.hardware.ports import EmgChunk
-from bowden.live.compose_live import Asked, compose_live
 from bowden.live.emg_summary import figures
+from bowden.live.live_run import Live, live_run
 from bowden.live.preflight import Preflight, require
 from bowden.live.screen import _emg
-from bowden.rig.compose import setup
 from bowden.rig.emg_motion import EmgMotion
-from bowden.rig.emg_setup import columns, emg_run
+from bowden.rig.emg_setup import columns
+from bowden.rig.rig import Rig
 
 RATE = 1000.0
 WEARER = '[emg]\nchannel = "{channel}"\nrest = {rest}\nmvc = {mvc}\nsource = "mvc.csv"\n'
@@ -41,6 +41,12 @@ def rig(folder: Path, keys: str = "", more: str = "") -> Path:
     return path
 
 
+def live_of(path: Path, emg: str | None = None) -> Live:
+    """The run of a rig, as the command makes it."""
+    rig = Rig.read(path)
+    return live_run(rig if emg is None else rig.with_emg(emg))
+
+
 class Stream:
     """A stream that says who it is, and nothing else."""
 
@@ -62,7 +68,7 @@ class Stream:
 def refused(folder: Path, keys: str, source: str | None = "lsl:EMG") -> str:
     """What is said of a run with these keys in [emg], before or as its stream is opened."""
     try:
-        live = compose_live(Asked(rig(folder, keys), emg=source))
+        live = live_of(rig(folder, keys), source)
         assert live.emg is not None
         columns(live.emg, Stream())
     except BowdenError as error:
@@ -131,45 +137,45 @@ def test_what_is_no_source_is_one_line_for_every_command(
 def test_an_impossible_wearer_is_one_line(tmp_path: Path, wearer: str, said: str) -> None:
     path = rig(tmp_path, "source = 'lsl:EMG'", f"[suit]\nworn = true\n[wearer]\n{wearer}")
     with pytest.raises(BowdenError, match=said):
-        compose_live(Asked(path))
+        live_of(path)
 
 
 def test_the_suits_rig_that_init_writes_can_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "suit.toml"
     assert run(["init", str(path), "--suit"]) == 0
     assert f"bowden run {path} --twin" in capsys.readouterr().out
-    live = compose_live(Asked(path, emg="lsl:EMG"))
+    live = live_of(path, "lsl:EMG")
     require(live.limits, live.drive.sample_time, "little_margin")
-    assert live.setup.suit is not None
+    assert live.rig.worn is not None
     assert live.drive.spool is not None
-    assert live.drive.gear == live.setup.suit.motor.gear == 25.0
-    assert live.setup.suit.motor.integral == 40.0
+    assert live.drive.gear == live.rig.worn.motor.gear == 25.0
+    assert live.rig.worn.motor.integral == 40.0
     assert live.script()._checks.noise > Preflight().noise
     assert run(["init", str(path), "--suit"]) == 2
 
 
 def test_a_rig_without_a_source_runs_by_its_reference_and_with_one_by_emg(tmp_path: Path) -> None:
     path = rig(tmp_path)
-    live = compose_live(Asked(path))
+    live = live_of(path)
     assert live.emg is None
     assert live.limits.uses_emg == 0.0
-    by_emg = compose_live(Asked(path, emg="lsl:EMG"))
+    by_emg = live_of(path, "lsl:EMG")
     assert by_emg.emg is not None
     assert by_emg.limits.uses_emg == 1.0
     assert by_emg.told()["emg"]["source"] == "lsl:EMG"
-    assert compose_live(Asked(rig(tmp_path, "source = 'lsl:A'"), emg="lsl:B")).emg.source == "lsl:B"  # type: ignore[union-attr]
+    assert live_of(rig(tmp_path, "source = 'lsl:A'"), "lsl:B").emg.source == "lsl:B"  # type: ignore[union-attr]
 
 
 def test_a_wearer_of_the_channel_is_taken_and_the_unit_may_stand_in_the_name_or_beside_it(tmp_path: Path) -> None:
     (tmp_path / "anna.toml").write_text(WEARER.format(channel="triceps_mV", rest=0.01, mvc=0.3))
-    live = compose_live(Asked(rig(tmp_path, "wearer = 'anna.toml'\nflexor = 'triceps'"), emg="lsl:EMG"))
+    live = live_of(rig(tmp_path, "wearer = 'anna.toml'\nflexor = 'triceps'"), "lsl:EMG")
     assert live.emg is not None
     assert columns(live.emg, Stream()) == (1, None)
 
 
 def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_path: Path, recording: Path) -> None:
     (tmp_path / "emg.csv").write_bytes(recording.read_bytes())
-    made, _ = setup(rig(tmp_path, "source = 'file:emg.csv'\nduration_s = 0.6"), offline=True)
+    made = Rig.read(rig(tmp_path, "source = 'file:emg.csv'\nduration_s = 0.6")).offline()
     assert isinstance(made.reference, EmgMotion)
     assert made.duration == made.reference.duration == pytest.approx(13.0, abs=0.01), (
         "the recording's, of 60 s asked for"
@@ -179,9 +185,9 @@ def test_a_recording_is_found_from_the_rig_and_simulated_as_it_would_run(tmp_pat
     assert len(turns) >= 10, "six contractions, a motion for each"
     assert path[:, 0].max() == pytest.approx(np.pi / 3.0)
     assert path[:, 0].min() == 0.0
-    checked, _ = setup(rig(tmp_path, "source = 'file:emg.csv'"))
-    assert checked.reference.sample(np.linspace(0.0, 4.0, 100))[:, 0].max() == pytest.approx(np.pi / 3.0, abs=1e-2)
-    stream, _ = setup(rig(tmp_path, "source = 'lsl:EMG'"), offline=True)
+    checked = Rig.read(rig(tmp_path, "source = 'file:emg.csv'"))
+    assert checked.trajectory.sample(np.linspace(0.0, 4.0, 100))[:, 0].max() == pytest.approx(np.pi / 3.0, abs=1e-2)
+    stream = Rig.read(rig(tmp_path, "source = 'lsl:EMG'")).offline()
     assert "lsl:EMG is live" in stream.notes[-1]
 
 
@@ -193,7 +199,7 @@ def test_a_simulated_joint_follows_no_envelope_while_either_electrode_is_in_trou
     np.savetxt(tmp_path / "emg.csv", table, ["%.3f", "%.5f", "%.5f"], ",", header=header, comments="")
     (tmp_path / "me.toml").write_text(WEARER.format(channel="biceps_mV", rest=0.008, mvc=0.2))
     keys = ("source = 'file:emg.csv'", "mode = 'proportional'", "wearer = 'me.toml'", "extensor = 'triceps_mV'")
-    made, _ = setup(rig(tmp_path, "\n".join([*keys, "duration_s = 0.5"])), offline=True)
+    made = Rig.read(rig(tmp_path, "\n".join([*keys, "duration_s = 0.5"]))).offline()
     calm, before, within, after = made.reference.sample(np.array([1.5, 3.9, 5.8, 7.4]))[:, 0]
     assert calm == pytest.approx(0.0, abs=0.05)
     assert min(before, after) > 0.5
@@ -264,6 +270,4 @@ def test_figures_are_of_motions_and_their_delays() -> None:
 
 
 def test_emg_of_a_rig_is_none_without_a_source(tmp_path: Path) -> None:
-    from bowden.rig.config import read_rig
-
-    assert emg_run(read_rig(rig(tmp_path)).emg, tmp_path) is None
+    assert Rig.read(rig(tmp_path)).emg_run is None

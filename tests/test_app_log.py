@@ -18,7 +18,7 @@ from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
 from bowden.identify.log.read import read_log
-from bowden.live.compose_live import Asked, compose_live
+from bowden.live import live_run as live_run_of
 from bowden.live.events import Changes
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read
@@ -26,6 +26,7 @@ from bowden.live.preflight import Reason
 from bowden.live.row import CYCLE, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
+from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict
 
@@ -56,7 +57,7 @@ def live_run() -> np.ndarray:
         lateness, elapsed = abs(noise[k, 1]) * 0.1, DT + noise[k, 2] * 0.1
         observed = Observed(reading, lateness, elapsed, float(request), 0.05, 1.0, 1.0 if k > 150 else 0.0, 0.0)
         wish, verdict = cycle.step(observed, Plan(source, target, reference))
-        mode, target, state = verdict.mode, verdict.target, cycle.state
+        mode, target, state = verdict.mode, verdict.target, cycle.recorded()
         rows.append(
             (
                 *(k * DT, *reference, *reading, *state.sample, wish),
@@ -246,9 +247,10 @@ def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.Captu
     source = ["from dataclasses import replace", "from bowden.control import LAWS"]
     Path("my_law.py").write_text("\n".join([*source, "MINE = replace(LAWS['adaptive'], name='mine')"]))
     Path("rig.toml").write_text("[control]\nlaw = 'my_law.py:MINE'\n")
-    for asked in (Asked(Path("rig.toml")), Asked(Path("rig.toml"), law="my_law.py:MINE")):
-        assert compose_live(asked).told()["law_file"] == f"{Path.cwd()}/my_law.py:MINE"
-    told = compose_live(Asked(Path("rig.toml"))).told()
+    rig = Rig.read("rig.toml")
+    for asked in (rig, rig.with_law("my_law.py:MINE")):
+        assert live_run_of.live_run(asked).told()["law_file"] == f"{Path.cwd()}/my_law.py:MINE"
+    told = live_run_of.live_run(rig).told()
     settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT) | {
         "law": "mine",
         "law_file": told["law_file"],
@@ -256,7 +258,7 @@ def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.Captu
     write(Path("mine.mcap"), rows, settings)
     found = document(["replay", "mine.mcap"], capsys, "log_replay")
     assert (found["law"], found["same_law"], found["wish_largest"]) == ("mine", True, 0)
-    assert "law_file" not in compose_live(Asked(Path("rig.toml"), law="observer")).told()
+    assert "law_file" not in live_run_of.live_run(rig.with_law("observer")).told()
 
 
 def test_an_emergency_and_a_preflight_that_failed_are_events(rows: np.ndarray) -> None:

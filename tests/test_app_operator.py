@@ -30,7 +30,7 @@ from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
 DRIVE = DriveParameters()
-WARM = {"supervisor.winding": 80.0, "supervisor.housing": 60.0, "supervisor.i2t": 12.0}
+WARM = {"supervisor.heat.winding": 80.0, "supervisor.heat.housing": 60.0, "supervisor.heat.i2t": 12.0}
 
 
 def row(**values: float) -> dict[str, float]:
@@ -113,7 +113,7 @@ def test_the_screen_tells_what_a_fault_refers_to() -> None:
 
 
 def test_a_push_is_shown_only_while_it_makes_the_reference() -> None:
-    heard = {"admittance.push": 1.25, "admittance.doubt": 0.5}
+    heard = {"admittance.push.torque": 1.25, "admittance.estimate.doubt": 0.5}
     for source, told in (
         (WishSource.HOLD, "–"),
         (WishSource.MOTION, "–"),
@@ -122,7 +122,7 @@ def test_a_push_is_shown_only_while_it_makes_the_reference() -> None:
     ):
         lines = shown(row(source=float(source), **heard)).splitlines()
         assert [line.split(maxsplit=1)[1].strip() for line in lines if line.startswith("push")] == [told]
-    assert "not known" in shown(row(source=float(WishSource.LAW), **(heard | {"admittance.push": math.nan})))
+    assert "not known" in shown(row(source=float(WishSource.LAW), **(heard | {"admittance.push.torque": math.nan})))
     assert "push" not in shown(row(source=float(WishSource.LAW)))
 
 

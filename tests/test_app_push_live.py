@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.admittance.push import PUSH_UNITS
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import read
@@ -31,11 +30,11 @@ def test_the_suit_follows_a_wearer_who_swings_and_the_log_has_how(rig: Path, tmp
     assert found["emg"] is None
     assert_replays(found["log"], pushed=True)
     log = read(Path(found["log"]))
-    assert {f"admittance.{name}" for name in PUSH_UNITS} <= set(log.columns)
+    assert {"admittance.virtual.position", "admittance.push.torque", "admittance.estimate.torque"} <= set(log.columns)
     led = log["source"] == WishSource.LAW
     settled = log["joint"][led][2500:]
     assert np.ptp(settled) == pytest.approx(50.0 * RADIANS, abs=4.0 * RADIANS)
-    assert (log["reference"][led] == log["admittance.position"][led]).all(), LAWS["uncompensated"].name
+    assert (log["reference"][led] == log["admittance.virtual.position"][led]).all(), LAWS["uncompensated"].name
     assert log["reference"][led].max() <= 100.0 * RADIANS + 1e-12
 
 
@@ -59,6 +58,6 @@ def test_a_lost_joint_angle_releases_on_any_bus(rig: Path, tmp_path: Path) -> No
     log = read(Path(found["log"]))
     gone = int(np.argmax(np.abs(log["joint"]) > 100.0))  # the counts that stand for none
     assert log["source"][gone] == WishSource.LAW
-    assert np.isfinite(log["admittance.estimate"][gone - 1])
-    assert np.isnan(log["admittance.estimate"][gone])
+    assert np.isfinite(log["admittance.estimate.torque"][gone - 1])
+    assert np.isnan(log["admittance.estimate.torque"][gone])
     assert (log["power"][gone + 250 :] == 0.0).all()

@@ -10,12 +10,12 @@ from bowden.core.errors import BowdenError
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.rig.recorded import read_motion
-from bowden.rig.schema import RecordedSection
+from bowden.rig.sections import RecordedFile
 
 
-def motion(folder: Path, text: str | bytes, **keys: str | float) -> RecordedSection:
+def motion(folder: Path, text: str | bytes, **keys: str | float) -> RecordedFile:
     (folder / "motion.csv").write_bytes(text.encode() if isinstance(text, str) else text)
-    return RecordedSection(file="motion.csv", **keys)
+    return RecordedFile(file="motion.csv", **keys)
 
 
 TIME = np.arange(400) * 0.01
@@ -36,8 +36,8 @@ def test_gzipped_text_and_a_trace_are_read_too(tmp_path: Path) -> None:
     trace = Trace({"time": TIME, "joint": ANGLE * RADIANS}, {"time": "s", "joint": "rad"})
     trace.to_csv(tmp_path / "trace.csv")
     trace.to_parquet(tmp_path / "trace.parquet")
-    sections = [RecordedSection(file="motion.csv.gz")] + [
-        RecordedSection(file=f"trace.{ending}", time_column="time", position_column="joint", unit="rad")
+    sections = [RecordedFile(file="motion.csv.gz")] + [
+        RecordedFile(file=f"trace.{ending}", time_column="time", position_column="joint", unit="rad")
         for ending in ("csv", "parquet")
     ]
     for section in sections:
@@ -45,7 +45,7 @@ def test_gzipped_text_and_a_trace_are_read_too(tmp_path: Path) -> None:
 
 
 def test_a_persons_elbow(shared_data: Path) -> None:
-    section = RecordedSection(file="elbow/arm_flexion_goniometer.csv.gz", position_column="elbow_deg")
+    section = RecordedFile(file="elbow/arm_flexion_goniometer.csv.gz", position_column="elbow_deg")
     reference = read_motion(section, shared_data)
     positions = reference.sample(np.arange(0.0, reference.duration, 0.01))[:, 0] / RADIANS
     assert 0.0 < positions.min() < 10.0
@@ -77,4 +77,4 @@ def test_what_cannot_be_followed_is_refused_in_one_line(
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     for ending in ("csv", "parquet"):
         with pytest.raises(BowdenError, match="does not exist"):
-            read_motion(RecordedSection(file=f"none.{ending}"), tmp_path)
+            read_motion(RecordedFile(file=f"none.{ending}"), tmp_path)

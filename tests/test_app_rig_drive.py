@@ -16,11 +16,9 @@ from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.bus import TwinBus
 from bowden.live.preflight import contradictions
-from bowden.rig.config import read_rig
-from bowden.rig.drive import drive_parameters, limits, on_bus
-from bowden.rig.live_schema import DriveSection
 from bowden.rig.presets.bench import default_bench
-from bowden.rig.presets.suit import suit
+from bowden.rig.rig import Rig
+from bowden.rig.sections import PARTS
 from bowden.sim.scenario import constant_bend
 
 BENCH = default_bench()
@@ -29,7 +27,7 @@ BENCH = default_bench()
 def parameters(text: str, folder: Path) -> DriveParameters:
     rig = folder / "rig.toml"
     rig.write_text(text, encoding="utf-8")
-    return drive_parameters(read_rig(rig), BENCH)
+    return Rig.read(rig).drive_parameters
 
 
 def toml(value: object) -> str:
@@ -58,7 +56,7 @@ LIKELY = {
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.dictionaries(st.sampled_from(sorted(DriveSection.model_fields)), VALUES, max_size=4))
+@given(st.dictionaries(st.sampled_from(sorted(PARTS["drive"].section.model_fields)), VALUES, max_size=4))
 def test_any_values_give_a_drive_or_a_line(tmp_path: Path, given_: dict[str, object]) -> None:
     text = "[drive]\n" + "".join(f"{name} = {toml(value)}\n" for name, value in given_.items())
     with contextlib.suppress(BowdenError):
@@ -108,11 +106,9 @@ def test_what_cannot_go_together_is_refused(text: str, said: str, tmp_path: Path
 def test_a_push_against_friction_beyond_its_bound_is_refused_by_its_key(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("[suit]\nworn = true\nfriction_feedforward_nm = 50.0\n", encoding="utf-8")
-    read = read_rig(rig)
-    made = suit()
-    pushed = made._replace(motor=made.motor._replace(friction_feedforward=50.0))
+    read = Rig.read(rig)
     with pytest.raises(ParameterError, match=r"suit\.friction_feedforward_nm is 50") as refused:
-        drive_parameters(read, BENCH, pushed)
+        _ = read.drive_parameters
     assert "at most 4.175" in str(refused.value)
 
 
@@ -121,18 +117,18 @@ def test_slow_cycles_need_a_longer_watch(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(text)
     with pytest.raises(ParameterError, match="heartbeat_time"):
-        drive_parameters(read_rig(rig), BENCH._replace(sample_time=5e-3))
+        _ = Rig.read(rig).drive_parameters
 
 
-def test_another_bus_is_taken_or_refused(tmp_path: Path) -> None:
-    drive = parameters("", tmp_path)
-    assert on_bus(drive, None, None) == drive
-    assert on_bus(drive, "can1", "socketcan")[:2] == ("socketcan", "can1")
+def test_another_bus_is_taken_or_refused() -> None:
+    rig = Rig()
+    assert rig.on_bus(None) is rig
+    assert rig.on_bus("can1", "socketcan").drive_parameters[:2] == ("socketcan", "can1")
     with pytest.raises(ParameterError, match="channel"):
-        on_bus(drive, "", None)
+        _ = rig.on_bus("").drive_parameters
 
 
 def test_the_default_limits_go_together(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("")
-    assert not contradictions(limits(read_rig(rig), BENCH), BENCH.sample_time)
+    assert not contradictions(Rig.read(rig).supervisor_limits, BENCH.sample_time)

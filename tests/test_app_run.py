@@ -20,7 +20,7 @@ from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.rig.presets.bench import default_bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from live_runs import finished, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]

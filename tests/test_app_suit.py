@@ -8,12 +8,10 @@ from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.report.simulate_page import simulation_page
-from bowden.rig import compose
-from bowden.rig.compose_suit import suit_of
-from bowden.rig.presets.bench import bench
 from bowden.rig.presets.suit import suit
-from bowden.rig.schema import Rig
-from bowden.sim.suit import simulate_suit
+from bowden.rig.rig import Rig
+from bowden.rig.settings import SuitSettings
+from bowden.sim.run import simulate
 
 MOTION = '[reference]\nkind = "periodic_minimum_jerk"\nlow_deg = 0.0\nhigh_deg = 60.0\nperiod_s = 4.0\n'
 
@@ -25,13 +23,12 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_without_a_word_nobody_wears_a_suit(tmp_path: Path) -> None:
-    setup, _ = compose.setup(written(tmp_path, MOTION))
-    assert setup.suit is None
+    setup = Rig.read(written(tmp_path, MOTION))
+    assert setup.worn is None
 
 
 def test_worn_and_nothing_else_is_the_papers_suit_but_for_the_encoder() -> None:
-    rig = Rig.model_validate({"suit": {"worn": True}})
-    made, papers = suit_of(rig, bench()), suit()
+    made, papers = Rig(suit=SuitSettings(worn=True)).worn, suit()
     assert made is not None
     for name in (
         "geometry",
@@ -57,22 +54,22 @@ def test_the_keys_reach_the_suit(tmp_path: Path) -> None:
         "sensor_offset_deg = 0.5\n"
         "[wearer]\nmass_kg = 100.0\nload_kg = 1.0\nupper_arm_deg = 20.0\nshare = 0.3\ntremor_nm = 0.2\n"
     )
-    setup, rig = compose.setup(written(tmp_path, text))
-    assert setup.suit is not None
-    assert (setup.suit.flexor.kind, setup.suit.motor.integral, setup.suit.sheath.loss) == ("capstan", 20.0, 0.0)
-    assert setup.suit.motor.friction_feedforward == 1.5
-    assert setup.suit.arm.mass == pytest.approx(3.2)
-    assert setup.suit.arm.elevation == pytest.approx(20.0 * RADIANS)
-    assert (setup.suit.wearer.share, setup.suit.wearer.tremor) == (0.3, 0.2)
-    law = compose.law_for("adaptive", rig, setup.bench, tmp_path)
+    setup = Rig.read(written(tmp_path, text))
+    assert setup.worn is not None
+    assert (setup.worn.flexor.kind, setup.worn.motor.integral, setup.worn.sheath.loss) == ("capstan", 20.0, 0.0)
+    assert setup.worn.motor.friction_feedforward == 1.5
+    assert setup.worn.arm.mass == pytest.approx(3.2)
+    assert setup.worn.arm.elevation == pytest.approx(20.0 * RADIANS)
+    assert (setup.worn.wearer.share, setup.worn.wearer.tremor) == (0.3, 0.2)
+    law = setup.fitted("adaptive")
     assert law.gains == LAWS["adaptive"].presets["suit"]
-    assert compose.law_for("adaptive", rig, setup.bench, tmp_path, "paper").gains == LAWS["adaptive"].presets["paper"]
+    assert setup.with_law("adaptive", "paper").fitted().gains == LAWS["adaptive"].presets["paper"]
 
 
 def test_a_rig_with_gains_of_its_own_keeps_them(tmp_path: Path) -> None:
     text = MOTION + "[suit]\nworn = true\n[control.gains]\nfeedback_gain = 2.0\n"
-    setup, rig = compose.setup(written(tmp_path, text))
-    law = compose.law_for("adaptive", rig, setup.bench, tmp_path)
+    setup = Rig.read(written(tmp_path, text))
+    law = setup.fitted("adaptive")
     assert law.gains == LAWS["adaptive"].gains._replace(feedback_gain=2.0)
 
 
@@ -89,21 +86,21 @@ def test_a_rig_with_gains_of_its_own_keeps_them(tmp_path: Path) -> None:
 )
 def test_an_impossible_wearer_is_one_line(tmp_path: Path, section: str, said: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        compose.setup(written(tmp_path, MOTION + "[suit]\nworn = true\n" + section))
+        Rig.read(written(tmp_path, MOTION + "[suit]\nworn = true\n" + section))
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_a_suit_that_is_neither_worn_nor_not_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="true or false"):
-        compose.setup(written(tmp_path, MOTION + '[suit]\nworn = "yes"\n'))
+        Rig.read(written(tmp_path, MOTION + '[suit]\nworn = "yes"\n'))
 
 
 def test_the_page_of_a_run_shows_what_the_suit_pulls(tmp_path: Path) -> None:
-    setup, rig = compose.setup(written(tmp_path, MOTION + "[suit]\nworn = true\n"))
-    assert setup.suit is not None
-    law = compose.law_for("adaptive", rig, setup.bench, tmp_path)
-    trace = simulate_suit(setup.suit, law, setup.reference, duration=4.0, initial_motor=setup.initial_motor)
+    setup = Rig.read(written(tmp_path, MOTION + "[suit]\nworn = true\n"))
+    assert setup.worn is not None
+    law = setup.fitted("adaptive")
+    trace = simulate(setup.worn, law, setup.trajectory, duration=4.0, initial_motor=setup.start_motor)
     path = tmp_path / "page.html"
     simulation_page({"adaptive": trace}, "A suit").write(path)
     text = path.read_text(encoding="utf-8")

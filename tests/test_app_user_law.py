@@ -10,7 +10,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.rig.presets.bench import default_bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_law.py"
 SOURCE = EXAMPLE.read_text()
@@ -47,7 +47,7 @@ def test_a_law_object_is_found_by_its_name_or_alone(tmp_path: Path) -> None:
         user_law.load("two.py", tmp_path)
     with pytest.raises(ParameterError, match="has no 'WEAK'; expected one of SOFT, HARD"):
         user_law.load("two.py:WEAK", tmp_path)
-    with pytest.raises(ParameterError, match=r"LAWS in .*two\.py is a dict; expected a Law"):
+    with pytest.raises(ParameterError, match=r"LAWS in .*two\.py is a Laws; expected a Law"):
         user_law.load("two.py:LAWS", tmp_path)
 
 

@@ -22,7 +22,7 @@ from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.friction_cables import lumped
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 
 def error_deg(trace: Trace) -> float:
@@ -47,10 +47,10 @@ def test_it_beats_the_papers_adaptive_law_where_that_was_tuned(moved: Trace) -> 
 def test_estimates_end_at_the_cables_parameters(moved: Trace) -> None:
     cable, constant = paper.bench().cable, paper.run(LAWS["bowden"])
     for trace in (constant, moved):
-        for name in ("law.slope_up", "law.slope_down"):
+        for name in ("law.slopes.up", "law.slopes.down"):
             assert trace[name][-1] == pytest.approx(trace["slope"][-1], rel=0.02)
         crossing = crossing_width(trace["width"][-1], trace["slope"][-1] / cable.slope)
-        assert trace["law.width"][-1] == pytest.approx(crossing, rel=0.1)
+        assert trace["law.crossing.width"][-1] == pytest.approx(crossing, rel=0.1)
 
 
 def crossing_width(width: float, factor: float) -> float:
@@ -87,11 +87,11 @@ def test_estimates_stay_inside_their_bounds_whatever_is_measured() -> None:
     for _ in range(3000):
         sample = Sample(*(10.0 ** random.uniform(-3, 3, 2) * random.choice([-1.0, 1.0], 2)))
         state, command = law.step(state, sample, Reference(*random.normal(size=3)), 1e-3)
-        assert 0.55 <= state.slope_up <= 1.3
-        assert 0.55 <= state.slope_down <= 1.3
-        assert -0.5 <= state.width <= 0.5
-        assert -0.3 <= state.wedge <= 0.3
-        assert -0.02 <= state.lag <= 0.1
+        assert 0.55 <= state.slopes.up <= 1.3
+        assert 0.55 <= state.slopes.down <= 1.3
+        assert -0.5 <= state.crossing.width <= 0.5
+        assert -0.3 <= state.crossing.wedge <= 0.3
+        assert -0.02 <= state.slopes.lag <= 0.1
         assert np.isfinite(command)
 
 
@@ -208,14 +208,14 @@ def test_a_dead_zone_that_shrinks_is_noticed_by_the_jumps_that_go_too_far(number
 def test_doubt_stays_bounded_over_hours() -> None:
     strokes = PeriodicMinimumJerk(0.0, 60.0 * RADIANS, 1.0)
     trace = simulate(CablePlant(cable=play(Play(SLOPE, HALF_WIDTH))), LAWS["bowden"], strokes, duration=300.0)
-    assert trace["law.w33"].max() < 6e-4
+    assert trace["law.crossing.w33"].max() < 6e-4
 
 
 def test_a_joint_that_runs_the_wrong_way_is_told_from_one_that_rests(moved: Trace) -> None:
     error = simulate(CablePlant(cable=play(Play(SLOPE, HALF_WIDTH))), LAWS["bowden"], STROKES, duration=15.0)
-    assert error["law.dip"][-1] < 0.001 + 0.07 * error["law.width"][-1]
-    after = moved["law.dip"][moved.time > 7.0]
-    assert np.all(after > 0.001 + 0.07 * moved["law.width"][moved.time > 7.0])
+    assert error["law.crossing.dip"][-1] < 0.001 + 0.07 * error["law.crossing.width"][-1]
+    after = moved["law.crossing.dip"][moved.time > 7.0]
+    assert np.all(after > 0.001 + 0.07 * moved["law.crossing.width"][moved.time > 7.0])
 
 
 def test_masses_that_swing_are_calmed() -> None:
@@ -223,7 +223,7 @@ def test_masses_that_swing_are_calmed() -> None:
     trace = simulate(
         CablePlant(cable=lumped(), sheath=Sheath(gap=1.0, loss=0.0)), LAWS["bowden"], strokes, duration=12.0
     )
-    assert trace["law.calm"][-1] < 0.7
+    assert trace["law.feedback.calm"][-1] < 0.7
     assert error_deg(trace) < 0.7
     quiet = paper.run(LAWS["bowden"])
-    assert quiet["law.calm"].min() == 1.0
+    assert quiet["law.feedback.calm"].min() == 1.0

@@ -52,7 +52,7 @@ def test_a_joint_that_does_not_answer_is_not_sought_for_ever(told: str) -> None:
         return last if told == "the same" or time < 1.6 else np.nan
 
     commands, states = led(ours(), PointToPoint((0.0, 2.0, 12.0), (0.0, 1.0, 1.0)), 12.0, joint)
-    assert states[-1].seeks == 1.0
+    assert states[-1].plan.seeks == 1.0
     assert np.ptp(commands[2000:]) < (0.2 if told == "nothing" else LOST + 0.3)
 
 
@@ -67,7 +67,7 @@ def test_a_stroke_is_crossed_shortly_before_its_end(
     """What a sheath does in the second before a slow stroke ends would be on the wrong side of the dead zone."""
     strokes = PointToPoint((0.0, duration, 2.0 * duration), (0.0, 1.5, 0.0))
     _, states = led(ours(**gains), strokes, 1.3 * duration, lambda _time, wanted, _command: wanted)
-    turned = np.flatnonzero(np.diff([state.side for state in states]) < -1.5)
+    turned = np.flatnonzero(np.diff([state.plan.side for state in states]) < -1.5)
     assert len(turned) == 1
     assert latest < duration - DT * turned[0] < earliest
 
@@ -132,9 +132,9 @@ def test_a_crossing_that_seemed_to_have_ended_goes_on_where_the_joint_is_late(
     moved = []
     for late in (SUIT.late, 0.0):
         _, states = led(ours(late=late), strokes, 8.0 + after, joint)
-        assert states[-1].side == -1.0
-        assert states[-1].seeks == 0.0
-        moved.append(states[-1].plan - states[-31].plan)
+        assert states[-1].plan.side == -1.0
+        assert states[-1].plan.seeks == 0.0
+        moved.append(states[-1].plan.motor - states[-31].plan.motor)
     assert moved[0] - moved[1] == pytest.approx(-0.03 * SUIT.search if sought else 0.0, abs=1e-4)
 
 
@@ -148,7 +148,7 @@ def test_an_error_that_changes_its_sign_in_mid_stroke_does_not_make_it_hunt(leng
         return wanted + (wave if time > middle - 1.5 else 0.0)
 
     _, states = led(ours(), PointToPoint((0.0, length), (0.0, 1.5)), middle + 1.5, joint)
-    sides = np.array([state.side for state in states])
+    sides = np.array([state.plan.side for state in states])
     up, down = (np.flatnonzero(np.diff(sides) * way > 1.5) * DT for way in (1.0, -1.0))
     kept = [down[down > back][0] - back for back in up if np.any(down > back)]
     assert min(kept) > waits
@@ -167,7 +167,7 @@ def test_a_joint_that_has_not_arrived_is_turned_round_as_the_reference_comes_bac
     turned, pulled = [], []
     for sight in (SUIT.sight, 0.0):
         commands, states = led(ours(sight=sight), SLOW, 15.0, short_of_the_end)
-        sides = np.array([state.side for state in states])
+        sides = np.array([state.plan.side for state in states])
         turned.append(DT * np.flatnonzero(np.diff(sides) < -1.5)[0])
         pulled.append(commands[: round(turned[-1] / DT)].max() - commands[12500])
     assert 12.5 < turned[0] < turned[1] - 0.3
@@ -184,8 +184,8 @@ def sought_in(chase: float, until: float) -> float:
         return highest
 
     _, states = led(ours(chase=chase), SLOW, until, joint)
-    turn = next(k for k, state in enumerate(states) if k > 11000 and state.side < 0.0)
-    return states[turn].plan - states[-1].plan
+    turn = next(k for k, state in enumerate(states) if k > 11000 and state.plan.side < 0.0)
+    return states[turn].plan.motor - states[-1].plan.motor
 
 
 def test_a_slow_search_chases_the_reference_once_the_believed_dead_zone_is_nearly_crossed() -> None:
@@ -206,7 +206,7 @@ def test_a_drive_at_the_limit_of_its_current_is_not_asked_for_more_and_more() ->
             lambda _t, wanted, _c: min(wanted, held),
             lambda _t, command: min(command, held),
         )
-        found.append(states[-1].feedback)
+        found.append(states[-1].feedback.feedback)
     assert found[0] < 0.35 < found[1]
 
 
@@ -215,4 +215,4 @@ def test_less_is_borne_of_a_joint_that_is_ahead_where_the_stroke_ends_soon(when:
     """2.6° ahead, as a sheath that straightens makes it, for the last 0.6 s."""
     ahead = 2.6 * RADIANS
     _, states = led(ours(), SLOW, when + 0.6, lambda time, wanted, _c: wanted + (ahead if time > when else 0.0))
-    assert (states[-1].side < 0.0) is turns
+    assert (states[-1].plan.side < 0.0) is turns

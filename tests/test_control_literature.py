@@ -12,8 +12,8 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.law import Law
+from bowden.control.law_parts import LEAD, LEAD_SQUARE, ahead
 from bowden.control.laws.active_disturbance_rejection import observer_gains, prediction
-from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.control.stability import StateSpace, margins, servo_model
 from bowden.core.signals import Reference, Sample

@@ -7,6 +7,7 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.stability import adaptive_model, margins, response, servo_model
+from bowden.core.nested import flat, names
 from bowden.core.signals import Reference, Sample
 from bowden.design.linearise import find_estimates, linearise
 from bowden.models.drive.servo import Servo
@@ -45,7 +46,8 @@ def test_the_model_of_any_law_predicts_the_law(name: str) -> None:
     law = LAWS[name]
     size = 1e-7
     state = law.start(Sample(0.0, 0.0))
-    frozen = {estimate: getattr(state, estimate) for estimate in find_estimates(law, state, DT)}
+    begun = dict(zip(names(state), flat(state), strict=True))
+    frozen = {estimate: begun[estimate] for estimate in find_estimates(law, state, DT)}
     model = linearise(law, DT, width=size, estimates=frozen)
     x = np.zeros((len(model.a), 1))
     signals = size * np.cumsum(np.random.default_rng(4).standard_normal((30, 2)) * 0.1, axis=0)

@@ -24,7 +24,7 @@ from bowden.rig.presets.suit import (
     suit_calibration,
     suit_ours,
 )
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 
 
 def test_the_linear_suit_at_rest_is_its_statics() -> None:
@@ -165,10 +165,10 @@ def test_the_dead_zone_is_crossed_while_the_reference_rests() -> None:
     rests = PointToPoint(
         (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0), (0.0, 0.0, top, top, 0.0, 0.0, top, top, 0.0)
     )
-    trace = simulate_suit(made, suit_ours(), rests, duration=16.0, seed=400)
+    trace = simulate(made, suit_ours(), rests, duration=16.0, seed=400)
     for begin, way in ((10.0, 1.0), (14.0, -1.0)):  # the first stroke is to learn from
         start = round(begin * 1000)
-        assert trace["law.side"][start] == way
+        assert trace["law.plan.side"][start] == way
         moved = way * (trace["joint"][start:] - trace["joint"][start])
         assert np.argmax(moved > 0.5 * RADIANS) < 300  # the reference itself takes 166
         assert np.abs(trace.error[start - 200 : start]).max() * DEGREES < 3.0
@@ -183,7 +183,7 @@ def test_a_stroke_that_goes_on_after_a_rest_is_followed_all_the_same() -> None:
     step = 30.0 * RADIANS
     steps = (0.0, 0.0, step, step, 2.0 * step, 2.0 * step, 3.0 * step)
     stairs = PointToPoint((0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0), steps)
-    trace = simulate_suit(made, suit_ours(), stairs, duration=12.0, seed=400)
+    trace = simulate(made, suit_ours(), stairs, duration=12.0, seed=400)
     assert np.abs(trace.error).max() * DEGREES < 12.0
     resting = (trace.time > 9.5) & (trace.time < 10.0)
     assert np.abs(trace.error[resting]).max() * DEGREES < 3.5

@@ -16,7 +16,7 @@ from bowden.export.law import law_module
 from bowden.export.module import files
 from bowden.export.readme import FLAGS
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER = shutil.which("cc")

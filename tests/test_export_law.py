@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat, floated
 from bowden.core.signals import Reference, Sample
 from bowden.export.code import Style
 from bowden.export.law import law_module
@@ -86,8 +87,9 @@ def run_rows(gains: Any, rows: Array, out: Array) -> None:
             state = law_start(gains, sample)
         reference = Reference(rows[k, 3], rows[k, 4], rows[k, 5])
         state, out[k, 0] = law_step(gains, state, sample, reference, rows[k, 6])
-        for j in range(len(state)):
-            out[k, j + 1] = state[j]
+        numbers = flat(state)
+        for j in range(len(numbers)):
+            out[k, j + 1] = numbers[j]
 
 
 def interpreted(law: Law, rows: Array) -> Array:
@@ -98,8 +100,8 @@ def interpreted(law: Law, rows: Array) -> Array:
             if anew:
                 state = law.start(sample)
             state, command = law.step(state, sample, reference, dt)
-            state = type(state)(*map(float, state))
-            out.append([float(command), *state])
+            state = floated(state)
+            out.append([float(command), *flat(state)])
     return np.array(out)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
+from bowden.core.nested import flat, floated
 from bowden.core.signals import DriveReading
 from bowden.export.checked import Argument, Function
 from bowden.export.code import Style
@@ -165,13 +166,13 @@ def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:
     for k, (anew, observed, wish) in enumerate(cycles):
         if anew:
             begun = begin(limits, observed.reading, warmth)
-            state = plain = type(begun)(*map(float, begun))
+            state = plain = floated(begun)
         state, verdict = twin(limits, state, observed, wish, DT)
-        expected.append([*state, *verdict])
+        expected.append([*flat(state), *verdict])
         if k < 800:
             with np.errstate(all="ignore"):
                 plain, said = supervise(limits, plain, observed, wish, DT)
-            assert (bits(np.array([*plain, *said], dtype=float)) == bits(np.array(expected[-1]))).all()
+            assert (bits(np.array([*flat(plain), *said], dtype=float)) == bits(np.array(expected[-1]))).all()
     rows = np.array(expected)
     modes = set(rows[:, -len(Verdict._fields) + Verdict._fields.index("mode")])
     assert {float(mode) for mode in Mode} <= modes

@@ -96,7 +96,7 @@ def test_a_node_that_an_end_has_stopped_is_woken() -> None:
         ({(0x60A9, 0): 0x00B4_0300}, {"speed_limit": 1.0}, "unit that is not known here .60A9h is 0x00B40300."),
         (
             {(0x6064, 0): 2**31 - 1000},
-            {"home_here": True, "highest_motor": 0.2},
+            {"home": "here", "highest_motor": 0.2},
             "highest motor angle is 0.2 rad, beyond",
         ),
         ({}, {"motor_counts_per_turn": 9e8, "lowest_motor": -3.5}, "lowest motor angle is -3.5 rad, beyond"),

@@ -145,7 +145,7 @@ def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
 
 
 def test_homing_by_hand_holds_where_home_is_wherever_the_rig_is_found() -> None:
-    here = DRIVE._replace(home_here=True, motor_home=1.0, joint_home=2.0)
+    here = DRIVE._replace(home="here", motor_home=1.0, joint_home=2.0)
     bus = TwinBus(here, make_bench)
     drive = CanopenDrive(here, bus)
     drive.bring_up()

@@ -145,7 +145,7 @@ def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     turned = DRIVE._replace(motor_direction=-1, joint_direction=-1, motor_home=0.7, joint_home=-0.3)
     reading = Rig(turned).up().run(5, Power.OFF)
     assert abs(reading.motor - 0.1) < 1e-3
-    here = Rig(DRIVE._replace(home_here=True, motor_home=1.0, joint_home=2.0))
+    here = Rig(DRIVE._replace(home="here", motor_home=1.0, joint_home=2.0))
     reading = here.up().run(5, Power.OFF)
     assert abs(reading.motor - 1.0) < 1e-3
     assert abs(reading.joint - 2.0) < 2e-3

@@ -24,7 +24,7 @@ def fits(shared_data: Path) -> dict[str, tuple[Fit, float]]:
 
 
 def errors(fits: dict[str, tuple[Fit, float]], name: str | None) -> list[float]:
-    return [fit.models[name or fit.best].test_rms * DEGREES for fit, _ in fits.values()]
+    return [fit.models[name or fit.best.name].test_rms * DEGREES for fit, _ in fits.values()]
 
 
 def test_bouc_wen_predicts_the_half_it_has_not_seen(fits: dict[str, tuple[Fit, float]]) -> None:

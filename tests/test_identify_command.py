@@ -131,8 +131,8 @@ def test_bad_input_is_one_line_code_two_and_nothing_written(
 def test_the_file_reads_back_as_it_was_written(fit: Fit, tmp_path: Path) -> None:
     write_model(tmp_path / "model.toml", fit, "a log")
     best = load_model(tmp_path / "model.toml")
-    assert best == fit.models[fit.best].model
-    assert np.array_equal(best.joint_angle(MOTOR), fit.models[fit.best].model.joint_angle(MOTOR))
+    assert best == fit.best
+    assert np.array_equal(best.joint_angle(MOTOR), fit.best.joint_angle(MOTOR))
     assert load_model(tmp_path / "model.toml", "bouc_wen").to_bouc_wen().slope < 0.0
 
 

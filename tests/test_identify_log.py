@@ -16,9 +16,9 @@ from scipy.io import savemat
 
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
+from bowden.identify.log import text as log_text
 from bowden.identify.log.columns import find_columns, split_name
 from bowden.identify.log.read import read_log
-from bowden.identify.log.read import text as log_text
 
 Array = NDArray[np.float64]
 

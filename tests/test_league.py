@@ -12,15 +12,16 @@ import pytest
 
 from bowden.app import main
 from bowden.control import LAWS
+from bowden.control.knowledge import informed
 from bowden.core.units import DEGREES
 from bowden.design import league, league_cells, league_identified
-from bowden.design.league import Cell, Played, standings, told
+from bowden.design.league import Cell, Played, standings
 from bowden.design.league_cells import STROKE, LeaguePlant
 from bowden.design.league_exact import exact_travel
-from bowden.plants.cable_plant import resting_motor
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.report.league_page import league_page
 from bowden.rig.presets.bench import default_bench, moved_sheath
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 ROOT = Path(__file__).parents[1]
 BENCH = default_bench()
@@ -55,10 +56,10 @@ def test_the_bench_is_the_bench(name: str) -> None:
 )
 def test_a_cell_is_what_a_trace_of_its_run_shows_to_the_last_bit(plant: str, name: str) -> None:
     found, motion = PLANTS[plant], SCENARIOS["fast"]
-    start = resting_motor(found.plant, 0.0, float(found.bend(np.zeros(1))[0]))
+    start = found.plant.resting_motor(0.0, float(found.bend(np.zeros(1))[0]))
     trace = simulate(
         found.plant,
-        told(LAWS[name], found.plant),
+        informed(LAWS[name], knowledge_of(found.plant)),
         motion.motion,
         duration=motion.duration,
         bend=found.bend,
@@ -99,17 +100,6 @@ def test_an_unstable_run_has_no_figures() -> None:
     assert values.pop("stable") is False
     assert set(values.values()) == {None}
     assert np.isnan(one.errors).all()
-
-
-def test_a_law_is_told_of_the_rig_and_nothing_else() -> None:
-    plant = PLANTS["delay_3ms"].plant
-    omega = plant.servo.natural_frequency
-    law = told(LAWS["offset_inverse"], plant)
-    tau, before = 3.5e-3, LAWS["offset_inverse"].gains
-    assert law.gains.lead == pytest.approx(2.0 / omega + tau)
-    assert law.gains.lead_square == pytest.approx(1.0 / omega**2 + 2.0 / omega * tau + tau**2 / 2.0)
-    assert law.gains._replace(lead=before.lead, lead_square=before.lead_square) == before
-    assert told(LAWS["adaptive"], plant).gains == LAWS["adaptive"].gains
 
 
 LONG = ("dahl", "slack", "coulomb", "capstan")

@@ -17,7 +17,7 @@ from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.servo import Servo
 from bowden.plants import cables, friction_cables
-from bowden.plants.cable_plant import Cable, CablePlant, resting_motor
+from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.pose_cable import poses
 from bowden.sim.scenario import constant_bend, scripted_bend
 
@@ -44,7 +44,7 @@ def joint_along(cable: Cable, path: Any) -> Any:
 
 
 def path_of(plant: CablePlant, reference: Trajectory, duration: float) -> tuple[Any, Any]:
-    return exact_motor(plant, reference, duration=duration, bend=CONSTANT, initial_motor=resting_motor(plant, 0.0))
+    return exact_motor(plant, reference, duration=duration, bend=CONSTANT, initial_motor=plant.resting_motor(0.0))
 
 
 @pytest.mark.parametrize("name", CABLES)

@@ -20,7 +20,7 @@ from bowden.paper.gain_choice import choose_gains
 from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce, write_report
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.known_width import DOUBT, told
+from bowden.control.knowledge import MEASURED, informed, measured
+from bowden.control.knowledge import dead_zone as of_model
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.hardware.drives.simulated import SimulatedDrive
@@ -15,8 +16,7 @@ from bowden.live.dead_zone import dead_zone
 from bowden.live.preflight import Preflight, begin, step
 from bowden.live.replay import replay
 from bowden.live.script import Script
-from bowden.rig.known_cable import dead_zone as of_model
-from bowden.rig.known_cable import knowing
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from loop_rig import LoopRig, twin_bench
@@ -48,10 +48,10 @@ def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path)
     _, log = LoopRig(tmp_path, LAW, LIMITS, SimulatedDrive(twin_bench()), script).run()
     first = int(np.argmax(log["source"] == WishSource.LAW_BEGINS))
     assert log["source"][first] == WishSource.LAW_BEGINS
-    measured = log["play"][first]
-    assert measured > 0.02
+    width = log["play"][first]
+    assert width > 0.02
     assert np.isnan(log["play"][0])
-    assert log["law.width"][first] == measured
+    assert log["law.crossing.width"][first] == width
     same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
     assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
 
@@ -59,26 +59,35 @@ def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path)
 @pytest.mark.parametrize(
     ("gains", "width", "begins"),
     [
-        ({}, 0.1, (0.1, DOUBT)),
-        ({"width": 0.15}, 0.1, (0.1, DOUBT)),
+        ({}, 0.1, (0.1, MEASURED)),
+        ({"width": 0.15}, 0.1, (0.1, MEASURED)),
         ({"width": 0.07, "doubt": 0.1}, 0.1, (0.07, 0.1)),
+        ({}, 0.9, (0.5, MEASURED)),
         ({}, math.nan, (0.0, 1.0)),
         ({}, 0.0, (0.0, 1.0)),
     ],
 )
 def test_what_is_known_better_is_kept(gains: dict[str, float], width: float, begins: tuple[float, float]) -> None:
-    after = told(LAW.with_gains(**gains), width)
+    after = measured(LAW.with_gains(**gains), width).gains
     assert (after.width, after.doubt) == begins
 
 
-def test_a_law_that_learns_no_dead_zone_is_told_nothing() -> None:
-    adaptive = LAWS["adaptive"]
-    assert told(adaptive, 0.1) is adaptive.gains
-    assert knowing(adaptive, BENCH.cable, 1.0) is adaptive
+def test_what_is_measured_is_better_than_a_presets_guess_and_worse_than_a_model() -> None:
+    suit = measured(LAW.preset("suit"), 0.1)
+    assert (suit.gains.width, suit.gains.doubt, suit.gains.lag) == (0.1, MEASURED, 0.09)
+    model = informed(LAW, knowledge_of(BENCH, identified=True))
+    assert measured(model, 0.1).gains == model.gains
+
+
+@pytest.mark.parametrize("name", ["adaptive", "offset_inverse", "observer"])
+def test_a_law_that_learns_no_dead_zone_is_told_nothing_of_it(name: str) -> None:
+    assert measured(LAWS[name], 0.1) is LAWS[name]
 
 
 def test_an_identified_cable_is_a_laws_first_guess() -> None:
-    law = knowing(LAW, BENCH.cable, 0.5)
+    law = informed(LAW, knowledge_of(BENCH._replace(sheath=BENCH.sheath._replace(gap=0.5)), identified=True))
     assert law.gains.slope == BENCH.cable.slope
     assert law.gains.width == pytest.approx(0.5 * of_model(BENCH.cable, 1.0))
     assert law.gains.doubt == 0.1
+    by_hand = informed(LAW, knowledge_of(BENCH)).gains
+    assert (by_hand.slope, by_hand.width, by_hand.doubt) == (1.0, 0.0, 1.0)

@@ -23,7 +23,7 @@ from bowden.live.script import Script
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from loop_rig import PERIOD, LoopRig, twin_bench
 
 REFERENCE = PeriodicMinimumJerk(0.0, 1.0, 4.0)

@@ -35,8 +35,8 @@ from bowden.plants.suit_parts import Suit
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
+from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
-from bowden.sim.suit import simulate_suit
 from bowden.sim.suit_sources import behind, friction_of, push_of
 from loop_rig import LoopRig
 
@@ -101,7 +101,7 @@ def test_the_wearer_feels_of_the_live_suit_what_they_feel_of_the_simulated_one(f
     ended, log, pushes = followed
     assert (ended.mode, ended.faults) == (Mode.STOPPED, 0)
     hold = PointToPoint((0.0, 1e6), (MIDDLE, MIDDLE))
-    trace = simulate_suit(SUIT, LAW, hold, duration=6.0, source=SOURCE)
+    trace = simulate(SUIT, LAW, hold, duration=6.0, source=SOURCE)
     simulated, live = felt(trace, SUIT.arm).rms, np.array(pushes[3000:-1])
     rms = float(np.sqrt(np.mean(live**2)))
     assert rms == pytest.approx(simulated, rel=0.1)
@@ -169,8 +169,8 @@ def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, l
     gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == WishSource.LAW)))
     ends = gone + int(np.argmax(log["mode"][gone:] >= Mode.RELEASING))
     assert ends - gone <= 8
-    assert np.isnan(log["admittance.estimate"][gone]), "a torque that is not known"
-    speeds = np.abs(log["admittance.velocity"][gone - 1 : ends])
+    assert np.isnan(log["admittance.estimate.torque"][gone]), "a torque that is not known"
+    speeds = np.abs(log["admittance.virtual.velocity"][gone - 1 : ends])
     assert (np.diff(speeds) <= 0.0).all(), "the reference comes to rest"
     assert np.isfinite(log["command"]).all()
     assert log["power"][-1] == 0.0

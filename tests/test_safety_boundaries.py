@@ -5,10 +5,12 @@ Times and limits are sums of powers of two, so that "at the limit" is exact.
 
 import itertools
 import math
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import pytest
 
+from bowden.core.nested import flat, name_of, names, rebuilt
 from bowden.core.signals import DriveReading
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
@@ -35,7 +37,10 @@ LIMITS = Limits(
 )
 THERMAL = LIMITS.thermal
 READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
-RUNNING = begin(LIMITS, READING, cold(THERMAL))._replace(mode=Mode.RUNNING, passed=1.0, enabled=1.0)
+BEGUN = begin(LIMITS, READING, cold(THERMAL))
+RUNNING = BEGUN._replace(
+    decided=BEGUN.decided._replace(mode=Mode.RUNNING, passed=1.0), servo=BEGUN.servo._replace(enabled=1.0)
+)
 
 
 class Law(NamedTuple):
@@ -53,12 +58,17 @@ ORDER: dict[str, Any] = {
 """A running rig in order, standing still."""
 
 
+def changed(state: Any, changes: Changes) -> Any:
+    """A state with other values at paths such as ``motor.speed``."""
+    return rebuilt(state, lambda path, old: changes.get(name_of(path), old))
+
+
 def cycle(*changes: Changes) -> tuple[SupervisorState, Verdict]:
     """One cycle of a rig in order, but for changes such as {"reading.motor": 0.6}; the last of a name counts."""
     parts = dict(ORDER)
     for name, value in (item for one in changes for item in one.items()):
-        part, field = name.split(".")
-        parts[part] = parts[part]._replace(**{field: float(value)})
+        part, _, field = name.partition(".")
+        parts[part] = changed(parts[part], {field: float(value)})
     observed = parts["observed"]._replace(reading=parts["reading"])
     return supervise(parts["limits"], parts["state"], observed, parts["law"].wish, DT)
 
@@ -70,34 +80,53 @@ def faults(*changes: Changes) -> set[Fault]:
 def motor_at(angle: float, joint: float = NAN) -> Changes:
     """A motor that has stood there, with the joint where the cable holds it."""
     joint = 0.75 * angle if math.isnan(joint) else joint
-    at = dict.fromkeys(("state.motor", "state.model", "state.before", "state.target", "law.wish"), angle)
-    return {**at, "reading.motor": angle, "state.anchor_motor": angle, "state.joint": joint, "reading.joint": joint}
+    at = dict.fromkeys(
+        ("state.motor.value", "state.servo.position", "state.decided.target_before", "state.target", "law.wish"), angle
+    )
+    return {
+        **at,
+        "reading.motor": angle,
+        "state.anchor.motor": angle,
+        "state.joint.value": joint,
+        "reading.joint": joint,
+    }
 
 
-STOPPED: Changes = {"state.mode": Mode.STOPPED, "state.passed": 0.0, "state.enabled": 0.0, "reading.drive_state": 1.0}
-ARMED: Changes = {**STOPPED, "state.mode": Mode.PREFLIGHT, "reading.drive_state": 3.0, "observed.preflight": 0.0}
-RELEASING: Changes = {"state.mode": Mode.RELEASING}
-LATCHED: Changes = {"state.mode": Mode.LATCHED, "state.latched": 2.0**Fault.EMERGENCY}
+STOPPED: Changes = {
+    "state.decided.mode": Mode.STOPPED,
+    "state.decided.passed": 0.0,
+    "state.servo.enabled": 0.0,
+    "reading.drive_state": 1.0,
+}
+ARMED: Changes = {
+    **STOPPED,
+    "state.decided.mode": Mode.PREFLIGHT,
+    "reading.drive_state": 3.0,
+    "observed.preflight": 0.0,
+}
+RELEASING: Changes = {"state.decided.mode": Mode.RELEASING}
+LATCHED: Changes = {"state.decided.mode": Mode.LATCHED, "state.decided.latched": 2.0**Fault.EMERGENCY}
 
 
 def test_a_rig_in_order_is_left_alone() -> None:
     state, verdict = cycle()
     assert verdict == Verdict(0.5, 3.0, Mode.RUNNING, 0.0, 0.0)
-    moved = {"winding", "i2t"}
-    assert {name for name, a, b in zip(state._fields, RUNNING, state, strict=True) if a != b} <= moved
+    moved = {"heat.winding", "heat.i2t"}
+    both = zip(names(state), flat(RUNNING), flat(state), strict=True)
+    assert {name for name, a, b in both if a != b} <= moved
     for changes in (STOPPED, ARMED, RELEASING):
         assert faults(changes) == set()
     for angle in (-0.4, 1.9):
         assert faults(motor_at(angle)) == set()
 
 
-MOVING = {**motor_at(0.5), "state.model_speed": 8.0}
+MOVING = {**motor_at(0.5), "state.servo.speed": 8.0}
 AWAY, SPEED = servo_predict(0.5, 8.0, 0.5, 32.0, 0.75, DT)
 """Where a model that runs at 8 rad/s is a cycle later."""
 LATER, _ = servo_predict(0.5, 8.0, 0.25, 32.0, 0.75, 3 * DT)
 LAG = 0.125 + SPEED / 64
 HEAT = warm(THERMAL, ThermalState(60.0, 50.0, 0.0), 2.0, DT)
-WARM: Changes = {"state.winding": 60.0, "state.housing": 50.0}
+WARM: Changes = {"state.heat.winding": 60.0, "state.heat.housing": 50.0}
 LEAN: Changes = {"limits.tracking_time": 0.0, "limits.current_time": 0.0, "limits.saturation_time": 0.0}
 LEAN |= {"limits.slack_time": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
@@ -108,21 +137,21 @@ EDGES: list[Edge] = [
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY, {}),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 - 1 / 64 - 8 * DT, 0.375 - 1 / 64 - 8 * DT - TINY, {}),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"observed.elapsed": 3 * DT}),
-    (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"state.joint_gap": 2 * DT}),
+    (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"state.joint.age": 2 * DT}),
     (Fault.JOINT_STALE, "reading.joint_age", 2.0, 2.0 + TINY, {}),
     (Fault.JOINT_STALE, "reading.joint_age", 0.0, -TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor_motor", 0.125, 0.125 - TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor_motor", 0.875, 0.875 + TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor_joint", 0.375 - 2.0**-12 - TINY, 0.375 - 2.0**-12, {"state.anchor_motor": 0.0}),
-    (Fault.JOINT_FROZEN, "state.anchor_joint", 0.375 + 2.0**-12 + TINY, 0.375 + 2.0**-12, {"state.anchor_motor": 0.0}),
+    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.125, 0.125 - TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.875, 0.875 + TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor.joint", 0.375 - 2.0**-12 - TINY, 0.375 - 2.0**-12, {"state.anchor.motor": 0.0}),
+    (Fault.JOINT_FROZEN, "state.anchor.joint", 0.375 + 2.0**-12 + TINY, 0.375 + 2.0**-12, {"state.anchor.motor": 0.0}),
     (Fault.JOINT_ASTRAY, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
     (Fault.JOINT_ASTRAY, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.0, 1.5)),
     (Fault.JOINT_ASTRAY, "reading.joint", -0.71875, -0.71875 - TINY, motor_at(-0.375, -0.71875)),
     (Fault.JOINT_ASTRAY, "reading.joint", -1 / 32, -1 / 32 + TINY, motor_at(-0.375, -1 / 32)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", 1.5, 1.5 + TINY, motor_at(1.5, 1.5)),
     (Fault.JOINT_OVER_TRAVEL, "reading.joint", -0.5, -0.5 - TINY, motor_at(-0.4, -0.5)),
-    (Fault.JOINT_OVER_SPEED, "state.joint_speed", 8.0, 8.0 + TINY, {"reading.joint": 0.375 + 8 * DT}),
-    (Fault.JOINT_OVER_SPEED, "state.joint_speed", -8.0, -8.0 - TINY, {"reading.joint": 0.375 - 8 * DT}),
+    (Fault.JOINT_OVER_SPEED, "state.joint.speed", 8.0, 8.0 + TINY, {"reading.joint": 0.375 + 8 * DT}),
+    (Fault.JOINT_OVER_SPEED, "state.joint.speed", -8.0, -8.0 - TINY, {"reading.joint": 0.375 - 8 * DT}),
     (Fault.JOINT_OVER_SPEED, "reading.joint", 0.375 + 32 * DT, 0.375 + 32 * DT + TINY, {"limits.jump": 1.0}),
     (
         *(Fault.JOINT_OVER_SPEED, "reading.joint", 0.375 + 64 * DT, 0.375 + 64 * DT + TINY),
@@ -136,35 +165,41 @@ EDGES: list[Edge] = [
     (Fault.MOTOR_JUMP, "reading.motor", 0.5 + 1 / 64 + 48 * DT, 0.5626, {"observed.elapsed": 3 * DT}),
     (Fault.MOTOR_STALE, "reading.motor_age", 2.0, 2.0 + TINY, {}),
     (Fault.MOTOR_STALE, "reading.motor_age", 0.0, -TINY, {}),
-    (Fault.NOT_FOLLOWING, "reading.motor", 0.625, 0.625 + TINY, {**LEAN, "state.motor": 0.625}),
-    (Fault.NOT_FOLLOWING, "reading.motor", 0.375, 0.375 - TINY, {**LEAN, "state.motor": 0.375}),
+    (Fault.NOT_FOLLOWING, "reading.motor", 0.625, 0.625 + TINY, {**LEAN, "state.motor.value": 0.625}),
+    (Fault.NOT_FOLLOWING, "reading.motor", 0.375, 0.375 - TINY, {**LEAN, "state.motor.value": 0.375}),
     (Fault.NOT_FOLLOWING, "reading.motor", AWAY + LAG - TINY, AWAY + LAG + TINY, {**MOVING, **LEAN, "limits.jump": 1}),
     (Fault.NOT_FOLLOWING, "reading.motor", AWAY - LAG + TINY, AWAY - LAG - TINY, {**MOVING, **LEAN, "limits.jump": 1}),
     (
         *(Fault.NOT_FOLLOWING, "reading.motor", 1 - AWAY + LAG - TINY, 1 - AWAY + LAG + TINY),
-        {**MOVING, **LEAN, "limits.jump": 1, "state.model_speed": -8.0},
+        {**MOVING, **LEAN, "limits.jump": 1, "state.servo.speed": -8.0},
     ),
-    (Fault.NOT_FOLLOWING, "state.astray", 4 * DT, 4 * DT + TINY, {"state.motor": 0.7, "reading.motor": 0.7}),
+    (
+        Fault.NOT_FOLLOWING,
+        "state.servo.astray",
+        4 * DT,
+        4 * DT + TINY,
+        {"state.motor.value": 0.7, "reading.motor": 0.7},
+    ),
     (Fault.MOTOR_OVER_TRAVEL, "reading.motor", 2.0625, 2.0625 + TINY, motor_at(2.0625)),
     (Fault.MOTOR_OVER_TRAVEL, "reading.motor", -0.5625, -0.5625 - TINY, motor_at(-0.5625)),
-    (Fault.MOTOR_OVER_SPEED, "state.motor_speed", 16.0, 16.0 + TINY, {"reading.motor": 0.5 + 16 * DT}),
-    (Fault.MOTOR_OVER_SPEED, "state.motor_speed", -16.0, -16.0 - TINY, {"reading.motor": 0.5 - 16 * DT}),
+    (Fault.MOTOR_OVER_SPEED, "state.motor.speed", 16.0, 16.0 + TINY, {"reading.motor": 0.5 + 16 * DT}),
+    (Fault.MOTOR_OVER_SPEED, "state.motor.speed", -16.0, -16.0 - TINY, {"reading.motor": 0.5 - 16 * DT}),
     (Fault.MOTOR_OVER_SPEED, "reading.motor", 0.5 + 64 * DT, 0.5 + 64 * DT + TINY, {"limits.jump": 1.0}),
     (Fault.CURRENT_LOST, "reading.current", 32.0, 32.0 + TINY, {}),
     (Fault.CURRENT_LOST, "reading.current", -32.0, -32.0 - TINY, {}),
     (Fault.CURRENT_LOST, "reading.current", 0.0, NAN, STOPPED),
     (Fault.OVER_CURRENT, "reading.current", 16.0, 16.0 + TINY, LEAN),
     (Fault.OVER_CURRENT, "reading.current", -16.0, -16.0 - TINY, LEAN),
-    (Fault.OVER_CURRENT, "state.overload", DT, DT + TINY, {"reading.current": 17.0}),
+    (Fault.OVER_CURRENT, "state.sums.overload", DT, DT + TINY, {"reading.current": 17.0}),
     (Fault.SATURATED, "reading.current", 15.0, 15.0 + TINY, LEAN),
     (Fault.SATURATED, "reading.current", -15.0, -15.0 - TINY, LEAN),
-    (Fault.SATURATED, "state.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": 15.5}),
-    (Fault.SATURATED, "state.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": NAN}),
-    (Fault.I2T, "state.i2t", 440.0 - 64 * DT, 440.0 - 64 * DT + TINY, {"reading.current": 10.0}),
+    (Fault.SATURATED, "state.sums.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": 15.5}),
+    (Fault.SATURATED, "state.sums.saturated", 49 * DT, 49 * DT + TINY, {"reading.current": NAN}),
+    (Fault.I2T, "state.heat.i2t", 440.0 - 64 * DT, 440.0 - 64 * DT + TINY, {"reading.current": 10.0}),
     (Fault.MOTOR_HOT, "limits.winding_limit", HEAT.winding, HEAT.winding - TINY, WARM),
     (Fault.MOTOR_HOT, "limits.housing_limit", HEAT.housing, HEAT.housing - TINY, WARM),
-    (Fault.MOTOR_HOT, "state.winding", -0.9e6, -1.1e6, {}),
-    (Fault.MOTOR_HOT, "state.housing", -0.9e6, -1.1e6, {"limits.winding_limit": 1e9}),
+    (Fault.MOTOR_HOT, "state.heat.winding", -0.9e6, -1.1e6, {}),
+    (Fault.MOTOR_HOT, "state.heat.housing", -0.9e6, -1.1e6, {"limits.winding_limit": 1e9}),
     (Fault.DRIVE_HOT, "reading.temperature", 80.0, 80.0 + TINY, {}),
     (Fault.DRIVE_HOT, "reading.temperature", -1e6, NAN, {}),
     (Fault.DRIVE_HOT, "reading.temperature", -1e6, -1e6 - 1.0, {}),
@@ -173,24 +208,24 @@ EDGES: list[Edge] = [
     (Fault.TENSION_LOST, "reading.tension", 20.0, NAN, STOPPED),
     (Fault.OVER_TENSION, "reading.tension", 128.0, 128.0 + TINY, {}),
     (Fault.SLACK, "reading.tension", 2.0, 2.0 - TINY, LEAN),
-    (Fault.SLACK, "state.slack", 47 * DT, 47 * DT + TINY, {"reading.tension": 1.0}),
+    (Fault.SLACK, "state.sums.slack", 47 * DT, 47 * DT + TINY, {"reading.tension": 1.0}),
     (Fault.HEARTBEAT_LOST, "reading.heartbeat_age", 1 / 16, 1 / 16 + TINY, {}),
     (Fault.HEARTBEAT_LOST, "reading.heartbeat_age", 0.0, -TINY, {}),
-    (Fault.NOT_ENABLED, "state.armed", 1.0 - DT, 1.0 - DT + TINY, ARMED),
-    (Fault.NOT_ENABLED, "reading.drive_state", 4.0, 3.0, {**ARMED, "state.armed": 2.0}),
+    (Fault.NOT_ENABLED, "state.sums.armed", 1.0 - DT, 1.0 - DT + TINY, ARMED),
+    (Fault.NOT_ENABLED, "reading.drive_state", 4.0, 3.0, {**ARMED, "state.sums.armed": 2.0}),
     (Fault.EMERGENCY, "reading.emergency", 0.0, 0x8130, STOPPED),
     (Fault.EMERGENCY, "reading.emergency", 0.0, -1.0, {}),
-    (Fault.BUS_ERRORS, "state.failures", 2.5 + DT, 2.5 + DT + TINY, {}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 9.0, 10.0, {"state.bus_errors": 7.0}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 7.0, 8.0, {"state.bus_errors": 7.0, "state.failures": 2.0}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, NAN, {"state.bus_errors": 1e9}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, -1.0, {"state.bus_errors": 1e9}),
-    (Fault.BUS_ERRORS, "reading.bus_errors", 1e12, INF, {"state.bus_errors": 1e12}),
+    (Fault.BUS_ERRORS, "state.sums.failures", 2.5 + DT, 2.5 + DT + TINY, {}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 9.0, 10.0, {"state.sums.bus_errors": 7.0}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 7.0, 8.0, {"state.sums.bus_errors": 7.0, "state.sums.failures": 2.0}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, NAN, {"state.sums.bus_errors": 1e9}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e9, -1.0, {"state.sums.bus_errors": 1e9}),
+    (Fault.BUS_ERRORS, "reading.bus_errors", 1e12, INF, {"state.sums.bus_errors": 1e12}),
     (Fault.LATE, "observed.lateness", 1 / 64, 1 / 64 + TINY, {}),
     (Fault.LATE, "observed.lateness", -DT / 2, 1.0, {}),
-    (Fault.LATE, "state.late", 1 / 64 + 0.02 * DT - TINY, 1 / 64 + 0.02 * DT + TINY, {}),
+    (Fault.LATE, "state.sums.late", 1 / 64 + 0.02 * DT - TINY, 1 / 64 + 0.02 * DT + TINY, {}),
     (
-        *(Fault.LATE, "state.late", 1 / 64 - 2.5 * DT + 0.08 * DT - TINY, 1 / 64 - 2.5 * DT + 0.08 * DT + TINY),
+        *(Fault.LATE, "state.sums.late", 1 / 64 - 2.5 * DT + 0.08 * DT - TINY, 1 / 64 - 2.5 * DT + 0.08 * DT + TINY),
         {"observed.elapsed": 4 * DT},
     ),
     (Fault.CLOCK, "observed.elapsed", 0.05 * DT, 0.05 * DT - TINY, STOPPED),
@@ -219,7 +254,7 @@ EDGES: list[Edge] = [
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 0.0, -1.0, ARMED),
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, 2.0, ARMED),
     (Fault.PREFLIGHT_FAILED, "observed.preflight", 1.0, NAN, ARMED),
-    (Fault.PREFLIGHT_FAILED, "state.armed", 60.0 - DT, 60.0 - DT + TINY, ARMED),
+    (Fault.PREFLIGHT_FAILED, "state.sums.armed", 60.0 - DT, 60.0 - DT + TINY, ARMED),
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, 0.0, {}),
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, 2.0, {}),
     (Fault.RECORDER_LOST, "observed.recorder", 1.0, NAN, STOPPED),
@@ -246,8 +281,8 @@ def test_a_drive_must_stay_enabled_while_it_has_power_and_may_be_anything_but_in
     broken = {Fault.DRIVE_FAULT} if number in (6.0, 7.0) else set()
     for mode in (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
         dropped = {Fault.DRIVE_DROPPED} if number != 4.0 and not broken else set()
-        assert faults(at, {"state.mode": mode}) & DRIVE == dropped | broken
-    for without in ({**STOPPED, **at}, {**ARMED, **at}, {**LATCHED, **at, "state.enabled": 1.0}):
+        assert faults(at, {"state.decided.mode": mode}) & DRIVE == dropped | broken
+    for without in ({**STOPPED, **at}, {**ARMED, **at}, {**LATCHED, **at, "state.servo.enabled": 1.0}):
         assert faults(without) & DRIVE == broken
 
 
@@ -259,17 +294,22 @@ WISHES = {Fault.WISH_LOST, Fault.WISH_STEP, Fault.WISH_FAR, Fault.WISH_HARD}
 JUMPS = {Fault.MOTOR_JUMP, Fault.JOINT_JUMP, Fault.JOINT_FROZEN}
 CURRENTS = {Fault.CURRENT_LOST, Fault.OVER_CURRENT, Fault.SATURATED, Fault.I2T}
 TENSIONS = {Fault.TENSION_LOST, Fault.OVER_TENSION, Fault.SLACK}
-LONG: Changes = {"state.overload": 9.0, "state.saturated": 9.0, "state.slack": 9.0, "state.astray": 9.0}
+LONG: Changes = {
+    "state.sums.overload": 9.0,
+    "state.sums.saturated": 9.0,
+    "state.sums.slack": 9.0,
+    "state.servo.astray": 9.0,
+}
 QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("moved by hand, stopped", JUMPS, {**STOPPED, **MOVED_BY_HAND}),
     ("moved by hand, latched", JUMPS, {**LATCHED, **MOVED_BY_HAND}),
     ("motor turned by hand", JUMPS, {**STOPPED, "reading.motor": 1.0}),
-    ("model of a drive that is not enabled", {Fault.NOT_FOLLOWING}, {**ARMED, **LONG, "state.model": 1.5}),
+    ("model of a drive that is not enabled", {Fault.NOT_FOLLOWING}, {**ARMED, **LONG, "state.servo.position": 1.5}),
     ("current not measured", CURRENTS, {**UNMEASURED, **LONG, "reading.current": NAN}),
     ("a current that is not measured counts not", CURRENTS, {**UNMEASURED, **LONG, "reading.current": 20.0}),
-    ("nothing heats without current", {Fault.I2T}, {**UNMEASURED, "state.i2t": 440.02}),
+    ("nothing heats without current", {Fault.I2T}, {**UNMEASURED, "state.heat.i2t": 440.02}),
     ("current unknown without power", {Fault.I2T, Fault.SATURATED}, {**STOPPED, **LONG, "reading.current": NAN}),
-    ("i2t unknown without power", {Fault.I2T}, {**STOPPED, "reading.current": NAN, "state.i2t": 440.02}),
+    ("i2t unknown without power", {Fault.I2T}, {**STOPPED, "reading.current": NAN, "state.heat.i2t": 440.02}),
     ("unknown is at the peak, not beyond", {Fault.OVER_CURRENT}, {**LONG, "reading.current": NAN}),
     ("temperature not measured", {Fault.DRIVE_HOT}, {**UNMEASURED, "reading.temperature": NAN}),
     ("tension not measured", TENSIONS, {**UNMEASURED, **LONG, "reading.tension": NAN}),
@@ -278,10 +318,10 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("slack before the drive is enabled", TENSIONS, {**ARMED, **LONG, "reading.tension": 0.0}),
     ("tension lost is not slack", TENSIONS - {Fault.TENSION_LOST}, {**LONG, "reading.tension": NAN}),
     ("EMG in a run without", {Fault.EMG_LOST}, {"limits.uses_emg": 0.0, "observed.emg_age": NAN}),
-    ("long since armed", {Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED}, {"state.armed": 99.0}),
+    ("long since armed", {Fault.NOT_ENABLED, Fault.PREFLIGHT_FAILED}, {"state.sums.armed": 99.0}),
     ("preflight's outcome when it is over", {Fault.PREFLIGHT_FAILED}, {"observed.preflight": -1.0}),
     ("preflight's outcome when stopped", {Fault.PREFLIGHT_FAILED}, {**STOPPED, "observed.preflight": -1.0}),
-    ("no preflight yet", {Fault.PREFLIGHT_FAILED, Fault.NOT_ENABLED}, {**STOPPED, "state.armed": 99.0}),
+    ("no preflight yet", {Fault.PREFLIGHT_FAILED, Fault.NOT_ENABLED}, {**STOPPED, "state.sums.armed": 99.0}),
     ("a late cycle that is a clock's step", {Fault.LATE}, {"observed.elapsed": 0.6, "observed.lateness": 0.6}),
     ("a wish while stopped", WISHES, {**STOPPED, **FREE}),
     ("a wish while latched", WISHES, {**LATCHED, **FREE}),
@@ -289,11 +329,17 @@ QUIET: list[tuple[str, set[Fault], Changes]] = [
     ("a far wish while releasing", WISHES, {**RELEASING, **FREE, "law.wish": 1.9, "limits.acceleration": 1.0}),
     ("a wish before the drive is enabled", WISHES, {**ARMED, "law.wish": NAN}),
     ("a far wish before the drive is enabled", WISHES, {**ARMED, "law.wish": 1.9}),
-    ("a target that moved before, while nothing leads it", WISHES, {**STOPPED, "state.before": -0.25}),
+    ("a target that moved before, while nothing leads it", WISHES, {**STOPPED, "state.decided.target_before": -0.25}),
     (
         "a target far from the motor while nothing leads it",
         WISHES,
-        {**STOPPED, "state.target": -0.5, "state.before": -0.5, "reading.motor": 1.5, "limits.acceleration": 1.0},
+        {
+            **STOPPED,
+            "state.target": -0.5,
+            "state.decided.target_before": -0.5,
+            "reading.motor": 1.5,
+            "limits.acceleration": 1.0,
+        },
     ),
 ]
 """What is so, which faults it is none of."""
@@ -309,102 +355,106 @@ def test_a_wish_that_is_lost_is_no_other_fault_and_a_preflight_that_is_over_none
     for wish in (NAN, 9.0, INF):
         assert faults({"law.wish": wish}) == {Fault.WISH_LOST}
     assert faults({"observed.preflight": -1.0}) == set()
-    assert faults(ARMED, {"reading.drive_state": 4.0, "state.armed": 2.0}) == set()
+    assert faults(ARMED, {"reading.drive_state": 4.0, "state.sums.armed": 2.0}) == set()
 
 
 @pytest.mark.parametrize("mode", [Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING])
 def test_a_wish_that_cannot_be_is_seen_wherever_it_might_lead(mode: Mode) -> None:
-    assert Fault.WISH_LOST in faults({"state.mode": mode, "law.wish": NAN})
+    assert Fault.WISH_LOST in faults({"state.decided.mode": mode, "law.wish": NAN})
 
 
 def heated(current: float, time: float, winding: float = 60.0) -> ThermalState:
     return warm(THERMAL, ThermalState(winding, 50.0, 100.0), current, time)
 
 
-HOT: Changes = {"state.winding": 60.0, "state.housing": 50.0, "state.i2t": 100.0}
+HOT: Changes = {"state.heat.winding": 60.0, "state.heat.housing": 50.0, "state.heat.i2t": 100.0}
 R1: Changes = {"reading.joint": NAN}
 R2: Changes = {"observed.operator_age": 9.0}
 R3: Changes = {"reading.emergency": 1.0}
 THRICE: Changes = {"observed.elapsed": 3 * DT}
 ESTIMATES: list[tuple[str, float, Changes]] = [
-    ("armed", 1 + DT, {**ARMED, "state.armed": 1.0}),
-    ("armed", 1 + 3 * DT, {**ARMED, "state.armed": 1.0, "observed.elapsed": 3 * DT}),
-    ("armed", 1 + DT, {**ARMED, "state.armed": 1.0, "observed.elapsed": NAN}),
-    ("armed", 1 + DT, {**ARMED, "state.armed": 1.0, "observed.elapsed": 3 * DT, "observed.lateness": NAN}),
-    ("armed", 0.0, {**STOPPED, "state.armed": 1.0}),
-    ("armed", 0.0, {"state.armed": 1.0}),
-    ("late", 0.0, {}),
-    ("late", 1 / 64 - 0.02 * DT, {"state.late": 1 / 64}),
-    ("late", 2.5 * DT - 0.08 * DT, {"observed.elapsed": 4 * DT}),
-    ("failures", 3 - DT, {"reading.bus_errors": 3.0}),
-    ("failures", 4 - DT, {"reading.bus_errors": 99.0}),
-    ("failures", 1 - 3 * DT, {"state.failures": 1.0, "observed.elapsed": 3 * DT}),
-    ("failures", 1 - DT, {"state.failures": 1.0, "state.bus_errors": 5.0}),
-    ("failures", 0.0, {}),
-    ("bus_errors", 9.0, {"reading.bus_errors": 9.0}),
-    ("bus_errors", 7.0, {"reading.bus_errors": NAN, "state.bus_errors": 7.0}),
-    ("bus_errors", 7.0, {"reading.bus_errors": INF, "state.bus_errors": 7.0}),
-    ("motor", 0.5, {"reading.motor": NAN}),
-    ("motor_gap", 2 * DT, {"reading.motor": NAN, "state.motor_gap": DT}),
-    ("motor_gap", 0.0, {"state.motor_gap": DT}),
-    ("joint_gap", 4 * DT, {"reading.joint": NAN, "state.joint_gap": DT, "observed.elapsed": 3 * DT}),
-    ("joint", 0.376, {"reading.joint": 0.376}),
-    ("anchor_joint", 0.376, {"reading.joint": 0.376}),
-    ("anchor_joint", 0.375, {"reading.joint": 0.375 + 2.0**-13}),
-    ("anchor_motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
-    ("anchor_motor", 0.5, {"reading.motor": 0.51}),
-    ("anchor_motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
-    ("anchor_motor", 0.51, {**LATCHED, "reading.motor": 0.51}),
-    ("anchor_motor", 0.5, {**RELEASING, "reading.motor": 0.51}),
-    ("model", 0.51, {**ARMED, "reading.motor": 0.51}),
-    ("model_speed", 0.0, {**ARMED, "state.model_speed": 3.0}),
-    ("model", AWAY, MOVING),
-    ("model_speed", SPEED, MOVING),
-    ("model", LATER, {**MOVING, "observed.elapsed": 3 * DT, "state.before": 0.25}),
-    ("before", 0.25, {"state.target": 0.25, "law.wish": 0.25}),
-    ("enabled", 1.0, {**ARMED, "reading.drive_state": 4.0}),
-    ("enabled", 0.0, ARMED),
-    ("enabled", 1.0, {"reading.drive_state": 3.0}),
-    ("enabled", 0.0, {**STOPPED, "reading.drive_state": 4.0}),
-    ("enabled", 0.0, {**LATCHED, "reading.drive_state": 4.0}),
-    ("astray", 3 * DT, {"state.motor": 0.7, "reading.motor": 0.7, "state.astray": 2 * DT}),
-    ("astray", 3 * DT, {"state.motor": 0.7, "reading.motor": 0.7, **THRICE}),
-    ("astray", 0.0, {"state.astray": 2 * DT}),
-    ("overload", 3 * DT, {"reading.current": 17.0, "observed.elapsed": 3 * DT}),
-    ("overload", 0.0, {"state.overload": DT}),
-    ("saturated", 3 * DT, {"reading.current": 15.5, "state.saturated": 2 * DT}),
-    ("saturated", 3 * DT, {"reading.current": 15.5, **THRICE}),
-    ("saturated", 0.0, {"state.saturated": DT}),
-    ("slack", 3 * DT, {"reading.tension": 1.0, "state.slack": 2 * DT}),
-    ("slack", 3 * DT, {"reading.tension": 1.0, **THRICE}),
-    ("slack", 0.0, {"state.slack": DT}),
-    ("winding", heated(2.0, DT).winding, HOT),
-    ("winding", heated(5.0, 3 * DT).winding, {**HOT, "reading.current": -5.0, "observed.elapsed": 3 * DT}),
-    ("winding", heated(5.0, 0.1).winding, {**HOT, "reading.current": 5.0, "observed.elapsed": 0.4}),
-    ("winding", heated(16.0, DT).winding, {**HOT, "reading.current": NAN}),
-    ("winding", heated(0.0, DT).winding, {**HOT, **STOPPED, "reading.current": NAN}),
-    ("winding", heated(0.0, DT).winding, {**HOT, **UNMEASURED, "reading.current": 9.0}),
-    ("housing", heated(2.0, DT).housing, HOT),
-    ("i2t", heated(10.0, DT).i2t, {**HOT, "reading.current": 10.0}),
-    ("bridged", 3 * DT, {**R1, "state.bridged": 2 * DT}),
-    ("bridged", 5 * DT, {**R1, "state.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
-    ("bridged", 2 * DT - 3 * DT / 64, {"state.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
-    ("bridged", 0.0, {"state.bridged": DT / 128}),
-    ("bridged", 0.0, {**STOPPED, **R1, "state.bridged": DT}),
-    ("bridged", 0.0, {**LATCHED, **R1, "state.bridged": DT}),
-    ("passed", 1.0, {}),
-    ("passed", 0.0, {**STOPPED, "state.passed": 1.0}),
-    ("passed", 0.0, {**LATCHED, "state.passed": 1.0}),
-    ("released", DT, R2),
-    ("released", 4 * DT, {**RELEASING, "state.released": DT, "observed.elapsed": 3 * DT}),
-    ("released", 0.0, {"state.released": DT}),
-    ("eased", 3 * DT, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.25}),
-    ("eased", 3 * DT, {**RELEASING, "state.eased": 2 * DT, "reading.current": -0.25}),
-    ("eased", 3 * DT, {**RELEASING, "reading.current": 0.0, **THRICE}),
-    ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.25 + TINY}),
-    ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": -0.25 - TINY}),
-    ("eased", 0.0, {**RELEASING, "state.eased": 2 * DT, "reading.current": 0.0, "limits.measures_current": 0.0}),
-    ("eased", 0.0, {"state.eased": 2 * DT, "reading.current": 0.0}),
+    ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0}),
+    ("sums.armed", 1 + 3 * DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": 3 * DT}),
+    ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": NAN}),
+    ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": 3 * DT, "observed.lateness": NAN}),
+    ("sums.armed", 0.0, {**STOPPED, "state.sums.armed": 1.0}),
+    ("sums.armed", 0.0, {"state.sums.armed": 1.0}),
+    ("sums.late", 0.0, {}),
+    ("sums.late", 1 / 64 - 0.02 * DT, {"state.sums.late": 1 / 64}),
+    ("sums.late", 2.5 * DT - 0.08 * DT, {"observed.elapsed": 4 * DT}),
+    ("sums.failures", 3 - DT, {"reading.bus_errors": 3.0}),
+    ("sums.failures", 4 - DT, {"reading.bus_errors": 99.0}),
+    ("sums.failures", 1 - 3 * DT, {"state.sums.failures": 1.0, "observed.elapsed": 3 * DT}),
+    ("sums.failures", 1 - DT, {"state.sums.failures": 1.0, "state.sums.bus_errors": 5.0}),
+    ("sums.failures", 0.0, {}),
+    ("sums.bus_errors", 9.0, {"reading.bus_errors": 9.0}),
+    ("sums.bus_errors", 7.0, {"reading.bus_errors": NAN, "state.sums.bus_errors": 7.0}),
+    ("sums.bus_errors", 7.0, {"reading.bus_errors": INF, "state.sums.bus_errors": 7.0}),
+    ("motor.value", 0.5, {"reading.motor": NAN}),
+    ("motor.age", 2 * DT, {"reading.motor": NAN, "state.motor.age": DT}),
+    ("motor.age", 0.0, {"state.motor.age": DT}),
+    ("joint.age", 4 * DT, {"reading.joint": NAN, "state.joint.age": DT, "observed.elapsed": 3 * DT}),
+    ("joint.value", 0.376, {"reading.joint": 0.376}),
+    ("anchor.joint", 0.376, {"reading.joint": 0.376}),
+    ("anchor.joint", 0.375, {"reading.joint": 0.375 + 2.0**-13}),
+    ("anchor.motor", 0.51, {"reading.joint": 0.376, "reading.motor": 0.51}),
+    ("anchor.motor", 0.5, {"reading.motor": 0.51}),
+    ("anchor.motor", 0.51, {**STOPPED, "reading.motor": 0.51}),
+    ("anchor.motor", 0.51, {**LATCHED, "reading.motor": 0.51}),
+    ("anchor.motor", 0.5, {**RELEASING, "reading.motor": 0.51}),
+    ("servo.position", 0.51, {**ARMED, "reading.motor": 0.51}),
+    ("servo.speed", 0.0, {**ARMED, "state.servo.speed": 3.0}),
+    ("servo.position", AWAY, MOVING),
+    ("servo.speed", SPEED, MOVING),
+    ("servo.position", LATER, {**MOVING, "observed.elapsed": 3 * DT, "state.decided.target_before": 0.25}),
+    ("decided.target_before", 0.25, {"state.target": 0.25, "law.wish": 0.25}),
+    ("servo.enabled", 1.0, {**ARMED, "reading.drive_state": 4.0}),
+    ("servo.enabled", 0.0, ARMED),
+    ("servo.enabled", 1.0, {"reading.drive_state": 3.0}),
+    ("servo.enabled", 0.0, {**STOPPED, "reading.drive_state": 4.0}),
+    ("servo.enabled", 0.0, {**LATCHED, "reading.drive_state": 4.0}),
+    ("servo.astray", 3 * DT, {"state.motor.value": 0.7, "reading.motor": 0.7, "state.servo.astray": 2 * DT}),
+    ("servo.astray", 3 * DT, {"state.motor.value": 0.7, "reading.motor": 0.7, **THRICE}),
+    ("servo.astray", 0.0, {"state.servo.astray": 2 * DT}),
+    ("sums.overload", 3 * DT, {"reading.current": 17.0, "observed.elapsed": 3 * DT}),
+    ("sums.overload", 0.0, {"state.sums.overload": DT}),
+    ("sums.saturated", 3 * DT, {"reading.current": 15.5, "state.sums.saturated": 2 * DT}),
+    ("sums.saturated", 3 * DT, {"reading.current": 15.5, **THRICE}),
+    ("sums.saturated", 0.0, {"state.sums.saturated": DT}),
+    ("sums.slack", 3 * DT, {"reading.tension": 1.0, "state.sums.slack": 2 * DT}),
+    ("sums.slack", 3 * DT, {"reading.tension": 1.0, **THRICE}),
+    ("sums.slack", 0.0, {"state.sums.slack": DT}),
+    ("heat.winding", heated(2.0, DT).winding, HOT),
+    ("heat.winding", heated(5.0, 3 * DT).winding, {**HOT, "reading.current": -5.0, "observed.elapsed": 3 * DT}),
+    ("heat.winding", heated(5.0, 0.1).winding, {**HOT, "reading.current": 5.0, "observed.elapsed": 0.4}),
+    ("heat.winding", heated(16.0, DT).winding, {**HOT, "reading.current": NAN}),
+    ("heat.winding", heated(0.0, DT).winding, {**HOT, **STOPPED, "reading.current": NAN}),
+    ("heat.winding", heated(0.0, DT).winding, {**HOT, **UNMEASURED, "reading.current": 9.0}),
+    ("heat.housing", heated(2.0, DT).housing, HOT),
+    ("heat.i2t", heated(10.0, DT).i2t, {**HOT, "reading.current": 10.0}),
+    ("decided.bridged", 3 * DT, {**R1, "state.decided.bridged": 2 * DT}),
+    ("decided.bridged", 5 * DT, {**R1, "state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("decided.bridged", 2 * DT - 3 * DT / 64, {"state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("decided.bridged", 0.0, {"state.decided.bridged": DT / 128}),
+    ("decided.bridged", 0.0, {**STOPPED, **R1, "state.decided.bridged": DT}),
+    ("decided.bridged", 0.0, {**LATCHED, **R1, "state.decided.bridged": DT}),
+    ("decided.passed", 1.0, {}),
+    ("decided.passed", 0.0, {**STOPPED, "state.decided.passed": 1.0}),
+    ("decided.passed", 0.0, {**LATCHED, "state.decided.passed": 1.0}),
+    ("decided.released", DT, R2),
+    ("decided.released", 4 * DT, {**RELEASING, "state.decided.released": DT, "observed.elapsed": 3 * DT}),
+    ("decided.released", 0.0, {"state.decided.released": DT}),
+    ("decided.eased", 3 * DT, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.25}),
+    ("decided.eased", 3 * DT, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": -0.25}),
+    ("decided.eased", 3 * DT, {**RELEASING, "reading.current": 0.0, **THRICE}),
+    ("decided.eased", 0.0, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.25 + TINY}),
+    ("decided.eased", 0.0, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": -0.25 - TINY}),
+    (
+        "decided.eased",
+        0.0,
+        {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.0, "limits.measures_current": 0.0},
+    ),
+    ("decided.eased", 0.0, {"state.decided.eased": 2 * DT, "reading.current": 0.0}),
 ]
 """A field of the state, its value after the cycle, what is so."""
 
@@ -413,7 +463,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
 def test_estimates_and_sums(estimate: tuple[str, float, Changes]) -> None:
     field, value, changes = estimate
     state, _ = cycle(changes)
-    assert getattr(state, field) == pytest.approx(value, rel=1e-12, abs=1e-15)
+    assert attrgetter(field)(state) == pytest.approx(value, rel=1e-12, abs=1e-15)
 
 
 WRONG: dict[str, tuple[int, Changes]] = {
@@ -453,31 +503,31 @@ TOLD = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}
 
 @pytest.mark.parametrize("mode", list(Mode), ids=lambda mode: mode.name)
 def test_every_change_of_mode(mode: Mode) -> None:
-    before = {Mode.STOPPED: STOPPED, Mode.LATCHED: LATCHED, Mode.PREFLIGHT: {"state.passed": 0.0}}.get(mode, {})
+    before = {Mode.STOPPED: STOPPED, Mode.LATCHED: LATCHED, Mode.PREFLIGHT: {"state.decided.passed": 0.0}}.get(mode, {})
     for request, wrong, preflight in itertools.product(Request, WRONG, (0.0, 1.0)):
-        changes = {"state.mode": mode, "observed.request": request, "observed.preflight": preflight}
+        changes = {"state.decided.mode": mode, "observed.request": request, "observed.preflight": preflight}
         state, verdict = cycle(before, changes, WRONG[wrong][1])
         wanted = next_mode(mode, request, wrong, preflight)
         told = (mode.name, request.name, wrong, preflight)
-        assert (verdict.mode, state.mode) == (wanted, wanted), told
+        assert (verdict.mode, state.decided.mode) == (wanted, wanted), told
         assert verdict.power == (0.0 if wanted in (Mode.STOPPED, Mode.LATCHED) else 3.0), told
         assert verdict.reaction == TOLD.get(wanted, 0), told
         ran = mode in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING) or (
             request == Request.RUN and wanted == Mode.RUNNING
         )
-        assert state.passed == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
+        assert state.decided.passed == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
 
 
 LAST: list[tuple[str, float, Mode, Mode, Changes]] = [
-    ("state.bridged", 4.5 * DT, Mode.BRIDGING, Mode.RELEASING, R1),
-    ("state.bridged", 4.5 * DT, Mode.BRIDGING, Mode.LATCHED, {"reading.motor": NAN}),
-    ("state.bridged", 2.5 * DT, Mode.BRIDGING, Mode.RELEASING, {**R1, "observed.elapsed": 3 * DT}),
-    ("state.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
-    ("state.released", 252.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "observed.elapsed": 3 * DT}),
-    ("state.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, "state.latched": 1.0}),
-    ("state.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R2}),
-    ("state.eased", 15 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "reading.current": 0.0}),
-    ("state.eased", 15 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R1, "reading.current": 0.0}),
+    ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.RELEASING, R1),
+    ("state.decided.bridged", 4.5 * DT, Mode.BRIDGING, Mode.LATCHED, {"reading.motor": NAN}),
+    ("state.decided.bridged", 2.5 * DT, Mode.BRIDGING, Mode.RELEASING, {**R1, "observed.elapsed": 3 * DT}),
+    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED, RELEASING),
+    ("state.decided.released", 252.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "observed.elapsed": 3 * DT}),
+    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, "state.decided.latched": 1.0}),
+    ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R2}),
+    ("state.decided.eased", 15 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "reading.current": 0.0}),
+    ("state.decided.eased", 15 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R1, "reading.current": 0.0}),
 ]
 """A time that runs out, its last value, the mode up to it and the mode beyond it, what else is so."""
 
@@ -493,7 +543,7 @@ def test_times_run_out_in_their_cycle(last: tuple[str, float, Mode, Mode, Change
 
 
 def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None:
-    stale = {"state.released": 9.0, "state.eased": 9.0, "reading.current": 0.0}
+    stale = {"state.decided.released": 9.0, "state.decided.eased": 9.0, "reading.current": 0.0}
     assert cycle(stale, {"observed.request": Request.STOP})[1].mode == Mode.RELEASING
     assert cycle(stale, R2)[1].mode == Mode.RELEASING
 
@@ -507,7 +557,7 @@ def test_without_an_enabled_drive_there_is_nothing_to_release() -> None:
 
 def test_nothing_runs_on_a_drive_that_is_not_enabled() -> None:
     state, verdict = cycle(ARMED, {"observed.request": Request.RUN, "observed.preflight": 1.0})
-    assert (verdict.mode, state.passed) == (Mode.PREFLIGHT, 0.0)
+    assert (verdict.mode, state.decided.passed) == (Mode.PREFLIGHT, 0.0)
 
 
 LATCHABLE = [fault for fault in Fault if fault.latched]
@@ -516,18 +566,20 @@ LATCHABLE = [fault for fault in Fault if fault.latched]
 def test_a_latch_keeps_each_fault_apart() -> None:
     for fault in LATCHABLE:
         for mode in (Mode.LATCHED, Mode.RELEASING, Mode.RUNNING):
-            state, verdict = cycle({"state.mode": mode, "state.latched": 2.0**fault})
-            assert (state.latched, verdict.faults) == (2.0**fault, 2.0**fault)
+            state, verdict = cycle({"state.decided.mode": mode, "state.decided.latched": 2.0**fault})
+            assert (state.decided.latched, verdict.faults) == (2.0**fault, 2.0**fault)
     every = sum(2.0**fault for fault in LATCHABLE)
-    state, verdict = cycle(LATCHED, {"state.latched": every})
-    assert (state.latched, verdict.faults) == (every, every)
-    state, verdict = cycle(LATCHED, {"state.latched": every, "observed.request": Request.ACKNOWLEDGE})
-    assert state.latched == 0.0
+    state, verdict = cycle(LATCHED, {"state.decided.latched": every})
+    assert (state.decided.latched, verdict.faults) == (every, every)
+    state, verdict = cycle(LATCHED, {"state.decided.latched": every, "observed.request": Request.ACKNOWLEDGE})
+    assert state.decided.latched == 0.0
 
 
 def test_a_latch_is_left_by_acknowledge_alone() -> None:
     for request, latched in itertools.product(Request, (0.0, 1.0)):
-        _, verdict = cycle(LATCHED, {"state.passed": 0.0, "state.latched": latched, "observed.request": request})
+        _, verdict = cycle(
+            LATCHED, {"state.decided.passed": 0.0, "state.decided.latched": latched, "observed.request": request}
+        )
         assert verdict.mode == (Mode.STOPPED if request == Request.ACKNOWLEDGE else Mode.LATCHED)
 
 
@@ -543,19 +595,23 @@ def test_what_leads_to_a_stop_is_latched_and_nothing_else() -> None:
         ({**STOPPED, **R2}, 0.0, operator),
     ):
         state, verdict = cycle(changes)
-        assert (state.latched, verdict.faults) == (latched, told), changes
+        assert (state.decided.latched, verdict.faults) == (latched, told), changes
 
 
 SLACKER_UP: Changes = {**RELEASING, "limits.slack_sign": 1.0}
 TARGETS: list[tuple[str, float, Changes]] = [
     ("the wish", 0.51, {"law.wish": 0.51}),
-    ("the wish, in preflight", 0.51, {"law.wish": 0.51, "state.mode": Mode.PREFLIGHT, "state.passed": 0.0}),
+    (
+        "the wish, in preflight",
+        0.51,
+        {"law.wish": 0.51, "state.decided.mode": Mode.PREFLIGHT, "state.decided.passed": 0.0},
+    ),
     ("the motor, until the drive is enabled", 0.49, {**ARMED, "law.wish": 0.51, "reading.motor": 0.49}),
     ("the last, while bridging", 0.5, {**R1, "law.wish": 0.51, "reading.motor": 0.49}),
-    ("the last, not the one before", 0.5, {**R1, "state.before": 0.51}),
+    ("the last, not the one before", 0.5, {**R1, "state.decided.target_before": 0.51}),
     ("the last, also when the wish is wrong", 0.5, {"law.wish": NAN, "reading.motor": 0.49}),
     ("slacker than the target", 0.5 - 8 * DT, {**RELEASING, "law.wish": 0.6}),
-    ("slacker than the last, not the one before", 0.5 - 8 * DT, {**RELEASING, "state.before": 0.4}),
+    ("slacker than the last, not the one before", 0.5 - 8 * DT, {**RELEASING, "state.decided.target_before": 0.4}),
     ("slacker than the motor", 0.49 - 8 * DT, {**RELEASING, "reading.motor": 0.49}),
     ("not towards a tighter motor", 0.5 - 8 * DT, {**RELEASING, "reading.motor": 0.51}),
     ("slacker upwards", 0.5 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.49}),
@@ -566,14 +622,18 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING}),
     ("to the highest", 2.0, {**motor_at(1.999), **SLACKER_UP}),
     ("the motor, when stopped", 0.51, {**STOPPED, "reading.motor": 0.51, "law.wish": 0.6}),
-    ("the motor, when a release is over", 0.49, {**RELEASING, "state.released": 9.0, "reading.motor": 0.49}),
+    ("the motor, when a release is over", 0.49, {**RELEASING, "state.decided.released": 9.0, "reading.motor": 0.49}),
     ("the motor, when latched", 0.51, {**LATCHED, "reading.motor": 0.51, "law.wish": 0.6}),
     ("the motor, at once with R3", 0.51, {**R3, "reading.motor": 0.51, "law.wish": 0.6}),
     ("its last good angle", 0.5, {**STOPPED, "reading.motor": NAN}),
     ("no faster than its limit, upwards", 0.625, {**STOPPED, "reading.motor": 1.5}),
     ("no faster than its limit, downwards", 0.375, {**STOPPED, "reading.motor": -0.25}),
-    ("from the last target, not the one before", 0.625, {**STOPPED, "reading.motor": 1.5, "state.before": 0.75}),
-    ("downwards too", 0.375, {**STOPPED, "reading.motor": -0.25, "state.before": 0.25}),
+    (
+        "from the last target, not the one before",
+        0.625,
+        {**STOPPED, "reading.motor": 1.5, "state.decided.target_before": 0.75},
+    ),
+    ("downwards too", 0.375, {**STOPPED, "reading.motor": -0.25, "state.decided.target_before": 0.25}),
     ("in a late cycle more", 0.875, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 3 * DT}),
     ("in a very late cycle no more than five", 1.125, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": 9 * DT}),
     ("in an early cycle no less", 0.625, {**STOPPED, "reading.motor": 1.5, "observed.elapsed": DT / 2}),
@@ -603,7 +663,7 @@ def test_it_begins_within_its_limits_whatever_it_reads() -> None:
     ):
         assert begin(LIMITS, READING._replace(motor=motor), cold(THERMAL)).target == target
     for joint, known in ((-6.5, -6.5), (6.5, 6.5), (-6.6, 0.0), (NAN, 0.0)):
-        assert begin(LIMITS, READING._replace(joint=joint), cold(THERMAL)).joint == known
+        assert begin(LIMITS, READING._replace(joint=joint), cold(THERMAL)).joint.value == known
 
 
 def test_inside_holds_its_ends_and_lasting_counts_while_a_condition_holds() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.design.league import told
+from bowden.control.knowledge import informed
 from bowden.design.league_cells import plants, scenarios
-from bowden.plants.cable_plant import resting_motor
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.limits import Limits
 from bowden.sim.adversary import attack
@@ -50,11 +50,11 @@ def test_two_faults_end_without_power_and_r3_is_not_kept_waiting() -> None:
 @pytest.mark.parametrize("limits", [MEASURED, Limits()], ids=["all_measured", "default"])
 def test_a_run_in_order_is_never_touched(limits: Limits) -> None:
     plant = plants(BENCH, moved_sheath())[1]
-    start = resting_motor(plant.plant, 0.0, float(plant.bend(np.zeros(1))[0]))
+    start = plant.plant.resting_motor(0.0, float(plant.bend(np.zeros(1))[0]))
     for name, scenario in itertools.product(("adaptive", "bowden"), scenarios()):
-        outcome = supervised(
+        outcome, _ = supervised(
             BENCH,
-            told(LAWS[name], plant.plant),
+            informed(LAWS[name], knowledge_of(plant.plant)),
             scenario.reference(plant.stroke),
             limits,
             duration=scenario.duration,

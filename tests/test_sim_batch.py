@@ -10,18 +10,18 @@ from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, kernel
+from bowden.core.nested import numbers_of, refilled
 from bowden.core.pairwise import pairwise_sum
-from bowden.core.refill import numbers_of, refilled
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.random_plants import random_plant, run_random_plants
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import PAPER_ENCODER, Bench
 from bowden.sim import many
-from bowden.sim.closed_loop import simulate
 from bowden.sim.faulty import Fault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
+from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, random_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 5.0)
@@ -47,12 +47,13 @@ def alone(one: Case, law: Law, duration: float) -> tuple[float | None, ...]:
         fault=one.fault,
     )
     found = trace.metrics()
-    if not trace.stable:
-        return (float(np.isfinite(trace["joint"]).sum()), 0.0, *[None] * 7)
+    if not trace.ended:
+        return (float(np.isfinite(trace["joint"]).sum()), 0.0, 0.0, *[None] * 7)
     commands = trace["command"]
     return (
         float(len(trace)),
         1.0,
+        float(trace.stable),
         found.rmse_deg,
         found.rmse_after_10s_deg,
         found.peak_deg,
@@ -67,6 +68,7 @@ def together(outcome: Outcome) -> tuple[float | None, ...]:
     values = (
         outcome.cycles,
         outcome.ended,
+        outcome.stable,
         outcome.rmse * DEGREES,
         outcome.rmse_after_10s * DEGREES,
         outcome.peak * DEGREES,

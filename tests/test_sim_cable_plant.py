@@ -25,9 +25,10 @@ from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.drive.servo import Servo
 from bowden.plants import cables, friction_cables
 from bowden.plants.bench import PAPER_ENCODER, Bench
-from bowden.plants.cable_plant import CablePlant, lagged, resting_motor
+from bowden.plants.cable_body import lagged
+from bowden.plants.cable_plant import CablePlant
 from bowden.plants.pose_cable import poses
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.sim.scenario import scripted_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
@@ -194,7 +195,7 @@ def test_an_identified_cable_that_runs_backwards_is_turned_round(name: str) -> N
     """Turned or written forwards, one joint; and it is reachable from the start."""
     backwards, ahead = cables.identified(name, MODELS[name]), cables.identified(name, forwards(name))
     assert backwards.slope == pytest.approx(0.9)
-    start = resting_motor(CablePlant(backwards), 0.1)
+    start = CablePlant(backwards).resting_motor(0.1)
     one, other = (
         simulate(CablePlant(cable), LAWS["adaptive"], STROKE, duration=5.0, initial_motor=start)
         for cable in (backwards, ahead)
@@ -286,14 +287,14 @@ def test_absurd_plants_are_refused(change: dict[str, Any]) -> None:
 def test_a_cable_rests_where_it_is_told(cable: cables.Cable) -> None:
     plant = CablePlant(cable, sheath=Sheath(bend=2.0))
     for joint in (0.05, 0.7):
-        start = resting_motor(plant, joint, 2.2)
+        start = plant.resting_motor(joint, 2.2)
         memory = cable.start(cable.prepared, start, 1.1, 1.0)
         assert cable.look(cable.prepared, memory, start, 1.1, 1.0).joint == pytest.approx(joint, abs=1e-9)
 
 
 def test_a_joint_cannot_rest_beyond_its_springs_end() -> None:
     with pytest.raises(ParameterError, match="cannot rest with its joint at -1 rad"):
-        resting_motor(CablePlant(CABLES["sliding"]), -1.0)
+        CablePlant(CABLES["sliding"]).resting_motor(-1.0)
 
 
 def test_poses_go_from_one_cable_to_the_next() -> None:

@@ -23,7 +23,7 @@ from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
 from bowden.plants.bench import PAPER_ENCODER, Bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, scripted_bend
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)

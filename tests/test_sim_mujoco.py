@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bowden.app import main
-from bowden.control.laws.uncompensated import UNCOMPENSATED
+from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
@@ -29,7 +29,7 @@ from bowden.rig.presets.suit import default_suit
 from bowden.sim import arm_check, mujoco_arm
 from bowden.sim.arm_agreement import Agreement
 from bowden.sim.mujoco_arm import MujocoArm, arm_xml
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 from bowden.sim.suit_replay import parts_of, replay
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +58,7 @@ def run() -> Trace:
 def lifted(suit: Suit) -> Trace:
     """The uncompensated suit, with a weak and trembling wearer, 0–90–0° in 8 s."""
     wearer, reference = WEARERS["weak"]._replace(tremor=0.2), PeriodicMinimumJerk(0.0, 0.5 * math.pi, 8.0)
-    return simulate_suit(suit, UNCOMPENSATED, reference, duration=8.0, wearer=wearer)
+    return simulate(suit._replace(wearer=wearer), LAWS["uncompensated"], reference, duration=8.0)
 
 
 # Geometry.

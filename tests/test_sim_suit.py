@@ -20,8 +20,8 @@ from bowden.models.suit.geometry import extensor_extension, flexor_extension, fl
 from bowden.models.suit.suit_cable import Fabric, fabric_tension
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.sim.run import simulate
 from bowden.sim.scenario import scripted_bend
-from bowden.sim.suit import simulate_suit
 
 SUIT = Suit()
 STILL = Bends(math.pi, math.pi)
@@ -60,7 +60,7 @@ def _whole(state: tuple[object, ...]) -> SuitState:
 def run(kind: str = "play", law: str = "uncompensated", substeps: int = 10) -> Trace:
     cable = SUIT.flexor._replace(kind=kind)
     suit = SUIT._replace(flexor=cable, extensor=cable, substeps=substeps)
-    return simulate_suit(suit, LAWS[law], MOTION, duration=20.0 if substeps == 10 else 7.0)
+    return simulate(suit, LAWS[law], MOTION, duration=20.0 if substeps == 10 else 7.0)
 
 
 @pytest.mark.parametrize("motor_deg", [10.0, 45.0, 80.0])
@@ -187,7 +187,7 @@ def test_a_step_of_a_whole_cycle_in_stiff_fabric_stays_bounded() -> None:
     """One sub-step a cycle, cables and fabric a hundred times as stiff: wrong in detail, but no explosion."""
     stiff = SUIT.flexor._replace(stiffness=8e5)
     suit = SUIT._replace(flexor=stiff, extensor=stiff, fabric=Fabric(8e5, 0.0, 190.0), substeps=1)
-    trace = simulate_suit(suit, LAWS["uncompensated"], MOTION, duration=10.0)
+    trace = simulate(suit, LAWS["uncompensated"], MOTION, duration=10.0)
     assert trace.stable
     assert np.max(np.abs(trace["joint"])) < 2.0
 
@@ -222,14 +222,14 @@ def test_the_friction_that_a_run_shows_is_that_of_drive_gears_and_sheaths() -> N
 
 
 def test_a_run_one_way_shows_no_friction() -> None:
-    trace = simulate_suit(SUIT, LAWS["uncompensated"], PointToPoint((0.0, 2.0), (0.0, 1.0)), duration=2.5)
+    trace = simulate(SUIT, LAWS["uncompensated"], PointToPoint((0.0, 2.0), (0.0, 1.0)), duration=2.5)
     with pytest.raises(LogError, match="passed both ways"):
         spool_friction(trace)
 
 
 def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leaves() -> None:
     told = SUIT._replace(motor=SUIT.motor._replace(friction_feedforward=spool_friction(run(), 10.0)))
-    helped = simulate_suit(told, LAWS["uncompensated"], MOTION, duration=20.0)
+    helped = simulate(told, LAWS["uncompensated"], MOTION, duration=20.0)
     left, before = (float(np.max(np.abs(trace.error[trace.time > 10.0]))) for trace in (helped, run()))
     assert left < 0.5 * before
 
@@ -237,9 +237,7 @@ def test_the_feed_forward_of_friction_takes_away_most_of_what_the_pd_drive_leave
 def test_a_bent_sheath_loses_more() -> None:
     bent = scripted_bend((0.0, 0.5), (math.pi, 3.0 * math.pi))
     suit = SUIT._replace(sheath=Sheath(bend=math.pi, loss=0.15))
-    straight, moved = (
-        simulate_suit(suit, LAWS["uncompensated"], MOTION, duration=20.0, bend=path) for path in (None, bent)
-    )
+    straight, moved = (simulate(suit, LAWS["uncompensated"], MOTION, duration=20.0, bend=path) for path in (None, bent))
     late = straight.time > 5.0
     assert np.sqrt(np.mean(moved.error[late] ** 2)) > 1.2 * np.sqrt(np.mean(straight.error[late] ** 2))
     assert moved["width"].max() > 2.9
@@ -248,7 +246,7 @@ def test_a_bent_sheath_loses_more() -> None:
 @pytest.mark.parametrize("kind", [kind for kind in WEARERS if kind != "none"])
 def test_each_wearer_moves_the_elbow_as_they_would(kind: str) -> None:
     free, own = (
-        simulate_suit(SUIT, LAWS["uncompensated"], MOTION, duration=10.0, wearer=WEARERS[name])
+        simulate(SUIT._replace(wearer=WEARERS[name]), LAWS["uncompensated"], MOTION, duration=10.0)
         for name in ("none", kind)
     )
     top = (free.time > 4.5) & (free.time < 5.5)
@@ -264,7 +262,7 @@ def test_each_wearer_moves_the_elbow_as_they_would(kind: str) -> None:
 
 def test_the_interaction_torque_moves_the_arm() -> None:
     """I·φ'' = suit + weight + elbow + wearer, from the columns of the trace alone."""
-    trace = simulate_suit(SUIT, LAWS["uncompensated"], MOTION, duration=5.0, wearer=WEARERS["weak"])
+    trace = simulate(SUIT._replace(wearer=WEARERS["weak"]), LAWS["uncompensated"], MOTION, duration=5.0)
     arm, joint, speed = SUIT.arm, trace["joint"], trace["joint_velocity"]
     torque = trace["interaction_torque"] + trace["wearer_torque"]
     torque = torque + np.array([gravity_torque(arm, a) for a in joint])
@@ -276,7 +274,7 @@ def test_the_interaction_torque_moves_the_arm() -> None:
 
 def test_one_seed_one_run() -> None:
     law = LAWS["adaptive"].preset("suit")
-    runs = [simulate_suit(SUIT, law, MOTION, duration=3.0, seed=seed) for seed in (3, 3, 4)]
+    runs = [simulate(SUIT, law, MOTION, duration=3.0, seed=seed) for seed in (3, 3, 4)]
     assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
     assert not np.array_equal(runs[0]["joint_measured"], runs[2]["joint_measured"])
 
@@ -293,7 +291,7 @@ def test_one_seed_one_run() -> None:
 )
 def test_a_suit_that_cannot_be_is_refused(suit: Suit) -> None:
     with pytest.raises(ParameterError) as caught:
-        simulate_suit(suit, LAWS["uncompensated"], MOTION, duration=1.0)
+        simulate(suit, LAWS["uncompensated"], MOTION, duration=1.0)
     assert "\n" not in str(caught.value)
 
 
@@ -301,6 +299,6 @@ def test_the_compensated_suit_reaches_and_holds() -> None:
     """The adaptive law on a drive with an integral: a heavy arm, held at 60°."""
     law, reach = LAWS["adaptive"].preset("suit"), PointToPoint((0.0, 4.0, 8.0), (0.0, 60.0 * RADIANS, 60.0 * RADIANS))
     suit = SUIT._replace(motor=SUIT.motor._replace(integral=25.0), arm=arm_of(110.0, 1.85))
-    trace = simulate_suit(suit, law, reach, duration=8.0)
+    trace = simulate(suit, law, reach, duration=8.0)
     late = trace.time > 6.0
     assert np.max(np.abs(trace.error[late])) * DEGREES < 3.0

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from bowden.control import LAWS
+from bowden.core import style
+from bowden.core.style import COLOURS, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.report import style
-from bowden.report.style import COLOURS, thin
 from bowden.rig.presets import bench as paper
 
 _SECONDS = 60.0

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bowden.core import style
 from bowden.core.kernel import compiled
 from bowden.models.cable import capstan, sliding_cable
 from bowden.models.cable.capstan import Tendon
 from bowden.models.cable.sliding_cable import TendonMemory, prepare_tendon
-from bowden.report import style
 
 _START, _ADVANCE = compiled(sliding_cable.start_tendon), compiled(sliding_cable.advance_tendon)
 _JOINT, _PULL = compiled(sliding_cable.tendon_joint), compiled(sliding_cable.motor_tension)

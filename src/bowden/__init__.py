@@ -3,7 +3,104 @@
 A cable in a sheath loses motion: friction and play make a hysteresis that changes whenever the sheath bends. The
 package takes a log of such a cable to an identified model, and the model to a controller that makes the joint follow.
 
-Layers, imports pointing down only: ``core < models < control < sim, identify < report < paper < app``.
+    import bowden
+
+    fit = bowden.identify("log.csv")                # or arrays: identify(time, motor, joint)
+    rig = bowden.Rig(cable=fit.best)                # or bowden.Rig.read("rig.toml")
+    bowden.simulate(rig, "bowden").plot()
+    rig = bowden.tune(rig).rig
+    with bowden.run(rig, twin=True) as session: ...
+
+All angles are in radians, all else in SI. The names below are loaded when they are first asked for, so that
+``import bowden`` takes a few milliseconds; see docs/python.md.
 """
 
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bowden.control import LAWS as LAWS
+    from bowden.control.law import Law as Law
+    from bowden.core.errors import BowdenError as BowdenError
+    from bowden.core.kernel import kernel as kernel
+    from bowden.core.kernel import sel as sel
+    from bowden.core.signals import Reference as Reference
+    from bowden.core.signals import Sample as Sample
+    from bowden.core.trace import Trace as Trace
+    from bowden.face.identify import identify as identify
+    from bowden.face.identify import read_log as read_log
+    from bowden.face.motion import MinimumJerk as MinimumJerk
+    from bowden.face.read_trace import read_trace as read_trace
+
 __version__ = "0.1.0"
+
+_HOMES = {
+    "BowdenError": "bowden.core.errors",
+    "LAWS": "bowden.control",
+    "Law": "bowden.control.law",
+    "MinimumJerk": "bowden.face.motion",
+    "Reference": "bowden.core.signals",
+    "Sample": "bowden.core.signals",
+    "Trace": "bowden.core.trace",
+    "identify": "bowden.face.identify",
+    "kernel": "bowden.core.kernel",
+    "read_log": "bowden.face.identify",
+    "read_trace": "bowden.face.read_trace",
+    "sel": "bowden.core.kernel",
+}
+"""Each name that is offered, and the module that it is taken from when it is first asked for."""
+
+_ROOMS = ("identify",)
+"""Names that are a function here and a folder of the package as well: the folder can be called as the function."""
+
+__all__ = [*_HOMES, "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    """A name of `_HOMES`, loaded when it is first asked for (PEP 562)."""
+    if name in _ROOMS:
+        return import_module(f"{__name__}.{name}")
+    if name in _HOMES:
+        found = globals()[name] = getattr(import_module(_HOMES[name]), name)
+        return found
+    if name.startswith("__"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from bowden.core.errors import near
+
+    raise AttributeError(f"bowden has no {name!r}; expected {near(name, _HOMES)}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Room(ModuleType):
+    """A folder of the package that is called as the function of its name."""
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        return self._function(*given, **named)
+
+    @property
+    def _function(self) -> Any:
+        name = self.__name__.rpartition(".")[2]
+        return getattr(import_module(_HOMES[name]), name)
+
+    @property
+    def __signature__(self) -> Any:
+        from inspect import signature
+
+        return signature(self._function)
+
+
+class _Package(ModuleType):
+    """This package, which turns those folders into `_Room` when their import puts them here."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _ROOMS and isinstance(value, ModuleType):
+            value.__class__ = _Room
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -31,24 +31,26 @@ def run_alone(study: Study, number: int, folder: Path, *, json: bool) -> None:
             f"--run is {number}, and {study.path} has {study.file.runs} runs",
             expected=f"a number from 0 to {study.file.runs - 1}",
         )
-    setup, laws, fault = study.setup(number)
+    rig, laws, fault = study.run(number)
     drawn = study.drawn(number)
     traces = {}
     for law in laws:
         with user_law.explained(law):
-            traces[law.name] = run_of(setup, law, fault)
+            traces[law.name] = run_of(rig, law, fault)
     with whole_files(folder) as stage:
         for name, trace in traces.items():
             trace.to_parquet(stage / f"{name}.parquet")
         write_simulation(stage / "simulate.html", traces, f"Run {number} of {study.path.name}")
     files = [str(folder / f"{name}.parquet") for name in traces] + [str(folder / "simulate.html")]
-    for note in setup.notes:
+    for note in rig.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     metrics = {name: trace.metrics() for name, trace in traces.items()}
     if json:
-        runs = [{"law": name, "ended": traces[name].stable} | asdict(found) for name, found in metrics.items()]
+        runs = [{"law": name, "ended": traces[name].ended} | asdict(found) for name, found in metrics.items()]
         drawn_values = {"seed": drawn.seed} | drawn.values
-        print_json({"run": number, "drawn": drawn_values, "runs": runs, "files": files, "seconds": seconds()})
+        print_json(
+            {"run": number, "rig": rig.hash, "drawn": drawn_values, "runs": runs, "files": files, "seconds": seconds()}
+        )
         return
     for name, value in drawn.values.items():
         print(f"  {name} = {value if isinstance(value, str) else format(value, '.6g')}")

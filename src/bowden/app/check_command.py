@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.console import print_json, progress_bar, seconds
+from bowden.app.given_rig import read_given
 
 if TYPE_CHECKING:
     from bowden.design.check import Check
@@ -24,19 +25,18 @@ def check(
     from bowden.control import user_law
     from bowden.design.advice import advise
     from bowden.design.check import check as judge
-    from bowden.rig import compose, ranges
+    from bowden.rig import ranges
 
-    setup, description = compose.setup(rig)
-    folder = Path() if law else rig.parent
-    chosen = compose.law_for(law or description.control.law, description, setup.bench, folder, preset)
-    bends, stroke = ranges.bends(setup), ranges.stroke(setup)
+    given = read_given(rig).with_law(law, preset)
+    chosen = given.fitted()
+    bends, stroke = ranges.bends(given), ranges.stroke(given)
     with progress_bar(quiet=json) as progress, user_law.explained(chosen):
         progress(f"checking {chosen.name}", 0.0)
-        found = judge(setup.bench, chosen, bends=bends, stroke=stroke, seed=setup.seed)
-        advice = advise(setup.bench, chosen, found, bends=bends, stroke=stroke)
-    for note in setup.notes:
+        found = judge(given.bench, chosen, bends=bends, stroke=stroke, seed=given.seed)
+        advice = advise(given.bench, chosen, found, bends=bends, stroke=stroke)
+    for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
-    document = {"law": chosen.name} | _document(found) | {"advice": advice, "seconds": seconds()}
+    document = {"law": chosen.name, "rig": given.hash} | _document(found) | {"advice": advice, "seconds": seconds()}
     if json:
         print_json(document)
     else:

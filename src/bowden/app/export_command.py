@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
+from bowden.app.given_rig import read_given
 
 if TYPE_CHECKING:
     from bowden.control.law import Law
     from bowden.export.module import Module
-    from bowden.rig.compose import Setup
-    from bowden.rig.schema import Rig
+    from bowden.rig.rig import Rig
     from bowden.safety.limits import Limits
 
 RECORDED = 5.0
@@ -49,32 +49,31 @@ def export(
     """
     from bowden.core.files import whole_files
     from bowden.design.verdict import verdicts
-    from bowden.rig import compose
 
-    setup, description = compose.setup(rig)
-    folder = Path() if law else rig.parent
-    chosen = compose.law_for(law or description.control.law, description, setup.bench, folder, preset)
+    given = read_given(rig).with_law(law, preset)
+    chosen = given.fitted()
     output_folder(to, "--to")
     with progress_bar(quiet=json) as progress:
         progress("tracing the kernels", 0.0)
-        modules = _modules(chosen, emg_rate if emg else None, _limits(description, setup) if safety else None)
-        said = _said(rig.name, chosen, preset, float32=float32, turned=setup.turned)
-        texts = _texts(modules, chosen, setup, said, float32=float32)
+        modules = _modules(chosen, emg_rate if emg else None, _limits(given) if safety else None)
+        said = _said(rig.name, chosen, preset, float32=float32, turned=given.turned)
+        texts = _texts(modules, chosen, given.sample_time, said, float32=float32)
         _only_ours(to, set(texts) | {"recording.csv", "replay"})
         progress(f"checking {chosen.name}", 0.3)
-        verdict = verdicts(setup, [chosen], rig.name, force=force)[0]
+        verdict = verdicts(given, [chosen], rig.name, force=force)[0]
         progress(f"recording a run of {chosen.name}", 0.6)
-        recording = _recording(setup, chosen)
+        recording = _recording(given, chosen)
         with whole_files(to) as stage:
             for name, text in texts.items():
                 (stage / name).write_text(text, encoding="utf-8")
             (stage / "recording.csv").write_text(recording, encoding="utf-8")
         progress("measuring on a Cortex-M4F", 0.8)
-        figures = _figures(to, modules, recording, setup.bench.sample_time)
-    for note in (*setup.notes, *([verdict.note] if verdict.note else [])):
+        figures = _figures(to, modules, recording, given.sample_time)
+    for note in (*given.notes, *([verdict.note] if verdict.note else [])):
         print(f"bowden: note: {note}", file=sys.stderr)
     document = {
         "law": chosen.name,
+        "rig": given.hash,
         "check": verdict.name,
         "precision": "float" if float32 else "double",
         "modules": [module.prefix for module in modules],
@@ -109,11 +108,9 @@ def _modules(law: "Law", emg_rate: float | None, limits: "Limits | None") -> "li
     return modules
 
 
-def _limits(description: "Rig", setup: "Setup") -> "Limits":
-    from bowden.rig import drive as rig_drive
-
-    rig_drive.drive_parameters(description, setup.bench)  # which refuses limits that contradict one another
-    return rig_drive.limits(description, setup.bench)
+def _limits(rig: "Rig") -> "Limits":
+    _ = rig.drive_parameters  # which refuses limits that contradict one another
+    return rig.supervisor_limits
 
 
 def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, turned: bool) -> str:
@@ -126,14 +123,13 @@ def _said(rig: str, law: "Law", preset: str | None, *, float32: bool, turned: bo
     return f"Written by bowden {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{other_way}"
 
 
-def _texts(modules: "list[Module]", law: "Law", setup: "Setup", said: str, *, float32: bool) -> dict[str, str]:
+def _texts(modules: "list[Module]", law: "Law", period: float, said: str, *, float32: bool) -> dict[str, str]:
     """Name → text of every file but the recording."""
     from bowden.export.code import Style
     from bowden.export.module import files
     from bowden.export.readme import makefile, readme
     from bowden.export.replay import replay_source
 
-    period = setup.bench.sample_time
     texts: dict[str, str] = {}
     for module in modules:
         single = float32 and module.prefix != "safety"  # whose set of faults needs 37 bits
@@ -161,26 +157,26 @@ def _only_ours(folder: Path, names: set[str]) -> None:
         )
 
 
-def _recording(setup: "Setup", law: "Law") -> str:
+def _recording(rig: "Rig", law: "Law") -> str:
     """A simulated run of the rig as CSV, with the columns of a live run's log, up to where the law runs away."""
     import numpy as np
 
     from bowden.control import user_law
     from bowden.export.replay import COLUMNS
-    from bowden.sim.closed_loop import inputs_of, simulate
+    from bowden.sim.run import simulate
 
-    duration = min(RECORDED, setup.duration)
+    duration = min(RECORDED, rig.duration)
     with user_law.explained(law):
         trace = simulate(
-            setup.bench,
+            rig.bench,
             law,
-            setup.reference,
+            rig.trajectory,
             duration=duration,
-            bend=setup.bend,
-            seed=setup.seed,
-            initial_motor=setup.initial_motor,
+            bend=rig.bend_path,
+            seed=rig.seed,
+            initial_motor=rig.start_motor,
         )
-    references = inputs_of(setup.bench, setup.reference, duration, setup.bend, setup.seed).references
+    references = rig.trajectory.sample(trace.time).T
     lasted = int(np.isfinite(trace["command"]).cumprod().sum())
     source = np.where(np.arange(lasted) == 0, 2.0, 3.0)  # runtime.cycle.Source: the law begins, the law goes on
     values = (trace["time"], trace["joint_measured"], trace["motor_measured"], *references, trace["command"])

@@ -43,7 +43,7 @@ def identify(
         from bowden.identify.cable.model_file import write_model
         from bowden.report.identify_page import identify_page
 
-        page = identify_page(checked, fit)
+        page = identify_page(fit)
         with whole_files(out) as folder:
             page.write(folder / "identify.html")
             write_model(folder / "model.toml", fit, checked.name)
@@ -67,7 +67,7 @@ def document(fit: "Fit") -> dict[str, Any]:
         }
         for name, fitted in fit.models.items()
     }
-    return {"best": fit.best, "models": models, "warnings": list(fit.warnings), "samples": fit.samples}
+    return {"best": fit.best.name, "models": models, "warnings": list(fit.warnings), "samples": fit.samples}
 
 
 def _finite(value: float) -> float | None:
@@ -88,7 +88,7 @@ def _print_table(fit: "Fit") -> None:
     for name, fitted in fit.models.items():
         errors = (f"{value * DEGREES:.3f}" for value in (fitted.train_rms, fitted.test_rms))
         count = sum(not math.isnan(value) for value in fitted.uncertainty.values())
-        table.add_row(f"{name} *" if name == fit.best else name, str(count), *errors)
+        table.add_row(f"{name} *" if name == fit.best.name else name, str(count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
     for warning in fit.warnings:

@@ -55,8 +55,7 @@ def identify_servo(
 
 
 def _document(found: "ServoFit", sample_time_ms: float) -> dict[str, Any]:
-    from bowden.core.units import RADIANS
-    from bowden.rig.schema import HERTZ
+    from bowden.core.units import HERTZ, RADIANS
 
     delay_ms = found.delay.value * 1e3
     return {

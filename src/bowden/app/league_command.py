@@ -92,8 +92,7 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: _Names) -> list[Any]:
     Raises:
         ParameterError: one that is not known.
     """
-    from bowden.core.errors import ParameterError
-    from bowden.rig.config import near
+    from bowden.core.errors import ParameterError, near
 
     asked = [name.strip() for text in wanted or [] for name in text.split(",")]
     for name in asked:
@@ -130,10 +129,10 @@ def _scenarios(data: Path) -> tuple[dict[str, "Scenario"], list[str]]:
         found, notes = league_cells.scenarios(), [f"no recording in {data / 'elbow'}, so no scenario of an elbow"]
     else:
         from bowden.rig.recorded import read_motion  # brings pyarrow
-        from bowden.rig.schema import RecordedSection
+        from bowden.rig.sections import RecordedFile
 
-        section = RecordedSection(file=files[0].name, position_column="elbow_deg")
-        found, notes = league_cells.scenarios(read_motion(section, files[0].parent)), []
+        said = RecordedFile(files[0].name, position_column="elbow_deg")
+        found, notes = league_cells.scenarios(read_motion(said, files[0].parent).motion), []
     return {one.name: one for one in found}, notes
 
 

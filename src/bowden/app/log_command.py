@@ -130,6 +130,7 @@ def replay(
     """
     from bowden.control import user_law
     from bowden.live.log_replay import law_of, source_for
+    from bowden.live.log_rig import hash_of
     from bowden.live.mcap_read import read
     from bowden.live.replay import replay as run
     from bowden.live.run_settings import filters_of, limits_of
@@ -141,7 +142,13 @@ def replay(
     with user_law.explained(chosen):
         result = run(found, chosen, limits, filters, period, same=same, source=source)
     if json:
-        document = {"file": str(file), "law": chosen.name, "same_law": same, **result._asdict()}
+        document = {
+            "file": str(file),
+            "rig": hash_of(found.settings),
+            "law": chosen.name,
+            "same_law": same,
+            **result._asdict(),
+        }
         print_json({**document, "seconds": seconds()})
     else:
         _print_replay(result, chosen.name, same)

@@ -2,13 +2,13 @@
 
 import contextlib
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bowden.app.console import folder_argument, print_json, seconds
+from bowden.app.given_rig import read_given
 from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
@@ -32,25 +32,23 @@ def measure(
     No law takes part; the joint follows as the cable lets it. Everything is supervised as in bowden run.
     """
     from bowden.app.run_command import new_log
-    from bowden.hardware.buses.opening import UNIX
-    from bowden.live.compose_live import Asked, compose_live
+    from bowden.live.live_run import live_run
     from bowden.live.operator import ending_signals, operate, refuse_without_keys
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin
     from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
-    asked = Asked(rig, channel=channel, measure=True)
-    live = compose_live(asked)
+    given = read_given(rig).on_bus(channel)
+    live = live_run(given, measure=True)
     require(live.limits, live.drive.sample_time, "holds")  # no gains take part
-    for note in live.setup.notes:
+    for note in live.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         if twin:
-            asked = replace(asked, channel=stack.enter_context(own_twin(rig, None)), interface=UNIX)
-            live = compose_live(asked)
-        session = stack.enter_context(Session(asked, live, new_log(out, "measure"), remembers=not twin))
+            live = live_run(stack.enter_context(own_twin(given)), measure=True)
+        session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin))
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     files = _write(session, out) if found["ended_well"] else []
@@ -65,7 +63,7 @@ def measure(
         print(f"Next: bowden identify {files[0]}, and bowden identify-servo {files[1]}")
 
 
-_TOLD = ("log", "ended_well", "mode", "faults", "remedies", "preflight", "emergencies", "error")
+_TOLD = ("log", "rig", "ended_well", "mode", "faults", "remedies", "preflight", "emergencies", "error")
 """What the JSON document tells of the run, beside its files."""
 
 

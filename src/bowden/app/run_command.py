@@ -2,13 +2,13 @@
 
 import contextlib
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from bowden.app.console import folder_argument, output_folder, print_json, seconds
+from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import OutputError
 
 
@@ -38,33 +38,33 @@ def run(
     Exit code 0 when the run ended as asked, 1 when a fault or an error ended it, 2 when it could not begin.
     """
     from bowden.design.verdict import verdicts
-    from bowden.hardware.buses.opening import UNIX, claim
-    from bowden.live.compose_live import Asked, compose_live
+    from bowden.hardware.buses.opening import claim
     from bowden.live.emg_ear import Ear
+    from bowden.live.live_run import live_run
     from bowden.live.operator import ending_signals, operate, refuse_without_keys
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin
     from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
-    asked = Asked(rig, law, preset, duration, channel, emg=emg)
-    live = compose_live(asked)
+    given = shortened(read_given(rig), duration).with_law(law, preset).on_bus(channel)
+    given = given if emg is None else given.with_emg(emg)
+    live = live_run(given)
     if not twin:  # another run's bus is told at once; the drive claims it for good
         claim(live.drive.interface, live.drive.channel, "host").release()
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
-        ear = None if live.emg is None else stack.enter_context(contextlib.closing(Ear(rig, emg)))
-        checked = verdicts(live.setup, [live.law], rig.name, force=force)
-        pushing = live.setup.pushing.notes([live.law], force=force) if live.setup.pushing else []
-        for note in (*live.setup.notes, *pushing, *(verdict.note for verdict in checked if verdict.note)):
+        ear = None if live.emg is None else stack.enter_context(contextlib.closing(Ear(given)))
+        checked = verdicts(given, [live.law], rig.name, force=force)
+        pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
+        for note in (*live.notes, *pushing, *(verdict.note for verdict in checked if verdict.note)):
             print(f"bowden: note: {note}", file=sys.stderr)
         require(live.limits, live.drive.sample_time, "little_margin" if force else checked[0].name or "little_margin")
         if ear is not None:
             ear.await_ready()  # a stream that cannot be used is told before anything else is started
         if twin:
-            asked = replace(asked, channel=stack.enter_context(own_twin(rig, duration)), interface=UNIX)
-            live = compose_live(asked)
-        session = stack.enter_context(Session(asked, live, new_log(out, live.law.name), ear, remembers=not twin))
+            live = live_run(stack.enter_context(own_twin(given)))
+        session = stack.enter_context(Session(live, new_log(out, live.law.name), ear, remembers=not twin))
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     if json:

@@ -1,11 +1,11 @@
 """The tables of docs/safety.md, made from the code: every fault, every limit."""
 
-import inspect
-import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from bowden.core.files import whole_file
-from bowden.models.drive.thermal import Thermal
+from bowden.core.quantity import declared
 from bowden.rig import made_tables
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
@@ -27,16 +27,22 @@ def faults_table() -> str:
 
 
 def limits_table() -> str:
-    """Every limit with its default; meanings and units are the comments of its source."""
-    found = re.findall(r"^    (\w+): float = \S+  # (.+)$", inspect.getsource(Limits), re.MULTILINE)
-    meanings, defaults = dict(found), Limits()
-    rows = ["| limit | default | meaning |", "|---|---|---|"]
-    for name, value in defaults._asdict().items():
-        if isinstance(value, Thermal):
-            rows += [f"| `thermal.{key}` | {inner:g} | |" for key, inner in value._asdict().items()]
-        else:
-            rows.append(f"| `{name}` | {value:g} | {meanings[name]} |")
+    """Every limit with its default, unit and meaning, and its key in rig.toml."""
+    rows = ["| limit | default | unit | meaning | key of [limits] |", "|---" * 5 + "|"]
+    rows += _rows(Limits(), "", "")
     return "\n".join(rows)
+
+
+def _rows(values: Any, dotted: str, prefix: str) -> Iterator[str]:
+    found = {one.name: one.quantity for one in declared(type(values))}
+    for name, value in values._asdict().items():
+        if hasattr(value, "_asdict"):
+            yield from _rows(value, f"{name}.", f"{name}_")
+            continue
+        about = found[name]
+        meaning = f"{about.meaning}, {about.symbol}" if about.symbol else about.meaning
+        key = "" if about.key is None else f"`{prefix}{about.named(name)}`"
+        yield f"| `{dotted}{name}` | {value:g} | {about.unit} | {meaning} | {key} |"
 
 
 def with_tables(page: str) -> str:

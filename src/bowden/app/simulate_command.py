@@ -16,13 +16,14 @@ from bowden.app.console import (
     progress_bar,
     seconds,
 )
+from bowden.app.given_rig import read_given, shortened
 from bowden.core.files import whole_files
 
 if TYPE_CHECKING:
     from bowden.control.law import Law
     from bowden.core.metrics import Metrics
     from bowden.core.trace import Trace
-    from bowden.rig.compose import Setup
+    from bowden.rig.rig import Rig
 
 
 def simulate(
@@ -47,12 +48,10 @@ def simulate(
     between two laws, the command writes the traces and the page of those that are done.
     """
     from bowden.design.verdict import verdicts
-    from bowden.rig import compose
 
-    setup, description = compose.setup(rig, duration, seed, offline=True)
-    laws = [compose.law_for(name, description, setup.bench, Path(), preset) for name in law or ()]
-    if not laws:
-        laws = [compose.law_for(description.control.law, description, setup.bench, rig.parent, preset)]
+    changed = shortened(read_given(rig), duration, seed)
+    setup = changed.offline(whole=duration is not None)
+    laws = [changed.with_law(name, preset).fitted() for name in law or (None,)]
     output_folder(out)
     with progress_bar(quiet=json) as progress:
         progress(f"checking {', '.join(law.name for law in laws)} (compiled at first)", 0.0)
@@ -76,7 +75,7 @@ def simulate(
             | {"interaction": _interaction(setup, traces[name])}
             for (name, found), verdict in zip(metrics.items(), checked, strict=True)
         ]
-        print_json({"runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
+        print_json({"rig": changed.hash, "runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
     else:
         for name, trace in traces.items():
             if found_torque := _interaction(setup, trace):
@@ -84,7 +83,7 @@ def simulate(
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
 
 
-def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], None]) -> tuple[dict[str, "Trace"], bool]:
+def _run(rig: "Rig", laws: list["Law"], progress: Callable[[str, float], None]) -> tuple[dict[str, "Trace"], bool]:
     """A trace for each law, and whether an interruption ended them early; laws of one name are told apart by a number.
 
     An interruption before the first is done passes through.
@@ -100,7 +99,7 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
         progress(f"simulating {name}", 0.1 + 0.7 * i / len(laws))
         try:
             with user_law.explained(law):
-                traces[name] = run_of(setup, law)
+                traces[name] = run_of(rig, law)
         except KeyboardInterrupt:
             if not traces:
                 raise
@@ -108,13 +107,13 @@ def _run(setup: "Setup", laws: list["Law"], progress: Callable[[str, float], Non
     return traces, False
 
 
-def _interaction(setup: "Setup", trace: "Trace") -> dict[str, float | None] | None:
+def _interaction(rig: "Rig", trace: "Trace") -> dict[str, float | None] | None:
     """What the wearer felt of a suit that follows their push; None of any other run, and of one that ran away."""
-    if setup.pushing is None or not trace.stable:
+    if rig.pushing is None or not trace.ended:
         return None
     from bowden.design.admittance_study import felt
 
-    found = felt(trace, setup.pushing.suit.arm, setup.pushing.section.carried)
+    found = felt(trace, rig.pushing.suit.arm, rig.pushing.section.carried)
     return {"rms_nm": found.rms, "peak_nm": found.peak, "estimate_error_nm": found.estimate}
 
 

@@ -33,24 +33,25 @@ def tune(
     from bowden.core.units import DEGREES
     from bowden.design.processes import two_workers
     from bowden.design.tune import BrokenOff
-    from bowden.rig import compose, ranges
+    from bowden.rig import ranges
+    from bowden.rig.rig import Rig
 
     plants = None if study is None else _plants(study, rig)
     if plants is None:
-        setup, description = compose.setup(rig)
-        law = compose.law_for(description.control.law, description, setup.bench, rig.parent)
+        given = Rig.read(rig)
+        law = given.fitted()
     else:
-        setup, description, law = plants.shared, plants.rig, plants.nominal[0]
-    low, high = ranges.bends(setup)
+        given, law = plants.rig, plants.nominal[0]
+    low, high = ranges.bends(given)
     bends = (low, high) if high > low else (low, 2.0 * low)  # a sheath that nobody moves in the file is moved in use
     interrupted, others = False, None
     with (
         progress_bar(quiet=json) as report,
         user_law.explained(law),
-        two_workers(description.control.law, rig.parent) as workers,
+        two_workers(given.law_name, rig.parent) as workers,
     ):
         try:
-            found = _search(plants, setup, law, bends, seed, workers, report)
+            found = _search(plants, given, law, bends, seed, workers, report)
         except BrokenOff as broken:
             found, interrupted = broken.tuning, True
         try:
@@ -58,20 +59,21 @@ def tune(
                 others = _judged(plants, law, found.law, workers, report)
         except KeyboardInterrupt:
             interrupted = True
-    for note in setup.notes:
+    for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     runs = "nine runs of 20 s" if plants is None else f"{_count(plants)} plants of {plants.path.name}"
     evidence = _evidence(found, bends, runs, interrupted=interrupted)
     evidence += [] if others is None else _said_of(others)
-    files = [] if dry_run or not found.changed else [str(_written(rig, found, evidence))]
+    files = [] if dry_run or not found.gains else [str(_written(rig, found, evidence))]
     if interrupted:
         where = f"written to {files[0]}" if files else "not written"
         raise InterruptedPartway(f"the best gains after {found.generations} generations are {where}")
     if json:
         document: dict[str, Any] = {
             "law": law.name,
-            "gains": dict(found.changed),
-            "before": {name: getattr(law.gains, name) for name in found.changed},
+            "rig": given.hash,
+            "gains": dict(found.gains),
+            "before": {name: getattr(law.gains, name) for name in found.gains},
             "verdict": found.found.verdict,
             "verdict_before": found.before.verdict,
             "gain_margin_db": found.found.gain_margin_db,
@@ -85,7 +87,7 @@ def tune(
         return
     for line in evidence:
         print(line)
-    for name, value in found.changed.items():
+    for name, value in found.gains.items():
         print(f"  {name} = {value:g}  (was {getattr(law.gains, name):g})")
     print(f"{'Wrote ' + str(rig) if files else 'Nothing written'}  ({seconds():.1f} s)")
 
@@ -107,7 +109,7 @@ def _count(plants: "Study") -> int:
 
 def _search(
     plants: "Study | None",
-    setup: Any,
+    rig: Any,
     law: "Law",
     bends: tuple[float, float],
     seed: int,
@@ -116,16 +118,16 @@ def _search(
 ) -> "Tuning":
     from bowden.design.tune import tune as search
     from bowden.rig import ranges
-    from bowden.study.tune_study import fixed_of, runs_of
+    from bowden.study.tune_study import runs_of
 
     return search(
-        setup.bench,
+        rig.bench,
         law,
         bends=bends,
-        stroke=ranges.stroke(setup),
+        stroke=ranges.stroke(rig),
         seed=seed,
         runs=None if plants is None else runs_of(plants),
-        fixed=() if plants is None else fixed_of(plants),
+        fixed=() if plants is None else plants.told_apart,
         workers=workers,
         report=report,
     )
@@ -181,7 +183,7 @@ def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     from bowden.core.files import whole_file
     from bowden.design import gains_text
 
-    text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.changed, evidence, rig)
+    text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig)
     with whole_file(rig) as part:
         part.write_text(text, encoding="utf-8")
     return rig

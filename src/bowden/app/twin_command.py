@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bowden.app.console import print_json, seconds
+from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import ParameterError
 
 if TYPE_CHECKING:
     from bowden.hardware.drives.parameters import DriveParameters
     from bowden.hardware.twin.twin import Twin
-    from bowden.rig.compose import Setup
+    from bowden.rig.rig import Rig
 
 _AFTER_PARENT = 5.0
 """[s]"""
 
 
 def twin(
-    rig: Annotated[Path, typer.Argument(help="The rig; bowden init writes one.")],
+    rig: Annotated[Path, typer.Argument(help="The rig; bowden init writes one. A log runs as its own.")],
     inject: Annotated[
         str | None, typer.Option(help="A fault for the twin that runs, e.g. 'encoder_frozen joint'; 'list' shows all.")
     ] = None,
@@ -42,17 +43,14 @@ def twin(
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
-    from bowden.rig import compose
-    from bowden.rig.drive import drive_parameters, on_bus
-
-    setup, description = compose.setup(rig, duration)
-    drive = on_bus(drive_parameters(description, setup.bench, setup.suit), channel, interface)
+    given = shortened(_given(rig), duration).on_bus(channel, interface)
+    drive = given.drive_parameters
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
     if inject or clear or status:
         _talk(drive, inject, after, lasting, clear, json)
     else:
-        _run(setup, drive, object_ or [], json, until_orphaned)
+        _run(given, object_ or [], json, until_orphaned)
 
 
 def _talk(
@@ -80,7 +78,14 @@ def _talk(
         print(f"twin: {found['state'].lower().replace('_', ' ')}, motor {found['motor']:.4f} rad; faults: {faults}")
 
 
-def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: bool, until_orphaned: bool) -> None:
+def _given(rig: Path) -> "Rig":
+    """The rig of a file or a log, or packed on standard input."""
+    from bowden.rig.rig import Rig
+
+    return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig)
+
+
+def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> None:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.twin.bench import TwinBench
     from bowden.hardware.twin.suit import TwinSuit
@@ -92,8 +97,9 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: boo
         return monotonic.now() / SECOND
 
     overrides = dict(_override(text) for text in objects)
-    rest = (setup.bend, setup.duration, setup.seed, setup.initial_motor, clock())
-    plant = TwinBench(setup.bench, *rest) if setup.suit is None else TwinSuit(setup.suit, *rest)
+    drive = rig.drive_parameters
+    rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, clock())
+    plant = TwinBench(rig.bench, *rest) if rig.worn is None else TwinSuit(rig.worn, *rest)
     running = Twin(drive, plant, clock, overrides)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
@@ -102,7 +108,10 @@ def _run(setup: "Setup", drive: "DriveParameters", objects: list[str], json: boo
     realtime = raise_priority()
     where = {"interface": drive.interface, "channel": drive.channel, "node": drive.node_id, "control": running.path}
     if json:
-        print_json({key: str(value) for key, value in where.items()} | {"realtime": realtime, "seconds": seconds()})
+        print_json(
+            {key: str(value) for key, value in where.items()}
+            | {"rig": rig.hash, "realtime": realtime, "seconds": seconds()}
+        )
     else:
         print(f"twin: node {drive.node_id} on {drive.channel} ({drive.interface}), control {running.path}")
         if not realtime:

@@ -5,9 +5,9 @@ A law is two kernels and a NamedTuple of gains:
     start(gains, sample) -> state
     step(gains, state, sample, reference, dt) -> (state, command)
 
-Both are written in the portable subset (see ``docs/kernels.md``), and the state is a flat NamedTuple of floats, so that
-one source runs interpreted in the live loop, compiled in simulation and exported as C99, and every state variable can
-be recorded.
+Both are written in the portable subset (see ``docs/kernels.md``), and the state is a NamedTuple of floats and of
+further NamedTuples, so that one source runs interpreted, compiled in simulation and in the live loop, and exported as
+C99, and every state variable can be recorded.
 """
 
 import difflib
@@ -16,12 +16,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import kernel
+from bowden.core.nested import columns
 from bowden.core.signals import Reference, Sample
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
-State = Any  # a NamedTuple of floats, one type a law
+State = Any  # a NamedTuple of floats (nested ones allowed), one type a law
+Told = str | Callable[[Any], float]
+"""A field of `bowden.control.knowledge.Knowledge`, or a function of it; one of a nested tuple as ``cable.slope``."""
 
 
 @kernel
@@ -58,12 +61,47 @@ class Law:
     """``step(gains, state, sample, reference, dt) -> (state, command)``."""
     source: str
     """Where the law comes from."""
-    presets: dict[str, Gains] = field(default_factory=dict)
+    presets: Mapping[str, Gains] = field(default_factory=dict)
     """Other named sets of gains, such as the ones a paper printed."""
+    suit_preset: str | None = None
+    """The preset with which the law begins on a suit, where a rig names no preset and no gains of its own."""
+    told: Mapping[str, Told] = field(default_factory=dict)
+    """Gain → what of a rig's `bowden.control.knowledge.Knowledge` it takes."""
+    feeds_back: frozenset[str] = frozenset({"joint", "motor"})
+    """The measured angles on which the command depends once the law has begun, by their names in `Sample`."""
+    compensates_lag: bool = False
+    """Whether it sends the motor ahead of the reference itself, by the lag of servo and delay."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)
-    """Field of the state → its unit, for the record; a field that is not named has none."""
+    """Field of the state, or its column (``part.field``) → unit for the record, where the state's type does not say."""
+    own: Gains = field(default=None, repr=False)
+    """The gains with which the law comes; `gains` where nothing else is given."""
+    chosen: frozenset[str] = frozenset()
+    """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
+
+    def __post_init__(self) -> None:
+        """Keep the law's own gains, and refuse a declaration that cannot be.
+
+        Raises:
+            ParameterError: `told` or `feeds_back` names what is not there, or `suit_preset` no preset.
+        """
+        if self.own is None:
+            object.__setattr__(self, "own", self.gains)
+        for what, given, known in (
+            ("told", self.told, getattr(self.gains, "_fields", self.told)),
+            ("feeds_back", self.feeds_back, Sample._fields),
+            ("suit_preset", {self.suit_preset} - {None}, self.presets),
+        ):
+            for name in given:
+                if name not in known:
+                    raise ParameterError(
+                        f"{what} of law {self.name!r} names {name!r}", expected=near(str(name), known), do="correct it"
+                    )
+
+    def columns(self) -> dict[str, str]:
+        """Column → unit of its state, as traces and logs have it: ``law.<field>``, ``law.<part>.<field>``."""
+        return columns(self.start(Sample(0.0, 0.0)), "law", self.state_units)
 
     def start(self, sample: Sample) -> State:
         """The state with which the law begins at this sample."""
@@ -94,10 +132,12 @@ class Law:
                     expected=f"a number from {low:g} to {high:g}",
                     do="correct it",
                 )
-        return replace(self, gains=self.gains._replace(**changes))
+        return replace(self, gains=self.gains._replace(**changes), chosen=self.chosen | changes.keys())
 
     def preset(self, name: str) -> "Law":
-        """The same law with a named set of gains.
+        """The same law with a named set of gains in place of all that were chosen before.
+
+        Gains that the preset leaves as the law's own are not chosen by it: a rig may tell them.
 
         Raises:
             ParameterError: a name that is not a preset of this law.
@@ -108,4 +148,7 @@ class Law:
                 expected=f"one of {', '.join(self.presets) or 'none'}",
                 do="name another, or leave the preset out",
             )
-        return replace(self, gains=self.presets[name])
+        back = {gain: getattr(self.own, gain) for gain in self.chosen}
+        named = self.presets[name]._asdict().items()
+        changes = {gain: value for gain, value in named if value != getattr(self.own, gain)}
+        return replace(self, gains=self.gains._replace(**(back | changes)), chosen=frozenset(changes))

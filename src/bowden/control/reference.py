@@ -6,13 +6,14 @@ differences. Angles in radians, times in seconds.
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol, cast
+from typing import Annotated, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 
 Array = NDArray[np.float64]
@@ -72,9 +73,9 @@ def _finite(what: str, **values: float | tuple[float, ...]) -> None:
 class PeriodicMinimumJerk:
     """Minimum jerk from `low` to `high` in the first half of each period, and back in the second (Fig. 9)."""
 
-    low: float
-    high: float
-    period: float
+    low: Annotated[float, Quantity("lower end", "rad", ge=-720.0, le=720.0)]
+    high: Annotated[float, Quantity("upper end", "rad", ge=-720.0, le=720.0)]
+    period: Annotated[float, Quantity("there and back", "s", gt=0.0, le=1e5)]
 
     def __post_init__(self) -> None:
         _positive("periodic minimum jerk", period=self.period)
@@ -97,10 +98,10 @@ class PeriodicMinimumJerk:
 class PointToPoint:
     """Minimum-jerk motions through way points, with holds where two following ones are equal."""
 
-    times: tuple[float, ...]
-    """Increasing times of the way points (k,) [s]."""
-    positions: tuple[float, ...]
-    """Joint angle at each of them (k,) [rad]."""
+    times: Annotated[tuple[float, ...], Quantity("when each point is reached, increasing", "s")]
+    """(k,)"""
+    positions: Annotated[tuple[float, ...], Quantity("joint angle at each", "rad", ge=-720.0, le=720.0)]
+    """(k,)"""
 
     def __post_init__(self) -> None:
         at = np.asarray(self.times)
@@ -132,10 +133,10 @@ class Chirp:
     (f1 − f0)/duration (erratum 1).
     """
 
-    amplitude: float
-    f0: float
-    f1: float
-    duration: float
+    amplitude: Annotated[float, Quantity("amplitude", "rad", ge=-720.0, le=720.0)]
+    f0: Annotated[float, Quantity("frequency at the start", "Hz", key="start_hz", gt=0.0, le=1000.0)]
+    f1: Annotated[float, Quantity("frequency after sweep_s", "Hz", key="end_hz", gt=0.0, le=1000.0)]
+    duration: Annotated[float, Quantity("how long the sweep takes", "s", key="sweep_s", gt=0.0, le=1e5)]
 
     def __post_init__(self) -> None:
         _positive("chirp", duration=self.duration, f0=self.f0, f1=self.f1)
@@ -160,14 +161,14 @@ class Chirp:
 class Multisine:
     """A sum of sines about `centre`, scaled to start at rest at the centre over the first `ramp` seconds."""
 
-    frequencies: tuple[float, ...]
-    """(k,) [Hz]."""
-    amplitudes: tuple[float, ...]
-    """(k,) [rad]."""
-    phases: tuple[float, ...]
-    """(k,) [rad]."""
-    centre: float = 0.0
-    ramp: float = 1.0
+    frequencies: Annotated[tuple[float, ...], Quantity("frequency of each", "Hz", gt=0.0, le=3600.0, least=1)]
+    """(k,)"""
+    amplitudes: Annotated[tuple[float, ...], Quantity("amplitude of each", "rad", ge=-720.0, le=720.0, least=1)]
+    """(k,)"""
+    phases: Annotated[tuple[float, ...], Quantity("phase of each", "rad", ge=-720.0, le=720.0, least=1)]
+    """(k,)"""
+    centre: Annotated[float, Quantity("joint angle about which they swing", "rad", ge=-720.0, le=720.0)] = 0.0
+    ramp: Annotated[float, Quantity("time in which the sines grow to their full size", "s", gt=0.0, le=1e5)] = 1.0
 
     def __post_init__(self) -> None:
         if not len(self.frequencies) == len(self.amplitudes) == len(self.phases) > 0:
@@ -234,7 +235,8 @@ class Recorded:
         thin = max(1, int(rate / max(20.0 * cutoff, 100.0))) if cutoff > 0.0 else 1  # knots far above the cut-off
         index = np.unique(np.append(np.arange(0, len(time), thin), len(time) - 1))
         self._start, self._end = float(time[0]), float(time[-1])
-        self._name, self._cutoff = name, cutoff
+        self.time, self.position = np.asarray(time, dtype=float), np.asarray(position, dtype=float)
+        self.name, self.cutoff = name, cutoff
         self._splines = [make_interp_spline(np.asarray(time)[index], smooth[index], k=5)]
         self._splines += [self._splines[0].derivative(1), self._splines[0].derivative(2)]
 
@@ -252,4 +254,4 @@ class Recorded:
 
     def describe(self) -> dict[str, Any]:
         """See `Trajectory.describe`."""
-        return {"kind": "recorded", "name": self._name, "cutoff": self._cutoff, "duration": self.duration}
+        return {"kind": "recorded", "name": self.name, "cutoff": self.cutoff, "duration": self.duration}

@@ -4,14 +4,15 @@
     step(settings, state, heard, scheduled, dt) -> (state, reference, added)
 
 `scheduled` is the table's reference at this instant; `added` is an angle of the motor that is added to the law's
-command. As laws are, sources are kernels in the portable subset with flat states, and `specialise` puts them in a loop.
+command. As laws are, sources are kernels in the portable subset, and `specialise` puts them in a loop.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from bowden.core.kernel import kernel
+from bowden.core.nested import columns
 from bowden.core.signals import Reference
 
 
@@ -50,8 +51,12 @@ class Source:
     """NamedTuple handed to the kernels."""
     start_kernel: Callable[[Any, Heard], Any]
     step_kernel: Callable[[Any, Any, Heard, Reference, float], tuple[Any, Reference, float]]
-    state_units: dict[str, str]
-    """Field of the state → its unit; a field that is not named has none."""
+    state_units: Mapping[str, str] = field(default_factory=dict)
+    """Field of the state → its unit, where the state's type does not say."""
+
+    def columns(self) -> dict[str, str]:
+        """Column → unit of its state, as traces and logs have it: ``<name>.<field>``."""
+        return columns(self.start(Heard(0.0, 0.0, 0.0, 0.0)), self.name, self.state_units)
 
     def start(self, heard: Heard) -> Any:
         """The state with which the source begins."""
@@ -82,5 +87,5 @@ def table_step(
     return state, scheduled, 0.0
 
 
-TABLE = Source("table", Nothing(), table_start, table_step, {})
+TABLE = Source("table", Nothing(), table_start, table_step)
 """The reference as it was made beforehand."""

@@ -1,7 +1,8 @@
 """A user's own law, from a Python file.
 
 The file either defines a `Law` object, or the three parts of one: a NamedTuple ``Gains`` with a default for every
-field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``. What it defines is
+field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
+likes, ``TOLD``, what its gains are told of a rig (`Law.told`). What it defines is
 tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
 compiler's rarely do. Compiled code is kept under the hash of the file (see
 `bowden.core.kernel_cache`), so an edited law is never met by stale code.
@@ -13,20 +14,25 @@ import math
 import re
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-from bowden.control.law import Law
+from bowden.control.knowledge import Knowledge, informed
+from bowden.control.law import Law, Told
+from bowden.control.law_parts import LAG
 from bowden.core.errors import ParameterError
 from bowden.core.signals import Reference, Sample
+from bowden.models.cable.bouc_wen import BoucWen
 
 _CORRECT = "correct the law there"
 _RENAME = "give it another name"
 _TRIAL_CYCLES = 5
 _TRIAL_TIME = 1e-3
+_EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
+"""What a law's own functions of what it is told are tried with, beside nothing known."""
 
 
 def is_file(name: str) -> bool:
@@ -39,6 +45,26 @@ def absolute(name: str, folder: Path | None = None) -> str:
     file, attribute = _split(name)
     path = ((folder or Path()) / file).absolute()
     return f"{path}:{attribute}" if attribute else str(path)
+
+
+def fingerprint(source: bytes) -> str:
+    """A short name of what stands in a file."""
+    return hashlib.sha256(source).hexdigest()[:16]
+
+
+def source_of(path: Path) -> bytes:
+    """What stands in a law's file.
+
+    Raises:
+        ParameterError: it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise ParameterError(
+            f"cannot read the law {path}: {reason.lower()}", expected="a Python file", do="check the path"
+        ) from error
 
 
 def load(name: str, folder: Path | None = None) -> Law:
@@ -86,6 +112,12 @@ def explained(law: Law) -> Iterator[None]:
         ) from error
 
 
+_BY_NAME: Mapping[str, Told] = {
+    **{name: name for name in ("servo_frequency", "servo_damping", "delay")},
+    **LAG,
+}
+"""What gains of these names are told in a file that has the parts of a law and no `TOLD`."""
+
 _ABOUT_ITSELF = (
     "Failed in",
     "During",
@@ -107,14 +139,8 @@ def _split(name: str) -> tuple[str, str]:
 
 def _run(path: Path) -> ModuleType:
     """Execute the file as a module of its own, found again by its content when cached code is loaded."""
-    try:
-        source = path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise ParameterError(
-            f"cannot read the law {path}: {reason.lower()}", expected="a Python file", do="check the path"
-        ) from error
-    name = f"bowden_user_law_{hashlib.sha256(source).hexdigest()[:16]}"
+    source = source_of(path)
+    name = f"bowden_user_law_{fingerprint(source)}"
     known = sys.modules.get(name)
     if known is not None and _is_copy(path, known, source):  # a law handed to another process names the first's types
         return known
@@ -167,7 +193,8 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         gains = names["Gains"]()
     except Exception as error:
         raise _mistake(error, path) from error
-    return Law(path.stem, gains, names["start"], names["step"], source=str(path))
+    told = names.get("TOLD", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())})
+    return Law(path.stem, gains, names["start"], names["step"], source=str(path), told=told)
 
 
 def _check(law: Law, path: Path) -> None:
@@ -181,6 +208,13 @@ def _check(law: Law, path: Path) -> None:
             raise ParameterError(f"{_line(part, path)}: not a kernel", do="put @kernel of bowden.core.kernel before it")
     _check_numbers(law.gains, "gains", str(path), whole=True)
     where = _line(law.step_kernel, path)
+    try:
+        for known in (Knowledge(), _EXAMPLE):
+            _check_numbers(informed(law, known).gains, "gains that a rig tells", str(path), whole=True)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error.what}", expected=error.expected, do=error.do) from error
+    except Exception as error:
+        raise _mistake(error, path) from error
     sample = Sample(0.01, 0.02)
     try:
         state = law.start(sample)

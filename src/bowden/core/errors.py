@@ -1,5 +1,8 @@
 """Errors that carry evidence: what was given, what was expected, what to do."""
 
+import difflib
+from collections.abc import Iterable
+
 
 class BowdenError(Exception):
     """A failure that the user can mend; the command line prints it as one line and exits with code 2.
@@ -21,6 +24,12 @@ class ParameterError(BowdenError):
     """A parameter, setting or key that is unknown, missing or out of its range."""
 
 
+class UnknownNameError(ParameterError, KeyError):
+    """A name that a mapping does not have; also a `KeyError`, as every mapping's is."""
+
+    __str__ = Exception.__str__
+
+
 class OutputError(BowdenError):
     """A result that cannot be written where it was asked for."""
 
@@ -35,3 +44,20 @@ class StreamError(BowdenError):
 
 class SafetyError(BowdenError):
     """A run that must not begin: a preflight that failed, or limits that contradict one another."""
+
+
+_MOST_NAMES = 20
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """What is there to choose from, with the likely meaning first.
+
+    >>> near("dampng", ["damping", "gear"])
+    'damping (did you mean this?) or gear'
+    """
+    names = list(known)
+    alike = difflib.get_close_matches(name, names, 1, 0.6)
+    ordered = [f"{alike[0]} (did you mean this?)", *(other for other in names if other != alike[0])] if alike else names
+    if len(ordered) > _MOST_NAMES:
+        ordered = [*ordered[: _MOST_NAMES - 1], f"{len(ordered) - _MOST_NAMES + 1} others"]
+    return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"

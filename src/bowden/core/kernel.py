@@ -5,17 +5,15 @@ ordinary code, and marks it; `compiled` gives its Numba twin, in which every ker
 imported only then. Compiled code is cached on disk (`bowden.core.kernel_cache`).
 """
 
-import hashlib
 import importlib
 import sys
 from collections.abc import Callable
 from functools import cache
-from types import FunctionType, ModuleType
-from typing import Any, TypeGuard, TypeVar
+from types import FunctionType
+from typing import Any, TypeVar
 
-import numpy as np
-
-from bowden.core.kernel_cache import Files, file_of, file_of_type, keep, number_of
+from bowden.core.kernel_cache import keep
+from bowden.core.kernel_content import Content, Parts, content_of, content_of_files, global_names, is_kernel, reaching
 from bowden.core.primitives import PRIMITIVES, cos, exp, log, power, sel, sin, tanh, twin_of
 
 __all__ = ["compiled", "cos", "exp", "kernel", "log", "power", "sel", "sin", "specialise", "tanh"]
@@ -47,10 +45,6 @@ def apart(function: F) -> F:
     return kernel(function)
 
 
-def _is_kernel(value: Any) -> TypeGuard[FunctionType]:
-    return isinstance(value, FunctionType) and hasattr(value, "__kernel__")
-
-
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """The Numba twin of a kernel, compiled at its first call and cached on disk.
 
@@ -58,11 +52,10 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         TypeError: `function` is not a kernel.
     """
     if function in PRIMITIVES:
-        return _primitive(function)
-    if not _is_kernel(function):
+        return _primitive(function, within=False)
+    if not is_kernel(function):
         raise TypeError(f"{function!r} is not a kernel; decorate it with @kernel")
-    assert isinstance(function, FunctionType)
-    return _compile(function, function.__qualname__, ())
+    return _compile(function, function.__qualname__, (), within=False)
 
 
 def specialise(template: Callable[..., Any], name: str, **replacements: Callable[..., Any]) -> Callable[..., Any]:
@@ -77,37 +70,43 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
         replacements: global name → kernel to put there, in the template and in the kernels that it calls.
     """
     assert isinstance(template, FunctionType)
-    parts = tuple(sorted(replacements.items()))
-    return _compile(template, f"{template.__qualname__}_{name}_{_digest(parts)}", parts)
-
-
-def _digest(parts: "_Parts") -> str:
-    told_apart = "|".join(f"{key}={part.__module__}.{part.__qualname__}" for key, part in parts)
-    return hashlib.sha256(told_apart.encode()).hexdigest()[:8]
-
-
-_Parts = tuple[tuple[str, Callable[..., Any]], ...]
-"""Global names, and what to put there."""
+    return _compile(template, f"{template.__qualname__}_{name}", tuple(sorted(replacements.items())), within=False)
 
 
 @cache
-def _compile(function: FunctionType, name: str, replacements: _Parts) -> Callable[..., Any]:
-    numba = _numba()
-    namespace = dict(function.__globals__) | dict(replacements)
-    for key in function.__code__.co_names:
-        value = namespace.get(key)
-        if _is_kernel(value):
-            inner = _reaching(value, replacements)
-            told_apart = f"_{_digest(inner)}" if inner else ""
-            namespace[key] = _compile(value, value.__qualname__ + told_apart, inner)
-        elif callable(value) and value in PRIMITIVES:
-            namespace[key] = _primitive(value)
-    twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
-    twin.__qualname__, twin.__module__ = name, function.__module__
+def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -> Callable[..., Any]:
+    """The Numba twin of a kernel in which global names stand for `parts`.
+
+    One that is called `within` compiled code alone goes without what a call from Python needs: to take nested tuples
+    apart and to put them together again is half of what there is to compile.
+    """
+    twin, content = _twin(function, name, parts)
     options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
-    dispatcher: Callable[..., Any] = numba.njit(**options)(twin)
-    keep(dispatcher, _files(function).union(*(_files(part) for _, part in replacements)))
+    if within:
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher: Callable[..., Any] = _numba().njit(**options)(twin)
+    if content is not None and _COMPILING is not None:
+        keep(dispatcher, f"{_COMPILING} {content} {within}")
     return dispatcher
+
+
+@cache
+def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType, Content]:
+    """A kernel that calls the twins of what it calls, named after its content, and that content.
+
+    What differs has another name, in this process and in those that the cache's code came from.
+    """
+    content = content_of(function, parts)
+    namespace = dict(function.__globals__) | dict(parts)
+    for key in global_names(function.__code__):
+        value = namespace.get(key)
+        if is_kernel(value):
+            namespace[key] = _compile(value, value.__qualname__, reaching(value, parts), within=True)
+        elif callable(value) and value in PRIMITIVES:
+            namespace[key] = _primitive(value, within=True)
+    twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
+    twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__
+    return twin, content
 
 
 @cache
@@ -131,66 +130,13 @@ def _numba() -> Any:
     return numba
 
 
-_COMPILING = (__name__, "bowden.core.primitives", "bowden.core.refill")
-"""Modules that decide how a kernel is compiled, whatever it is."""
+_COMPILING = content_of_files(__name__, "bowden.core.primitives", "bowden.core.nested", "bowden.core.kernel_cache")
+"""Of what decides how a kernel is compiled, whatever it is."""
 
 
 @cache
-def _files(function: Callable[..., Any]) -> Files:
-    """What a kernel and the kernels it calls are made of: their files, those of the types that they make, and numbers.
-
-    A number may have come from a further file, and is compiled in. No file tells code typed at a prompt, functions made
-    by other functions, and what stands in the script itself, whose types have another identity in each process.
-    """
-    files: set[str | None] = set()
-    for module in _COMPILING:
-        files |= file_of(getattr(sys.modules.get(module), "__file__", None), module)
-    for part in _called(function):
-        if part.__closure__ or "<locals>" in part.__qualname__:
-            files.add(None)
-            continue
-        files |= file_of(part.__code__.co_filename, part.__module__)
-        for key in sorted(set(part.__code__.co_names)):
-            value = part.__globals__.get(key)
-            if isinstance(value, type):
-                files |= file_of_type(value)
-            elif isinstance(value, ModuleType) and value.__name__.startswith("bowden."):
-                files |= file_of(value.__file__, value.__name__)
-            elif isinstance(value, int | float | tuple | np.ndarray):
-                files.add(number_of(key, value))
-    return frozenset(files)
-
-
-@cache
-def _called(function: Callable[..., Any]) -> frozenset[FunctionType]:
-    """A kernel and the kernels that it calls, and these call."""
-    assert isinstance(function, FunctionType)
-    seen: set[FunctionType] = {function}
-    todo: list[FunctionType] = [function]
-    while todo:
-        part = todo.pop()
-        named = [part.__globals__.get(key) for key in part.__code__.co_names]
-        called: set[FunctionType] = {value for value in named if _is_kernel(value)} - seen
-        todo += called
-        seen |= called
-    return frozenset(seen)
-
-
-def _reaching(function: FunctionType, replacements: _Parts) -> _Parts:
-    """Those replacements that a kernel names, or that the kernels name which it calls, replaced ones among them."""
-    named: set[str] = set()
-    todo: list[Callable[..., Any]] = [function]
-    while todo:
-        new = {key for part in _called(todo.pop()) for key in part.__code__.co_names} - named
-        todo += [part for key, part in replacements if key in new]
-        named |= new
-    return tuple(part for part in replacements if part[0] in named)
-
-
-@cache
-def _primitive(function: Callable[..., Any]) -> Callable[..., Any]:
-    numba = _numba()
+def _primitive(function: Callable[..., Any], *, within: bool) -> Callable[..., Any]:
     twin = twin_of(function)
-    if _is_kernel(twin):  # one that calls primitives itself
-        return _compile(twin, twin.__qualname__, ())
-    return numba.njit(**_NUMBA_OPTIONS)(twin) if isinstance(twin, FunctionType) else twin
+    if is_kernel(twin):  # one that calls primitives itself
+        return _compile(twin, twin.__qualname__, (), within=within)
+    return _numba().njit(**_NUMBA_OPTIONS)(twin) if isinstance(twin, FunctionType) else twin

@@ -1,127 +1,95 @@
 """Where compiled kernels are kept on disk.
 
-In a folder named after what the compiled code is made of: the bytes of the files in which the kernel, the kernels that
-it calls and the types that it is called with stand, and the numbers that these name. Numba's own cache does not notice
-when a function that another one calls has changed. So an edited file costs the compilation of what is made of it, and
-of nothing else, and what is kept for a type is only looked for where the type is known. What has no file, or is the
-script itself, is compiled in every process.
+A file for each function and each set of types that it was called with, named after its content
+(`bowden.core.kernel_content`), the types, the processor and the versions of what compiles: what is found under a name
+is what would be compiled, and nothing that is kept is ever stale. Numba's own cache does not notice when a function
+that another one calls has changed, and two processes that write to one of its indices can mix up what they keep.
+
+What cannot be told by its content (a type that no other process can find, a function that calls itself) is compiled in
+every process.
 """
 
+import contextlib
 import hashlib
 import importlib
 import os
-import sys
+import pickle
+import platform
 import tempfile
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from types import FunctionType
 from typing import Any
 
-import numpy as np
-
-Files = frozenset[str | None]
-"""What compiled code is made of: hashes of files' bytes at the time when they were first looked at, and of numbers;
-None among them stands for code that no file tells."""
+from bowden.core.kernel_content import content_of_types
 
 
-def keep(dispatcher: Any, files: Files) -> None:
+def keep(dispatcher: Any, content: str) -> None:
     """Let what a Numba dispatcher compiles be kept on disk.
 
     Args:
         dispatcher: from ``numba.njit``.
-        files: what its code depends on.
+        content: what the code is made of, and how it is compiled.
     """
-    if None not in files:
-        dispatcher._cache = _BySignature(dispatcher.py_func, files)
+    dispatcher._cache = _Kept(dispatcher.py_func.__qualname__, content)
 
 
-@cache
-def file_of(file: str | None, module: str) -> Files:
-    """The file in which something of a module stands."""
-    path = Path(file) if file else None
-    if path is None or module == "__main__" or not path.is_file():
-        return frozenset([None])
-    return frozenset([hashlib.sha256(path.read_bytes()).hexdigest()])
+class _Kept:
+    """What is kept of one function, in the place of Numba's own cache."""
 
-
-@cache
-def file_of_type(made: type) -> Files:
-    """The file in which a class stands; none of Python's own."""
-    if made.__module__ == "builtins":
-        return frozenset()
-    if "<locals>" in made.__qualname__:
-        return frozenset([None])
-    return file_of(getattr(sys.modules.get(made.__module__), "__file__", None), made.__module__)
-
-
-def number_of(name: str, value: Any) -> str:
-    """A number, numbers or an array that compiled code has in it by a name."""
-    whole = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
-    return hashlib.sha256(name.encode() + b"=" + whole).hexdigest()
-
-
-class _BySignature:
-    """Numba's cache of one function, in as many folders as the types come from that it is called with."""
-
-    def __init__(self, function: FunctionType, files: Files) -> None:
-        self._function = function
-        self._files = files
-        self._places: dict[Files, Any] = {}
+    def __init__(self, name: str, content: str) -> None:
+        self._name = name
+        self._content = content
 
     @property
     def cache_path(self) -> str:
-        """The folder of what is called with numbers alone."""
-        return str(self._at(self._files).cache_path)
+        """The folder."""
+        return str(cache_folder())
 
     def load_overload(self, signature: tuple[Any, ...], target: Any) -> Any:
         """What is kept for the types of arguments, or None."""
-        return self._at(self._files | _files_of(signature)).load_overload(signature, target)
+        target.refresh()  # so that it knows all that kept code may call
+        path = self._path(signature, target.codegen())
+        if path is None or not path.is_file():
+            return None
+        compiler: Any = importlib.import_module("numba.core.compiler")
+        try:
+            return compiler.CompileResult._rebuild(target, *pickle.loads(path.read_bytes()))
+        except Exception:  # whatever a torn or foreign file may raise: it is compiled anew and written over
+            return None
 
     def save_overload(self, signature: tuple[Any, ...], result: Any) -> None:
-        """Keep what was compiled for the types of arguments."""
-        self._at(self._files | _files_of(signature)).save_overload(signature, result)
+        """Keep what was compiled for the types of arguments; where nothing can be written, nothing is kept."""
+        path = self._path(signature, result.codegen)
+        if path is None or result.library.has_dynamic_globals or result.lifted:
+            return
+        serialize: Any = importlib.import_module("numba.core.serialize")
+        whole = serialize.dumps(result._reduce())
+        with contextlib.suppress(OSError), tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+            try:
+                part.write(whole)
+                part.close()
+                os.replace(part.name, path)
+            except OSError:
+                os.unlink(part.name)
 
     def flush(self) -> None:
-        """Forget what is kept, as recompiling needs it."""
-        for place in self._places.values():
-            place.flush()
+        """Nothing: what is kept is never stale."""
 
-    def _at(self, files: Files) -> Any:
-        if files not in self._places:
-            self._places[files] = _numbas_cache(self._function, files)
-        return self._places[files]
-
-
-def _numbas_cache(function: FunctionType, files: Files) -> Any:
-    caching: Any = importlib.import_module("numba.core.caching")
-    hashes = sorted(file for file in files if file)
-    if len(hashes) < len(files):
-        return caching.NullCache()
-    config: Any = importlib.import_module("numba.core.config")  # its options come from a table, unseen by types
-    before = config.CACHE_DIR  # other users of Numba in this process keep theirs
-    part = hashlib.sha256("".join(hashes).encode()).hexdigest()[:16]
-    config.CACHE_DIR = str(cache_folder() / part)
-    try:
-        return caching.FunctionCache(function)
-    finally:
-        config.CACHE_DIR = before
+    def _path(self, signature: Iterable[Any], codegen: Any) -> Path | None:
+        types = content_of_types(signature)
+        if types is None:
+            return None
+        whole = f"{self._content} {types} {codegen.magic_tuple()} {_versions()}"
+        return cache_folder() / f"{self._name}-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.kernel"
 
 
-def _files_of(kinds: Iterable[Any]) -> Files:
-    """The files that the types of arguments stand in, in tuples of tuples."""
-    files: Files = frozenset()
-    for kind in kinds:
-        if (made := getattr(kind, "instance_class", None)) is not None:
-            files |= file_of_type(made)
-        if _is_tuple(kind):
-            files |= _files_of(kind)
-    return files
-
-
-def _is_tuple(kind: Any) -> bool:
-    types: Any = importlib.import_module("numba.core.types")
-    return isinstance(kind, types.BaseTuple)
+@cache
+def _versions() -> str:
+    config: Any = importlib.import_module("numba.core.config")
+    options = (config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT, config.LOOP_VECTORIZE, config.SLP_VECTORIZE)
+    versions = [importlib.import_module(name).__version__ for name in ("numba", "llvmlite", "numpy")]
+    return f"{platform.python_version()} {versions} {options}"
 
 
 @cache

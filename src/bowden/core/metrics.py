@@ -13,6 +13,25 @@ from bowden.core.units import DEGREES
 Array = NDArray[np.float64]
 
 
+LATE = 10.0
+"""From when on the second RMSE counts [s]."""
+SMALLEST_STROKE = math.radians(5.0)
+"""What counts as the stroke of a reference that moves less [rad]."""
+
+
+def is_stable(reference: Array, joint: Array) -> bool:
+    """Whether a run reached its end with its joint never further from the reference than that's whole stroke.
+
+    The stroke is 5° at least. A run that ran away is NaN at its end.
+
+    Args:
+        reference: (n,) [rad].
+        joint: (n,) [rad].
+    """
+    error = np.abs(joint - reference)
+    return bool(np.max(error) <= max(float(np.ptp(reference)), SMALLEST_STROKE))
+
+
 @dataclass(frozen=True)
 class Metrics:
     """The figures of one run; None where a figure does not exist (an unstable run, a motion too short)."""
@@ -55,7 +74,7 @@ def summarise(columns: Mapping[str, Array], resistance: float | None, gear_torqu
     error = joint - reference
     if not np.isfinite(error).all():
         return Metrics(None, None, None, None, None, None, None)
-    late = time >= time[0] + 10.0
+    late = time >= time[0] + LATE
     mechanical = electrical = None
     if resistance is not None and gear_torque_constant is not None and {"current", "motor_velocity"} <= set(columns):
         powers = power(columns["motor_velocity"], columns["current"], resistance, gear_torque_constant)

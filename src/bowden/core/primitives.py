@@ -9,13 +9,16 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from bowden.core.refill import compiled_refilled, refilled
+from bowden.core.nested import compiled_flat, compiled_refilled, compiled_restored, flat, refilled, restored
 
 
 def sel(condition: Any, a: Any, b: Any) -> Any:
     """`a` where the condition holds, else `b`: the portable subset's ``if``. Both sides are always evaluated.
 
     Compound conditions are products: ``sel((x >= low) * (x <= high), x, refused)``.
+
+    >>> sel(0.2 > 0.1, 1.0, -1.0)
+    1.0
     """
     kind = type(condition)
     if hasattr(kind, "__sel__"):
@@ -130,13 +133,14 @@ def half_to(k: float) -> float:
     return math.ldexp(1.0, -int(k)) if k == k else k
 
 
-PRIMITIVES: set[Callable[..., Any]] = {sel, tanh, exp, sin, cos, log, power, half_to, refilled}
+PRIMITIVES: set[Callable[..., Any]] = {sel, tanh, exp, sin, cos, log, power, half_to, refilled, restored, flat}
 
 
 def twin_of(function: Callable[..., Any]) -> Callable[..., Any]:
     """What stands for a primitive in compiled code: a plain function to be compiled, or what Numba knows."""
-    if function is refilled:
-        return compiled_refilled()
+    for primitive, made in ((refilled, compiled_refilled), (restored, compiled_restored), (flat, compiled_flat)):
+        if function is primitive:
+            return made()
     if function is half_to:
         return _compiled_half_to()
     plain: dict[Callable[..., Any], Callable[..., Any]] = {sel: _choose, power: _pow, tanh: _tanh}

@@ -4,7 +4,11 @@ from typing import NamedTuple
 
 
 class Sample(NamedTuple):
-    """What the encoders say at one instant."""
+    """What the encoders say at one instant.
+
+    >>> Sample(joint=0.1, motor=0.12).motor
+    0.12
+    """
 
     joint: float
     """Joint-side (distal) angle, the paper's φ_out [rad]."""
@@ -13,7 +17,11 @@ class Sample(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """Where the joint should be at one instant, with its exact derivatives."""
+    """Where the joint should be at one instant, with its exact derivatives.
+
+    >>> Reference(position=0.2, velocity=0.5, acceleration=0.0).velocity
+    0.5
+    """
 
     position: float
     """Desired joint angle φ_d [rad]."""

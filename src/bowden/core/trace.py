@@ -2,7 +2,7 @@
 
 import contextlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,20 +10,46 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import metrics
-from bowden.core.errors import LogError
+from bowden.core import metrics, shown
+from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
 from bowden.core.files import whole_file
+from bowden.core.units import DEGREES
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
     import pyarrow as pa
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _MAGIC = "# bowden trace: "
 _KEY = b"bowden"
 
+_FACTORS = {
+    ("rad", "deg"): DEGREES,
+    ("rad/s", "deg/s"): DEGREES,
+    ("rad/s²", "deg/s²"): DEGREES,
+    ("s", "ms"): 1e3,
+    ("A", "mA"): 1e3,
+}
+"""Unit of a column, unit asked for → what one of the first is of the second."""
+_SPELLINGS = {"°": "deg", "degrees": "deg", "radians": "rad", "°/s": "deg/s", "°/s²": "deg/s²", "deg/s^2": "deg/s²"}
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Trace:
     """Signals sampled on one clock.
+
+    >>> t = np.linspace(0.0, 10.0, 1001)
+    >>> units = {"time": "s", "reference": "rad", "joint": "rad"}
+    >>> trace = Trace({"time": t, "reference": np.sin(t), "joint": 0.99 * np.sin(t)}, units)
+    >>> trace["joint"].max().round(3), trace.array("joint", "deg").max().round(1)
+    (np.float64(0.99), np.float64(56.7))
+    >>> trace
+    Trace: 10.01 s, 1001 samples at 100 Hz
+      error  RMSE 0.396°, after 10 s 0.312°, peak 0.573°, delay 0.373 ms, hysteresis width 0°
+      [s]    time
+      [rad]  reference, joint
 
     The columns that every simulated run has are ``time``, ``reference``, ``reference_velocity``, ``joint`` (true),
     ``motor`` (true), ``joint_measured``, ``motor_measured``, ``command``, ``motor_velocity``, ``current``, ``width``
@@ -48,10 +74,170 @@ class Trace:
             raise ValueError(f"no unit for the columns {sorted(missing)}")
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        return self.columns[name]
+        """A column in its own unit.
+
+        Raises:
+            UnknownNameError: there is no such column; the message names the likely one.
+        """
+        try:
+            return self.columns[name]
+        except (KeyError, TypeError):
+            raise UnknownNameError(
+                f"the trace has no column {name!r}", expected=near(str(name), self.columns), do="name one of them"
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
+
+    def array(self, name: str, unit: str | None = None) -> NDArray[np.float64]:
+        """A column in the unit asked for, (n,); in its own where none is given.
+
+        Args:
+            name: of the column.
+            unit: ``deg`` for ``rad``, ``deg/s``, ``ms`` for ``s``, ``mA``; or the column's own.
+
+        Raises:
+            UnknownNameError: there is no such column.
+            ParameterError: the column cannot be had in that unit.
+        """
+        values, own = self[name], self.units[name]
+        wanted = None if unit is None else _SPELLINGS.get(str(unit), str(unit))
+        if wanted in (None, own):
+            return values
+        if (own, wanted) not in _FACTORS:
+            others = [into for given, into in _FACTORS if given == own]
+            raise ParameterError(f"{name} in {unit!r}", expected=" or ".join([own, *others]), do="ask for that unit")
+        return values * _FACTORS[own, wanted]
+
+    def to_pandas(self, unit: str = "rad") -> "pd.DataFrame":
+        """A pandas frame, a column for each signal; units are in its ``attrs["units"]``.
+
+        Args:
+            unit: of all angles, ``rad`` or ``deg``.
+
+        Raises:
+            ParameterError: another unit, or pandas is not installed.
+        """
+        columns, units = self._in(unit)
+        frame = _frames("pandas").DataFrame(columns)
+        frame.attrs["units"] = units
+        return frame
+
+    def to_polars(self, unit: str = "rad") -> "pl.DataFrame":
+        """A polars frame, a column for each signal.
+
+        Args:
+            unit: of all angles, ``rad`` or ``deg``.
+
+        Raises:
+            ParameterError: another unit, or polars is not installed.
+        """
+        return _frames("polars").DataFrame(self._in(unit)[0])
+
+    def _in(self, unit: str) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+        """Columns and their units, with angles in ``rad`` or ``deg``."""
+        if _SPELLINGS.get(unit, unit) not in ("rad", "deg"):
+            raise ParameterError(f"unit is {unit!r}", expected="rad or deg, for all angles", do="ask for one of them")
+        units = dict(self.units)
+        if _SPELLINGS.get(unit, unit) == "deg":
+            units = {
+                name: own.replace("rad", "deg") if (own, own.replace("rad", "deg")) in _FACTORS else own
+                for name, own in units.items()
+            }
+        return {name: self.array(name, units[name]) for name in self.columns}, units
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw reference and joint over time and, on a second pair of axes, the error.
+
+        Args:
+            axes: matplotlib's, one or two; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes, or a trace without reference or joint.
+        """
+        found = shown.axes_for(axes, 2, 1, 7.0, 4.2)
+        self._draw(found)
+        return found
+
+    def _draw(self, axes: "Sequence[Axes]") -> None:
+        from bowden.core import motion_plot
+
+        signals = self["time"], self["reference"], self["joint"]
+        motion_plot.draw_motion(axes[0], *signals)
+        for below in axes[1:]:
+            motion_plot.draw_error(below, *signals)
+        axes[-1].set_xlabel("time [s]")
+
+    def __repr__(self) -> str:
+        """One screen: what ran, its figures of merit, and the columns by their units."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        figure = self._figure() if {"time", "reference", "joint"} <= set(self.columns) else None
+        return shown.fragment(self._title(), self._rows(), figure)
+
+    def _figure(self) -> "Figure":
+        from bowden.core.style import new_figure
+
+        figure, axes = new_figure(2, 1, height=4.2, share_x=True)
+        self._draw(axes)
+        return figure
+
+    def _title(self) -> str:
+        law = self.settings.get("law")
+        name = f" of {law}" if isinstance(law, str) else ""
+        count, seed = f"{len(self)} samples", "" if self.seed is None else f"seed {self.seed}"
+        if "time" not in self.columns or len(self) < 2:
+            return f"Trace{name}: {shown.listed((count, seed))}"
+        step = float(self.time[-1] - self.time[0]) / (len(self) - 1)
+        return f"Trace{name}: {shown.listed((f'{len(self) * step:.5g} s', f'{count} at {1.0 / step:.5g} Hz', seed))}"
+
+    def _rows(self) -> list[tuple[str, str]]:
+        groups: dict[str, list[str]] = {}
+        for name in self.columns:
+            group, dot, rest = name.partition(".")
+            groups.setdefault(f"{group}." if dot else f"[{self.units[name]}]", []).append(rest if dot else name)
+        return [*self._merit(), *((unit, ", ".join(names)) for unit, names in groups.items())]
+
+    def _merit(self) -> list[tuple[str, str]]:
+        """The figures of merit in a line or two; what is missing where there are none."""
+        if not {"time", "reference", "joint"} <= set(self.columns) or len(self) < 2:
+            return []
+        finite = np.isfinite(self["joint"])
+        if not finite.all():
+            first = int(np.argmin(finite))
+            if finite[first:].any():
+                return [("gaps", f"joint is not a number in {int((~finite).sum())} of {len(self)} samples")]
+            return [("unstable", f"ran away {self.time[first] - self.time[0]:.4g} s after its start")]
+        try:
+            found = self.metrics()
+        except BowdenError as error:
+            return [("error", str(error))]
+        number = shown.number
+        errors = (
+            ("RMSE", number(found.rmse_deg, "°")),
+            ("after 10 s", number(found.rmse_after_10s_deg, "°")),
+            ("peak", number(found.peak_deg, "°")),
+            ("delay", number(None if found.delay_s is None else 1e3 * found.delay_s, "ms")),
+            ("hysteresis width", number(found.hysteresis_width_deg, "°")),
+        )
+        energies = (
+            ("mechanical", number(found.mechanical_energy_j, "J")),
+            ("electrical", number(found.electrical_energy_j, "J")),
+        )
+        return [
+            ("error", shown.listed(f"{name} {text}" for name, text in errors if text)),
+            ("energy", shown.listed(f"{name} {text}" for name, text in energies if text)),
+        ]
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -64,9 +250,17 @@ class Trace:
         return self.columns["joint"] - self.columns["reference"]
 
     @property
-    def stable(self) -> bool:
+    def ended(self) -> bool:
         """Whether the run reached its end with finite numbers."""
         return bool(np.isfinite(self.columns["joint"]).all())
+
+    @property
+    def stable(self) -> bool:
+        """Whether it ended, and the joint was never further from the reference than that's whole stroke (5° at least).
+
+        See `bowden.core.metrics.is_stable`.
+        """
+        return metrics.is_stable(self.columns["reference"], self.columns["joint"])
 
     def metrics(self) -> metrics.Metrics:
         """RMSE, peak error, delay, hysteresis width, power and energy of the run."""
@@ -111,7 +305,7 @@ class Trace:
         Raises:
             LogError: time is not even, or the run is too short for that resolution.
         """
-        if not self.stable:
+        if not self.ended:
             return None
         frequencies = np.arange(lowest, highest, half_width / 6.0)
         reference, joint = self.columns["reference"], self.columns["joint"]
@@ -215,6 +409,23 @@ def write_csv(traces: Iterator[Trace], path: Path | str) -> None:
             writer.write_table(table)
             for trace in traces:
                 writer.write_table(trace._table())
+
+
+def _frames(name: str) -> Any:
+    """The library of that name.
+
+    Raises:
+        ParameterError: it is not installed.
+    """
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ParameterError(
+            f"to_{name} needs {name}, which cannot be imported ({error})",
+            do=f"pip install {name}, or take NumPy arrays with trace.array(name)",
+        ) from error
 
 
 @contextlib.contextmanager

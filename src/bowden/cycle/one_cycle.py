@@ -18,17 +18,21 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bowden.control.known_width import told
+from bowden.control.knowledge import measured
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Heard, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat, restored
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.models.plausible import Followed, follow
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import POWER_ON, RUNNING, Observed, SupervisorState, Verdict, begin, supervise
+from bowden.safety.supervisor import POWER_ON, RUNNING, Observed, Verdict, begin, supervise
 from bowden.sensing.filters import last_valid, low_pass
+
+Array = NDArray[np.float64]
 
 
 class WishSource(IntEnum):
@@ -196,11 +200,9 @@ def filtered(settings: CycleSettings, state: CycleState, observed: Observed, dt:
         low_pass(state.sample.joint, joint, filters.joint, dt), low_pass(state.sample.motor, motor, filters.motor, dt)
     )
     time = np.fmax(dt, observed.elapsed)
-    motors = Followed(watched.motor, watched.motor_speed, watched.motor_gap)
-    joints = Followed(watched.joint, watched.joint_speed, watched.joint_gap)
     heard = Heard(
-        sample.joint if credible(limits, joints, reading.joint, limits.joint_speed, time) else math.nan,
-        sample.motor if credible(limits, motors, reading.motor, limits.motor_speed, time) else math.nan,
+        sample.joint if credible(limits, watched.joint, reading.joint, limits.joint_speed, time) else math.nan,
+        sample.motor if credible(limits, watched.motor, reading.motor, limits.motor_speed, time) else math.nan,
         reading.current,
         math.nan,
     )
@@ -247,15 +249,51 @@ def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., 
     }
 
 
+@kernel
+def cycle_in_place(
+    settings: CycleSettings,
+    sample: Array,
+    law: Array,
+    source: Array,
+    supervisor: Array,
+    observed: Observed,
+    plan: Plan,
+    dt: float,
+) -> tuple[Reference, float, Verdict]:
+    """`one_cycle` under the supervisor on states that are kept flat; each row is written anew.
+
+    Of the states that begin here the types alone are needed, so that no state crosses from Python and back.
+    """
+    begun = Sample(0.0, 0.0)
+    like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    before = CycleState(
+        restored(begun, sample),
+        restored(law_start(settings.gains, begun), law),
+        restored(source_start(settings.source, Heard(0.0, 0.0, 0.0, 0.0)), source),
+        restored(begin(settings.limits, like, ThermalState(0.0, 0.0, 0.0)), supervisor),
+    )
+    after, reference, wish, verdict = one_cycle(settings, before, observed, plan, dt)
+    keep(sample, after.sample)
+    keep(law, after.law)
+    keep(source, after.source)
+    keep(supervisor, after.supervisor)
+    return reference, wish, verdict
+
+
+@kernel
+def keep(row: Array, state: Any) -> None:
+    """Write a state flat."""
+    numbers = flat(state)
+    for i in range(len(numbers)):
+        row[i] = numbers[i]
+
+
 NOWHERE = Reference(math.nan, math.nan, math.nan)
 """Where the joint should be while no law has it."""
 
 
 class Cycle:
     """A law under the supervisor, compiled and ready: `step` is one cycle.
-
-    States go in and come out as NamedTuples: boxing them costs 20 µs a cycle, which buys that source, law and
-    supervisor are the very kernels of the simulation.
 
     Args:
         law: with its gains.
@@ -268,24 +306,30 @@ class Cycle:
     def __init__(self, law: Law, limits: Limits, filters: Filters, period: float, source: Source = TABLE) -> None:
         self.law, self.limits, self.filters, self.period, self.source = law, limits, filters, period, source
         self._settings = CycleSettings(law.gains, source.settings, filters, limits)
-        self._run: Callable[..., tuple[CycleState, Reference, float, Verdict]] = specialise(
-            one_cycle, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
+        self._run: Callable[..., tuple[Reference, float, Verdict]] = specialise(
+            cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
         )
         self.reference = NOWHERE
         """What the law was told last."""
-        self.state: CycleState
+        self._like: CycleState
+        self._rows: list[Array]
+
+    @property
+    def state(self) -> CycleState:
+        """What the last cycle handed on."""
+        return CycleState(*(restored(part, row) for part, row in zip(self._like, self._rows, strict=True)))
+
+    @state.setter
+    def state(self, state: CycleState) -> None:
+        self._like = state
+        self._rows = [np.array(flat(part), dtype=np.float64) for part in state]
 
     def begin(self, reading: DriveReading, thermal: ThermalState) -> None:
         """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time."""
         joint, motor = (0.0 if math.isnan(angle) else float(angle) for angle in (reading.joint, reading.motor))
         sample = Sample(joint, motor)
         law, source = self.law.start(sample), self.source.start(Heard(joint, motor, 0.0, math.nan))
-        fresh = CycleState(
-            sample,
-            type(law)(*map(float, law)),  # whole numbers in a user's start would be compiled for apart
-            type(source)(*map(float, source)),
-            SupervisorState(*map(float, begin(self.limits, reading, thermal))),
-        )
+        fresh = CycleState(sample, law, source, begin(self.limits, reading, thermal))
         self.state = fresh
         observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
         for wish_source in (HOLD, MOTION, LAW_BEGINS, LAW):
@@ -294,13 +338,14 @@ class Cycle:
 
     def know(self, width: float) -> None:
         """Let the law begin with the dead zone that was measured [rad], where it takes one; NaN is none."""
-        self._settings = self._settings._replace(gains=told(self.law, width))
+        self._settings = self._settings._replace(gains=measured(self.law, width).gains)
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""
-        self.state, self.reference, wish, verdict = self._run(self._settings, self.state, observed, plan, self.period)
+        self.reference, wish, verdict = self._run(self._settings, *self._rows, observed, plan, self.period)
         return wish, verdict
 
-    def source_row(self) -> tuple[float, ...]:
-        """What is recorded of the reference's source: its state, and nothing of a table."""
-        return () if self.source is TABLE else tuple(self.state.source)
+    def recorded(self) -> CycleState:
+        """What is recorded of the last cycle: each part of the state flat, but nothing of a table."""
+        sample, law, source, supervisor = (row.tolist() for row in self._rows)
+        return CycleState(sample, law, [] if self.source is TABLE else source, supervisor)

@@ -24,7 +24,7 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.suit.arm import GRAVITY, Arm, Wearer
 from bowden.plants.suit_parts import Suit
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 from bowden.sim.suit_sources import push_of
 
 Array = NDArray[np.float64]
@@ -124,9 +124,9 @@ def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
     tail = settled(trace.time)
     joint, torque = trace["joint"][tail], trace["interaction_torque"][tail]
     rms, peak = rms_and_peak(beside_load(torque, joint, arm, carried))
-    names = ("estimate", "from_current", "from_stretch")
-    have = "admittance.estimate" in trace.columns
-    errors = [_rms(trace[f"admittance.{name}"][tail] - torque) if have else None for name in names]
+    names = ("torque", "from_current", "from_stretch")
+    have = "admittance.estimate.torque" in trace.columns
+    errors = [_rms(trace[f"admittance.estimate.{name}"][tail] - torque) if have else None for name in names]
     return Felt(
         rms,
         peak,
@@ -139,7 +139,7 @@ def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
 def back_driven(suit: Suit, law: Law, wearer: Wearer, *, powered: bool = False, duration: float = 12.0) -> Trace:
     """The suit without admittance: its drive switched off, or holding the middle."""
     hold = PointToPoint((0.0, 1e6), (MIDDLE, MIDDLE))
-    return simulate_suit(suit, law, hold, duration=duration, wearer=wearer, powered=powered)
+    return simulate(suit._replace(wearer=wearer, powered=powered), law, hold, duration=duration)
 
 
 def pushed(
@@ -167,7 +167,7 @@ def pushed(
         push_of(believed or suit, how.law, how.admittance, estimated=how.estimated, carried=how.carried)
     )
     hold = PointToPoint((0.0, 1e6), (begin, begin))
-    return simulate_suit(suit, how.law, hold, duration=duration, wearer=wearer, source=source, seed=seed)
+    return simulate(suit._replace(wearer=wearer), how.law, hold, duration=duration, source=source, seed=seed)
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def sweep(
         wearer = Wearer(share=1.0 - how.carried, stiffness=stiffness, damping=damping, centre=MIDDLE)
         run = pushed(suit, how, wearer, believed=believed, duration=duration, begin=_BEGIN, seed=seed)
         tail = run.time >= duration - _TAIL
-        speed = _rms(run["joint_velocity"][tail]) if run.stable else np.inf
+        speed = _rms(run["joint_velocity"][tail]) if run.ended else np.inf
         yield Settled(stiffness, damping, speed)
 
 

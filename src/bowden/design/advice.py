@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
+from bowden.control.knowledge import cable_gains
 from bowden.control.law import Law
 from bowden.control.stability import margins, servo_model
 from bowden.core.units import DEGREES
 from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check, plant_response
 from bowden.design.linearise import linearise
-from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.bench import Bench
 
 FACTORS = tuple(10.0 ** (-k / 6.0) for k in range(1, 19))
@@ -89,7 +89,7 @@ def gains_that_matter(law: Law, dt: float, estimates: dict[str, float], *, switc
         estimates: name of a state → the value at which it is frozen.
         switches: whether those that are zero and may be one count too.
     """
-    model = set(BoucWen._fields) if set(BoucWen._fields) <= set(law.gains._fields) else set()
+    model = cable_gains(law)
     return [
         name
         for name in law.gains._fields

@@ -1,9 +1,9 @@
 """Does this law hold on this bench? Margins over all slopes of the sheath, limit cycle, chatter, proof and trial."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.control.stability import Margins, frequencies, margins, response, servo_model, ultimate_bounds
+from bowden.core import shown
 from bowden.core.errors import ParameterError
+from bowden.core.nested import flat, from_columns, names
 from bowden.core.signals import Sample
+from bowden.core.style import new_figure
 from bowden.core.units import RADIANS
+from bowden.design import findings
 from bowden.design.limit_cycle import Cycle, describing_function, predict
 from bowden.design.linearise import find_estimates, linearise
 from bowden.design.trial import MOVING, SETTLED, Trial, dead_zone, run_trial, slope_at
@@ -21,6 +25,9 @@ from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ENOUGH_DB, ENOUGH_DEG = 6.0, 30.0
 """Margins below which a loop has little of them."""
@@ -50,9 +57,12 @@ class Point:
     margins: Margins
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Check:
     """What was found."""
+
+    law: str
+    """Name of the law that was judged."""
 
     verdict: VerdictName
     reason: str
@@ -75,6 +85,8 @@ class Check:
     """The paper's bound on |s| [rad·s]; None for other laws."""
     ultimate_error: float | None
     """The paper's bound on |e| [rad]; None for other laws."""
+    advice: str = ""
+    """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
 
     @property
     def gain_margin_db(self) -> float | None:
@@ -97,11 +109,41 @@ class Check:
         return None if any(t.swing is None for t in self.trials) else max(t.swing or 0.0 for t in self.trials)
 
     @property
+    def peak(self) -> float | None:
+        """Largest error of the trials [rad]; None where one ran away."""
+        return None if any(t.peak is None for t in self.trials) else max(t.peak or 0.0 for t in self.trials)
+
+    @property
     def cycle_confirmed(self) -> bool | None:
         """Whether the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
         if self.cycle is None or self.swing is None:
             return None
         return self.swing > 0.25 * self.cycle.amplitude
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw phase margin over gain margin of every linear loop; little of either is shaded.
+
+        Args:
+            axes: matplotlib's; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        drawn = shown.axes_for(axes, 1, 1, 4.5, 3.4)
+        findings.draw_check(drawn[0], self)
+        return drawn
+
+    def __repr__(self) -> str:
+        """One screen: the verdict and its reason, margins, limit cycle, chatter, errors and advice."""
+        return shown.screen(f"Check of {self.law}", findings.check_rows(self))
+
+    def _repr_html_(self) -> str:
+        figure, axes = new_figure(width=4.5, height=3.4)
+        findings.draw_check(axes[0], self)
+        return shown.fragment(f"Check of {self.law}", findings.check_rows(self), figure)
 
     def _least(self, values: Iterable[float | None]) -> float | None:
         there = [value for value in values if value is not None]
@@ -150,6 +192,7 @@ def check(
     if isinstance(law.gains, AdaptiveGains) and _has_bounds(law.gains):
         bound = ultimate_bounds(law.gains, slope_at(bench, ends[1]), 0.5 * dead_zone(bench, ends[1]))
     return Check(
+        law=law.name,
         verdict=verdict,
         reason=reason,
         points=tuple(points),
@@ -193,8 +236,9 @@ def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Esti
     """Values of the law's estimates: where they start, then what the trials visited, the last of them last."""
     visited = [state for trial in trials for state in trial.visited]
     start = law.start(Sample(0.0, 0.0))
-    names = find_estimates(law, type(start)(**visited[-1]), dt) if visited else []
-    picked = [{name: getattr(start, name) for name in names}, *({n: state[n] for n in names} for state in visited)]
+    begun = dict(zip(names(start), flat(start), strict=True))
+    found = find_estimates(law, from_columns(start, visited[-1]), dt) if visited else []
+    picked = [{name: state[name] for name in found} for state in (begun, *visited)]
     return [values for i, values in enumerate(picked) if values not in picked[i + 1 :]]
 
 

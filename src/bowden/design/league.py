@@ -9,13 +9,13 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, Scenario
 from bowden.design.league_exact import exact_travel
-from bowden.models.drive.servo import Servo
-from bowden.plants.cable_plant import CablePlant, resting_motor
+from bowden.plants.knowledge_of import knowledge_of
 from bowden.sim.many import Case, Shown, simulate_each
 
 YARDSTICK = "adaptive"
@@ -82,26 +82,6 @@ class Standing:
     """Cells in which it was unstable."""
 
 
-def told(law: Law, plant: CablePlant) -> Law:
-    """The law with what is known of a rig, its servo and its delay; of the cable nothing is told.
-
-    By the names of its gains: ``servo_frequency`` ω, ``servo_damping`` ζ and ``delay`` τ; or ``lead`` = 2ζ/ω + τ and
-    with it ``lead_square`` = 1/ω² + (2ζ/ω)·τ + τ²/2. τ = (d + ½)·Ts reaches to the middle of the time for which a
-    command is held.
-    """
-    return told_of(law, plant.servo, (plant.delay + 0.5) * plant.sample_time)
-
-
-def told_of(law: Law, servo: Servo, tau: float) -> Law:
-    """`told` of a servo and of the delay τ [s] as they are believed to be."""
-    omega, zeta = servo.natural_frequency, servo.damping
-    lag = 2.0 * zeta / omega
-    known = {"servo_frequency": omega, "servo_damping": zeta, "delay": tau}
-    if {"lead", "lead_square"} <= set(law.gains._fields):
-        known |= {"lead": lag + tau, "lead_square": 1.0 / omega**2 + lag * tau + 0.5 * tau * tau}
-    return law.with_gains(**{name: value for name, value in known.items() if name in law.gains._fields})
-
-
 def play(
     laws: Sequence[Law],
     plants: Sequence[Callable[[], LeaguePlant]],
@@ -127,12 +107,12 @@ def play(
         for scenario in scenarios:
             reference = scenario.reference(found.stroke)
             start = float(reference.sample(np.zeros(1))[0, 0])
-            initial = resting_motor(found.plant, start, float(found.bend(np.zeros(1))[0]))
+            initial = found.plant.resting_motor(start, float(found.bend(np.zeros(1))[0]))
             progress(f"{found.name}, {scenario.name}", done / total)
             travel = exact_travel(
                 found.plant, reference, duration=scenario.duration, bend=found.bend, initial_motor=initial
             )
-            knowing = tuple(told(law, found.plant) for law in laws)
+            knowing = tuple(configured(law, found.known or knowledge_of(found.plant)) for law in laws)
             runs = simulate_each(Case(found.plant, knowing, reference, found.bend, seed, initial), scenario.duration)
             for law in laws:
                 progress(f"{found.name}, {scenario.name}, {law.name}", done / total)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.control.knowledge import Knowledge
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Recorded, Trajectory
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.capstan import Tendon
@@ -35,6 +36,8 @@ class LeaguePlant:
     """The sheath's bend while it runs."""
     stroke: float = STROKE
     """Largest joint angle that is asked of it; the smallest is 0 [rad]."""
+    known: Knowledge | None = None
+    """What the laws are told; `knowledge_of` the plant, and so nothing of its cable, where it is not given."""
 
 
 @dataclass(frozen=True)

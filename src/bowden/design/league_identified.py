@@ -124,10 +124,10 @@ def identified_plant(base: CablePlant, name: str, logs: Mapping[str, Path]) -> L
             min(one.stroke for one in cables),
         )
     log, fit = fitted(logs[name])
-    one = zeroed(log, fit, fit.best)
+    one = zeroed(log, fit, fit.best.name)
     return LeaguePlant(
         name,
-        f"{fit.best} as identified from the log {log.name}, which it predicts to {one.error * DEGREES:.2f}° RMS",
+        f"{fit.best.name} as identified from the log {log.name}, which it predicts to {one.error * DEGREES:.2f}° RMS",
         base._replace(cable=one.cable, sheath=sheath),
         constant_bend(sheath.bend),
         one.stroke,

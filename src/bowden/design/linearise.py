@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law, State
 from bowden.control.stability import StateSpace
+from bowden.core.nested import flat, name_of, names, rebuilt
 from bowden.core.signals import Reference, Sample
 
 Array = NDArray[np.float64]
@@ -61,31 +62,32 @@ def linearise(
         law: with its gains.
         dt: sample time [s].
         width: half of the difference in the two angles, an encoder's count for what the loop will see [rad].
-        estimates: name of a state → the value at which it is frozen.
+        estimates: name of a state (``part.field`` where it nests) → the value at which it is frozen.
         at: joint and motor angle of the rest [rad]; the reference is there as well.
     """
     frozen = estimates or {}
     sample, reference = Sample(at, at), Reference(at, 0.0, 0.0)
     rest = law.start(sample)
-    kind = type(rest)
-    rest = rest._replace(**frozen)
-    free = [i for i, name in enumerate(rest._fields) if name not in frozen]
+    rest = rebuilt(rest, lambda path, old: frozen.get(name_of(path), old))
+    free = [i for i, name in enumerate(names(rest)) if name not in frozen]
+    start = np.array(flat(rest))
 
     def after(state: Sequence[float] | Array, joint: float, motor: float) -> Array:
-        stepped, command = law.step(kind(*state), Sample(joint, motor), reference, dt)
-        return np.array([*stepped, -command])
+        numbers = iter(state)
+        stepped, command = law.step(rebuilt(rest, lambda *_: next(numbers)), Sample(joint, motor), reference, dt)
+        return np.array([*flat(stepped), -command])
 
     moved = [
-        (after(rest, at + joint, at + motor) - after(rest, at - joint, at - motor)) / 2.0
+        (after(flat(rest), at + joint, at + motor) - after(flat(rest), at - joint, at - motor)) / 2.0
         for joint, motor in ((width, 0.0), (0.0, width))
     ]
-    widths = np.maximum(np.max(np.abs(moved), axis=0)[:-1], 1e-9 * (1.0 + np.abs(np.array(rest))))
+    widths = np.maximum(np.max(np.abs(moved), axis=0)[:-1], 1e-9 * (1.0 + np.abs(start)))
     columns = []
     for i in free:
-        side = np.zeros(len(rest))
+        side = np.zeros(len(start))
         side[i] = widths[i]
-        columns.append((after(np.array(rest) + side, at, at) - after(np.array(rest) - side, at, at)) / 2.0)
-    by_state = np.array(columns).reshape(len(free), len(rest) + 1).T  # in widths of the state
+        columns.append((after(start + side, at, at) - after(start - side, at, at)) / 2.0)
+    by_state = np.array(columns).reshape(len(free), len(start) + 1).T  # in widths of the state
     by_input = np.array(moved).T  # in widths of the angles
     scale = widths[free]
     return _reduced(by_state[free], by_input[free], by_state[-1], by_input[-1], scale, width)
@@ -129,10 +131,12 @@ def find_estimates(law: Law, visited: State, dt: float) -> list[str]:
     rest = law.start(sample)
     still, quiet = _at_rest(law, rest, sample, dt)
     found = []
-    for name, tried in zip(rest._fields, visited, strict=True):
-        change = tried - getattr(rest, name) or _NOISE
-        state, commands = _at_rest(law, rest._replace(**{name: getattr(rest, name) + change}), sample, dt)
-        kept = (getattr(state, name) - getattr(still, name)) / change
+    for i, (name, begun, tried) in enumerate(zip(names(rest), flat(rest), flat(visited), strict=True)):
+        change = tried - begun or _NOISE
+        moved = {name: begun + change}
+        other = rebuilt(rest, lambda path, old, moved=moved: moved.get(name_of(path), old))  # type: ignore[misc]
+        state, commands = _at_rest(law, other, sample, dt)
+        kept = (flat(state)[i] - flat(still)[i]) / change
         if np.array_equal(commands, quiet) and kept > 0.9:
             found.append(name)
     return found

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import DEGREES, RADIANS
@@ -92,7 +93,7 @@ def random_plant(number: int, duration: float) -> RandomPlant:
 
 
 def run_random_plants(law: Law, numbers: Iterable[int], duration: float = 40.0) -> Iterator[Outcome]:
-    """One run of a law on each of these plants; it is told `servo_frequency` and `delay` if it has such gains."""
+    """One run of a law on each of these plants; it knows the servo's frequency and the delay only."""
     numbers, again = tee(numbers)
     cases = (_case(law, number, duration) for number in again)
     for number, (found,) in zip(numbers, simulate_many(cases, duration), strict=True):
@@ -109,6 +110,5 @@ def run_random_plant(law: Law, number: int, duration: float = 40.0) -> Outcome:
 
 def _case(law: Law, number: int, duration: float) -> Case:
     drawn = random_plant(number, duration)
-    told = {"servo_frequency": drawn.servo_frequency, "delay": drawn.delay}
-    known = law.with_gains(**{name: value for name, value in told.items() if name in law.gains._fields})
-    return Case(drawn.plant, (known,), drawn.reference, drawn.bend, number, 0.0)
+    knowing = informed(law, Knowledge(servo_frequency=drawn.servo_frequency, delay=drawn.delay))
+    return Case(drawn.plant, (knowing,), drawn.reference, drawn.bend, number, 0.0)

@@ -25,7 +25,7 @@ from bowden.design.check import VerdictName, check
 from bowden.design.trial import dead_zone, slope_at
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 _MOTION = 2.5
 """Time of one motion, up or down [s]."""
@@ -162,7 +162,7 @@ def _run(bench: Bench, law: Law, motions: int) -> Trace:
 
 
 def _at_rest(bench: Bench, trace: Trace) -> bool:
-    return trace.stable and float(np.ptp(_rest(trace))) <= 2.0 * dead_zone(bench, bench.sheath.bend) + 1.0 * RADIANS
+    return trace.ended and float(np.ptp(_rest(trace))) <= 2.0 * dead_zone(bench, bench.sheath.bend) + 1.0 * RADIANS
 
 
 def _rest(trace: Trace) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from bowden.control.reference import PointToPoint, Trajectory
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.plants.bench import Bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def run_trial(
     states = {name.removeprefix("law."): v for name, v in trace.columns.items() if name.startswith("law.")}
     picked = np.unique(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
     visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
-    if not trace.stable:
+    if not trace.ended:
         return Trial(moving, False, None, None, None, None, visited)
     rest = error[trace.columns["time"] >= judged]
     span = float(np.ptp(rest))

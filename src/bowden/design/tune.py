@@ -1,7 +1,7 @@
 """Gains of a law that keep their margins over a rig's sheath, and follow best in the worst case.
 
 1. Every gain that the loop or the errors feel is varied, on a logarithmic scale around where it stands; what the rig
-   says of itself (the servo's frequency and damping, its lag and the delay) is where a gain of that name begins.
+   would tell the law (`bowden.control.knowledge`), had nobody chosen otherwise, is tried first too.
 2. The search is an evolution (`evolution`): gains that lack 6 dB or 45° are ranked by what they lack, without a
    simulation; the others by their largest RMSE over a set of sheath paths and references.
 3. Whatever is to be the best so far is checked as `bowden check` does it. Where it fails at estimates that its own
@@ -9,22 +9,29 @@
 4. A gain that can go back to where it stood at no cost does.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bowden.control.knowledge import cable_gains, informed
 from bowden.control.law import Law
+from bowden.core import shown
 from bowden.core.errors import ParameterError
+from bowden.core.style import new_figure
+from bowden.design import findings
 from bowden.design.advice import gains_that_matter
 from bowden.design.check import STROKE, Check, Estimates, check, visited_estimates
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, lack
-from bowden.design.tune_rig import easier, told
+from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
-from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.bench import Bench
+from bowden.plants.knowledge_of import knowledge_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""
@@ -48,14 +55,16 @@ Workers = Callable[[Callable[[Task], Any], Iterable[Task]], Iterable[Any]]
 """Like `map`: the one of a process pool spreads the work."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Tuning:
     """The gains that were found, and the evidence."""
 
     law: Law
     """With the new gains."""
-    changed: Mapping[str, float]
-    """Name → value of those that differ."""
+    gains: Mapping[str, float]
+    """Name → value of those that differ from before."""
+    stood: Mapping[str, float]
+    """Name → value of all gains before."""
     found: Check
     """Of the new gains."""
     before: Check
@@ -66,6 +75,46 @@ class Tuning:
     """The same of the gains before [rad]; None where a run was unstable."""
     generations: int
     """After which the search was over, or broken off."""
+
+    @property
+    def gain_margin_db(self) -> float | None:
+        """The smallest with the new gains [dB]; None where none has a limit."""
+        return self.found.gain_margin_db
+
+    @property
+    def phase_margin_deg(self) -> float | None:
+        """The smallest with the new gains [deg]; None where none has a limit."""
+        return self.found.phase_margin_deg
+
+    @property
+    def delay_margin_s(self) -> float | None:
+        """The smallest with the new gains [s]; None where none has a limit."""
+        return self.found.delay_margin_s
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw by how much each gain changed and, on second axes, the largest error before and after.
+
+        Args:
+            axes: matplotlib's, one or two; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        drawn = shown.axes_for(axes, 1, 2, 7.0, 3.0)
+        findings.draw_tuning(drawn, self)
+        return drawn
+
+    def __repr__(self) -> str:
+        """One screen: the gains that changed, margins, and the largest error before and after."""
+        return shown.screen(f"Tuning of {self.law.name}", findings.tuning_rows(self))
+
+    def _repr_html_(self) -> str:
+        figure, axes = new_figure(1, 2, height=3.0)
+        findings.draw_tuning(axes, self)
+        return shown.fragment(f"Tuning of {self.law.name}", findings.tuning_rows(self), figure)
 
 
 class BrokenOff(KeyboardInterrupt):
@@ -147,15 +196,15 @@ class _Search:
         self.estimates: tuple[Estimates, ...] = (estimates[0], estimates[-1]) if estimates[1:] else (estimates[0],)
         self.order: tuple[int, ...] = ()
         self.errors_before = errors(self._task(law))
-        self.base = told(law, rig.bench)
         self.names = self._names()
         self.best: tuple[Law, Check, float] | None = None
 
     def begin(self, share: float) -> None:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
         count = len(self.names)
-        stands = np.log([getattr(self.law.gains, name) / getattr(self.base.gains, name) for name in self.names])
-        points = [np.clip(stands, *_REACH), np.zeros(count)]
+        told = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).gains
+        known = np.log([getattr(told, name) / getattr(self.law.gains, name) for name in self.names])
+        points = [np.zeros(count), np.clip(known, *_REACH)]
         for _ in range(round(share * _DRAWS)):
             points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
         lacking = list(self.workers(lack, [self._task(self._law(point)) for point in points]))
@@ -185,7 +234,9 @@ class _Search:
         stood = self.law.gains._asdict()
         changed = {name: value for name, value in law.gains._asdict().items() if value != stood[name]}
         before = max(self.errors_before)
-        return Tuning(law, changed, found, self.before, worst, before if np.isfinite(before) else None, self.steps)
+        return Tuning(
+            law, changed, stood, found, self.before, worst, before if np.isfinite(before) else None, self.steps
+        )
 
     def _names(self) -> list[str]:
         """Gains that change the linear loop or the errors; parameters of a cable's model and switches are no choice."""
@@ -194,20 +245,20 @@ class _Search:
             raise ParameterError(
                 f"law {self.law.name!r} has no gains that its loop feels", do="there is nothing to tune"
             )
-        model = set(BoucWen._fields) if set(BoucWen._fields) <= set(self.law.gains._fields) else set()
+        model = cable_gains(self.law)
         open_ones = [
             name
             for name, value in self.law.gains._asdict().items()
             if name not in model and name not in self.fixed and value != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
         ]
-        varied = [self._with(self.base, name, 1.3 * getattr(self.base.gains, name)) for name in open_ones]
-        usual, *found = self.workers(errors, [self._task(law) for law in (self.base, *varied)])
+        varied = [self._with(self.law, name, 1.3 * getattr(self.law.gains, name)) for name in open_ones]
+        usual, *found = self.workers(errors, [self._task(law) for law in (self.law, *varied)])
         unknown = not np.isfinite(max(usual))
         return [n for n, e in zip(open_ones, found, strict=True) if n in felt or unknown or e != usual]
 
     def _law(self, point: Array, base: Law | None = None) -> Law:
         """The law at a point of the search: every gain as a share of where it began."""
-        law = base or self.base
+        law = base or self.law
         begun = law.gains
         for name, power in zip(self.names, point, strict=True):
             law = self._with(law, name, getattr(begun, name) * float(np.exp(power)))
@@ -285,7 +336,7 @@ class _Search:
         points = [self.population.points[i] for i in self.population.ranked()[: _MEMBERS // 2]]
         for factor in _TRIED_FACTORS:
             for said, changed in easier(bench, factor):
-                rig, base = self.rig._replace(bench=changed), told(self.law, changed)
+                rig, base = self.rig._replace(bench=changed), informed(self.law, knowledge_of(changed))
                 tasks = [
                     self._task(self._law(point, base), limit)._replace(rig=rig, runs=NineRuns(rig)) for point in points
                 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
 from bowden.rig import ranges
-from bowden.rig.compose import Setup
+from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
     from bowden.design.check import Check, VerdictName
@@ -23,49 +23,49 @@ class Verdict:
     """For standard error; empty where the law holds."""
 
 
-def verdicts(setup: Setup, laws: Sequence[Law], rig: str, *, force: bool) -> list[Verdict]:
+def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[Verdict]:
     """Check every law over the bends and the stroke of the run.
 
     A law of the user's own that the check cannot judge (its step fails at rest, say) is let through with a note.
 
     Args:
-        setup: of the run.
+        rig: of the run.
         laws: to check.
-        rig: the file's name, for messages.
+        name: the file's name, for messages.
         force: let laws that do not hold through, with a note.
 
     Raises:
         ParameterError: laws that do not hold; the message has the reasons and what to change.
     """
-    if setup.suit is not None:
+    if rig.worn is not None:
         return [Verdict(None, f"{law.name} on a suit: margins are not checked, the run itself shows") for law in laws]
-    checks = [_check(setup, law) for law in laws]
+    checks = [_check(rig, law) for law in laws]
     pairs = zip(laws, checks, strict=True)
     failing = [(law, found) for law, found in pairs if not isinstance(found, str) and found.verdict == "does_not_hold"]
     if failing and not force:
-        said = [f"{law.name} does not hold on {rig}: {_why(setup, law, found)}" for law, found in failing]
+        said = [f"{law.name} does not hold on {name}: {_why(rig, law, found)}" for law, found in failing]
         others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""
         raise ParameterError("; ".join(said) + f", or run it anyway with --force{others}")
-    return [_verdict(law, found, rig) for law, found in zip(laws, checks, strict=True)]
+    return [_verdict(law, found, name) for law, found in zip(laws, checks, strict=True)]
 
 
-def _check(setup: Setup, law: Law) -> "Check | str":
+def _check(rig: Rig, law: Law) -> "Check | str":
     """What was found, or why nothing could be."""
     from bowden.design.check import check
 
     with user_law.explained(law):
         try:
-            return check(setup.bench, law, bends=ranges.bends(setup), stroke=ranges.stroke(setup), seed=setup.seed)
+            return check(rig.bench, law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
         except (ArithmeticError, ValueError) as error:  # the plain step divides by zero, or gives what is no number
             return f"{type(error).__name__}: {error}"
 
 
-def _why(setup: Setup, law: Law, found: "Check") -> str:
+def _why(rig: Rig, law: Law, found: "Check") -> str:
     """The reason, and what to change."""
     from bowden.design.advice import advise
 
     with user_law.explained(law):
-        advice = advise(setup.bench, law, found, bends=ranges.bends(setup), stroke=ranges.stroke(setup))
+        advice = advise(rig.bench, law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
     return f"{found.reason}; {advice}"
 
 

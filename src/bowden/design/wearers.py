@@ -15,12 +15,13 @@ import numpy as np
 
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.suit.arm import Wearer, arm_of
 from bowden.models.suit.flex_sensor import PAPER_FLEX
 from bowden.plants.suit_parts import Suit
+from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath, random_bend
-from bowden.sim.suit_many import SuitCase, SuitRun, run_suits
 
 PERIOD, FLEXIONS, LEARNING = 25.0, 4, 2
 """Of the reference, 0–90°, as in Fig. 17 [s]; how many are run; and how many of them a law has to learn in."""
@@ -104,12 +105,12 @@ def _muscles(random: np.random.Generator) -> tuple[str, Wearer]:
 def wear(number: int, suit: Suit, law: Law) -> Worn:
     """Run a law on the wearer of that number."""
     drawn = random_wearer(number, suit)
-    case = SuitCase(drawn.suit, (law,), PeriodicMinimumJerk(0.0, 90.0 * RADIANS, PERIOD), drawn.bend, number)
-    ((errors,),) = run_suits([case], PERIOD * FLEXIONS, _errors)
+    motion = PeriodicMinimumJerk(0.0, 90.0 * RADIANS, PERIOD)
+    errors = _errors(simulate(drawn.suit, law, motion, duration=PERIOD * FLEXIONS, bend=drawn.bend, seed=number))
     return Worn(number, drawn.mass, drawn.kind, errors is not None, *(errors or (math.nan,) * 3))
 
 
-def _errors(run: SuitRun) -> tuple[float, float, float] | None:
+def _errors(run: Trace) -> tuple[float, float, float] | None:
     """Largest error while learning, after it, and the RMSE then [deg]; None of a run that ran away."""
     if not run.ended:
         return None

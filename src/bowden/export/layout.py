@@ -10,6 +10,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from bowden.core import nested
+from bowden.core.nested import is_named
+from bowden.core.quantity import declared
+
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -24,7 +28,7 @@ _RESERVED = frozenset(_WORDS.split())
 class Leaf:
     """One number in a structure."""
 
-    path: tuple[str | int, ...]
+    path: nested.Path
     """Names of fields and places in tuples, from the outside."""
     value: Any
 
@@ -54,40 +58,27 @@ def identifier(name: str) -> str:
     return f"{plain}_" if plain in _RESERVED else plain
 
 
-def is_tuple_with_names(value: Any) -> bool:
-    """Whether a value is a NamedTuple."""
-    return isinstance(value, tuple) and hasattr(value, "_fields")
-
-
-def leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[Leaf]:
+def leaves(value: Any) -> Iterator[Leaf]:
     """Every number of a structure, in its order."""
-    if isinstance(value, tuple):
-        names = value._fields if is_tuple_with_names(value) else range(len(value))  # type: ignore[attr-defined]
-        for name, inner in zip(names, value, strict=True):
-            yield from leaves(inner, (*path, name))
-    else:
-        yield Leaf(path, value)
+    return (Leaf(path, number) for path, number in nested.leaves(value))
 
 
-def rebuilt(value: Any, replace: Callable[[Leaf], Any], path: tuple[str | int, ...] = ()) -> Any:
+def rebuilt(value: Any, replace: Callable[[Leaf], Any]) -> Any:
     """The same structure with other leaves."""
-    if is_tuple_with_names(value):
-        return type(value)(*(rebuilt(inner, replace, (*path, name)) for name, inner in value._asdict().items()))
-    if isinstance(value, tuple):
-        return tuple(rebuilt(inner, replace, (*path, i)) for i, inner in enumerate(value))
-    return replace(Leaf(path, value))
+    return nested.rebuilt(value, lambda path, number: replace(Leaf(path, number)))
 
 
 @cache
 def meanings(kind: Any) -> Mapping[str, str]:
-    """What the fields of a NamedTuple mean: the text below each, or the comment behind it."""
+    """What the fields of a NamedTuple mean: as declared, or the text below each, or the comment behind it."""
+    said = {one.name: f"{one.quantity.meaning} [{one.quantity.unit}]" for one in declared(kind)}
     try:
         source = textwrap.dedent(inspect.getsource(kind))
         body = ast.parse(source).body[0]
     except (OSError, SyntaxError, TypeError):
-        return {}
+        return said
     if not isinstance(body, ast.ClassDef):
-        return {}
+        return said
     lines, found = source.splitlines(), {}
     for node, after in zip(body.body, [*body.body[1:], None], strict=True):
         if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
@@ -96,7 +87,7 @@ def meanings(kind: Any) -> Mapping[str, str]:
         if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
             text = after.value.value
         found[node.target.id] = " ".join(text.split())
-    return found
+    return found | said
 
 
 def snake(name: str) -> str:
@@ -123,7 +114,7 @@ class Structs:
             called: its name, in place of its class's.
             units: field → unit, where the class does not say.
         """
-        if not is_tuple_with_names(value):
+        if not is_named(value):
             return f"{self.prefix}_real"
         name = f"{self.prefix}_{called or snake(identifier(type(value).__name__))}"
         if name not in self.written:
@@ -134,7 +125,7 @@ class Structs:
         return name
 
     def _field(self, field: str, value: Any, told: Mapping[str, str], units: Mapping[str, str]) -> str:
-        array = isinstance(value, tuple) and not is_tuple_with_names(value)
+        array = isinstance(value, tuple) and not is_named(value)
         kind = self.name(value[0] if array else value)
         size = f"[{len(value)}]" if array else ""
         unit = f"[{'–' if units[field] == '1' else units[field]}]" if field in units else ""

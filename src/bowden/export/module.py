@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.nested import is_named
 from bowden.export.checked import Argument, Function, check_graph
 from bowden.export.code import Body, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
-from bowden.export.layout import Leaf, Structs, comment, identifier, is_tuple_with_names, leaves, meanings, rebuilt
+from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, meanings, rebuilt
 from bowden.export.symbol import Symbol, Trace, exactly
 
 
@@ -158,7 +159,7 @@ def _signature(module: Module, one: Function, structs: Structs) -> str:
         if argument.constant or argument.name == "state":
             continue
         kind = structs.name(argument.example, module.structs.get(argument.name, ""))
-        pointer = f"const {kind} *" if is_tuple_with_names(argument.example) else f"{kind} "
+        pointer = f"const {kind} *" if is_named(argument.example) else f"{kind} "
         inputs.append(f"{pointer}{argument.name}")
     for name, value in zip(one.results, results, strict=True):
         kind = structs.name(value, module.structs.get(name, ""), module.units if name == "state" else None)

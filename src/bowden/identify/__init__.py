@@ -1,18 +1,10 @@
-"""From a log of a cable to a model that predicts what it has not seen."""
+"""From a log of a cable to a model that predicts what it has not seen; called, it is `bowden.face.identify.identify`.
 
-from bowden.identify.cable.fit import Fit, ModelFit, identify, identify_log
-from bowden.identify.cable.model import CableModel
-from bowden.identify.cable.model_file import load_model, write_model
-from bowden.identify.log.read import Log, read_log
-
-__all__ = [
-    "CableModel",
-    "Fit",
-    "Log",
-    "ModelFit",
-    "identify",
-    "identify_log",
-    "load_model",
-    "read_log",
-    "write_model",
-]
+>>> import bowden
+>>> import numpy as np
+>>> time = np.arange(0.0, 20.0, 0.01)
+>>> motor = 0.5 * np.sin(2.0 * time)
+>>> fit = bowden.identify(time, motor, 0.9 * motor + 0.1)
+>>> fit.best.name, round(fit.best.parameters["slope"], 6)
+('line', 0.9)
+"""

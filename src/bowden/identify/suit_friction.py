@@ -19,7 +19,7 @@ def spool_friction(trace: Trace, after: float = 0.0) -> float:
     """The friction at the spool [N·m], to about a tenth where nobody works against it.
 
     Args:
-        trace: of `bowden.sim.suit.simulate_suit`, best slow and without compensation.
+        trace: of `bowden.sim.run.simulate` on a suit, best slow and without compensation.
         after: time from which on it counts [s].
 
     Raises:

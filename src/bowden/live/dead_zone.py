@@ -10,7 +10,7 @@ guess in doubt, which its first crossings correct.
 
 import math
 
-from bowden.control.known_width import WIDEST
+from bowden.control.knowledge import WIDEST
 from bowden.core.signals import DriveReading
 from bowden.live.preflight import PreflightState
 

@@ -7,12 +7,12 @@ import queue
 import subprocess
 import sys
 import threading
-from pathlib import Path
 from typing import Any
 
 from bowden.core.errors import StreamError
 from bowden.hardware.emg import intent_block
 from bowden.live.ring import FOLDER
+from bowden.rig.rig import Rig
 
 _START = 300.0
 """A process that has not said anything after this has failed; a slow computer compiles for a minute at first [s]."""
@@ -24,26 +24,29 @@ class Ear:
     """A process that hears EMG.
 
     Args:
-        rig: with its [emg].
-        source: in place of the rig's.
+        rig: that EMG moves.
     """
 
-    def __init__(self, rig: Path, source: str | None) -> None:
+    def __init__(self, rig: Rig) -> None:
         self.block = FOLDER / f"bowden-{os.getpid()}-{os.urandom(3).hex()}.intent"
         """Where its words go; removed by `close`."""
         self.stream = self.channel = self.unit = self.lost = ""
         """`lost` is why nothing comes any more; empty while the stream is alive."""
         self._said: queue.Queue[dict[str, Any]] = queue.Queue()
         intent_block.create(self.block)
-        given = json.dumps({"rig": str(rig), "source": source, "block": str(self.block)})
+        given = json.dumps({"rig": rig.document(), "block": str(self.block)})
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "bowden.live.intent_process", given],
+            [sys.executable, "-m", "bowden.live.intent_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,  # Ctrl-C is for the run, which still needs its EMG to end well
         )
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):  # one that has died already says so itself
+            self._process.stdin.write(f"{given}\n")
+            self._process.stdin.flush()
         threading.Thread(target=self._listen, daemon=True).start()
 
     def _listen(self) -> None:

@@ -29,8 +29,8 @@ _LOOK = 0.002
 
 
 def main() -> int:
-    """``python -m bowden.live.intent_process JSON``: rig, source or None, block."""
-    given = json.loads(sys.argv[1])
+    """``python -m bowden.live.intent_process``; the first line of its standard input is JSON: rig and block."""
+    given = json.loads(sys.stdin.readline())
     try:
         return _run(given)
     except BowdenError as error:
@@ -47,12 +47,12 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.hardware.emg.listener import Listener
     from bowden.hardware.emg.sources import open_source
     from bowden.hardware.ports import EmgChunk
-    from bowden.rig.config import read_rig
-    from bowden.rig.emg_setup import columns, emg_run, levels
+    from bowden.rig.emg_setup import check_recording, columns, levels
+    from bowden.rig.rig import Rig
 
-    rig, clock = Path(given["rig"]), MonotonicClock()
-    run = emg_run(read_rig(rig).emg, rig.parent, given["source"])
+    clock, run = MonotonicClock(), Rig.unpack(given["rig"]).emg_run
     assert run is not None
+    check_recording(run)
     stream = open_source(run.source, run.wanted)
     try:
         what = stream.open()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.live.log_rig import hash_of
 from bowden.live.mcap_read import Recording
 
 NEEDED = ("time", "lateness", "run_time", "overruns")
@@ -32,6 +33,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "sample_time_s": float(np.median(steps)) if len(steps) else None,
         "start_utc": datetime.fromtimestamp(int(found.about["start_utc_ns"]) // 10**9, UTC).isoformat(),
         "law": settings.get("law"),
+        "rig": hash_of(settings),
         "seed": settings.get("seed"),
         "lateness_s": _percentiles(found, "lateness"),
         "run_time_s": _percentiles(found, "run_time"),
@@ -86,7 +88,7 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "closed properly", "yes" if document["closed"] else "no"
     if not document["whole"] and document["closed"]:
         yield "damage", ", ".join(f"{value} {name}" for name, value in document["damage"].items())
-    for name in ("law", "seed"):
+    for name in ("law", "rig", "seed"):
         if document[name] is not None:
             yield name, str(document[name])
     for name, column in (("lateness", "lateness_s"), ("run time", "run_time_s")):

@@ -1,45 +1,46 @@
 """The law of a recorded run, with the gains it had, or another one in its place; and its reference under that one."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
-from bowden.control import Law, user_law
+from bowden.control import Law
 from bowden.control.admittance.push import push_source
-from bowden.control.reference import PointToPoint
+from bowden.control.knowledge import Knowledge, configured
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import BowdenError, LogError, ParameterError
+from bowden.core.nested import leaves, name_of
+from bowden.live.log_rig import without_none
 from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
-from bowden.rig import compose
-from bowden.rig.config import explained, near
-from bowden.rig.laws import KNOWN
-from bowden.rig.schema import Rig
+from bowden.rig.given_law import LawFile, loaded, named
+from bowden.rig.rig import Rig
 from bowden.sim.suit_sources import push_of
 
 
 def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
     """The law to replay, and whether it is the one of the record.
 
-    The record's own gets the record's gains, whether it is named or not; any other has its default gains.
+    The record's own gets the record's gains, whether it is named or not; any other those that
+    the log's rig gives it.
 
     Raises:
         ParameterError: no such law, or a file that cannot be used.
-        LogError: the record does not say which law ran, or its gains do not fit.
+        LogError: the record does not say which law ran, its gains do not fit, or its rig cannot be read.
     """
     recorded = found.settings.get("law")
-    source = found.settings.get("law_file") or recorded
-    name = wanted or source
-    if not isinstance(name, str):
+    given = wanted if wanted is not None else _recorded_law(found)
+    if given is None:
         raise LogError("the log does not say which law ran", do="name one with --law")
-    law = _load(name)
+    law = loaded(named(given) if isinstance(given, str) else given)
     if law.name != recorded:
-        return law, False
+        return configured(law, _known_of(found.settings)), False
+    if wanted is not None and isinstance(own := _recorded_law(found), LawFile):
+        law = loaded(own)
     gains = found.settings.get("gains", {})
     try:
         return law.with_gains(**gains), True
@@ -47,12 +48,25 @@ def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
         raise LogError(f"the log's gains do not fit the law {law.name!r}: {error}", do="name another law") from error
 
 
-def _load(name: str) -> Law:
-    if user_law.is_file(name):
-        return user_law.load(name, Path())
-    if name in KNOWN:
-        return KNOWN[name]
-    raise ParameterError(f"there is no law {name!r}", expected=near(name, KNOWN), do="or name a file: my_law.py:NAME")
+def _recorded_law(found: Recording) -> str | LawFile | None:
+    """The law that ran: a user's with its source, where the log has that."""
+    ran, rig = found.settings.get("law"), found.settings.get("rig")
+    where = found.settings.get("law_file")
+    if where is not None and isinstance(rig, Mapping) and "format" in rig:
+        law = Rig.unpack(rig).law
+        if isinstance(law, LawFile):
+            return law
+    return where or (ran if isinstance(ran, str) else None)
+
+
+def _known_of(settings: Mapping[str, Any]) -> Knowledge:
+    """What the rig of a log knows; of a cable whose model the log names and does not have, nothing."""
+    if "rig" not in settings:
+        return Knowledge()
+    known, told = _rig_of(settings["rig"]).knowledge, settings["rig"]
+    if "format" in told or told.get("cable", {}).get("model") is None:
+        return known
+    return known._replace(cable=Knowledge().cable, motor_zero=Knowledge().motor_zero)
 
 
 def source_for(found: Recording, law: Law) -> Source:
@@ -63,23 +77,20 @@ def source_for(found: Recording, law: Law) -> Source:
     wearer's push becomes, within which range, stays as recorded.
 
     Raises:
-        LogError: the log does not say which law ran, has no rig, or one of which this version makes another source
-            than the one that ran.
+        LogError: the log has no rig, or one of which this version makes another source than the one that ran.
     """
-    recorded, ran = source_of(found.settings), found.settings.get("law")
-    if recorded is TABLE or law.name == ran:
+    recorded = source_of(found.settings)
+    if recorded is TABLE or law.name == found.settings.get("law"):
         return recorded
-    if not isinstance(ran, str):
-        raise LogError("the log does not say which law ran, and its lead is that law's", do=_WITHOUT)
     if "rig" not in found.settings:
         raise LogError("the log has no rig, of which the wearer's push is made for another law", do=_WITHOUT)
     suit, share = _suit_of(found.settings["rig"])
     had = recorded.settings
 
-    def push(name: str) -> Any:
+    def push(law: Law) -> Any:
         return push_of(
             suit,
-            replace(law, name=name),
+            law,
             had.admittance,
             estimated=had.estimated > 0.5,
             carried=had.carried,
@@ -87,43 +98,44 @@ def source_for(found: Recording, law: Law) -> Source:
             room=had.under.room,
         )
 
-    for (name, again), (_, given) in zip(_numbers(push(ran)), _numbers(had), strict=True):
+    ran = replace(  # what its law declared shows in the record
+        law,
+        compensates_lag=had.under.lead == 0.0,
+        feeds_back=frozenset({"joint"} if had.under.compliance != 0.0 else ()),
+    )
+    for (path, again), (_, given) in zip(leaves(push(ran)), leaves(had), strict=True):
         if not np.isclose(again, given, rtol=1e-9, atol=0.0):
             raise LogError(
-                f"the log's rig makes another source of the wearer's push: its {name} is {again:.12g}, "
+                f"the log's rig makes another source of the wearer's push: its {name_of(path)} is {again:.12g}, "
                 f"and ran with {given:.12g}",
                 do=_WITHOUT,
             )
-    return push_source(had._replace(under=push(law.name).under))
+    return push_source(had._replace(under=push(law).under))
 
 
 _WITHOUT = "replay it without --law, which needs no rig"
 
 
 def _suit_of(told: Any) -> tuple[Suit, float]:
-    """Suit and friction share of a log's rig.
+    """Suit and friction share of a log's rig."""
+    rig = _rig_of(told)
+    if rig.worn is None:
+        raise LogError("the log's rig wears no suit", do=_WITHOUT)
+    return rig.worn, rig.admittance.friction_share
 
-    What the push does not need is left out, lest files be looked for that were the run's: reference and cable's model.
+
+def _rig_of(told: Any) -> Rig:
+    """A log's rig.
+
+    Of a log that has a rig.toml's sections alone, what a replay does not need is left out, lest files be looked for
+    that were the run's: reference and cable's model.
     """
-    where, hold = Path("the log's rig"), PointToPoint((0.0, 1.0), (0.0, 0.0))
+    where = Path("the log's rig")
     try:
-        rig = Rig.model_validate(told)
-        own = rig.model_copy(update={"cable": rig.cable.model_copy(update={"model": None})})
-        suit = compose.setup_of(own, where, reference=hold).suit
-    except ValidationError as error:
-        wrong = explained(error, where)
-        raise LogError(wrong.what, expected=wrong.expected, do=_WITHOUT) from error
+        if "format" in told:
+            return Rig.unpack(told)
+        cable = {key: value for key, value in told.get("cable", {}).items() if key != "model"}
+        others = {key: value for key, value in told.items() if key not in ("cable", "reference", "control", "emg")}
+        return Rig.of_tree(without_none(others | {"cable": cable}), where)
     except BowdenError as error:
         raise LogError(error.what, expected=error.expected, do=_WITHOUT) from error
-    if suit is None:
-        raise LogError("the log's rig wears no suit", do=_WITHOUT)
-    return suit, rig.admittance.friction_share
-
-
-def _numbers(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
-    """Those of nested NamedTuples, in their order, each with its name."""
-    if isinstance(value, tuple):
-        for part, inner in zip(type(value)._fields, value, strict=True):  # type: ignore[attr-defined]
-            yield from _numbers(inner, f"{name}.{part}".strip("."))
-    else:
-        yield name, float(value)

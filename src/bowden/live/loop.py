@@ -113,13 +113,13 @@ class Loop:
             drive.write(target, Power(int(verdict.power)), now, torque)
 
             # what is kept
-            row, state = ring.next_row(), cycle.state
+            row, state = ring.next_row(), cycle.recorded()
             row[:] = (
                 *((woke - self._start) * 1e-9, *cycle.reference, *reading, *state.sample, wish),
                 *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
                 *(script.outcome, script.reason, script.play, 0.0),
                 *(*state.law, *state.supervisor, *(() if course is None else course.row())),
-                *(*(() if push is None else push.row()), *cycle.source_row()),
+                *(*(() if push is None else push.row()), *state.source),
             )
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9

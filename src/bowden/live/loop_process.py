@@ -1,4 +1,4 @@
-"""The loop's own process, which `live_session` starts: it composes, compiles, brings the drive up, and cycles.
+"""The loop's own process, which `session` starts: it takes the rig, compiles, brings the drive up, and cycles.
 
 It says what happens as lines of JSON on standard output, none of them while it cycles: ``ready``, ``ended`` or
 ``error``.
@@ -15,8 +15,8 @@ from bowden.core.errors import BowdenError
 
 
 def main() -> int:
-    """``python -m bowden.live.loop_process JSON``, with the fields of `Asked` and of `Start`."""
-    given = json.loads(sys.argv[1])
+    """``python -m bowden.live.loop_process``, with a rig and the places of a run as JSON on standard input."""
+    given = json.load(sys.stdin)
     try:
         return _run(given)
     except BowdenError as error:
@@ -31,16 +31,16 @@ def _run(given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
     from bowden.hardware.drives.canopen_drive import CanopenDrive
     from bowden.hardware.realtime import become_realtime
-    from bowden.live.compose_live import Asked, compose_live
     from bowden.live.control_block import ControlBlock
+    from bowden.live.live_run import live_run
     from bowden.live.loop import Loop
     from bowden.live.preflight import REASONS, Reason
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
     from bowden.models.drive.thermal import ThermalState
+    from bowden.rig.rig import Rig
 
-    asked = Asked(**(given["asked"] | {"rig": Path(given["asked"]["rig"])}))
-    live = compose_live(asked)
+    live = live_run(Rig.unpack(given["rig"]), measure=given["measure"])
     emg = Path(given["emg"]) if given["emg"] else None
     course = live.course(emg, given["start_ns"])
     cycle, script, push = live.cycle(), live.script(course), live.push()
@@ -52,7 +52,7 @@ def _run(given: dict[str, Any]) -> int:
         signal.signal(number, lambda *_: loop.quit())
     try:
         identity = drive.bring_up()
-        grants = become_realtime(live.settings)
+        grants = become_realtime(live.rig.system)
         _say("ready", {"drive": identity, "grants": [asdict(grant) for grant in grants]})
     except BaseException:
         drive.close()

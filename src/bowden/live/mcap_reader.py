@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError
 from bowden.live.mcap_layout import Event, Packing, topics
 from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum
+from bowden.live.old_names import names_of_today
 from bowden.live.ring import Description
 
 _HEAD = 9  # of a record: opcode and length
@@ -69,9 +70,10 @@ class LogReader:
         except (KeyError, TypeError, ValueError) as error:
             raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
         self._packing = Packing(topics(columns, units))
-        kept = [i for i, name in enumerate(columns) if only is None or name in only]
+        named = names_of_today(columns)
+        kept = [i for i, name in enumerate(named) if only is None or name in only]
         self._kept = slice(None) if only is None else kept
-        self.columns, self.units = tuple(columns[i] for i in kept), tuple(units[i] for i in kept)
+        self.columns, self.units = tuple(named[i] for i in kept), tuple(units[i] for i in kept)
         self.closing: dict[str, str] | None = None
         """The last metadata record, once all is read; None where the file was not closed properly."""
         self.count = 0

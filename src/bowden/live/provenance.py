@@ -7,17 +7,21 @@ from pathlib import Path
 import bowden
 
 
-def provenance(rig: Path | None = None) -> dict[str, str]:
-    """Software version, git revisions (of the package and of the rig's folder, where they are in one), host, kernel."""
-    places = {"software_revision": Path(bowden.__file__).parent, "rig_revision": rig}
+def provenance(rig: str = "") -> dict[str, str]:
+    """Software version, git revisions (of the package and of the rig, where there are such), host, kernel."""
+    revisions = {"software_revision": _revision(Path(bowden.__file__).parent), "rig_revision": rig}
     found = {
         "software": f"bowden {bowden.__version__}",
         "python": platform.python_version(),
         "host": platform.node(),
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
     }
-    revisions = {name: _revision(folder) for name, folder in places.items() if folder is not None}
     return found | {name: revision for name, revision in revisions.items() if revision}
+
+
+def rig_revision(folder: Path) -> str:
+    """The commit of a rig's folder; empty where it is in no repository."""
+    return _revision(folder)
 
 
 def _revision(folder: Path) -> str:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording
     from bowden.rig.compose_admittance import Pushing
 
-NEEDED = ("joint_seen", "admittance.estimate", "admittance.doubt")
+NEEDED = ("joint_seen", "admittance.estimate.torque", "admittance.estimate.doubt")
 """Columns of the log that the figures come from, beside those of every run."""
 
 
@@ -27,13 +27,13 @@ def figures(log: "Recording", pushing: "Pushing", period: float) -> dict[str, fl
     if not len(led):
         return None
     led = led[settled(period * np.arange(len(led)))]
-    torque, joint = log["admittance.estimate"][led], log["joint_seen"][led]
+    torque, joint = log["admittance.estimate.torque"][led], log["joint_seen"][led]
     left = beside_load(torque, joint, pushing.suit.arm, pushing.section.carried)
     known = np.isfinite(left)
     if not known.any():
         return None
     rms, peak = rms_and_peak(left[known])
-    return {"rms_nm": rms, "peak_nm": peak, "doubt_nm": float(np.median(log["admittance.doubt"][led][known]))}
+    return {"rms_nm": rms, "peak_nm": peak, "doubt_nm": float(np.median(log["admittance.estimate.doubt"][led][known]))}
 
 
 def print_figures(found: dict[str, Any]) -> None:

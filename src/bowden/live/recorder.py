@@ -157,13 +157,13 @@ class Disk:
             self.longest_sync = max(self.longest_sync, self._clock.now() - before)
 
 
-def record(ring: Path, target: Path, rig: Path | None = None) -> int:
+def record(ring: Path, target: Path, rig: str = "") -> int:
     """Drain a ring into a new file until it is closed, or the recorder is told to stop; the whole work of the process.
 
     Args:
         ring: where the ring lies.
         target: the file, which must not exist.
-        rig: the folder of the run's rig.toml, for its git revision.
+        rig: git revision of the run's rig.toml.
 
     Returns:
         Rows that the file does not have.
@@ -232,11 +232,11 @@ def _give_up(reader: RingReader, clock: Clock) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """``python -m bowden.live.recorder RING FILE [--rig FOLDER]``."""
+    """``python -m bowden.live.recorder RING FILE [--rig REVISION]``."""
     parser = argparse.ArgumentParser(prog="bowden.live.recorder", description="Drain a run's ring into an MCAP file.")
     parser.add_argument("ring", type=Path)
     parser.add_argument("file", type=Path)
-    parser.add_argument("--rig", type=Path, help="folder of the rig.toml")
+    parser.add_argument("--rig", default="", help="git revision of the rig.toml")
     given = parser.parse_args(arguments)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the operator's process ends the run
     with contextlib.suppress(OSError):

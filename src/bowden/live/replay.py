@@ -8,20 +8,21 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Heard, Source
 from bowden.core.errors import LogError
+from bowden.core.nested import from_columns
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, CycleState, Filters, Plan
 from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
 from bowden.live.mcap_read import Recording
-from bowden.live.row import asked
+from bowden.live.row import STOPPED, SUPERVISOR
 from bowden.live.run_settings import push_of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, SupervisorState, Verdict
+from bowden.safety.supervisor import Observed, Verdict
 
 _SURROUNDINGS = ("lateness", "elapsed", "request", "operator_age", "recorder", "preflight")
 _VERDICT = ("command", "power", "mode", "reaction", "faults")
 _NEEDED = (
     *("reference", "reference_velocity", "reference_acceleration", *DriveReading._fields, *_SURROUNDINGS, *_VERDICT),
-    *("joint_seen", "motor_seen", "wish", "source", *(f"supervisor.{name}" for name in SupervisorState._fields)),
+    *("joint_seen", "motor_seen", "wish", "source", *SUPERVISOR),
 )
 
 
@@ -85,18 +86,16 @@ def replay(
     Raises:
         LogError: a column is missing, or the record has fewer than two rows.
     """
-    made = [] if source is TABLE else list(asked(source))
-    _check(found, law, same, made)
+    _check(found, law, same, source)
     cycle = Cycle(law, limits, filters, period, source)
     at = {name: i for i, name in enumerate(found.columns)}
-    reading, surroundings, verdict, reference, supervisor = (
+    reading, surroundings, verdict, reference = (
         [at[name] for name in names]
         for names in (
             DriveReading._fields,
             _SURROUNDINGS,
             _VERDICT,
             ("reference", "reference_velocity", "reference_acceleration"),
-            tuple(f"supervisor.{name}" for name in SupervisorState._fields),
         )
     )
     gaps = np.diff(found.numbers, prepend=found.numbers[0] - 2) > 1
@@ -105,12 +104,14 @@ def replay(
     for k, array in enumerate(found.rows):
         row = array.tolist()
         if gaps[k]:
-            sample = Sample(row[at["joint_seen"]], row[at["motor_seen"]])
+            told = dict(zip(found.columns, row, strict=True))
+            sample = Sample(told["joint_seen"], told["motor_seen"])
+            law_begun, begun = law.start(sample), source.start(Heard(sample.joint, sample.motor, 0.0, np.nan))
             cycle.state = CycleState(
                 sample,
-                _law_state(law, sample, row, at, same),
-                _asked(source, sample, [row[at[name]] for name in made]),
-                SupervisorState(*(row[i] for i in supervisor)),
+                from_columns(law_begun, told, "law") if same else law_begun,
+                begun if source is TABLE else from_columns(begun, told, source.name),
+                from_columns(STOPPED, told, "supervisor"),
             )
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
@@ -145,18 +146,6 @@ def _torques(found: Recording, gaps: Any, period: float) -> Any:
     return differences
 
 
-def _law_state(law: Law, sample: Sample, row: list[float], at: dict[str, int], same: bool) -> Any:
-    fresh = law.start(sample)
-    values = [row[at[f"law.{name}"]] for name in fresh._fields] if same else map(float, fresh)
-    return type(fresh)(*values)
-
-
-def _asked(source: Source, sample: Sample, values: list[float]) -> Any:
-    """The source's state as recorded; a table has none that is."""
-    fresh = source.start(Heard(sample.joint, sample.motor, 0.0, np.nan))
-    return type(fresh)(*(values or map(float, fresh)))
-
-
 def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any, torques: Any) -> Replay:
     law_had = ~gaps & (found["source"] >= LAW_BEGINS)
     wish = found["wish"]
@@ -186,10 +175,8 @@ def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any, to
     )
 
 
-def _check(found: Recording, law: Law, same: bool, made: list[str]) -> None:
-    wanted = [*_NEEDED, *made]
-    if same:
-        wanted += [f"law.{name}" for name in type(law.start(Sample(0.0, 0.0)))._fields]
+def _check(found: Recording, law: Law, same: bool, source: Source) -> None:
+    wanted = [*_NEEDED, *([] if source is TABLE else source.columns()), *(law.columns() if same else [])]
     missing = [name for name in wanted if name not in found.columns]
     if missing:
         raise LogError(

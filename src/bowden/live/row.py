@@ -3,13 +3,16 @@
 from collections.abc import Mapping
 
 from bowden.control.law import Law
-from bowden.control.source import TABLE, Heard, Source
-from bowden.core.signals import DriveReading, Sample
+from bowden.control.source import TABLE, Source
+from bowden.core import nested
+from bowden.core.nested import from_columns
+from bowden.core.signals import DriveReading
 from bowden.cycle.torque_offset import COLUMNS as PUSH
 from bowden.hardware.emg.course import COLUMNS
 from bowden.live.ring import Description
-from bowden.models.drive.thermal import ThermalState
-from bowden.safety.supervisor import SupervisorState
+from bowden.models.drive.thermal import Thermal, ThermalState, cold
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import begin
 
 CYCLE: Mapping[str, str] = {
     "time": "s",
@@ -58,34 +61,26 @@ that were skipped before this cycle.
 AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}
 """Column → its place in a row."""
 
-_SUPERVISOR_UNITS = {
-    **dict.fromkeys(("target", "before", "model", "motor", "joint", "anchor_motor", "anchor_joint"), "rad"),
-    **dict.fromkeys(("model_speed", "motor_speed", "joint_speed"), "rad/s"),
-    **dict.fromkeys(("bridged", "released", "eased", "astray", "motor_gap", "joint_gap", "overload"), "s"),
-    **dict.fromkeys(("saturated", "slack", "late", "armed"), "s"),
-    **dict.fromkeys(("winding", "housing"), "°C"),
-    "i2t": "A²s",
-}
+NOTHING_READ = DriveReading(*(float("nan"),) * 5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""A reading before the first."""
+
+STOPPED = begin(Limits(), NOTHING_READ, cold(Thermal()))
+"""A supervisor that has seen nothing yet."""
+
+SUPERVISOR: Mapping[str, str] = nested.columns(STOPPED, "supervisor")
+"""Column → unit of its state."""
 
 
 def columns(law: Law, *, emg: bool = False, pushed: bool = False, source: Source = TABLE) -> dict[str, str]:
     """Column → unit of a run under this law, by EMG, with a torque offset, and by another source than the table."""
-    states = {f"law.{name}": law.state_units.get(name, "1") for name in type(law.start(Sample(0.0, 0.0)))._fields}
-    supervisor = {f"supervisor.{name}": _SUPERVISOR_UNITS.get(name, "1") for name in SupervisorState._fields}
     return {
         **CYCLE,
-        **states,
-        **supervisor,
+        **law.columns(),
+        **SUPERVISOR,
         **(COLUMNS if emg else {}),
         **(PUSH if pushed else {}),
-        **({} if source is TABLE else asked(source)),
+        **({} if source is TABLE else source.columns()),
     }
-
-
-def asked(source: Source) -> dict[str, str]:
-    """Column → unit of a source's state."""
-    fields = type(source.start(Heard(0.0, 0.0, 0.0, 0.0)))._fields
-    return {f"{source.name}.{name}": source.state_units.get(name, "1") for name in fields}
 
 
 def description(
@@ -103,10 +98,7 @@ def description(
     return Description(tuple(named), tuple(named.values()), settings, utc_ns, monotonic_ns)
 
 
-NOTHING_READ = DriveReading(*(float("nan"),) * 5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""A reading before the first."""
-
-
 def thermal_of(row: Mapping[str, float]) -> ThermalState:
     """How warm the motor is, from a row's columns."""
-    return ThermalState(*(row[f"supervisor.{name}"] for name in ThermalState._fields))
+    heat: ThermalState = from_columns(STOPPED.heat, row, "supervisor.heat")
+    return heat

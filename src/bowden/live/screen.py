@@ -51,9 +51,9 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     if session.ear is not None:
         table.add_row("EMG", _emg(row, session.ear.unit, session.ear.lost))
-    if "admittance.push" in row:
+    if "admittance.push.torque" in row:
         table.add_row("push", _push(row))
-    table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.winding']:.0f} °C")
+    table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C")
     table.add_row("recorder", f"{RecorderState(session.recorder).name.lower()}  {escape(str(session.log))}")
     table.add_row("lateness", f"{1e6 * row['lateness']:.0f} µs; the cycle takes {1e6 * row['run_time']:.0f} µs")
     laws = [(name[4:], value) for name, value in row.items() if name.startswith("law.")]
@@ -65,7 +65,7 @@ def _push(row: dict[str, float]) -> str:
     """The push that makes the reference; none is heard where the law has not got the motor."""
     if row["source"] < WishSource.LAW_BEGINS:
         return "–"
-    push, doubt = row["admittance.push"], row["admittance.doubt"]
+    push, doubt = row["admittance.push.torque"], row["admittance.estimate.doubt"]
     return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
 
 

@@ -10,7 +10,6 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +17,17 @@ from bowden.core import shared_memory
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, OutputError
 from bowden.live import control_block, thermal_file
-from bowden.live.compose_live import Asked, Live
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_ear import Ear
+from bowden.live.live_run import Live
+from bowden.live.provenance import rig_revision
 from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, description
 from bowden.live.run_settings import run_settings
 from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
+from bowden.rig.rig import Rig
 from bowden.safety.supervisor import Request
 
 _START = 900.0
@@ -45,14 +46,13 @@ class Session:
     Use as a context: leaving it ends the run in a controlled release, whatever happened.
 
     Args:
-        asked: what the command line asks for.
-        live: what was made of it.
+        live: the run.
         log: the file to record to.
         ear: of a run by EMG, started and ready; it is closed with the run.
         remembers: whether the motor's warmth is taken from the run before and kept for the next one.
     """
 
-    def __init__(self, asked: Asked, live: Live, log: Path, ear: Ear | None = None, *, remembers: bool = True) -> None:
+    def __init__(self, live: Live, log: Path, ear: Ear | None = None, *, remembers: bool = True) -> None:
         self.live, self.log, self.ear, self._remembers = live, log, ear, remembers
         self.clock = MonotonicClock()
         self.ended: dict[str, Any] | None = None
@@ -68,7 +68,6 @@ class Session:
         self._processes: list[subprocess.Popen[str]] = []
         name = f"{os.getpid()}-{os.urandom(3).hex()}"
         self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
-        self._asked = asked
 
     def __enter__(self) -> "Session":
         try:
@@ -100,37 +99,47 @@ class Session:
         self._scenario = TwinScenario(live.drive, now / SECOND)
         self.block.beat(now)
         threading.Thread(target=self._beat, daemon=True).start()
-        recorder = ["bowden.live.recorder", str(self._ring), str(self.log), "--rig", str(self._asked.rig.parent)]
-        self._recorder = self._start(recorder)
-        asked = asdict(self._asked) | {"rig": str(self._asked.rig)}
+        revision = rig_revision(Path(live.rig.origin).parent)
+        self._recorder = self._start(["bowden.live.recorder", str(self._ring), str(self.log), "--rig", revision])
         warmth = live.limits.thermal
         thermal = thermal_file.read(live.drive, warmth) if self._remembers else cold(warmth)
         given = {
-            "asked": asked,
+            "rig": live.rig.document(),
+            "measure": live.measure,
             "thermal": thermal,
             "ring": str(self._ring),
             "block": str(self._block),
             "emg": None if self.ear is None else str(self.ear.block),
             "start_ns": now,
         }
-        self._loop = self._start(["bowden.live.loop_process", json.dumps(given)])
+        self._loop = self._start(["bowden.live.loop_process"], json.dumps(given))
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
         self.ready = self._await_ready()
         if self.ear is not None:
             self.ear.go()
 
-    def _start(self, words: list[str]) -> "subprocess.Popen[str]":
-        """A process apart from this terminal's signals: what ends it is our word, or our death."""
+    def _start(self, words: list[str], given: str | None = None) -> "subprocess.Popen[str]":
+        """A process apart from this terminal's signals: what ends it is our word, or our death.
+
+        Args:
+            words: the module and its arguments.
+            given: what it reads from its standard input.
+        """
         process = subprocess.Popen(
             [sys.executable, "-m", *words],
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.DEVNULL if given is None else subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
         )
         self._processes.append(process)
+        if given is not None:
+            assert process.stdin is not None
+            with contextlib.suppress(OSError):  # one that has died already says so itself
+                process.stdin.write(given)
+                process.stdin.close()
         return process
 
     def _beat(self) -> None:
@@ -275,13 +284,12 @@ def _left_behind() -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def own_twin(rig: Path, duration: float | None) -> Iterator[str]:
-    """A twin of the rig on a bus of its own, whatever the rig's is; the channel of that `bowden_unix` bus."""
+def own_twin(rig: Rig) -> Iterator[Rig]:
+    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus."""
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import running_twin
 
     with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
-        options = ["--interface", UNIX, *([] if duration is None else ["--duration", str(duration)])]
-        print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig} --channel {folder}", file=sys.stderr)
-        with running_twin(rig, Path(folder), options) as twin:
-            yield twin.channel
+        print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig.origin} --channel {folder}", file=sys.stderr)
+        with running_twin(rig, Path(folder), ["--interface", UNIX]) as twin:
+            yield rig.on_bus(twin.channel, UNIX)

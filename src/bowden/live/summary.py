@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def document(session: "Session") -> dict[str, Any]:
     """The figures of a run that has ended, as JSON values."""
     emg, ear = session.live.emg, session.ear
-    pushing = session.live.setup.pushing
+    pushing = session.live.pushing
     more = (*(() if ear is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
     log = read(session.log, tuple(dict.fromkeys((*_NEEDED, *more))))
     led = log["source"] >= WishSource.LAW_BEGINS
@@ -34,6 +34,7 @@ def document(session: "Session") -> dict[str, Any]:
     codes = log["emergency"]
     return {
         "law": session.live.law.name,
+        "rig": session.live.rig.hash,
         "drive": session.ready["drive"],
         "ended_well": mode == "stopped",
         "mode": mode,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from bowden.core.errors import DriveError
 from bowden.hardware.twin.control import TwinControl
+from bowden.rig.rig import Rig
 
 
 class RunningTwin(NamedTuple):
@@ -22,27 +23,41 @@ class RunningTwin(NamedTuple):
 
 
 @contextlib.contextmanager
-def running_twin(rig: Path, channel: Path, options: Sequence[str] = ()) -> Iterator[RunningTwin]:
+def running_twin(rig: Path | Rig, channel: Path, options: Sequence[str] = ()) -> Iterator[RunningTwin]:
     """Start `bowden twin` and end it afterwards, whatever happens.
 
     Args:
-        rig: the rig.toml.
+        rig: a rig, which is handed on as it is, or the path of a rig.toml.
         channel: folder of its bus; made if need be.
         options: further ones of the command.
 
     Raises:
         DriveError: it does not start; with what it said.
     """
-    command = [sys.executable, "-c", "from bowden.app.main import main; main()", "twin", str(rig), "--json"]
+    command = [
+        sys.executable,
+        "-c",
+        "from bowden.app.main import main; main()",
+        "twin",
+        str(rig) if isinstance(rig, Path) else "-",
+        "--json",
+    ]
     command += ["--until-orphaned"]
     process = subprocess.Popen(
         [*command, "--channel", str(channel), *options],
+        stdin=subprocess.DEVNULL if isinstance(rig, Path) else subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,  # Ctrl-C is for the run, which still needs a drive to release the cable
     )
     try:
+        if isinstance(rig, Rig):
+            assert process.stdin is not None
+            with contextlib.suppress(OSError):  # one that has died already says so itself
+                process.stdin.write(rig.pack().decode())
+                process.stdin.close()
+            process.stdin = None  # so that `communicate` leaves it alone
         assert process.stdout is not None
         assert process.stderr is not None
         lines = []

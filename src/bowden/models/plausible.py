@@ -1,21 +1,19 @@
 """What a sensor's reading is worth: whether it can be, and whether it can follow the one before."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 
 
 class Followed(NamedTuple):
     """A sensor's last good reading."""
 
-    value: float
-    """[rad]"""
-    speed: float
-    """Of the good readings, through a filter of the first order [rad/s]."""
-    age: float
-    """Time since the last good one [s]."""
+    value: Annotated[float, Quantity("the reading", "rad")]
+    speed: Annotated[float, Quantity("of the good readings, through a filter of the first order", "rad/s")]
+    age: Annotated[float, Quantity("time since the last good one", "s")]
 
 
 @kernel

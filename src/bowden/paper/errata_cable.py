@@ -7,6 +7,7 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.core.kernel import compiled
 from bowden.core.metrics import rmse
+from bowden.core.style import COLOURS, new_figure
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, advance, joint_angle, saturation, slope_of_h
@@ -14,9 +15,8 @@ from bowden.models.cable.sheath import width
 from bowden.models.drive.encoder import Encoder
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
-from bowden.report.style import COLOURS, new_figure
 from bowden.rig.presets import bench as paper
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 
 
 def run(runs: Runs) -> Finding:

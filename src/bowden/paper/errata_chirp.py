@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.paper.experiment import Finding, Runs
-from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.rig.presets import bench as paper
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
 from bowden.models.suit.geometry import (
     ELBOW_RANGE,
@@ -15,7 +16,6 @@ from bowden.models.suit.geometry import (
     size_spools,
 )
 from bowden.paper.experiment import Finding, Runs
-from bowden.report.style import new_figure
 
 _MM = 1e3
 

@@ -2,10 +2,10 @@
 
 from bowden.control import LAWS
 from bowden.core.metrics import delay
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.units import DEGREES
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import over_time
-from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.rig.presets.suit import run_suit, suit_calibration
 
 

@@ -4,10 +4,10 @@ import numpy as np
 
 from bowden.control import LAWS
 from bowden.core.metrics import convergence_time, rmse
+from bowden.core.style import COLOURS, new_figure, thin
 from bowden.core.units import DEGREES
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import time_and_loop
-from bowden.report.style import COLOURS, new_figure, thin
 from bowden.rig.presets import bench as paper
 
 _LONG = 600.0  # s; in the minute of Table 1 the estimates are still on their way

@@ -3,11 +3,11 @@
 import numpy as np
 
 from bowden.core.metrics import rmse
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.units import DEGREES
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import dead_zone_deg
 from bowden.paper.plots import loop
-from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.rig.presets import bench as paper
 
 

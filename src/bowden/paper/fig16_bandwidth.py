@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from bowden.control import LAWS
+from bowden.core.style import COLOURS, new_figure
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import CHIRP_FREQUENCIES, chirp_gain, chirp_reached, closed_loop_bandwidth
-from bowden.report.style import COLOURS, new_figure
 from bowden.rig.presets import bench as paper
 
 

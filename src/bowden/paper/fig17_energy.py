@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.models.suit.geometry import flexor_moment_arm
 from bowden.paper.experiment import Finding, Runs
-from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.rig.presets.suit import each_flexion, energies, largest_errors, suit
 
 

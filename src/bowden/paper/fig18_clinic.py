@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.core.kernel import compiled, kernel
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.identify.emg.log import read_emg, read_labels
 from bowden.identify.emg.score import Findings, Spans, find
 from bowden.paper.experiment import Finding, Runs
-from bowden.report.style import COLOURS, legend, new_figure, thin
 from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
     FRICTION_FEEDFORWARD,

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.report.style import COLOURS, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

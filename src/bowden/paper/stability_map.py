@@ -5,9 +5,9 @@ import numpy as np
 from bowden.control import LAWS
 from bowden.control.laws.adaptive import PRINTED, AdaptiveGains
 from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model
+from bowden.core.style import COLOURS, new_figure
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.gain_choice import corners, worst_margins
-from bowden.report.style import COLOURS, new_figure
 from bowden.rig.presets import bench as paper
 
 

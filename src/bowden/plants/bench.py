@@ -1,13 +1,18 @@
 """The bench as one plant: servo, cable in its sheath, and the distal spring (Fig. 7A)."""
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
-from bowden.models.cable.sheath import Sheath, joint_in_sheath
+from bowden.models.cable.sheath import Sheath, joint_in_sheath, slope_factor
 from bowden.models.drive.encoder import Encoder
-from bowden.models.drive.motor import Motor, acceleration_limit
+from bowden.models.drive.motor import Motor, acceleration_limit, current
 from bowden.models.drive.servo import (
     Servo,
     ServoState,
@@ -18,6 +23,17 @@ from bowden.models.drive.servo import (
     servo_is_free,
     servo_turn,
 )
+from bowden.plants.plant import (
+    Dynamics,
+    SheathPath,
+    SheathState,
+    check_numbers,
+    draw_for_encoders,
+    plain,
+    read_encoders,
+)
+
+Array = NDArray[np.float64]
 
 
 class Bench(NamedTuple):
@@ -36,6 +52,46 @@ class Bench(NamedTuple):
     substeps: int = 10
     """Plant sub-steps in one cycle, where one exact step will not do [–]."""
 
+    def dynamics(self) -> Dynamics:
+        """See `Plant.dynamics`.
+
+        Raises:
+            ParameterError: a part that cannot be.
+        """
+        return Dynamics(
+            "bench",
+            prepare_bench(self),
+            bench_rest,
+            bench_advance,
+            read_encoders,
+            bench_effort,
+            BENCH_COLUMNS,
+            bench_look,
+        )
+
+    def draw(self, seed: int, out: Array) -> None:
+        """See `Plant.draw`."""
+        draw_for_encoders((self.joint_encoder, self.motor_encoder), seed, out)
+
+    def sheath_columns(self, joint: Array, path: SheathPath) -> dict[str, Array]:
+        """See `Plant.sheath_columns`."""
+        return {"width": path.widths[:-1], "slope": path.slope_factors[:-1] * self.cable.slope}
+
+    def resting_motor(self, joint: float, bend: float | None = None) -> float:
+        """See `Plant.resting_motor`: with h = 0.
+
+        Raises:
+            ParameterError: a cable whose slope is 0.
+        """
+        slope = self.cable.slope * float(slope_factor(self.sheath.bend if bend is None else bend, self.sheath))
+        if slope == 0.0:
+            raise ParameterError("bench: the cable's slope is 0", expected="a cable that moves the joint")
+        return (joint - self.cable.offset) / slope
+
+    def describe(self) -> dict[str, Any]:
+        """See `Plant.describe`."""
+        return dict(plain(self))
+
 
 class BenchStep(NamedTuple):
     """A bench prepared for one length of cycle and of sub-step."""
@@ -46,6 +102,11 @@ class BenchStep(NamedTuple):
     """Over one sub-step."""
     cycle: ServoStep
     """Over one cycle; see `ServoSteps`."""
+    motor: Motor
+    joint_encoder: Encoder
+    motor_encoder: Encoder
+    substeps: int
+    """In one cycle [–]."""
 
 
 class BenchState(NamedTuple):
@@ -58,17 +119,74 @@ class BenchState(NamedTuple):
     """Joint angle [rad]."""
 
 
+class BenchColumns(NamedTuple):
+    """What a trace has of the bench; `BENCH_COLUMNS` has the units."""
+
+    joint: float
+    motor: float
+    motor_velocity: float
+    motor_acceleration: float
+    h: float
+
+
+BENCH_COLUMNS = {"joint": "rad", "motor": "rad", "motor_velocity": "rad/s", "motor_acceleration": "rad/s²", "h": "1"}
+"""Of a bench, and of a plant round any cable."""
+
+
 def prepare_bench(bench: Bench) -> BenchStep:
-    """The bench ready to be moved; the servo's acceleration limit is the motor's current limit if that is lower."""
+    """The bench ready to be moved; the servo's acceleration limit is the motor's current limit if that is lower.
+
+    Raises:
+        ParameterError: a part that cannot be.
+    """
+    check_numbers(bench, "bench")
+    check_bouc_wen(bench.cable, "bench")
+    if bench.substeps < 1:
+        raise ParameterError(f"bench: substeps is {bench.substeps}", expected="1 or more")
     limit = min(bench.servo.acceleration_limit, acceleration_limit(bench.motor))
     servo = bench.servo._replace(acceleration_limit=limit)
-    return BenchStep(bench.cable, prepare_cable(bench.cable), *prepare_steps(servo, bench.sample_time, bench.substeps))
+    steps = prepare_steps(servo, bench.sample_time, bench.substeps)
+    encoders = bench.joint_encoder, bench.motor_encoder
+    return BenchStep(bench.cable, prepare_cable(bench.cable), *steps, bench.motor, *encoders, bench.substeps)
+
+
+def check_bouc_wen(cable: BoucWen, where: str) -> None:
+    """Refuse a cable whose h has no bound.
+
+    Raises:
+        ParameterError: ρ, n or σ out of its range.
+    """
+    for name, least in (("rate", 0.0), ("shape", 0.5), ("exponent", 0.0)):
+        value = getattr(cable, name)
+        if not least < value < math.inf:
+            raise ParameterError(f"{where}: the cable's {name} is {value:g}", expected=f"a number above {least:g}")
 
 
 @kernel
-def bench_start(bench: BenchStep, motor: float, width: float, slope_factor: float) -> BenchState:
-    """At rest at a `motor` angle [rad] with h = 0."""
-    return bench_at(bench, ServoState(motor, 0.0, 0.0), 0.0, width, slope_factor)
+def bench_rest(bench: BenchStep, motor: float, sheath: SheathState) -> BenchState:
+    """See `bowden.plants.plant`; with h = 0."""
+    return bench_at(bench, ServoState(motor, 0.0, 0.0), 0.0, sheath.width, sheath.slope_factor)
+
+
+@kernel
+def bench_advance(
+    bench: BenchStep, body: BenchState, applied: float, sheath: SheathState, next_sheath: SheathState
+) -> BenchState:
+    """See `bowden.plants.plant` and `bench_moved`."""
+    return bench_moved(bench, body, applied, sheath.width, next_sheath.width, next_sheath.slope_factor, bench.substeps)
+
+
+@kernel
+def bench_effort(bench: BenchStep, body: BenchState, sheath: SheathState) -> float:
+    """The current that accelerates the spool and holds the bench's spring [A]."""
+    return current(body.motor.acceleration, body.joint, sheath.slope_factor * bench.cable.slope, bench.motor)
+
+
+@kernel
+def bench_look(bench: BenchStep, body: BenchState) -> BenchColumns:
+    """See `bowden.plants.plant`."""
+    motor = body.motor
+    return BenchColumns(body.joint, motor.position, motor.velocity, motor.acceleration, body.h)
 
 
 @kernel

@@ -1,39 +1,39 @@
-"""A plant round any cable: servo, motor, encoders, sample time and delay as on the bench, and a load that may lag.
-
-A cable is three kernels and the parameters that they are handed:
-
-    start(cable, motor, width, slope_factor) -> memory
-    advance(cable, memory, before, after, width, slope_factor, dt) -> memory
-    look(cable, memory, motor, width, slope_factor) -> Seen
-
-`memory` is a NamedTuple of floats and arrays (the arrays may be changed in place). `advance` is told that the motor has
-gone one way from `before` to `after` within `dt`; a cable that does not know time leaves `dt` alone. `width` and
-`slope_factor` are what the sheath's bend makes of them (`bowden.models.cable.sheath`).
-"""
+"""A plant round any cable: servo, motor, encoders, sample time and delay as on the bench, and a load that may lag."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import exp, kernel
 from bowden.models.cable.sheath import Sheath
-from bowden.models.cable.sheath import slope_factor as slope_factor_at
-from bowden.models.cable.sheath import width as width_at
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor, acceleration_limit
-from bowden.models.drive.servo import Servo, ServoSteps, prepare_steps
+from bowden.models.drive.servo import Servo, prepare_steps
+from bowden.plants.bench import BENCH_COLUMNS
+from bowden.plants.cable_body import (
+    Moving,
+    Seen,
+    cable_columns,
+    cable_moved,
+    cable_rest,
+    spring_current,
+    torque_current,
+)
+from bowden.plants.plant import (
+    Dynamics,
+    SheathPath,
+    check_numbers,
+    draw_for_encoders,
+    motor_for,
+    plain,
+    read_encoders,
+    sheath_state,
+)
 
-
-class Seen(NamedTuple):
-    """What there is to be seen of a cable."""
-
-    joint: float
-    """Joint angle, before the load's lag [rad]."""
-    torque: float
-    """Of the cable on the motor's spool; NaN of a cable that knows no forces [N·m]."""
-    h: float
-    """The internal variable of a cable that has just one, else NaN [–]."""
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -76,55 +76,75 @@ class CablePlant(NamedTuple):
     load_lag: float = 0.0
     """Time constant with which the joint follows the cable's end; 0 for none [s]."""
 
+    def dynamics(self) -> Dynamics:
+        """See `Plant.dynamics`.
 
-def prepare_servo(plant: CablePlant) -> ServoSteps:
-    """The servo for one cycle; its acceleration limit is the motor's current limit if that is lower.
-
-    Raises:
-        ParameterError: a servo that cannot be.
-    """
-    limit = min(plant.servo.acceleration_limit, acceleration_limit(plant.motor))
-    return prepare_steps(plant.servo._replace(acceleration_limit=limit), plant.sample_time, plant.substeps)
-
-
-def resting_motor(plant: CablePlant, joint: float, bend: float | None = None) -> float:
-    """The motor angle at which a cable that starts there has its joint at `joint` [rad], found by secant steps.
-
-    Args:
-        plant: with its cable.
-        joint: wanted [rad].
-        bend: total bend of the sheath at the start; the identified one where it is not given [rad].
-
-    Raises:
-        ParameterError: the cable has its joint there at no motor angle.
-    """
-    angle = plant.sheath.bend if bend is None else bend
-    width, factor = float(width_at(angle, plant.sheath)), float(slope_factor_at(angle, plant.sheath))
-    cable = plant.cable
-
-    def error(motor: float) -> float:
-        memory = cable.start(cable.prepared, motor, width, factor)
-        return float(cable.look(cable.prepared, memory, motor, width, factor).joint) - joint
-
-    before, motor = 0.0, joint / (cable.slope * factor) + 1e-3
-    left, now = error(before), error(motor)
-    for _ in range(60):
-        if abs(now) < 1e-13 or now == left:
-            break
-        before, motor, left = motor, motor - now * (motor - before) / (now - left), now
-        now = error(motor)
-    if not abs(now) < 1e-9:
-        raise ParameterError(
-            f"a {cable.name!r} cable cannot rest with its joint at {joint:g} rad but at {joint + now:g} rad",
-            expected="an angle that its load lets the joint take",
+        Raises:
+            ParameterError: a part that cannot be, or a sheath that loses what the cable itself loses.
+        """
+        cable = self.cable
+        return Dynamics(
+            cable.advance.__name__,
+            prepare_plant(self),
+            cable_rest,
+            cable_moved,
+            read_encoders,
+            torque_current if cable.physical else spring_current,
+            BENCH_COLUMNS,
+            cable_columns,
+            {"cable_start": cable.start, "cable_advance": cable.advance, "cable_look": cable.look},
         )
-    return motor
+
+    def draw(self, seed: int, out: Array) -> None:
+        """See `Plant.draw`."""
+        draw_for_encoders((self.joint_encoder, self.motor_encoder), seed, out)
+
+    def sheath_columns(self, joint: Array, path: SheathPath) -> dict[str, Array]:
+        """See `Plant.sheath_columns`."""
+        return {"width": path.widths[:-1], "slope": path.slope_factors[:-1] * self.cable.slope}
+
+    def resting_motor(self, joint: float, bend: float | None = None) -> float:
+        """See `Plant.resting_motor`.
+
+        Raises:
+            ParameterError: the cable has its joint there at no motor angle.
+        """
+        cable, sheath = self.cable, sheath_state(self.sheath, self.sheath.bend if bend is None else bend)
+
+        def joint_at(motor: float) -> float:
+            memory = cable.start(cable.prepared, motor, sheath.width, sheath.slope_factor)
+            return float(cable.look(cable.prepared, memory, motor, sheath.width, sheath.slope_factor).joint)
+
+        return motor_for(joint, joint_at, joint / (cable.slope * sheath.slope_factor) + 1e-3, cable.name)
+
+    def describe(self) -> dict[str, Any]:
+        """See `Plant.describe`."""
+        parts = {name: plain(value) for name, value in self._asdict().items() if name != "cable"}
+        return {"cable": {"kind": self.cable.name, **plain(self.cable.parameters)}, **parts}
 
 
-@kernel
-def lagged(joint: float, before: float, after: float, dt: float, time_constant: float) -> float:
-    """A first-order lag behind an input that goes straight from `before` to `after` in `dt` [s], exactly."""
-    if time_constant <= 0.0:
-        return after
-    behind = (after - before) / dt * time_constant
-    return after - behind + (joint - before + behind) * exp(-dt / time_constant)
+def prepare_plant(plant: CablePlant) -> Moving:
+    """The plant ready to be moved; the servo's acceleration limit is the motor's current limit if that is lower.
+
+    Raises:
+        ParameterError: a part that cannot be, or a sheath that loses what the cable itself loses.
+    """
+    cable = plant.cable
+    for name, part in list(plant._asdict().items())[1:]:
+        check_numbers(part, f"plant.{name}")
+    check_numbers(cable.parameters, f"cable {cable.name}")
+    if not (plant.load_lag >= 0.0 and plant.substeps >= 1 and np.isfinite(cable.slope) and cable.slope != 0.0):
+        raise ParameterError(
+            f"plant: load_lag {plant.load_lag}, substeps {plant.substeps}, slope of the cable {cable.slope:g}",
+            expected="not below 0, 1 or more, and a cable that moves the joint",
+        )
+    if cable.physical and plant.sheath.loss != 0.0:
+        raise ParameterError(
+            f"plant: the sheath's loss is {plant.sheath.loss} with a cable of the kind {cable.name!r}",
+            expected="0, since that cable computes what its sheath loses",
+        )
+    limit = min(plant.servo.acceleration_limit, acceleration_limit(plant.motor))
+    steps = prepare_steps(plant.servo._replace(acceleration_limit=limit), plant.sample_time, plant.substeps)
+    encoders = plant.joint_encoder, plant.motor_encoder
+    lag, slope = float(plant.load_lag), float(cable.slope)
+    return Moving(cable.prepared, steps, plant.sample_time, lag, slope, plant.motor, *encoders, plant.substeps)

@@ -11,7 +11,9 @@ from bowden.core.kernel import kernel
 from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
-from bowden.plants.cable_plant import Cable, Seen
+from bowden.plants.bench import check_bouc_wen
+from bowden.plants.cable_body import Seen
+from bowden.plants.cable_plant import Cable
 
 
 class Stack(NamedTuple):
@@ -134,12 +136,13 @@ def bouc_wen(cable: BoucWen | None = None, terms: StaticTerms | None = None) -> 
     """The bench's Bouc–Wen cable, with static terms if they are given (then it is called ``bouc_wen_static``).
 
     Raises:
-        ParameterError: a half range that is not above 0.
+        ParameterError: a half range that is not above 0, or a cable whose h has no bound.
     """
     cable, name = cable or BoucWen(), "bouc_wen" if terms is None else "bouc_wen_static"
     terms = terms or StaticTerms(np.zeros(0), np.zeros(0), 0.0, 1.0)
     if not terms.half_range > 0.0:
         raise ParameterError(f"bouc_wen_static: half_range is {terms.half_range}", expected="a number above 0")
+    check_bouc_wen(cable, name)
     prepared = Bent(cable, terms, prepare_cable(cable))
     return Cable(name, BoucWenParameters(cable, terms), prepared, bent_start, bent_advance, bent_look, cable.slope)
 

@@ -23,7 +23,8 @@ from bowden.models.cable.sliding_cable import (
     start_tendon,
     tendon_joint,
 )
-from bowden.plants.cable_plant import Cable, Seen
+from bowden.plants.cable_body import Seen
+from bowden.plants.cable_plant import Cable
 
 
 @kernel

@@ -14,7 +14,8 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.models.cable.bouc_wen import advance_prepared
 from bowden.models.cable.bouc_wen_static import joint_angle
-from bowden.plants.cable_plant import Cable, Seen
+from bowden.plants.cable_body import Seen
+from bowden.plants.cable_plant import Cable
 from bowden.plants.cables import Bent
 
 

@@ -1,19 +1,38 @@
 """What a suit on an arm is made of, and its constants for the kernels of `bowden.plants.suit_plant`."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.geared_motor import GearedMotor, check_geared_motor
+from bowden.models.drive.servo import Servo
 from bowden.models.drive.thermal import Thermal
 from bowden.models.suit.arm import Arm, Wearer, check_wearer
 from bowden.models.suit.flex_sensor import PAPER_FLEX, FlexSensor
 from bowden.models.suit.geometry import SuitGeometry, size_spools
-from bowden.models.suit.suit_angle import SpoolMap, spool_map
-from bowden.models.suit.suit_cable import Fabric, PreparedSuitCable, SuitCable, prepare_suit_cable
+from bowden.models.suit.load_cell import LoadCell
+from bowden.models.suit.suit_angle import spool_map
+from bowden.models.suit.suit_cable import Fabric, SuitCable, prepare_suit_cable
+from bowden.plants.plant import Dynamics, SheathPath, check_numbers, plain, sheath_path
+from bowden.plants.suit_plant import (
+    SETTLING,
+    WORN_COLUMNS,
+    PreparedSuit,
+    WornSuit,
+    worn_advance,
+    worn_effort,
+    worn_look,
+    worn_observe,
+    worn_rest,
+)
+
+Array = NDArray[np.float64]
 
 
 class Suit(NamedTuple):
@@ -45,26 +64,66 @@ class Suit(NamedTuple):
     """Cycles between a sample and the moment its command reaches the drive [–]."""
     substeps: int = 10
     """Plant sub-steps in one cycle [–]."""
+    load_cell: LoadCell = LoadCell()
+    """That a source of references hears."""
+    powered: bool = True
+    """False: the drive is switched off when a run begins, and the wearer drives the suit back."""
 
+    @property
+    def servo(self) -> Servo:
+        """See `Plant.servo`."""
+        return self.motor.servo
 
-class PreparedSuit(NamedTuple):
-    """A suit as the kernels need it."""
+    @property
+    def joint_encoder(self) -> FlexSensor:
+        """See `Plant.joint_encoder`."""
+        return self.joint_sensor
 
-    map: SpoolMap
-    extensor_radius: float
-    """r_e [m]."""
-    joint_radius: float
-    """R [m]."""
-    motor: GearedMotor
-    thermal: Thermal
-    flexor: PreparedSuitCable
-    extensor: PreparedSuitCable
-    sheath: Sheath
-    posture: float
-    arm: Arm
-    low_stop: float
-    high_stop: float
-    substeps: int
+    def dynamics(self) -> Dynamics:
+        """See `Plant.dynamics`.
+
+        Raises:
+            ParameterError: a part that cannot be.
+        """
+        return Dynamics(
+            "suit",
+            WornSuit(
+                suit=prepare_suit(self),
+                wearer=self.wearer,
+                joint_sensor=self.joint_sensor,
+                motor_encoder=self.motor_encoder,
+                load_cell=self.load_cell,
+                powered=1.0 if self.powered else 0.0,
+                dt=float(self.sample_time),
+                settling=round(SETTLING / self.sample_time),
+            ),
+            worn_rest,
+            worn_advance,
+            worn_observe,
+            worn_effort,
+            WORN_COLUMNS,
+            worn_look,
+            normals=5,
+            begins_at_reference=True,
+        )
+
+    def draw(self, seed: int, out: Array) -> None:
+        """See `Plant.draw`: current and load cell have numbers of their own, which leaves the angles' as they are."""
+        out[:, :3] = np.random.default_rng(seed).standard_normal((len(out), 3))
+        out[:, 3:] = np.random.default_rng((seed, 1)).standard_normal((len(out), 2))
+
+    def sheath_columns(self, joint: Array, path: SheathPath) -> dict[str, Array]:
+        """See `Plant.sheath_columns`: with the elbow's posture."""
+        worn = sheath_path(self.sheath, path.bends[:-1] + self.posture * joint)
+        return {"bend": worn.bends, "width": worn.widths, "slope": worn.slope_factors}
+
+    def resting_motor(self, joint: float, bend: float | None = None) -> float:
+        """See `Plant.resting_motor`: the motor is counted in the joint's coordinate."""
+        return joint
+
+    def describe(self) -> dict[str, Any]:
+        """See `Plant.describe`."""
+        return plain(self) | {"extensor_spool_radius": prepare_suit(self).extensor_radius}
 
 
 def prepare_suit(suit: Suit) -> PreparedSuit:
@@ -73,6 +132,8 @@ def prepare_suit(suit: Suit) -> PreparedSuit:
     Raises:
         ParameterError: a part that cannot be.
     """
+    for name, part in suit._asdict().items():
+        check_numbers(part, f"suit.{name}")
     check_geared_motor(suit.motor)
     check_wearer(suit.wearer)
     for name, value in (("spool_radius", suit.spool_radius), ("sample_time", suit.sample_time)):

@@ -7,21 +7,45 @@ The flexor has pulled in r_f·θ and the arm gives E(φ) of it back; the extenso
 as `bowden.models.suit.suit_cable` says, in a sheath whose bend is that of the scenario and `posture`·φ more. A sub-step
 is semi-implicit: cables from the angles, then speeds with the stiffness and damping of the sub-step's end, then angles.
 
-The kernels run in a compiled loop (`bowden.sim.suit`), and one cycle a call in a live twin.
+The kernels run in a compiled loop (`bowden.sim.run`), and one cycle a call in a live twin.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.kernel import kernel
-from bowden.models.cable.sheath import slope_factor, width
-from bowden.models.drive.geared_motor import SpoolState, drive_motor, turn_spool
-from bowden.models.drive.thermal import ThermalState, warm
-from bowden.models.suit.arm import Wearer, gravity_torque, passive_torque, wearer_torque
-from bowden.models.suit.suit_angle import flexor_arm, flexor_travel, motor_of, spool_of
+from bowden.control.source import Heard
+from bowden.core.kernel import apart, kernel
+from bowden.models.cable.sheath import Sheath, slope_factor, width
+from bowden.models.drive.encoder import Encoder, reading
+from bowden.models.drive.geared_motor import GearedMotor, SpoolState, drive_motor, turn_spool
+from bowden.models.drive.thermal import Thermal, ThermalState, warm
+from bowden.models.suit.arm import Arm, Wearer, gravity_torque, passive_torque, wearer_torque
+from bowden.models.suit.flex_sensor import FlexSensor, FlexState, flex_start, flex_step
+from bowden.models.suit.load_cell import CURRENT_NOISE, LoadCell, cell_reading
+from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel, motor_of, spool_of
 from bowden.models.suit.suit_cable import PreparedSuitCable, Pull, SuitCableMemory, pull_suit_cable, start_suit_cable
-from bowden.plants.suit_parts import PreparedSuit
+from bowden.plants.plant import Array, SheathState
+
+
+class PreparedSuit(NamedTuple):
+    """A suit as the kernels need it."""
+
+    map: SpoolMap
+    extensor_radius: float
+    """r_e [m]."""
+    joint_radius: float
+    """R [m]."""
+    motor: GearedMotor
+    thermal: Thermal
+    flexor: PreparedSuitCable
+    extensor: PreparedSuitCable
+    sheath: Sheath
+    posture: float
+    arm: Arm
+    low_stop: float
+    high_stop: float
+    substeps: int
 
 
 class SuitState(NamedTuple):
@@ -78,7 +102,7 @@ def suit_start(suit: PreparedSuit, motor: float, joint: float, bend: float) -> S
     return SuitState(0.0, still, joint, 0.0, flexor, extensor, slack, slack, 0.0, 0.0, heat)
 
 
-@kernel
+@apart
 def suit_step(
     suit: PreparedSuit, state: SuitState, command: float, powered: bool, bends: Bends, wearer: Wearer, dt: float
 ) -> SuitState:
@@ -191,3 +215,122 @@ def _stretching(cable: PreparedSuitCable, tension: float) -> float:
     """dT/dδ of the fabric at a tension; that of the taut fabric where it is slack, which is the safe side [N/m]."""
     k, q = cable.fabric.stiffness, cable.fabric.stiffening
     return np.sqrt(k * k + 4.0 * q * tension)
+
+
+SETTLING = 3.0
+"""Time for which the suit holds its initial motor angle before a run begins, so that the arm hangs in balance [s]."""
+
+
+class WornSuit(NamedTuple):
+    """What the kernels of a suit with its sensors are handed."""
+
+    suit: PreparedSuit
+    wearer: Wearer
+    joint_sensor: FlexSensor
+    motor_encoder: Encoder
+    load_cell: LoadCell
+    powered: float
+    """0: the drive is off once the run has begun [–]."""
+    dt: float
+    """[s]"""
+    settling: int
+    """Cycles at rest before a run."""
+
+
+class WornBody(NamedTuple):
+    """The suit, and what its flex sensor remembers."""
+
+    suit: SuitState
+    flex: FlexState
+
+
+class WornColumns(NamedTuple):
+    """What a trace has of the suit; `WORN_COLUMNS` has the units.
+
+    ``motor`` is the motor in the joint's coordinate, ``spool`` and ``motor_velocity`` the spool; tensions are those at
+    the arm, and with ``motor`` in the name those at the spool.
+    """
+
+    joint: float
+    motor: float
+    motor_velocity: float
+    joint_velocity: float
+    spool: float
+    flexor_tension: float
+    flexor_motor_tension: float
+    extensor_tension: float
+    extensor_motor_tension: float
+    interaction_torque: float
+    wearer_torque: float
+    winding_temperature: float
+
+
+WORN_COLUMNS = {
+    "joint": "rad",
+    "motor": "rad",
+    "motor_velocity": "rad/s",
+    "joint_velocity": "rad/s",
+    "spool": "rad",
+    "flexor_tension": "N",
+    "flexor_motor_tension": "N",
+    "extensor_tension": "N",
+    "extensor_motor_tension": "N",
+    "interaction_torque": "N·m",
+    "wearer_torque": "N·m",
+    "winding_temperature": "°C",
+}
+
+
+@kernel
+def worn_rest(plant: WornSuit, motor: float, sheath: SheathState) -> WornBody:
+    """See `bowden.plants.plant`: held there until the arm hangs in balance."""
+    state, bends = suit_start(plant.suit, motor, motor, sheath.bend), Bends(sheath.bend, sheath.bend)
+    for _ in range(plant.settling):
+        state = suit_step(plant.suit, state, motor, True, bends, plant.wearer, plant.dt)
+    return WornBody(state, flex_start(state.joint))
+
+
+@kernel
+def worn_advance(
+    plant: WornSuit, body: WornBody, applied: float, sheath: SheathState, next_sheath: SheathState
+) -> WornBody:
+    """See `bowden.plants.plant`; the posture adds its own to the sheath's bend."""
+    bends, on = Bends(sheath.bend, next_sheath.bend), plant.powered > 0.0
+    return WornBody(suit_step(plant.suit, body.suit, applied, on, bends, plant.wearer, plant.dt), body.flex)
+
+
+@kernel
+def worn_observe(plant: WornSuit, body: WornBody, normals: Array) -> tuple[WornBody, Heard]:
+    """See `bowden.plants.plant`: flex sensor, encoder, the drive's current and a load cell."""
+    state = body.suit
+    flex, joint = flex_step(plant.joint_sensor, body.flex, state.joint, normals[0], normals[1], plant.dt)
+    motor = reading(suit_motor(plant.suit, state), normals[2], plant.motor_encoder)
+    current = state.spool.current + CURRENT_NOISE * normals[3]
+    load = cell_reading(plant.load_cell, state.interaction, normals[4])
+    return WornBody(state, flex), Heard(joint, motor, current, load)
+
+
+@kernel
+def worn_effort(plant: WornSuit, body: WornBody, sheath: SheathState) -> float:
+    """The motor's current [A]."""
+    return body.suit.spool.current
+
+
+@kernel
+def worn_look(plant: WornSuit, body: WornBody) -> WornColumns:
+    """See `bowden.plants.plant`."""
+    state = body.suit
+    return WornColumns(
+        state.joint,
+        suit_motor(plant.suit, state),
+        state.spool.velocity,
+        state.joint_velocity,
+        state.spool.position,
+        state.flexor_pull.joint,
+        state.flexor_pull.motor,
+        state.extensor_pull.joint,
+        state.extensor_pull.motor,
+        state.interaction,
+        state.wearer,
+        state.motor_heat.winding,
+    )

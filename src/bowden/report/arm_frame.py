@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bowden.core.style import COLOURS, drawing, finish, legend, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.report.arm_renderer import EXTENSOR, FLEXOR, Image, Pose
-from bowden.report.style import COLOURS, drawing, finish, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont

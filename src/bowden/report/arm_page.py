@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING
 
+from bowden.core.style import CYCLE, legend, new_figure, thin
 from bowden.core.units import DEGREES
 from bowden.models.suit.arm import Arm
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.report.arm_pictures import arm_data_uri
 from bowden.report.page import Page
-from bowden.report.style import CYCLE, legend, new_figure, thin
 from bowden.sim.arm_agreement import Agreement
 from bowden.sim.arm_check import EXCURSION_LIMIT, MOMENT_ARM_LIMIT, MOTION_LIMIT
 

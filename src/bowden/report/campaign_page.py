@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from bowden.report import style
+from bowden.core import style
 from bowden.report.page import Page
 from bowden.study.distributions import Distribution
 from bowden.study.figures import LawFigures, Spread, Summary

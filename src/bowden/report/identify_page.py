@@ -1,18 +1,17 @@
 """The page of an identification: which model to use and why, the loop, the traces, the residual, the parameters."""
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.model import meaning
-from bowden.identify.log.read import Log
+from bowden.identify.cable.plot import draw_loop
 from bowden.report.page import Page
-from bowden.report.style import COLOURS, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,18 +29,9 @@ TITLES = {
 """Name of a model → what it is called in a sentence."""
 
 
-def write_identification(path: Path | str, log: Log, fit: Fit) -> None:
-    """Write the page of an identification.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    identify_page(log, fit).write(path)
-
-
-def identify_page(log: Log, fit: Fit) -> Page:
-    """The page that `write_identification` writes."""
-    best = fit.models[fit.best]
+def identify_page(fit: Fit) -> Page:
+    """The page of an identification."""
+    log, best, title = fit.log, fit.chosen, TITLES[fit.best.name]
     duration = log.time[-1] - log.time[0]
     page = Page(
         f"The cable of {log.name}",
@@ -54,17 +44,17 @@ def identify_page(log: Log, fit: Fit) -> Page:
         page.notice(warning[0].upper() + warning[1:] + ".")
     page.heading("The loop")
     page.figure(
-        loop_figure(log, fit),
-        f"Left: joint over motor, as recorded and as the recommended model ({TITLES[fit.best]}) draws it. Right: the "
+        loop_figure(fit),
+        f"Left: joint over motor, as recorded and as the recommended model ({title}) draws it. Right: the "
         "same without the straight line that fits the first half best, which shows the motion that the cable loses.",
     )
     page.heading("Over time")
     page.figure(
-        time_figure(log, fit),
+        time_figure(fit),
         "Motor and joint over time. The shaded half was not fitted: there the model runs on from the motor alone.",
     )
     page.figure(
-        residual_figure(log, fit),
+        residual_figure(fit),
         f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above over time, below over "
         "the motor's angle; what repeats in every stroke is the cable's, what does not is noise or change.",
     )
@@ -73,7 +63,7 @@ def identify_page(log: Log, fit: Fit) -> Page:
         "One standard deviation stands behind each value; it holds for residuals that are correlated over time too. A "
         "dash marks a setting that was not fitted, ∞ what this log does not show."
     )
-    names = [fit.best] + [name for name in ("bouc_wen",) if name != fit.best]
+    names = [fit.best.name] + [name for name in ("bouc_wen",) if name != fit.best.name]
     for name in names + [name for name in fit.models if name not in names]:
         _parameter_table(page, name, fit.models[name])
     return page
@@ -81,14 +71,14 @@ def identify_page(log: Log, fit: Fit) -> Page:
 
 def recommendation(fit: Fit) -> str:
     """One plain paragraph: which model, how good, and why it and no other."""
-    best = fit.models[fit.best]
+    best = fit.chosen
     lowest = min(fit.models, key=lambda name: fit.models[name].left_out_rms)
     text = (
-        f"Use the model {fit.best} ({TITLES[fit.best]}): on the second half of the log, which nothing was fitted to or "
-        f"chosen by, it predicts the joint within {best.test_rms * DEGREES:.2g}° RMS. "
+        f"Use the model {fit.best.name} ({TITLES[fit.best.name]}): on the second half of the log, which nothing was "
+        f"fitted to or chosen by, it predicts the joint within {best.test_rms * DEGREES:.2g}° RMS. "
     )
-    if lowest == fit.best:
-        others = [name for name in fit.models if name != fit.best]
+    if lowest == fit.best.name:
+        others = [name for name in fit.models if name != fit.best.name]
         second = min(others, key=lambda name: fit.models[name].left_out_rms)
         text += (
             f"It was chosen in the first half: on strokes that were left out of the fit it errs by "
@@ -101,7 +91,7 @@ def recommendation(fit: Fit) -> str:
             f"there ({fit.models[lowest].left_out_rms * DEGREES:.3g}° against {best.left_out_rms * DEGREES:.3g}°), but "
             "not clearly, and the simpler model is taken."
         )
-    if fit.best != "bouc_wen":
+    if fit.best.name != "bouc_wen":
         plain = fit.models["bouc_wen"].test_rms * DEGREES
         text += f" Simulation and the observer take the plain bouc_wen, which errs by {plain:.2g}° there."
     return text
@@ -122,7 +112,7 @@ def _models_table(page: Page, fit: Fit) -> None:
         ["model", "parameters", "first half [° RMS]", "left-out strokes [° RMS]", "second half [° RMS]"],
         rows,
         "Errors of the joint angle. The choice rests on the left-out strokes; the second half only judges it.",
-        ["best" if name == fit.best else "" for name in fit.models],
+        ["best" if name == fit.best.name else "" for name in fit.models],
     )
 
 
@@ -140,28 +130,16 @@ def _spread(uncertainty: float) -> str:
     return "∞" if math.isinf(uncertainty) else f"{uncertainty:.2g}"
 
 
-def loop_figure(log: Log, fit: Fit) -> "Figure":
+def loop_figure(fit: Fit) -> "Figure":
     """Joint over motor, whole and without its straight line."""
     figure, panels = new_figure(1, 2, height=3.4)
-    line = fit.models["line"].model.joint_angle(log.motor)
-    motor = log.motor * DEGREES
-    for axes, base in zip(panels, (np.zeros_like(line), line), strict=True):
-        for part, label in ((slice(0, fit.split), "first half"), (slice(fit.split, None), "second half")):
-            colour = COLOURS["data"] if part.start == 0 else COLOURS["joint"]
-            axes.plot(*_few(motor[part], (log.joint - base)[part] * DEGREES), color=colour, lw=1.0, label=label)
-        late = slice(fit.split, None)
-        axes.plot(
-            *_few(motor[late], (fit.predicted - base)[late] * DEGREES), color=COLOURS["model"], lw=1.2, label="model"
-        )
-        axes.set_xlabel("motor [°]")
-    panels[0].set_ylabel("joint [°]")
-    panels[1].set_ylabel("joint − straight line [°]")
-    legend(panels[1], 3)
+    draw_loop(panels, fit)
     return _placed(figure, wspace=0.25, bottom=0.16, top=0.88)
 
 
-def time_figure(log: Log, fit: Fit) -> "Figure":
+def time_figure(fit: Fit) -> "Figure":
     """Motor and joint over time, with the model."""
+    log = fit.log
     figure, (upper, lower) = new_figure(2, 1, height=3.8, share_x=True)
     time = log.time - log.time[0]
     upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
@@ -175,8 +153,9 @@ def time_figure(log: Log, fit: Fit) -> "Figure":
     return _placed(figure, hspace=0.28, bottom=0.13, top=0.97)
 
 
-def residual_figure(log: Log, fit: Fit) -> "Figure":
+def residual_figure(fit: Fit) -> "Figure":
     """Joint minus model, over time and over the motor's angle."""
+    log = fit.log
     figure, (upper, lower) = new_figure(2, 1, height=4.2)
     time, residual = log.time - log.time[0], (log.joint - fit.predicted) * DEGREES
     upper.plot(*_few(time, residual), color=COLOURS["error"], lw=0.8)

@@ -8,9 +8,9 @@ import numpy as np
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
+from bowden.core import style
 from bowden.design.league import YARDSTICK, Cell, Played, Standing
 from bowden.design.league_cells import Scenario
-from bowden.report import style
 from bowden.report.page import Page
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.style import COLOURS, CYCLE, legend, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.report.simulate_figures import law_states as _law_states
-from bowden.report.style import COLOURS, CYCLE, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _STATES = ("mode", "reaction", "power", "source")
-_LOADS = ("current", "tension", "temperature", "supervisor.winding")
+_LOADS = ("current", "tension", "temperature", "supervisor.heat.winding")
 
 
 def motion(trace: Trace) -> "Figure":
@@ -88,7 +88,7 @@ def loads(trace: Trace) -> "Figure | None":
     figure, rows = new_figure(len(columns), 1, height=0.6 + 1.3 * len(columns), share_x=True)
     for axes, name, colour in zip(rows, columns, CYCLE, strict=False):
         _line(axes, trace, trace[name], name, colour)
-        axes.set_ylabel(f"{name.removeprefix('supervisor.')}\n[{trace.units[name]}]")
+        axes.set_ylabel(f"{name.removeprefix('supervisor.heat.')}\n[{trace.units[name]}]")
     rows[-1].set_xlabel("time [s]")
     _same_time(trace, *rows)
     return figure

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from bowden.core.style import COLOURS
 from bowden.core.trace import Trace
 from bowden.report import log_figures as figures
 from bowden.report.page import Page
-from bowden.report.style import COLOURS
 
 _MOST_EVENTS = 200
 _LEFT_OUT = ("names",)  # of the settings: the page shows names in their place

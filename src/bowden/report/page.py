@@ -1,14 +1,13 @@
 """Self-contained HTML pages: text, tables and figures in one file that needs no network and no script."""
 
-import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from bowden import __version__
+from bowden.core import style
 from bowden.core.files import whole_file
-from bowden.report import style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +83,7 @@ class Page:
     def figure(self, figure: "Figure", caption: str = "") -> None:
         """A figure as inline SVG, numbered; the caption is plain text."""
         number = 1 + sum(part.kind == "figure" for part in self._parts)
-        self._parts.append(_Figure(_svg(figure, f"figure-{number}-"), caption, number))
+        self._parts.append(_Figure(style.svg(figure, f"figure-{number}-"), caption, number))
 
     def table(
         self, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "", classes: Sequence[str] = ()
@@ -153,18 +152,3 @@ def _column_class(cells: Sequence[str]) -> str:
     if filled and all(_NUMBER.fullmatch(cell) for cell in filled):
         return "number"
     return "long" if max(map(len, filled), default=0) > _LONG else ""
-
-
-def _svg(figure: "Figure", prefix: str) -> str:
-    """The figure as an SVG element whose ids begin with `prefix`, so that several share one page."""
-    style.finish(figure)
-    buffer = io.StringIO()
-    with style.drawing():
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.S)
-    text = re.sub(r'\bid="', f'id="{prefix}', text)
-    text = re.sub(r'(href="|url\()#', rf"\1#{prefix}", text)
-    text = re.sub(r'\bd="[^"]*"', lambda match: re.sub(r"(\.\d\d)\d+", r"\1", match.group()), text)  # 0.01 pt is enough
-    return re.sub(r"\n\s*", "\n", text).strip()

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.motion_plot import draw_motion
+from bowden.core.style import COLOURS, legend, new_figure, stay_near, thin, widened
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.report.style import COLOURS, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,14 +36,8 @@ def motion(traces: Traces, colours: Colours) -> "Figure":
     """Reference and joint over time, a row for each run."""
     figure, rows = new_figure(len(traces), 1, height=0.9 + 1.7 * len(traces), share_x=True)
     for axes, (name, trace) in zip(rows, traces.items(), strict=True):
-        axes.plot(*thin(trace.time, trace["joint"] * DEGREES), color=colours[name], label="joint")
-        axes.plot(
-            *thin(trace.time, trace["reference"] * DEGREES), color=COLOURS["reference"], lw=1.0, ls="--",
-            label="reference",
-        )  # fmt: skip
-        axes.set(title=name, ylabel="angle [°]")
-        _stay_near(axes, [trace["reference"] * DEGREES], [trace["joint"] * DEGREES])
-        legend(axes)
+        draw_motion(axes, trace.time, trace["reference"], trace["joint"], colours[name])
+        axes.set_title(name)
     rows[-1].set_xlabel("time [s]")
     return figure
 
@@ -54,7 +49,7 @@ def error(traces: Traces, colours: Colours) -> "Figure":
         _draw(axes, trace, trace.error * DEGREES, colours[name], name)
     stable = [trace.error * DEGREES for trace in traces.values() if trace.stable]
     swing = [0.1 * (trace["reference"] - np.mean(trace["reference"])) * DEGREES for trace in traces.values()]
-    _stay_near(axes, stable or swing, [trace.error * DEGREES for trace in traces.values()])
+    stay_near(axes, stable or swing, [trace.error * DEGREES for trace in traces.values()])
     axes.set(xlabel="time [s]", ylabel="error [°]")
     legend(axes)
     return figure
@@ -73,11 +68,11 @@ def loops(traces: Traces, colours: Colours) -> "Figure":
             axes.plot(*thin(trace["motor"] * DEGREES, joint), color=COLOURS["limit"], lw=1.0)
         axes.plot(*thin(reference, joint), color=colours[name], lw=1.2)
         axes.set(title=name, xlabel="reference, motor [°]", ylabel="joint [°]")
-        _stay_near(axes, [reference], [joint])
+        stay_near(axes, [reference], [joint])
         if trace.stable and "motor" in trace.columns:
             motor = trace["motor"] * DEGREES
             ends = [min(ends[0], float(motor.min())), max(ends[1], float(motor.max()))]
-        axes.set_xlim(*_widened(ends[0], ends[1], 0.06))
+        axes.set_xlim(*widened(ends[0], ends[1], 0.06))
     for axes in panels[len(traces) :]:
         axes.set_axis_off()
     return figure
@@ -96,11 +91,11 @@ def effort(traces: Traces, colours: Colours) -> "Figure":
             _draw(rows[2], trace, trace["current"], colours[name])
     stable = [name for name, trace in traces.items() if trace.stable] or list(traces)
     references = [trace["reference"] * DEGREES for trace in traces.values()]
-    _stay_near(rows[0], references, [trace["command"] * DEGREES for trace in traces.values()])
-    _stay_near(rows[1], [added[name] for name in stable], list(added.values()))
+    stay_near(rows[0], references, [trace["command"] * DEGREES for trace in traces.values()])
+    stay_near(rows[1], [added[name] for name in stable], list(added.values()))
     if with_current:
         currents = {name: trace["current"] for name, trace in traces.items()}
-        _stay_near(rows[2], [currents[name] for name in stable], list(currents.values()))
+        stay_near(rows[2], [currents[name] for name in stable], list(currents.values()))
         rows[2].set_ylabel("current [A]")
     rows[0].set_ylabel("command [°]")
     rows[1].set_ylabel("command −\nreference [°]")
@@ -110,7 +105,11 @@ def effort(traces: Traces, colours: Colours) -> "Figure":
 
 
 def law_states(trace: Trace, colour: str) -> "Figure | None":
-    """Each of the law's own variables over time but its command; None where it has none that ever leaves zero."""
+    """A band for each of the law's own variables but its command, over time, from its smallest to its largest value.
+
+    One pair of axes for all of them: matplotlib takes half a second for each dozen of panels. None where the law has no
+    variable that ever leaves zero.
+    """
     names = [
         name
         for name in trace.columns
@@ -118,18 +117,18 @@ def law_states(trace: Trace, colour: str) -> "Figure | None":
     ]
     if not names:
         return None
-    columns = 1 if len(names) == 1 else 2
-    rows = math.ceil(len(names) / columns)
-    figure, panels = new_figure(rows, columns, height=0.5 + 1.5 * rows, share_x=True)
-    for axes, name in zip(panels, names, strict=False):
-        _draw(axes, trace, trace[name], colour)
-        unit = trace.units[name]
-        axes.set_title(name.removeprefix("law.").replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
-    for axes in panels[len(names) :]:
-        axes.set_axis_off()
-    for axes in panels[len(names) - columns : len(names)]:
-        axes.tick_params(labelbottom=True)  # also where the panel below is empty
-        axes.set_xlabel("time [s]")
+    figure, (axes,) = new_figure(height=0.7 + 0.42 * len(names))
+    for row, name in enumerate(names):
+        values = trace[name]
+        finite = values[np.isfinite(values)]
+        low, high = float(finite.min()), float(finite.max())
+        share = (values - low) / (high - low) if 0.0 < high - low < np.inf else np.full_like(values, 0.5)
+        axes.plot(*thin(trace.time, row + 0.4 - 0.8 * share, 2000), color=colour, lw=1.0)
+        unit = "" if trace.units[name] == "1" else f" {trace.units[name]}"
+        said = f"{low:.3g} … {high:.3g}{unit}" if high > low else f"{low:.3g}{unit}"
+        axes.text(1.01, row, said.replace("-", "−"), transform=axes.get_yaxis_transform(), va="center", fontsize=8.0)
+    axes.set_yticks(range(len(names)), [name.removeprefix("law.").replace("_", " ") for name in names])
+    axes.set(ylim=(len(names) - 0.5, -0.5), xlabel="time [s]")
     return figure
 
 
@@ -150,23 +149,3 @@ def sheath(traces: Traces) -> "Figure | None":
 def _draw(axes: "Axes", trace: Trace, values: Array, colour: str, label: str = "") -> None:
     """A signal over time; a run that ran away fills its panel, so it is drawn under the others."""
     axes.plot(*thin(trace.time, values), color=colour, label=label, lw=1.1, zorder=2.0 if trace.stable else 1.8)
-
-
-def _widened(low: float, high: float, share: float) -> tuple[float, float]:
-    room = share * (high - low) or 1.0
-    return low - room, high + room
-
-
-def _stay_near(axes: "Axes", wanted: list[Array], drawn: list[Array]) -> None:
-    """Vertical limits that show `wanted`, and of `drawn` as much as lies within three times its range.
-
-    A run that ran away would otherwise flatten all the others.
-    """
-    finite = [values[np.isfinite(values)] for values in wanted]
-    low = min((float(values.min()) for values in finite if len(values)), default=0.0)
-    high = max((float(values.max()) for values in finite if len(values)), default=1.0)
-    bottom, top = _widened(low, high, 1.0)
-    seen = [values[(values >= bottom) & (values <= top)] for values in drawn]
-    low = min([low, *(float(values.min()) for values in seen if len(values))])
-    high = max([high, *(float(values.max()) for values in seen if len(values))])
-    axes.set_ylim(*_widened(low, high, 0.06))

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.metrics import Metrics
+from bowden.core.style import colours_for
 from bowden.core.trace import Trace
 from bowden.report import simulate_figures as figures
 from bowden.report import suit_figures
 from bowden.report.page import Page
-from bowden.report.style import colours_for
 
 _MOST_VALUES = 8  # of a list in the settings; a longer one (way points of a recording) is cut
 
@@ -39,11 +39,13 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
     measured = {name: trace.metrics() for name, trace in traces.items()}  # first: it refuses what is no run
     page = Page(title, _lead(traces))
     for name, trace in traces.items():
-        if not trace.stable:
+        if not trace.ended:
             page.notice(
                 f"{name} is unstable on this bench: its numbers ran away after {figures.lasted(trace):.2f} s, "
                 "and it has no figures of merit."
             )
+        elif not trace.stable:
+            page.notice(f"{name} is unstable on this bench: its error is at times larger than the reference's stroke.")
     page.heading("How well the joint follows")
     _metrics_table(page, traces, measured)
     page.figure(

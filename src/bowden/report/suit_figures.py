@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from bowden.core.style import COLOURS, legend, new_figure, thin
 from bowden.core.trace import Trace
-from bowden.report.style import COLOURS, legend, new_figure, thin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,19 +31,19 @@ def tensions(traces: Mapping[str, Trace]) -> "Figure":
 
 def is_pushed(traces: Mapping[str, Trace]) -> bool:
     """Whether the wearer's push made the reference of every run."""
-    return all("admittance.push" in trace.columns for trace in traces.values())
+    return all("admittance.push.torque" in trace.columns for trace in traces.values())
 
 
 def pushes(traces: Mapping[str, Trace], colours: Mapping[str, str]) -> "Figure":
     """The push that the admittance heard, and the estimated torque beside the true one, over time."""
     figure, rows = new_figure(1 + len(traces), 1, height=0.9 + 1.7 * (1 + len(traces)), share_x=True)
     for name, trace in traces.items():
-        rows[0].plot(*thin(trace.time, trace["admittance.push"]), color=colours[name], label=name, lw=1.1)
+        rows[0].plot(*thin(trace.time, trace["admittance.push.torque"]), color=colours[name], label=name, lw=1.1)
     rows[0].set(ylabel="push [N·m]")
     legend(rows[0])
     for axes, (name, trace) in zip(rows[1:], traces.items(), strict=True):
         axes.plot(*thin(trace.time, trace["interaction_torque"]), color=COLOURS["reference"], label="true", lw=1.1)
-        axes.plot(*thin(trace.time, trace["admittance.estimate"]), color=colours[name], label="estimate", lw=0.9)
+        axes.plot(*thin(trace.time, trace["admittance.estimate.torque"]), color=colours[name], label="estimate", lw=0.9)
         axes.set(title=name, ylabel="torque [N·m]")
         legend(axes)
     rows[-1].set_xlabel("time [s]")

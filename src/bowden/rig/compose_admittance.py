@@ -1,4 +1,4 @@
-"""From [admittance] of a rig.toml to the source of a run's reference."""
+"""From the admittance of a rig to the source of a run's reference."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,10 @@ from bowden.control.admittance.virtual_elbow import Admittance, check_admittance
 from bowden.control.law import Law
 from bowden.control.source import Source
 from bowden.core.errors import ParameterError
-from bowden.core.units import RADIANS
 from bowden.models.suit.load_cell import LoadCell
 from bowden.plants.suit_parts import Suit
-from bowden.rig import schema as schema
-from bowden.rig.admittance_schema import AdmittanceSection
+from bowden.rig.settings import AdmittanceSettings
 from bowden.sim.suit_sources import limit_for, push_of
-
-SURE = "uncompensated"
-"""The law for which the limit holds: it sends the motor where the admittance says and nowhere else."""
 
 
 @dataclass(frozen=True)
@@ -24,14 +19,14 @@ class Pushing:
 
     admittance: Admittance
     suit: Suit
-    section: AdmittanceSection
+    section: AdmittanceSettings
     room: float = ROOM
     """How far beyond its range the reference of a law that feeds the joint back may be led [rad]."""
 
     @property
     def cell(self) -> LoadCell:
         """The load cell, as far off as the rig says."""
-        return LoadCell(self.section.cell_noise_nm, self.section.cell_offset_nm)
+        return LoadCell(self.section.cell_noise, self.section.cell_offset)
 
     def source(self, law: Law) -> Source:
         """The source above a law."""
@@ -77,21 +72,21 @@ class Pushing:
                     do = f"{do} in rig.toml, or run it anyway with --force"
                     raise ParameterError(error.what, expected=error.expected, do=do) from error
                 notes.append(f"{error.what}; it runs because of --force")
-        others = [law.name for law in laws if law.name != SURE]
+        others = [law.name for law in laws if law.feeds_back]
         if others:
             notes.append(
-                f"the limit of [admittance] holds for the law {SURE}; {', '.join(others)}: the run itself shows"
+                "the limit of [admittance] holds for a law that feeds nothing back, such as uncompensated; "
+                f"{', '.join(others)}: the run itself shows"
             )
         return notes
 
 
-def pushing_of(rig: schema.Rig, suit: Suit | None) -> Pushing | None:
-    """The wearer's push; None where [reference] makes the reference.
+def pushing_of(given: AdmittanceSettings, suit: Suit | None) -> Pushing | None:
+    """The wearer's push; None where the reference is the rig's own.
 
     Raises:
         ParameterError: a virtual elbow that cannot be, or one without a suit.
     """
-    given = rig.admittance
     if not given.enabled:
         return None
     if suit is None:
@@ -102,10 +97,10 @@ def pushing_of(rig: schema.Rig, suit: Suit | None) -> Pushing | None:
         inertia=given.virtual_inertia,
         damping=given.virtual_damping,
         stiffness=given.virtual_stiffness,
-        rest=given.rest_deg * RADIANS,
-        dead_band=given.dead_band_nm,
-        low=given.low_deg * RADIANS,
-        high=given.high_deg * RADIANS,
-        speed_limit=given.speed_limit_deg_per_s * RADIANS,
+        rest=given.rest,
+        dead_band=given.dead_band,
+        low=given.low,
+        high=given.high,
+        speed_limit=given.speed_limit,
     )
     return Pushing(check_admittance(settings), suit, given)

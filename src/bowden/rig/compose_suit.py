@@ -1,7 +1,5 @@
-"""From [suit] and [wearer] of a rig.toml to a suit on an arm."""
+"""From a rig's suit and wearer to a suit on an arm."""
 
-from bowden.control import Law
-from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.geared_motor import GearedMotor
 from bowden.models.suit.arm import Wearer, arm_of
@@ -9,50 +7,40 @@ from bowden.models.suit.flex_sensor import FlexSensor
 from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit, prepare_suit
-from bowden.rig import schema as schema
-from bowden.rig.suit_schema import SuitSection, WearerSection
-
-PRESET = "suit"
-"""Name of the gains that a law has for a suit; it begins with them where the rig names no others."""
+from bowden.rig.settings import SuitSettings, WearerSettings
 
 
-def suit_of(rig: schema.Rig, bench: Bench) -> Suit | None:
-    """The suit of a rig; None where none is worn.
+def suit_of(given: SuitSettings, wearer: WearerSettings, bench: Bench, gap: float) -> Suit:
+    """The suit of a rig.
 
     Args:
-        rig: the file's contents.
-        bench: made of its other sections.
+        given: its settings.
+        wearer: who wears it.
+        bench: made of the rig's other parts.
+        gap: of the sheath over the one at the identification [–].
 
     Raises:
         ParameterError: a wearer or a part that cannot be.
     """
-    given = rig.suit
-    if not given.worn:
-        return None
     cable = SuitCable(
         kind=given.cable,
-        stiffness=given.cable_stiffness_n_per_m,
-        half_width=1e-3 * given.play_mm,
+        stiffness=given.cable_stiffness,
+        half_width=given.play,
         friction=given.capstan_friction,
         bouc_wen=bench.cable,
     )
     physical = given.cable == "capstan"  # it computes what its sheath loses
     suit = Suit(
-        spool_radius=1e-3 * given.spool_radius_mm,
+        spool_radius=given.spool_radius,
         motor=_motor(given, bench),
         flexor=cable,
         extensor=cable,
-        pretension=given.pretension_n,
-        fabric=Fabric(given.fabric_stiffness_n_per_m, given.fabric_stiffening_n_per_m2, given.fabric_damping_ns_per_m),
-        sheath=Sheath(bench.sheath.bend, rig.sheath.gap, 0.0 if physical else bench.sheath.loss),
+        pretension=given.pretension,
+        fabric=Fabric(given.fabric_stiffness, given.fabric_stiffening, given.fabric_damping),
+        sheath=Sheath(bench.sheath.bend, gap, 0.0 if physical else bench.sheath.loss),
         posture=given.posture,
-        arm=arm_of(
-            rig.wearer.mass_kg,
-            rig.wearer.height_m,
-            elevation=rig.wearer.upper_arm_deg * RADIANS,
-            load=rig.wearer.load_kg,
-        ),
-        wearer=_wearer(rig.wearer),
+        arm=arm_of(wearer.mass, wearer.height, elevation=wearer.upper_arm, load=wearer.load),
+        wearer=_wearer(wearer),
         joint_sensor=_sensor(given),
         motor_encoder=bench.motor_encoder,
         sample_time=bench.sample_time,
@@ -63,47 +51,42 @@ def suit_of(rig: schema.Rig, bench: Bench) -> Suit | None:
     return suit
 
 
-def for_suit(law: Law, *, preset: str | None, gains: bool) -> Law:
-    """The law as it begins on a suit: with its preset `suit`, unless a preset or gains of its own are named."""
-    return law.preset(PRESET) if preset is None and not gains and PRESET in law.presets else law
-
-
-def _motor(given: SuitSection, bench: Bench) -> GearedMotor:
+def _motor(given: SuitSettings, bench: Bench) -> GearedMotor:
     return GearedMotor(
         torque_constant=bench.motor.torque_constant,
         resistance=bench.motor.resistance,
         gear=bench.motor.gear * given.second_gear,
-        inertia=given.rotor_inertia_kg_m2,
+        inertia=given.rotor_inertia,
         efficiency=given.efficiency,
-        friction=given.friction_nm,
+        friction=given.friction,
         current_limit=bench.motor.current_limit,
-        supply=given.supply_v,
-        integral=given.drive_integral_per_s,
-        friction_feedforward=given.friction_feedforward_nm,
+        supply=given.supply,
+        integral=given.drive_integral,
+        friction_feedforward=given.friction_feedforward,
         servo=bench.servo,
     )
 
 
-def _sensor(given: SuitSection) -> FlexSensor:
+def _sensor(given: SuitSettings) -> FlexSensor:
     return FlexSensor(
         gain=given.sensor_gain,
-        offset=given.sensor_offset_deg * RADIANS,
-        hysteresis=given.sensor_hysteresis_deg * RADIANS,
-        drift=given.sensor_drift_deg * RADIANS,
-        noise=given.sensor_noise_deg * RADIANS,
-        resolution=given.sensor_step_deg * RADIANS,
+        offset=given.sensor_offset,
+        hysteresis=given.sensor_hysteresis,
+        drift=given.sensor_drift,
+        noise=given.sensor_noise,
+        resolution=given.sensor_step,
     )
 
 
-def _wearer(given: WearerSection) -> Wearer:
+def _wearer(given: WearerSettings) -> Wearer:
     return Wearer(
         share=given.share,
-        tremor=given.tremor_nm,
-        tremor_frequency=given.tremor_hz,
-        stiffness=given.resisting_nm_per_rad,
-        damping=given.resisting_nms_per_rad,
-        centre=given.resisting_at_deg * RADIANS,
-        constant=given.constant_nm,
-        swing=given.swing_deg * RADIANS,
-        swing_frequency=given.swing_hz,
+        tremor=given.tremor,
+        tremor_frequency=given.tremor_frequency,
+        stiffness=given.resisting_stiffness,
+        damping=given.resisting_damping,
+        centre=given.resisting_at,
+        constant=given.constant,
+        swing=given.swing,
+        swing_frequency=given.swing_frequency,
     )

@@ -1,53 +1,161 @@
 """Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
 
-import difflib
+import contextlib
 import itertools
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from bowden.core.errors import ParameterError
-from bowden.rig import schema as schema
-from bowden.rig.schema import BENDS, REFERENCES, Rig
+from bowden.control import user_law
+from bowden.control.reference import Trajectory
+from bowden.core.errors import BowdenError, ParameterError, near
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.identify.cable.model_file import load_cable
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.rig import emg_setup
+from bowden.rig.checked import Gains
+from bowden.rig.declaration import value_of
+from bowden.rig.given_law import LawFile, law_file
+from bowden.rig.recorded import RecordedMotion, read_motion
+from bowden.rig.sections import (
+    BEND_KINDS,
+    BENDS,
+    PARTS,
+    REFERENCE_KINDS,
+    REFERENCES,
+    Clock,
+    Control,
+    RecordedFile,
+    RigFile,
+    Scenario,
+)
+from bowden.rig.settings import EmgSettings
 
 
-def read_rig(path: Path) -> Rig:
-    """The rig that a file describes; what the file leaves out is as on the paper's bench.
+def read_values(path: Path) -> dict[str, Any]:
+    """The fields of the rig that a file describes; what the file leaves out is as on the paper's bench.
+
+    What the file names (model, motion, wearer, law) is read too.
 
     Raises:
         ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
+        LogError: a recorded motion that cannot be used.
+    """
+    return values_of(read_toml(path), path)
+
+
+def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """`read_values` for a file that is parsed already.
+
+    Args:
+        tree: sections as they stand in a rig.toml.
+        path: for messages, and to find the files that it names.
+        keep: fields of a rig whose contents of files serve where these name the same files.
+
+    Raises:
+        ParameterError: see `read_values`.
+        LogError: likewise.
+    """
+    file = checked_file(tree, path)
+    kept = keep or {}
+    values: dict[str, Any] = {name: _part(file, name) for name in PARTS}
+    flat: tuple[tuple[str, Any], ...] = (("bench", Clock), ("scenario", Scenario), ("control", Control))
+    for title, kind in flat:
+        values |= value_of(kind, getattr(file, title).model_dump())._asdict()
+    values["gains"] = Gains(file.control.gains)
+    values["width"] = file.cable.width
+    values["cable"] = _cable(file.cable, path, kept.get("cable"))
+    values["reference"] = _reference(file.reference, path, kept.get("reference"))
+    bend = file.scenario.bend
+    values["bend"] = value_of(BENDS[bend.kind].kind, bend.model_dump())
+    values["emg"] = _emg(values["emg"], path, kept.get("emg"))
+    if user_law.is_file(values["law"]):
+        before = kept.get("law")
+        same = isinstance(before, LawFile) and before.name == values["law"]
+        values["law"] = before if same else law_file(values["law"], path.parent)
+    return values | {"origin": str(path)}
+
+
+def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
+    """What stands in a rig.toml, as pydantic's classes of `bowden.rig.sections`.
+
+    Raises:
+        ParameterError: an unknown key, a value of the wrong kind or out of its range, or some that do not fit.
     """
     try:
-        rig = Rig.model_validate(read_toml(path))
+        file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
         raise explained(error, path) from error
-    given = sorted(rig.cable.model_fields_set - {"model"})
-    if rig.cable.model is not None and given:
+    given = sorted(file.cable.model_fields_set - {"model"})
+    if file.cable.model is not None and given:
         raise ParameterError(
             f"{path}: [cable] has a model and its own {', '.join(given)}", expected="one or the other", do="delete one"
         )
-    if rig.cable.slope == 0.0:
+    if file.cable.slope == 0.0:
         raise ParameterError(f"{path}: cable.slope is 0", expected="a number above or below 0", do=_CORRECT)
-    check_points(rig, path)
-    return rig
+    check_points(file, path)
+    return file
 
 
-def check_points(rig: Rig, path: Path) -> None:
+def _part(file: Any, name: str) -> Any:
+    side = name.removesuffix("_encoder")
+    section = getattr(file, name) if side == name else getattr(file.encoder, side)
+    return value_of(PARTS[name].kind, section.model_dump(), PARTS[name].default)
+
+
+def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
+    if section.model is None:
+        return value_of(BoucWen, section.model_dump())
+    if isinstance(before, IdentifiedCable) and before.file == section.model:
+        return before
+    with asked_for_by(f"{path}: cable.model"):
+        return load_cable(path.parent / section.model, section.model)
+
+
+def _reference(section: Any, path: Path, before: Any) -> Trajectory:
+    part = REFERENCES[section.kind]
+    with asked_for_by(f"{path}: reference"):
+        said: Any = value_of(part.kind, section.model_dump())
+        if not isinstance(said, RecordedFile):
+            found: Trajectory = before if said == before else said
+            return found
+        if isinstance(before, RecordedMotion) and before.said == said:
+            return before
+        return read_motion(said, path.parent)
+
+
+def _emg(given: EmgSettings, path: Path, before: Any) -> EmgSettings:
+    if isinstance(before, EmgSettings) and (before.source, before.wearer) == (given.source, given.wearer):
+        return given._replace(levels=before.levels, place=before.place, recording=before.recording)
+    return emg_setup.found(given, path.parent)
+
+
+@contextlib.contextmanager
+def asked_for_by(key: str) -> Iterator[None]:
+    """Say which key of which file led to a failure."""
+    try:
+        yield
+    except BowdenError as error:
+        do = error.do or "correct it there"
+        raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from error
+
+
+def check_points(file: Any, path: Path) -> None:
     """Refuse lists, and ends of a range, that do not fit one another.
 
     Raises:
         ParameterError: some of these.
     """
-    reference, bend = rig.reference, rig.scenario.bend
-    if isinstance(reference, schema.PointToPointSection):
+    reference, bend = file.reference, file.scenario.bend
+    if reference.kind == "point_to_point":
         _check_course(path, "reference", "positions_deg", reference.times_s, reference.positions_deg)
-    if isinstance(bend, schema.ScriptedBendSection):
+    if bend.kind == "scripted":
         _check_course(path, "scenario.bend", "bends_deg", bend.times_s, bend.bends_deg)
-    if isinstance(reference, schema.MultisineSection):
+    if reference.kind == "multisine":
         names = ("frequencies_hz", "amplitudes_deg", "phases_deg")
         lengths = [len(getattr(reference, name)) for name in names]
         if len(set(lengths)) > 1:
@@ -57,7 +165,7 @@ def check_points(rig: Rig, path: Path) -> None:
                 expected="as many in each",
                 do="give all three in [reference]; one left out is as bowden init writes it",
             )
-    if isinstance(bend, schema.RandomBendSection) and not bend.low_deg < bend.high_deg:
+    if bend.kind == "random" and not bend.low_deg < bend.high_deg:
         raise ParameterError(
             f"{path}: scenario.bend.low_deg is {bend.low_deg:g} and high_deg {bend.high_deg:g}",
             expected="low_deg below high_deg",
@@ -93,22 +201,10 @@ def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, 
         raise ParameterError(f"{path} is not TOML: {error}", do="correct it there") from error
 
 
-def near(name: str, known: Iterable[str]) -> str:
-    """What is there to choose from, with the likely meaning first.
-
-    >>> near("dampng", ["damping", "gear"])
-    'damping (did you mean this?) or gear'
-    """
-    names = list(known)
-    alike = difflib.get_close_matches(name, names, 1, 0.6)
-    ordered = [f"{alike[0]} (did you mean this?)", *(other for other in names if other != alike[0])] if alike else names
-    return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"
-
-
 _CORRECT = "correct it there"
 
 _TYPES = {"float", "int", "str"}
-_KINDS = {"reference": REFERENCES, "scenario.bend": BENDS}
+_KINDS = {"reference": REFERENCE_KINDS, "scenario.bend": BEND_KINDS}
 
 _WANTED = {
     "greater_than": "a number above {gt:g}",
@@ -130,7 +226,7 @@ _WANTED = {
 """Kind of pydantic's error → what would have been right."""
 
 
-def explained(error: ValidationError, path: Path, root: type[BaseModel] = Rig) -> ParameterError:
+def explained(error: ValidationError, path: Path, root: type[BaseModel] = RigFile) -> ParameterError:
     """One line for the first thing that pydantic found wrong in a file whose keys are those of `root`."""
     return _explain(error.errors()[0], path, root)
 

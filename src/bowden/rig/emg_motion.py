@@ -70,22 +70,22 @@ class EmgMotion:
         if not len(flexor):
             raise StreamError(f"{run.source} has no samples")
         self._source, self._dt = run.source, dt
-        self._rows = np.empty((len(flexor), 3))
+        self.rows = np.empty((len(flexor), 3))
         low = run.course.intent.low
         start = CourseState(intent_start(low), Reference(low, 0.0, 0.0))
-        compiled(_follow)(run.course, start, flexor, extensor, share, dt, self._rows)
+        compiled(_follow)(run.course, start, flexor, extensor, share, dt, self.rows)
 
     def sample(self, time: Array) -> Array:
         """See `Trajectory.sample`: as it is in the cycle that begins at or before `time`."""
         at = np.floor(np.asarray(time) / self._dt + 1e-6).astype(int)
-        rows = self._rows[np.clip(at, 0, len(self._rows) - 1)]
-        rows[at >= len(self._rows), 1:] = 0.0
+        rows = self.rows[np.clip(at, 0, len(self.rows) - 1)]
+        rows[at >= len(self.rows), 1:] = 0.0
         return rows
 
     @property
     def duration(self) -> float:
         """Of the recording [s]."""
-        return len(self._rows) * self._dt
+        return len(self.rows) * self._dt
 
     def describe(self) -> dict[str, Any]:
         """See `Trajectory.describe`."""

@@ -1,5 +1,6 @@
 """What a run by EMG goes by: the stream, its channels, the wearer's levels and the motions, from [emg] and --emg."""
 
+import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from bowden.hardware.emg.listener import Levels
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.ports import EmgStream
 from bowden.rig import wearer_file
-from bowden.rig.emg_schema import EmgSection
+from bowden.rig.settings import EmgSettings
 from bowden.rig.wearer_file import Wearer
 from bowden.sensing.intent import IntentSettings
 
@@ -33,6 +34,8 @@ class EmgRun:
     where: str
     """The wearer's file."""
     course: CourseSettings
+    recording: str = ""
+    """SHA-256 of the recording that is the source."""
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -48,61 +51,91 @@ class EmgRun:
         }
 
 
-def emg_run(section: EmgSection, folder: Path, source: str | None = None) -> EmgRun | None:
-    """What [emg] asks for; None where the run goes by [reference].
-
-    Args:
-        section: of the rig.
-        folder: of the rig, where its files are found from.
-        source: in place of the rig's; its file is found from here.
+def emg_run(given: EmgSettings) -> EmgRun | None:
+    """What a rig's EMG asks for; None where the run goes by the reference.
 
     Raises:
-        ParameterError: keys that do not fit one another, or a wearer's file that cannot be used.
+        ParameterError: settings that do not fit one another.
         StreamError: what names no source.
     """
-    named = section.source if source is None else source
-    if named is None:
+    if given.source is None:
         return None
-    open_source(named)
-    if not section.low_deg < section.high_deg:
+    open_source(given.source)
+    if not given.low < given.high:
         raise ParameterError(
-            f"emg.low_deg is {section.low_deg:g} and high_deg {section.high_deg:g}",
+            f"emg.low_deg is {given.low / RADIANS:g} and high_deg {given.high / RADIANS:g}",
             expected="low_deg below high_deg",
             do="correct them in rig.toml",
         )
-    if section.extensor is not None and section.extensor == section.flexor:
+    if given.extensor is not None and given.extensor == given.flexor:
         raise ParameterError(
-            f"emg.flexor and emg.extensor are both {section.flexor!r}",
+            f"emg.flexor and emg.extensor are both {given.flexor!r}",
             expected="two channels, or no extensor",
             do="correct them in rig.toml",
         )
-    where = "" if section.wearer is None else str(folder / section.wearer)
-    wearer = wearer_file.read(Path(where)) if where else None
-    if wearer is None and section.mode == "proportional":
+    if given.levels is None and given.mode == "proportional":
         raise ParameterError(
             "emg.mode is 'proportional', and there is no emg.wearer",
             expected="a file of a maximum contraction",
             do="measure one with bowden emg calibrate",
         )
-    muscles = 1.0 if section.extensor is None else 2.0
-    low, high = section.low_deg * RADIANS, section.high_deg * RADIANS
+    muscles = 1.0 if given.extensor is None else 2.0
+    intent = IntentSettings(given.low, given.high, given.duration, muscles)
     return EmgRun(
-        source if source is not None else _from(named, folder),
-        section.flexor,
-        section.extensor,
-        wearer,
-        where,
-        CourseSettings(
-            IntentSettings(low, high, section.duration_s, muscles),
-            float(section.mode == "proportional"),
-            0.01 * section.full_percent,
-        ),
+        given.place or given.source,
+        given.flexor,
+        given.extensor,
+        given.levels,
+        given.wearer or "",
+        CourseSettings(intent, float(given.mode == "proportional"), given.full),
+        given.recording,
     )
 
 
-def _from(source: str, folder: Path) -> str:
-    kind, _, rest = source.partition(":")
-    return f"file:{folder / rest}" if kind == "file" else source
+def found(given: EmgSettings, folder: Path, source: str | None = None) -> EmgSettings:
+    """The settings with what they name looked up: the wearer's levels, and a recording's place and identity.
+
+    Args:
+        given: the settings.
+        folder: where their files are found from.
+        source: in place of theirs; its file is found from here.
+
+    Raises:
+        ParameterError: a wearer's file that cannot be used.
+    """
+    named = given.source if source is None else source
+    if given.wearer is not None and given.levels is None and (named or (folder / given.wearer).exists()):
+        given = given._replace(levels=wearer_file.read(folder / given.wearer))
+    if named is None:
+        return given
+    given = given._replace(source=named)
+    kind, _, rest = named.partition(":")
+    if kind != "file":
+        return given._replace(place="", recording="")
+    path = (Path() if source is not None else folder) / rest
+    return given._replace(place=f"file:{path}", recording=identity(path))
+
+
+def identity(path: Path) -> str:
+    """SHA-256 of a file; empty where it cannot be read, which whoever opens it says better."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError):
+        return ""
+
+
+def check_recording(run: EmgRun) -> None:
+    """See that the recording is still the one that the rig was made with.
+
+    Raises:
+        StreamError: it has changed.
+    """
+    kind, _, path = run.source.partition(":")
+    if kind == "file" and run.recording and (now := identity(Path(path))) and now != run.recording:
+        raise StreamError(
+            f"{path} has changed since the rig was read", expected="the recording that was checked", do="start again"
+        )
 
 
 def columns(run: EmgRun, stream: EmgStream) -> tuple[int, int | None]:

@@ -1,12 +1,13 @@
 """Keys of rig.toml by their dotted names: which of them are numbers that a simulation feels, and how to set them."""
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
 
-from bowden.rig.schema import Rig
+from bowden.rig.rig import Rig
+from bowden.rig.sections import RigFile
 
 LIVE = ("drive", "limits", "live", "emg")
 """Sections that a study does not look at."""
@@ -14,13 +15,18 @@ _OWN = ("scenario.duration_s", "scenario.seed")
 """What a study says itself."""
 
 
-def numeric_keys(rig: Rig) -> dict[str, str]:
-    """Dotted key → unit, of every number in a rig that a simulation depends on; numbers of a list by their place."""
+def numeric_keys(tree: Mapping[str, Any]) -> dict[str, str]:
+    """Dotted key → unit, of every number in a rig that a simulation depends on; numbers of a list by their place.
+
+    Args:
+        tree: the rig's sections (`Rig.tree`).
+    """
+    file: Any = RigFile.model_validate(tree)
     found: dict[str, str] = {}
-    for name, section in rig:
+    for name, section in file:
         if name not in LIVE:
             found |= dict(_numbers(name, section))
-    if rig.cable.model is not None:
+    if file.cable.model is not None:
         found = {name: unit for name, unit in found.items() if not name.startswith("cable.")}
     return {name: unit for name, unit in found.items() if name not in _OWN}
 
@@ -54,9 +60,9 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def written(rig: Rig) -> dict[str, Any]:
-    """A rig as nested dictionaries, as its file would give it, without what a study does not look at."""
-    return rig.model_dump(exclude_none=True, exclude=set(LIVE))
+def simulated(rig: Rig) -> dict[str, Any]:
+    """The sections of a rig as its file would give them, without those that a study does not look at."""
+    return {name: section for name, section in rig.tree().items() if name not in LIVE}
 
 
 def with_values(tree: dict[str, Any], values: Iterable[tuple[str, Any]]) -> dict[str, Any]:

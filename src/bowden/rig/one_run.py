@@ -1,46 +1,37 @@
 """One run of a law on what a rig describes: the bench, or the suit where one is worn."""
 
+from dataclasses import replace
+
 from bowden.control.law import Law
 from bowden.control.source import TABLE
 from bowden.core.trace import Trace
-from bowden.rig.compose import Setup
-from bowden.sim.closed_loop import simulate
+from bowden.rig.rig import Rig
 from bowden.sim.faulty import Fault
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 
 
-def run_of(setup: Setup, law: Law, fault: Fault | None = None) -> Trace:
-    """The trace of one run.
+def run_of(rig: Rig, law: Law, fault: Fault | None = None) -> Trace:
+    """The trace of one run, with the rig's hash in its settings.
 
     Args:
-        setup: of the rig.
+        rig: as it is to be simulated; one moved by EMG is taken `offline`.
         law: with the gains that the rig gives it.
         fault: of a sensor.
 
     Raises:
         ParameterError: a setting that cannot be.
+        StreamError: a recording of EMG that cannot be used.
     """
-    push = setup.pushing
-    if setup.suit is None:
-        return simulate(
-            setup.bench,
-            law,
-            setup.reference,
-            duration=setup.duration,
-            bend=setup.bend,
-            seed=setup.seed,
-            initial_motor=setup.initial_motor,
-            fault=fault,
-        )
-    return simulate_suit(
-        setup.suit,
+    rig = rig.offline()
+    trace = simulate(
+        rig.simulated_plant,
         law,
-        setup.reference,
-        duration=setup.duration,
-        bend=setup.bend,
-        seed=setup.seed,
-        initial_motor=setup.initial_motor,
-        source=TABLE if push is None else push.source(law),
-        cell=None if push is None else push.cell,
+        rig.trajectory,
+        duration=rig.duration,
+        bend=rig.bend_path,
+        seed=rig.seed,
+        initial_motor=rig.start_motor,
+        source=TABLE if rig.pushing is None else rig.pushing.source(law),
         fault=fault,
     )
+    return replace(trace, settings={**trace.settings, "rig": rig.hash})

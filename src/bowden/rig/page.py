@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from bowden.control.law import Law
+from bowden.control import LAWS, Law
+from bowden.control.knowledge import Knowledge
 from bowden.core.files import whole_file
-from bowden.rig.laws import KNOWN
-from bowden.rig.schema import BENDS, REFERENCES, EncodersSection, Rig
-from bowden.rig.section import Section
+from bowden.rig.declaration import Section
+from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile
 
 _HEAD = """\
 # The bench of bowden, and how to run it: bowden simulate {name}
@@ -25,10 +25,11 @@ _HEAD = """\
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own values.",
     "",
-    "- The rig's cable comes first, then the preset, then `[control.gains]`.",
-    "- Of the cable the observer is given every parameter, and the uncompensated law only the motor angle at which the",
-    "  joint is at zero: encoders that are not zeroed together are no backlash. Its slope stays 1, as in the paper;",
-    "  set it where the joint is geared.",
+    "- What the rig tells a law comes first (the column *told*), then the preset, then `[control.gains]`. What a",
+    "  preset leaves as the law's own is told. Every command that runs a law goes by this.",
+    "- `slope`, `width` and `doubt` are told where the cable was identified (`cable.model`); `cable.…` always.",
+    "- The uncompensated law is told only the motor angle at which the joint is at zero: encoders that are not zeroed",
+    "  together are no backlash. Its slope stays 1, as in the paper; set it where the joint is geared.",
     "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",
     "- The observer's preset `paper` is that of Table 1: it knows the default bench's cable less well than it is.",
 )
@@ -55,7 +56,7 @@ def toml_text(name: str = "rig.toml") -> str:
         parts.append(_table(title, chosen))
         parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
         if title == "control":
-            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(KNOWN[Rig().control.law])]
+            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[Control().law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
     return "\n\n".join(part.rstrip() for part in parts) + "\n"
 
@@ -80,18 +81,22 @@ def markdown() -> str:
                 for key in keys_of(section)
             ]
             lines.append("")
-    lines += ["## Gains of the laws", "", *_GAINS, ""]
-    for law in KNOWN.values():
+    lines += ["## Gains of the laws", "", *_GAINS, "", "| what a rig knows | meaning |", "|---|---|"]
+    lines += [f"| `{name}` | {meaning} |" for name, meaning in _meanings(Knowledge).items()]
+    lines.append("")
+    for law in LAWS.values():
         lines += [f"### {law.name}", "", f"Presets: {', '.join(law.presets) or 'none'}. Source: {law.source}.", ""]
-        lines += ["| gain | default | meaning |", "|---|---|---|"]
-        lines += [f"| `{name}` | {value:g} | {meaning} |" for name, value, meaning in gains_of(law)]
+        lines += ["| gain | default | told | meaning |", "|---|---|---|---|"]
+        lines += [
+            f"| `{name}` | {value:g} | {_told(law, name)} | {meaning} |" for name, value, meaning in gains_of(law)
+        ]
         lines.append("")
     return "\n".join(lines)
 
 
 def json_schema() -> str:
     """``docs/json/rig.schema.json``."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | Rig.model_json_schema()
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RigFile.model_json_schema()
     return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
 
 
@@ -108,26 +113,40 @@ def write_docs(docs: Path) -> None:
 
 def gains_of(law: Law) -> list[tuple[str, float, str]]:
     """Name, value and meaning of each gain; the meaning is the text below the field in the law's source."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(type(law.gains)))).body[0]
+    found = _meanings(type(law.gains))
+    return [(name, value, found.get(name, "")) for name, value in law.gains._asdict().items()]
+
+
+def _meanings(kind: type) -> dict[str, str]:
+    """Field of a NamedTuple → the text below it in its source."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
     assert isinstance(tree, ast.ClassDef)
     meanings = {}
     for field, text in zip(tree.body, tree.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
             meanings[field.target.id] = " ".join(str(ast.literal_eval(text.value)).split())
-    return [(name, value, meanings.get(name, "")) for name, value in law.gains._asdict().items()]
+    return meanings
+
+
+def _told(law: Law, gain: str) -> str:
+    """What of the rig a gain takes, as `bowden.control.knowledge.Knowledge` has it; of a function its first line."""
+    what = law.told.get(gain)
+    if callable(what):
+        return " ".join((what.__doc__ or what.__name__).split(".")[0].split())
+    return "" if what is None else f"`{what}`"
 
 
 def _sections() -> Iterator[tuple[str, list[type[Section]]]]:
     """Title and class of each section, in the order of the file; of one with several kinds, the default first."""
-    for name, field in Rig.model_fields.items():
+    for name, field in RigFile.model_fields.items():
         if name == "reference":
-            yield name, list(REFERENCES.values())
+            yield name, list(REFERENCE_KINDS.values())
         elif name == "encoder":
             for side, inner in EncodersSection.model_fields.items():
                 yield f"{name}.{side}", [type(inner.default)]
         else:
             yield name, [type(field.default)]
-    yield "scenario.bend", list(BENDS.values())
+    yield "scenario.bend", list(BEND_KINDS.values())
 
 
 def keys_of(section: type[Section]) -> Iterator[Key]:

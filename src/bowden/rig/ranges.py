@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bowden.rig.compose import Setup
+from bowden.rig.rig import Rig
 
 _INSTANTS = 2001
 _SMALLEST = np.radians(5.0)
@@ -11,14 +11,14 @@ _WHOLE = 60.0
 """A motion counts for at least so long [s]: a run that is cut short is judged as the whole one would be."""
 
 
-def bends(setup: Setup) -> tuple[float, float]:
+def bends(rig: Rig) -> tuple[float, float]:
     """Smallest and largest total bend that the scenario comes to [rad]."""
-    path = setup.bend(np.linspace(0.0, setup.duration, _INSTANTS))
+    path = rig.bend_path(np.linspace(0.0, rig.duration, _INSTANTS))
     return float(np.min(path)), float(np.max(path))
 
 
-def stroke(setup: Setup) -> tuple[float, float]:
+def stroke(rig: Rig) -> tuple[float, float]:
     """Smallest and largest joint angle of the reference; 5° apart at least [rad]."""
-    path = setup.reference.sample(np.linspace(0.0, max(setup.duration, _WHOLE), _INSTANTS))[:, 0]
+    path = rig.trajectory.sample(np.linspace(0.0, max(rig.duration, _WHOLE), _INSTANTS))[:, 0]
     low, high = float(np.min(path)), float(np.max(path))
     return low, max(high, low + float(_SMALLEST))

@@ -1,27 +1,86 @@
-"""A recorded motion from a file, as a reference."""
+"""A recorded motion as a reference: what a file says of it, held in the rig."""
 
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
-from pyarrow import csv, parquet
+from numpy.typing import NDArray
 
 from bowden.control.reference import Recorded
-from bowden.core.errors import LogError
+from bowden.core.errors import LogError, near
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
-from bowden.rig.config import near
-from bowden.rig.schema import RecordedSection
+from bowden.rig.sections import RecordedFile
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Array = NDArray[np.float64]
 
 
-def read_motion(section: RecordedSection, folder: Path) -> Recorded:
+@dataclass(frozen=True, eq=False)
+class RecordedMotion:
+    """A `Trajectory` with the numbers of its file, so that nothing is read again."""
+
+    said: RecordedFile
+    """What [reference] says of the file."""
+    time: Array = field(repr=False)
+    """(n,) [s]."""
+    position: Array = field(repr=False)
+    """(n,) [rad]."""
+
+    @cached_property
+    def motion(self) -> Recorded:
+        """The smoothed motion."""
+        return Recorded(self.time, self.position, cutoff=self.said.cutoff, name=Path(self.said.file).name)
+
+    @property
+    def duration(self) -> float:
+        """Length of the recording [s]."""
+        return self.motion.duration
+
+    def sample(self, time: Array) -> Array:
+        """See `Trajectory.sample`."""
+        return self.motion.sample(time)
+
+    def describe(self) -> dict[str, Any]:
+        """See `Trajectory.describe`."""
+        return self.motion.describe()
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, RecordedMotion)
+            and self.said == other.said
+            and np.array_equal(self.time, other.time)
+            and np.array_equal(self.position, other.position)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.said, len(self.time)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"said": self.said, "time": self.time, "position": self.position}
+
+
+def held(motion: Recorded) -> RecordedMotion:
+    """A recorded motion of Python's as one that a rig holds; its file would have this name."""
+    said = RecordedFile(f"{motion.name}.csv", "time_s", "joint_rad", "rad", motion.cutoff)
+    return RecordedMotion(said, motion.time, motion.position)
+
+
+def read_motion(said: RecordedFile, folder: Path) -> RecordedMotion:
     """The motion in a CSV (also gzipped) or Parquet file, as [reference] of a rig.toml describes it.
 
     Raises:
         LogError: no such file or column, text where a number should be, angles in degrees called radians.
         ParameterError: too few samples, values that are not finite, uneven time.
     """
-    path = folder / section.file
-    wanted = [section.time_column, section.position_column]
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    path = folder / said.file
+    wanted = [said.time_column, said.position_column]
     try:
         table = parquet.read_table(path) if path.suffix == ".parquet" else _read_text(path, wanted)
         for name in wanted:
@@ -29,27 +88,32 @@ def read_motion(section: RecordedSection, folder: Path) -> Recorded:
                 raise LogError(
                     f"{path} has no column {name!r}", expected=near(name, table.column_names), do="correct it there"
                 )
-        time, position = (np.asarray(table[name].to_numpy(), dtype=np.float64) for name in wanted)
+        time, position = (np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted)
     except FileNotFoundError as error:
         raise LogError(
             f"{path} does not exist", expected="a CSV, csv.gz or Parquet file", do="correct reference.file"
         ) from error
     except (OSError, ValueError, pa.ArrowException) as error:
-        said = " ".join(str(error).split())
+        text = " ".join(str(error).split())
         raise LogError(
-            f"cannot read {path}: {said}", expected="columns of numbers under their names", do="correct the file"
+            f"cannot read {path}: {text}", expected="columns of numbers under their names", do="correct the file"
         ) from error
-    angle = position * RADIANS if section.unit == "deg" else position
-    if section.unit == "rad" and np.any(np.abs(angle) > CABLE_LOG_LIMIT):
+    angle = position * RADIANS if said.unit == "deg" else position
+    if said.unit == "rad" and np.any(np.abs(angle) > CABLE_LOG_LIMIT):
         raise LogError(
-            f"{path}: {section.position_column} goes to {np.nanmax(np.abs(angle)):.6g} rad, which looks like degrees",
+            f"{path}: {said.position_column} goes to {np.nanmax(np.abs(angle)):.6g} rad, which looks like degrees",
             do='write unit = "deg" in [reference]',
         )
-    return Recorded(time, angle, cutoff=section.cutoff_hz, name=path.name)
+    found = RecordedMotion(said, time, angle)
+    _ = found.motion  # which refuses what cannot be
+    return found
 
 
-def _read_text(path: Path, wanted: list[str]) -> pa.Table:
+def _read_text(path: Path, wanted: list[str]) -> "pa.Table":
     """A CSV file with its wanted columns as numbers; lines that begin with # may stand above the names."""
+    import pyarrow as pa
+    from pyarrow import csv
+
     with pa.input_stream(str(path)) as stream:  # decompresses by the file's ending
         text = stream.read()
     above = 0

@@ -1,65 +1,94 @@
 """What a rig may do: every limit of the supervisor; the defaults are those of the default bench (docs/safety.md)."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from bowden.core.quantity import Quantity
 from bowden.models.drive.thermal import Thermal
 
 
 class Limits(NamedTuple):
-    """Limits; each comment is a meaning with its unit, and docs/safety.md is made of them."""
+    """Limits, each with its meaning and unit; those without a key in rig.toml follow from its other sections."""
 
-    motor_low: float = -0.3  # smallest target of the motor [rad]
-    motor_high: float = 2.0  # largest target of the motor [rad]
-    motor_margin: float = 0.05  # how far the motor may be beyond its targets' range [rad]
-    joint_low: float = -0.5  # smallest angle of the joint [rad]
-    joint_high: float = 1.5  # largest angle of the joint [rad]
-    sensor_span: float = 6.5  # largest size of an angle that an encoder can show [rad]
-    jump: float = 0.02  # change of a reading in one cycle, beyond what the speed limit allows [rad]
-    motor_speed: float = 15.0  # largest speed of the motor at the spool [rad/s]
-    joint_speed: float = 8.0  # largest speed of the joint [rad/s]
-    speed_filter: float = 0.005  # time constant of both measured speeds [s]
-    target_speed: float = 200.0  # largest change of the target in a cycle, over the cycle's time [rad/s]
-    target_reach: float = 0.9  # largest distance of the target from the measured motor [rad]
-    acceleration: float = 2500.0  # largest acceleration that a target may ask of the servo's model [rad/s²]
-    servo_frequency: float = 53.5767  # ω of the servo's model [rad/s]
-    servo_damping: float = 1.0  # ζ of the servo's model [–]
-    tracking: float = 0.1  # largest distance of the motor from the servo's model at rest [rad]
-    tracking_lag: float = 0.01  # what the distance may grow by with speed [s]
-    tracking_time: float = 0.005  # how long it may be exceeded [s]
-    slope_low: float = 0.7  # smallest slope of the cable, joint over motor [rad/rad]
-    slope_high: float = 1.05  # largest slope of the cable [rad/rad]
-    play: float = 0.3  # largest distance of the joint from what these slopes allow [rad]
-    joint_still: float = 2e-4  # A change of the joint's reading that is a sign of life [rad]
-    frozen_travel: float = 0.4  # travel of the motor without a sign of life from the joint [rad]
-    measures_current: float = 1.0  # 1 where the drive tells its current, else 0
-    current_peak: float = 20.0  # largest current [A]
-    current_time: float = 0.002  # how long it may be exceeded [s]
-    saturation: float = 0.95  # share of the largest current at which the drive counts as saturated [–]
-    saturation_time: float = 0.05  # how long it may be [s]
-    i2t_time: float = 2.0  # how long the largest current may last from a start at rest [s]
-    thermal: Thermal = Thermal()  # the motor's thermal model, with its continuous current
-    winding_limit: float = 125.0  # [°C]
-    housing_limit: float = 70.0  # [°C]; skin and textile may touch it
-    measures_temperature: float = 0.0  # 1 where the drive tells its temperature, else 0
-    drive_limit: float = 80.0  # [°C]
-    measures_tension: float = 0.0  # 1 where the cable's tension is measured, else 0
-    tension_high: float = 150.0  # [N]
-    tension_low: float = 2.0  # below it the cable is slack [N]
-    slack_time: float = 0.05  # how long it may be slack [s]
-    reading_age: float = 2.0  # age of an angle that is still good [cycles]
-    heartbeat_age: float = 0.05  # age of the drive's heartbeat that is still good [s]
-    enable_time: float = 1.0  # from arming to the drive's operation enabled [s]
-    bus_errors: float = 2.5  # frames that could not be sent; one is forgiven each second [–]
-    lateness: float = 0.02  # largest lateness of a cycle, and largest sum of the last ones [s]
-    clock_gap: float = 0.5  # longest time between two cycles that a late loop explains [s]
-    operator_age: float = 1.0  # age of the operator's last sign of life [s]
-    uses_emg: float = 0.0  # 1 where EMG moves the reference, else 0
-    emg_age: float = 0.2  # age of the newest EMG sample that is still good [s]
-    preflight_time: float = 60.0  # from arming to running, at most [s]
-    bridge_time: float = 0.005  # R1 at most, R2 or R3 afterwards [s]
-    bridge_leak: float = 0.02  # share of good time by which bridged time is forgotten: worse readings stop [–]
-    release_time: float = 0.2  # R2 at most, power off afterwards [s]
-    pay_out: float = 7.0  # speed at which R2 lets the cable out [rad/s]
-    slack_sign: float = -1.0  # direction of the motor that lets the cable out: −1 or 1
-    released_current: float = 0.3  # current [A] below which the cable carries nothing, if it lasts for `released_time`
-    released_time: float = 0.02  # [s]
+    motor_low: Annotated[float, Quantity("smallest target of the motor", "rad")] = -0.3
+    motor_high: Annotated[float, Quantity("largest target of the motor", "rad", ge=0.0)] = 2.0
+    motor_margin: Annotated[float, Quantity("how far the motor may be beyond its targets' range", "rad", ge=0.0)] = 0.05
+    joint_low: Annotated[float, Quantity("smallest angle of the joint", "rad")] = -0.5
+    joint_high: Annotated[float, Quantity("largest angle of the joint", "rad", ge=0.0)] = 1.5
+    sensor_span: Annotated[float, Quantity("largest size of an angle that an encoder can show", "rad", ge=0.0)] = 6.5
+    jump: Annotated[
+        float, Quantity("change of a reading in one cycle, beyond what the speed limit allows", "rad", ge=0.0)
+    ] = 0.02
+    motor_speed: Annotated[float, Quantity("largest speed of the motor at the spool", "rad/s", ge=0.0)] = 15.0
+    joint_speed: Annotated[float, Quantity("largest speed of the joint", "rad/s", ge=0.0)] = 8.0
+    speed_filter: Annotated[float, Quantity("time constant of both measured speeds", "s", ge=0.0)] = 0.005
+    target_speed: Annotated[
+        float, Quantity("largest change of the target in a cycle, over the cycle's time", "rad/s", ge=0.0)
+    ] = 200.0
+    target_reach: Annotated[
+        float, Quantity("largest distance of the target from the measured motor", "rad", ge=0.0)
+    ] = 0.9
+    acceleration: Annotated[
+        float, Quantity("largest acceleration that a target may ask of the servo's model", "rad/s²", ge=0.0)
+    ] = 2500.0
+    servo_frequency: Annotated[float, Quantity("ω of the servo's model", "rad/s", key=None)] = 53.5767
+    servo_damping: Annotated[float, Quantity("ζ of the servo's model", key=None)] = 1.0
+    tracking: Annotated[
+        float, Quantity("largest distance of the motor from the servo's model at rest", "rad", ge=0.0)
+    ] = 0.1
+    tracking_lag: Annotated[float, Quantity("what the distance may grow by with speed", "s", ge=0.0)] = 0.01
+    tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0)] = 0.005
+    slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad")] = 0.7
+    slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", ge=0.0)] = 1.05
+    play: Annotated[float, Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0)] = 0.3
+    joint_still: Annotated[float, Quantity("a change of the joint's reading that is a sign of life", "rad", ge=0.0)] = (
+        2e-4
+    )
+    frozen_travel: Annotated[
+        float, Quantity("travel of the motor without a sign of life from the joint", "rad", ge=0.0)
+    ] = 0.4
+    measures_current: Annotated[float, Quantity("1 where the drive tells its current, else 0", key=None)] = 1.0
+    current_peak: Annotated[float, Quantity("largest current", "A", key=None)] = 20.0
+    current_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0)] = 0.002
+    saturation: Annotated[
+        float, Quantity("share of the largest current at which the drive counts as saturated", ge=0.0)
+    ] = 0.95
+    saturation_time: Annotated[float, Quantity("how long it may be", "s", ge=0.0)] = 0.05
+    i2t_time: Annotated[float, Quantity("how long the largest current may last from a start at rest", "s", ge=0.0)] = (
+        2.0
+    )
+    thermal: Thermal = Thermal()
+    winding_limit: Annotated[float, Quantity("largest temperature of the winding", "°C", ge=0.0)] = 125.0
+    housing_limit: Annotated[
+        float, Quantity("largest temperature of the housing; skin and textile may touch it", "°C", ge=0.0)
+    ] = 70.0
+    measures_temperature: Annotated[float, Quantity("1 where the drive tells its temperature, else 0", ge=0.0)] = 0.0
+    drive_limit: Annotated[float, Quantity("largest temperature of the drive", "°C", ge=0.0)] = 80.0
+    measures_tension: Annotated[float, Quantity("1 where the cable's tension is measured, else 0", key=None)] = 0.0
+    tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0)] = 150.0
+    tension_low: Annotated[float, Quantity("below it the cable is slack", "N")] = 2.0
+    slack_time: Annotated[float, Quantity("how long it may be slack", "s", ge=0.0)] = 0.05
+    reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0)] = 2.0
+    heartbeat_age: Annotated[float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0)] = 0.05
+    enable_time: Annotated[float, Quantity("from arming to the drive's operation enabled", "s", ge=0.0)] = 1.0
+    bus_errors: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second", ge=0.0)] = 2.5
+    lateness: Annotated[
+        float, Quantity("largest lateness of a cycle, and largest sum of the last ones", "s", ge=0.0)
+    ] = 0.02
+    clock_gap: Annotated[float, Quantity("longest time between two cycles that a late loop explains", "s", ge=0.0)] = (
+        0.5
+    )
+    operator_age: Annotated[float, Quantity("age of the operator's last sign of life", "s", ge=0.0)] = 1.0
+    uses_emg: Annotated[float, Quantity("1 where EMG moves the reference, else 0", key=None)] = 0.0
+    emg_age: Annotated[float, Quantity("age of the newest EMG sample that is still good", "s", ge=0.0)] = 0.2
+    preflight_time: Annotated[float, Quantity("from arming to running, at most", "s", ge=0.0)] = 60.0
+    bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0)] = 0.005
+    bridge_leak: Annotated[
+        float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0)
+    ] = 0.02
+    release_time: Annotated[float, Quantity("R2 at most, power off afterwards", "s", ge=0.0)] = 0.2
+    pay_out: Annotated[float, Quantity("speed at which R2 lets the cable out", "rad/s", ge=0.0)] = 7.0
+    slack_sign: Annotated[float, Quantity("direction of the motor that lets the cable out: −1 or 1")] = -1.0
+    released_current: Annotated[
+        float, Quantity("current below which the cable carries nothing, if it lasts for `released_time`", "A", ge=0.0)
+    ] = 0.3
+    released_time: Annotated[float, Quantity("how long the current must be that small", "s", ge=0.0)] = 0.02

@@ -5,11 +5,12 @@ wish is passed on unchanged or not at all; a reading is used as it is or not at 
 """
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import DriveReading
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import ThermalState, warm
@@ -55,23 +56,110 @@ class Verdict(NamedTuple):
     faults: float  # all that are active or latched, a sum of 2**fault
 
 
-# fmt: off
-SupervisorState = NamedTuple("SupervisorState", [  # noqa: UP014 - what it decided, then what it sees; rad, s, °C
-    ("mode", float), ("passed", float), ("target", float), ("before", float), ("bridged", float), ("released", float),
-    ("eased", float), ("latched", float), ("enabled", float), ("model", float), ("model_speed", float),
-    ("astray", float), ("motor", float), ("motor_speed", float), ("motor_gap", float), ("joint", float),
-    ("joint_speed", float), ("joint_gap", float), ("anchor_motor", float), ("anchor_joint", float),
-    ("overload", float), ("saturated", float), ("slack", float), ("late", float), ("bus_errors", float),
-    ("failures", float), ("armed", float), ("winding", float), ("housing", float), ("i2t", float),
-])
-# fmt: on
+class Decided(NamedTuple):
+    """What the supervisor decided last, and what its next decision needs of it."""
+
+    mode: Annotated[float, Quantity("number of a `Mode`")]
+    passed: Annotated[float, Quantity("1 from the request to run on, until the power is off, else 0")]
+    target_before: Annotated[float, Quantity("what the drive was told a cycle before the last", "rad")]
+    bridged: Annotated[float, Quantity("time in R1, of which good time forgets a share", "s")]
+    released: Annotated[float, Quantity("time in R2", "s")]
+    eased: Annotated[float, Quantity("time in R2 for which the motor has carried nothing", "s")]
+    latched: Annotated[float, Quantity("the faults that have to be acknowledged, a sum of 2**fault")]
+
+
+class Servo(NamedTuple):
+    """The drive as its servo's model says it is."""
+
+    enabled: Annotated[float, Quantity("1 from the drive's operation enabled on, while it is powered, else 0")]
+    position: Annotated[float, Quantity("where the model is", "rad")]
+    speed: Annotated[float, Quantity("its speed", "rad/s")]
+    astray: Annotated[float, Quantity("for how long the motor has not followed it", "s")]
+
+
+class Anchor(NamedTuple):
+    """Both angles when the joint's reading last changed."""
+
+    motor: Annotated[float, Quantity("motor angle", "rad")]
+    joint: Annotated[float, Quantity("joint angle", "rad")]
+
+
+class Sums(NamedTuple):
+    """For how long something has lasted, and sums that forget."""
+
+    overload: Annotated[float, Quantity("time beyond the largest current", "s")]
+    saturated: Annotated[float, Quantity("time of a drive that counts as saturated", "s")]
+    slack: Annotated[float, Quantity("time of a slack cable", "s")]
+    late: Annotated[float, Quantity("lateness of the last cycles", "s")]
+    bus_errors: Annotated[float, Quantity("the drive's counter when it was last known")]
+    failures: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second")]
+    armed: Annotated[float, Quantity("time with power and without a run", "s")]
+
+
+class SupervisorState(NamedTuple):
+    """What the supervisor decided, and what it sees."""
+
+    target: Annotated[float, Quantity("what the drive was told last", "rad")]
+    decided: Decided
+    servo: Servo
+    motor: Followed
+    joint: Followed
+    anchor: Anchor
+    sums: Sums
+    heat: ThermalState
+
+
+class Found(NamedTuple):
+    """A number for each fault, by its name: what its detector says (1 or 0), its bit, its reactions."""
+
+    JOINT_LOST: float
+    JOINT_JUMP: float
+    JOINT_STALE: float
+    JOINT_FROZEN: float
+    JOINT_ASTRAY: float
+    JOINT_OVER_TRAVEL: float
+    JOINT_OVER_SPEED: float
+    MOTOR_LOST: float
+    MOTOR_JUMP: float
+    MOTOR_STALE: float
+    NOT_FOLLOWING: float
+    MOTOR_OVER_TRAVEL: float
+    MOTOR_OVER_SPEED: float
+    CURRENT_LOST: float
+    OVER_CURRENT: float
+    SATURATED: float
+    I2T: float
+    MOTOR_HOT: float
+    DRIVE_HOT: float
+    TENSION_LOST: float
+    OVER_TENSION: float
+    SLACK: float
+    HEARTBEAT_LOST: float
+    NOT_ENABLED: float
+    DRIVE_DROPPED: float
+    DRIVE_FAULT: float
+    EMERGENCY: float
+    BUS_ERRORS: float
+    LATE: float
+    CLOCK: float
+    WISH_LOST: float
+    WISH_STEP: float
+    WISH_FAR: float
+    WISH_HARD: float
+    OPERATOR_LOST: float
+    PREFLIGHT_FAILED: float
+    RECORDER_LOST: float
+    EMG_LOST: float
+
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `runtime.ports.Power`, which this floor cannot see
 STOPPED, PREFLIGHT, RUNNING, BRIDGING, RELEASING, LATCHED = (float(mode) for mode in Mode)
 ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
 BIG = 1e6  # what is larger is no number that anything here can mean
-COUNT, BIT = len(Fault), tuple(2.0**fault for fault in Fault)
-AT_ONCE, THEN = tuple(float(fault.at_once) for fault in Fault), tuple(float(fault.then) for fault in Fault)
+COUNT = len(Fault)
+BIT = Found(**{fault.name: 2.0**fault for fault in Fault})
+AT_ONCE = Found(**{fault.name: float(fault.at_once) for fault in Fault})
+THEN = Found(**{fault.name: float(fault.then) for fault in Fault})
 
 
 @kernel
@@ -80,9 +168,16 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
     motor = sel(outside(reading.motor, -limits.sensor_span, limits.sensor_span) > 0.0, 0.0, reading.motor)
     joint = sel(outside(reading.joint, -limits.sensor_span, limits.sensor_span) > 0.0, 0.0, reading.joint)
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))
-    decided = (STOPPED, 0.0, target, target, 0.0, 0.0, 0.0, 0.0)
-    seen = (0.0, motor, 0.0, 0.0, motor, 0.0, 0.0, joint, 0.0, 0.0, motor, joint)
-    return SupervisorState(*(decided + seen + (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) + thermal[:]))
+    return SupervisorState(
+        target,
+        Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, 0.0),
+        Servo(0.0, motor, 0.0, 0.0),
+        Followed(motor, 0.0, 0.0),
+        Followed(joint, 0.0, 0.0),
+        Anchor(motor, joint),
+        Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        thermal,
+    )
 
 
 @kernel
@@ -94,86 +189,111 @@ def most_step(limits: Limits, time: float, dt: float) -> float:
 @kernel
 def look(
     limits: Limits, state: SupervisorState, observed: Observed, wish: float, dt: float
-) -> tuple[SupervisorState, tuple[float, ...], float]:
-    """This cycle's estimates, what each detector says in the order of `Fault`, and the time since the last one [s]."""
+) -> tuple[SupervisorState, Found, float]:
+    """This cycle's estimates beside what was decided last, what each detector says, and the time since then [s]."""
     reading, omega, zeta, peak = observed.reading, limits.servo_frequency, limits.servo_damping, limits.current_peak
-    powered = 1.0 - outside(state.mode, PREFLIGHT, RELEASING)
+    last, servo, sums = state.decided, state.servo, state.sums
+    powered = 1.0 - outside(last.mode, PREFLIGHT, RELEASING)
     clock = np.fmax(outside(observed.elapsed, 0.05 * dt, limits.clock_gap), outside(observed.lateness, -dt, BIG))
     time = sel(clock > 0.0, dt, observed.elapsed)
 
     # angles; without power the motor and the limb may be moved by hand
     span, jump, filtered = limits.sensor_span, sel(powered > 0.0, limits.jump, BIG), limits.speed_filter
-    old_motor, old_joint = Followed(*state[12:15]), Followed(*state[15:18])
-    motor, motor_lost, motor_jump = follow(old_motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
-    joint, joint_lost, joint_jump = follow(old_joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
-    alive = (powered == 0.0) + (np.abs(joint.value - state.anchor_joint) > limits.joint_still) > 0.0
-    anchor = (sel(alive, motor.value, state.anchor_motor), sel(alive, joint.value, state.anchor_joint))
+    motor, motor_lost, motor_jump = follow(state.motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
+    joint, joint_lost, joint_jump = follow(state.joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
+    alive = (powered == 0.0) + (np.abs(joint.value - state.anchor.joint) > limits.joint_still) > 0.0
+    anchor = Anchor(sel(alive, motor.value, state.anchor.motor), sel(alive, joint.value, state.anchor.joint))
     flat, steep, margin = limits.slope_low * motor.value, limits.slope_high * motor.value, limits.motor_margin
 
     # the drive's state and its servo
     off = outside(reading.drive_state, 3.5, 4.5)
-    fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * state.enabled * off
-    enabled = powered * np.fmax(state.enabled, 1.0 - off)
-    moved, speed = servo_predict(state.model, state.model_speed, state.before, omega, zeta, time)
-    model, model_speed = sel(state.enabled > 0.0, moved, motor.value), sel(state.enabled > 0.0, speed, 0.0)
+    fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * servo.enabled * off
+    enabled = powered * np.fmax(servo.enabled, 1.0 - off)
+    moved, speed = servo_predict(servo.position, servo.speed, last.target_before, omega, zeta, time)
+    model, model_speed = sel(servo.enabled > 0.0, moved, motor.value), sel(servo.enabled > 0.0, speed, 0.0)
     lag = beyond(np.abs(motor.value - model), limits.tracking + limits.tracking_lag * np.abs(model_speed))
-    astray = lasting(lag, state.astray, time)
+    astray = lasting(lag, servo.astray, time)
 
     # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true
     no_current = limits.measures_current * beyond(np.abs(reading.current), 2.0 * peak)
     known = limits.measures_current * (1.0 - no_current)
     current = sel(known > 0.0, np.abs(reading.current), no_current * powered * peak)
-    overload = lasting(beyond(current, peak), state.overload, time)
-    saturated = lasting(beyond(current, limits.saturation * peak), state.saturated, time)
-    heat = warm(limits.thermal, ThermalState(*state[27:]), current, np.fmin(time, 0.1))
+    overload = lasting(beyond(current, peak), sums.overload, time)
+    saturated = lasting(beyond(current, limits.saturation * peak), sums.saturated, time)
+    heat = warm(limits.thermal, state.heat, current, np.fmin(time, 0.1))
     i2t = (peak * peak - limits.thermal.continuous_current * limits.thermal.continuous_current) * limits.i2t_time
     hot = np.fmax(outside(heat.winding, -BIG, limits.winding_limit), outside(heat.housing, -BIG, limits.housing_limit))
     no_tension = limits.measures_tension * outside(reading.tension, -BIG, BIG)
     tension = sel(limits.measures_tension * (1.0 - no_tension) > 0.0, reading.tension, limits.tension_low)
-    slack = lasting(enabled * beyond(-tension, -limits.tension_low), state.slack, time)
+    slack = lasting(enabled * beyond(-tension, -limits.tension_low), sums.slack, time)
 
     # bus and time: sums that forget
-    armed = lasting(powered * (1.0 - state.passed), state.armed, time)
+    armed = lasting(powered * (1.0 - last.passed), sums.armed, time)
     unknown = outside(reading.bus_errors, 0.0, BIG * BIG)
-    errors = sel(unknown > 0.0, state.bus_errors, reading.bus_errors)
-    failures = np.fmax(0.0, np.fmin(4.0, state.failures + np.fmax(0.0, errors - state.bus_errors)) - time)
-    late = np.fmax(0.0, state.late + np.fmax(0.0, time - 1.5 * dt) - 0.02 * time)
+    errors = sel(unknown > 0.0, sums.bus_errors, reading.bus_errors)
+    failures = np.fmax(0.0, np.fmin(4.0, sums.failures + np.fmax(0.0, errors - sums.bus_errors)) - time)
+    late = np.fmax(0.0, sums.late + np.fmax(0.0, time - 1.5 * dt) - 0.02 * time)
 
     # the wish
-    led = enabled * (1.0 - beyond(state.mode, BRIDGING))
+    led = enabled * (1.0 - beyond(last.mode, BRIDGING))
     no_wish = led * outside(wish, limits.motor_low, limits.motor_high)
     asked = sel(led * (1.0 - no_wish) > 0.0, wish, state.target)
     hard = omega * (omega * (asked - model) - 2.0 * zeta * model_speed)
     failed = np.fmax(outside(observed.preflight, -0.5, 1.5), beyond(armed, limits.preflight_time))
-    # fmt: off
-    found = (
-        joint_lost, joint_jump, outside(reading.joint_age, 0.0, limits.reading_age),
-        beyond(np.abs(motor.value - anchor[0]), limits.frozen_travel),
-        outside(joint.value, np.fmin(flat, steep) - limits.play, np.fmax(flat, steep) + limits.play),
-        outside(joint.value, limits.joint_low, limits.joint_high),
-        beyond(np.abs(joint.speed), limits.joint_speed),
-        motor_lost, motor_jump, outside(reading.motor_age, 0.0, limits.reading_age),
-        beyond(astray, limits.tracking_time),
-        outside(motor.value, limits.motor_low - margin, limits.motor_high + margin),
-        beyond(np.abs(motor.speed), limits.motor_speed),
-        no_current, beyond(overload, limits.current_time), beyond(saturated, limits.saturation_time),
-        beyond(heat.i2t, i2t), hot,
-        limits.measures_temperature * outside(reading.temperature, -BIG, limits.drive_limit),
-        no_tension, beyond(tension, limits.tension_high), beyond(slack, limits.slack_time),
-        outside(reading.heartbeat_age, 0.0, limits.heartbeat_age),
-        (1.0 - enabled) * beyond(armed, limits.enable_time), left * (1.0 - fault), fault,
-        outside(reading.emergency, 0.0, 0.0), np.fmax(unknown, beyond(failures, limits.bus_errors)),
-        (1.0 - clock) * beyond(np.fmax(observed.lateness, late), limits.lateness), clock,
-        no_wish, beyond(np.abs(asked - state.target), most_step(limits, time, dt)),
-        led * beyond(np.abs(asked - motor.value), limits.target_reach),
-        led * beyond(np.abs(hard), limits.acceleration),
-        outside(observed.operator_age, -1.0, limits.operator_age), powered * (1.0 - state.passed) * failed,
-        outside(observed.recorder, 0.5, 1.5), limits.uses_emg * outside(observed.emg_age, -1.0, limits.emg_age),
+    found = Found(
+        JOINT_LOST=joint_lost,
+        JOINT_JUMP=joint_jump,
+        JOINT_STALE=outside(reading.joint_age, 0.0, limits.reading_age),
+        JOINT_FROZEN=beyond(np.abs(motor.value - anchor.motor), limits.frozen_travel),
+        JOINT_ASTRAY=outside(joint.value, np.fmin(flat, steep) - limits.play, np.fmax(flat, steep) + limits.play),
+        JOINT_OVER_TRAVEL=outside(joint.value, limits.joint_low, limits.joint_high),
+        JOINT_OVER_SPEED=beyond(np.abs(joint.speed), limits.joint_speed),
+        MOTOR_LOST=motor_lost,
+        MOTOR_JUMP=motor_jump,
+        MOTOR_STALE=outside(reading.motor_age, 0.0, limits.reading_age),
+        NOT_FOLLOWING=beyond(astray, limits.tracking_time),
+        MOTOR_OVER_TRAVEL=outside(motor.value, limits.motor_low - margin, limits.motor_high + margin),
+        MOTOR_OVER_SPEED=beyond(np.abs(motor.speed), limits.motor_speed),
+        CURRENT_LOST=no_current,
+        OVER_CURRENT=beyond(overload, limits.current_time),
+        SATURATED=beyond(saturated, limits.saturation_time),
+        I2T=beyond(heat.i2t, i2t),
+        MOTOR_HOT=hot,
+        DRIVE_HOT=limits.measures_temperature * outside(reading.temperature, -BIG, limits.drive_limit),
+        TENSION_LOST=no_tension,
+        OVER_TENSION=beyond(tension, limits.tension_high),
+        SLACK=beyond(slack, limits.slack_time),
+        HEARTBEAT_LOST=outside(reading.heartbeat_age, 0.0, limits.heartbeat_age),
+        NOT_ENABLED=(1.0 - enabled) * beyond(armed, limits.enable_time),
+        DRIVE_DROPPED=left * (1.0 - fault),
+        DRIVE_FAULT=fault,
+        EMERGENCY=outside(reading.emergency, 0.0, 0.0),
+        BUS_ERRORS=np.fmax(unknown, beyond(failures, limits.bus_errors)),
+        LATE=(1.0 - clock) * beyond(np.fmax(observed.lateness, late), limits.lateness),
+        CLOCK=clock,
+        WISH_LOST=no_wish,
+        WISH_STEP=beyond(np.abs(asked - state.target), most_step(limits, time, dt)),
+        WISH_FAR=led * beyond(np.abs(asked - motor.value), limits.target_reach),
+        WISH_HARD=led * beyond(np.abs(hard), limits.acceleration),
+        OPERATOR_LOST=outside(observed.operator_age, -1.0, limits.operator_age),
+        PREFLIGHT_FAILED=powered * (1.0 - last.passed) * failed,
+        RECORDER_LOST=outside(observed.recorder, 0.5, 1.5),
+        EMG_LOST=limits.uses_emg * outside(observed.emg_age, -1.0, limits.emg_age),
     )
-    # fmt: on
-    sums = (overload, saturated, slack, late, errors, failures, armed)
-    drive = (enabled, model, model_speed, astray)
-    return SupervisorState(*(state[:8] + drive + motor[:] + joint[:] + anchor + sums + heat[:])), found, time
+    return (
+        SupervisorState(
+            state.target,
+            last,
+            Servo(enabled, model, model_speed, astray),
+            motor,
+            joint,
+            anchor,
+            Sums(overload, saturated, slack, late, errors, failures, armed),
+            heat,
+        ),
+        found,
+        time,
+    )
 
 
 @kernel
@@ -182,42 +302,46 @@ def supervise(
 ) -> tuple[SupervisorState, Verdict]:
     """One cycle of `dt` [s]: the law's `wish` [rad], if nothing speaks against it, and power, if nothing forbids it."""
     seen, found, time = look(limits, state, observed, wish, dt)
+    last, enabled, motor = state.decided, seen.servo.enabled, seen.motor.value
     once, eventually, latched, active = 0.0, 0.0, 0.0, 0.0
     for i in range(COUNT):
         once, eventually = np.fmax(once, found[i] * AT_ONCE[i]), np.fmax(eventually, found[i] * THEN[i])
-    powered, releasing = 1.0 - outside(state.mode, PREFLIGHT, RELEASING), state.mode == RELEASING
-    bridged = powered * sel(once > 0.0, state.bridged + time, np.fmax(0.0, state.bridged - limits.bridge_leak * time))
+    powered, releasing = 1.0 - outside(last.mode, PREFLIGHT, RELEASING), last.mode == RELEASING
+    bridged = powered * sel(once > 0.0, last.bridged + time, np.fmax(0.0, last.bridged - limits.bridge_leak * time))
     ended = (bridged > limits.bridge_time + 0.5 * dt) + (once >= 2.0) + releasing > 0.0
     reaction = powered * sel(ended, eventually, once)
 
     # the next mode
-    run = (observed.request == RUN) * (observed.preflight == 1.0) * (seen.enabled > 0.0) * (reaction == 0.0) > 0.0
-    passed = powered * sel(run, 1.0, state.passed)
+    run = (observed.request == RUN) * (observed.preflight == 1.0) * (enabled > 0.0) * (reaction == 0.0) > 0.0
+    passed = powered * sel(run, 1.0, last.passed)
     going = sel(reaction > 0.0, BRIDGING, sel(passed > 0.0, RUNNING, PREFLIGHT))
     going = sel((reaction >= 2.0) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
-    released = lasting(going == RELEASING, state.released, time)
+    released = lasting(going == RELEASING, last.released, time)
     light = limits.measures_current * (1.0 - beyond(np.abs(observed.reading.current), limits.released_current))
-    eased = lasting(light * releasing, state.eased, time)
-    empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (seen.enabled == 0.0) > 0.0
+    eased = lasting(light * releasing, last.eased, time)
+    empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (enabled == 0.0) > 0.0
     for i in range(COUNT):
-        kept = np.floor(state.latched / BIT[i]) - 2.0 * np.floor(state.latched / (2.0 * BIT[i]))
+        kept = np.floor(last.latched / BIT[i]) - 2.0 * np.floor(last.latched / (2.0 * BIT[i]))
         kept = np.fmax(kept, sel((reaction >= 2.0) * (THEN[i] >= 2.0), found[i], 0.0))
         latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
     going = sel(releasing * empty, sel(latched > 0.0, LATCHED, STOPPED), going)
     going = sel(reaction >= 3.0, LATCHED, going)
-    arms = (observed.request == ARM) * (state.mode == STOPPED) * (active == 0.0)
-    rests = sel(arms, PREFLIGHT, sel((state.mode == LATCHED) * (observed.request != ACKNOWLEDGE), LATCHED, STOPPED))
+    arms = (observed.request == ARM) * (last.mode == STOPPED) * (active == 0.0)
+    rests = sel(arms, PREFLIGHT, sel((last.mode == LATCHED) * (observed.request != ACKNOWLEDGE), LATCHED, STOPPED))
     mode = sel(powered > 0.0, going, rests)
 
     # the target: without power it follows the motor, so that nothing moves when power comes
     out = limits.slack_sign
-    paid = out * (np.fmax(out * state.target, out * seen.motor) + limits.pay_out * np.fmin(time, 5.0 * dt))
-    led = seen.enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
-    aim = sel(led > 0.0, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, seen.motor)))
+    paid = out * (np.fmax(out * state.target, out * motor) + limits.pay_out * np.fmin(time, 5.0 * dt))
+    led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
+    aim = sel(led > 0.0, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, motor)))
     step = most_step(limits, time, dt)
     aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
-    idle = (outside(mode, PREFLIGHT, RELEASING) > 0.0) + (mode == RELEASING) * (seen.enabled == 0.0) > 0.0
+    idle = (outside(mode, PREFLIGHT, RELEASING) > 0.0) + (mode == RELEASING) * (enabled == 0.0) > 0.0
     told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
-    decided = (mode, passed, target, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
-    return SupervisorState(*(decided + seen[8:])), Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, told, active)
+    decided = Decided(mode, passed, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
+    return (
+        SupervisorState(target, decided, seen.servo, seen.motor, seen.joint, seen.anchor, seen.sums, seen.heat),
+        Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, told, active),
+    )

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from bowden.core.kernel import compiled, kernel
+from bowden.core.nested import flat
 from bowden.core.signals import DriveReading
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
@@ -76,7 +77,7 @@ def assault(
         )
         wish = near + 0.002 * (random.random() - 0.5)
         elapsed = anything(random, dt, 0.0, 0.0, limits.clock_gap, wild)
-        request = 4.0 if state.mode == 5.0 else 1.0 + np.floor(2.0 * random.random())
+        request = 4.0 if state.decided.mode == 5.0 else 1.0 + np.floor(2.0 * random.random())
         if random.random() < 0.003:
             request = anything(random, 3.0, 0.0, 0.0, 4.0, 0.5)
         observed = Observed(
@@ -99,7 +100,7 @@ def assault(
         fine = fine and abs(verdict.target - target) <= most + 1e-15
         fine = fine and (verdict.power == 0.0 or (verdict.power == 3.0 and verdict.mode in (1.0, 2.0, 3.0, 4.0)))
         fine = fine and verdict.faults >= 0.0 and verdict.faults < 2.0**52 and verdict.reaction in (0.0, 1.0, 2.0, 3.0)
-        for number in state:
+        for number in flat(state):
             fine = fine and np.isfinite(number)
         wrong += 0 if fine else 1
         powered += 1 if verdict.power > 0.0 else 0

@@ -21,7 +21,7 @@ from bowden.sim.arm_check import (
     compare_motion,
     convergence,
 )
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 from bowden.sim.suit_replay import replay
 
 PERIOD = 25.0
@@ -85,6 +85,6 @@ def check_arm(suit: Suit, laws: Sequence[Law], progress: Callable[[str, float], 
     reference = PeriodicMinimumJerk(0.0, 0.5 * math.pi, PERIOD)
     for done, law in enumerate(laws):
         tell(f"suit, {law.name} (compiled at first)", 0.5 + 0.4 * done / len(laws))
-        run = replay(simulate_suit(suit, law, reference, duration=PERIOD))
+        run = replay(simulate(suit, law, reference, duration=PERIOD))
         motions.append(run._replace(name=f"suit, {law.name}"))
     return Agreement(cables, motions, convergences)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.core.refill import form_of, numbers_of
+from bowden.control.source import TABLE
+from bowden.core.nested import form_of, numbers_of
 from bowden.sim.batch import FIGURES, Limits, One
-from bowden.sim.many import Case, Given, Ready, one_of
+from bowden.sim.many import Case, Given, Ready
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ class Course:
         for case in cases:
             found.append(Ready(case, duration, found[-1] if found else None))
         groups: dict[object, list[int]] = {}
-        ones = [one_of(ready.case, (), ready.stroke) for ready in found]
+        ones = [ready.one((), TABLE) for ready in found]
         for i, one in enumerate(ones):
             groups.setdefault((one.dt, cases[i].fault is None, form_of(one)), []).append(i)
         self._places: dict[int, _Place] = {}
@@ -85,7 +86,7 @@ class Course:
             )
             figures = np.empty((len(runs), len(FIGURES)))
             rows = given.rows[[place.row for place in places]]
-            given.run(law, places[0].one._replace(gains=law.gains), numbers, rows, limits, figures)
+            given.run(law, TABLE, places[0].one._replace(gains=law.gains), numbers, rows, limits, figures)
             for i, row in zip(runs, figures, strict=True):
                 if np.isnan(row[0]):
                     break

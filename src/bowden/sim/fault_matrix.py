@@ -127,7 +127,7 @@ def begins(kinds: tuple[Injected, ...], seed: int, onset: int) -> list[float]:
 def run_row(bench: Bench, law: Law, kinds: tuple[Injected, ...], seed: int, onset: int) -> Outcome:
     """One run with faults that begin where the run's numbers put them."""
     injected = tuple(zip(kinds, begins(kinds, seed, onset), strict=True))
-    return supervised(bench, law, REFERENCE, MEASURED, duration=LAST + AFTER, seed=seed, injected=injected)
+    return supervised(bench, law, REFERENCE, MEASURED, duration=LAST + AFTER, seed=seed, injected=injected)[0]
 
 
 def complaints(kind: Injected, outcome: Outcome) -> Iterator[str]:

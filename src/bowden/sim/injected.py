@@ -1,4 +1,8 @@
-"""Faults that a simulated drive, sensor, loop or law can be given while it runs."""
+"""Faults that can be injected into a cycle while it runs: at the sensors, the bus, the drive, the clock, the law.
+
+One table for all loops: the fault matrix, the live loop on a simulated drive, and the sensors of a simulation
+(`bowden.sim.faulty`). What breaks in drive and cable themselves is in `bowden.sim.injected_drive`.
+"""
 
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -7,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.safety.supervisor import STOP, Observed
+
+NOT_READY, DISABLED, SWITCHED_ON, ENABLED, FAULT = 0.0, 1.0, 3.0, 4.0, 7.0
+"""States of CiA 402, numbers of `hardware.drives.cia402.State`, which this floor cannot see."""
+CONSUMER = 50
+"""Cycles without the host's heartbeat after which the drive stops by itself."""
+HOUR = 3600.0
+"""By which a clock steps [s]."""
 
 
 class Injected(IntEnum):
@@ -86,18 +98,6 @@ class Injected(IntEnum):
     """Samples whose time is not known."""
 
 
-class Around(NamedTuple):
-    """What one cycle observes besides the drive's reading: the fields of `Observed` after it, in their order."""
-
-    lateness: float
-    elapsed: float
-    request: float
-    operator_age: float
-    recorder: float
-    preflight: float
-    emg_age: float
-
-
 @kernel
 def misread(
     kind: int, since: int, reading: DriveReading, joints: NDArray[np.float64], motors: NDArray[np.float64], k: int
@@ -109,66 +109,66 @@ def misread(
     bus_errors = reading.bus_errors
     begun, late = k - since, max(k - 400, 0)
     sign = -1.0 if k % 2 else 1.0
-    if kind == 1:
+    if kind == Injected.JOINT_NAN:
         joint = np.nan
-    elif kind == 2:
+    elif kind == Injected.JOINT_RANGE:
         joint = 20.0
-    elif kind == 3:
+    elif kind == Injected.JOINT_FROZEN:
         joint = joints[begun]
-    elif kind == 4:
+    elif kind == Injected.JOINT_SPIKE:
         joint += 0.5 if since == 0 else 0.0
-    elif kind == 5:
+    elif kind == Injected.JOINT_SPIKES:
         joint += 0.5 * sign if since % 3 == 0 else 0.0
-    elif kind == 6 or kind == 29 or kind == 32:
+    elif kind == Injected.JOINT_DROPOUT or kind == Injected.DRIVE_SILENT or kind == Injected.BUS_OFF:
         joint, joint_age = joints[begun], since + 1.0
-    elif kind == 7:
+    elif kind == Injected.JOINT_DELAY:
         joint = joints[late]
-    elif kind == 8:
+    elif kind == Injected.JOINT_SIGN:
         joint = -joint
-    elif kind == 9:
+    elif kind == Injected.MOTOR_NAN:
         motor = np.nan
-    elif kind == 10:
+    elif kind == Injected.MOTOR_RANGE:
         motor = -20.0
-    elif kind == 11:
+    elif kind == Injected.MOTOR_FROZEN:
         motor = motors[begun]
-    elif kind == 12:
+    elif kind == Injected.MOTOR_SPIKE:
         motor += 0.5 if since == 0 else 0.0
-    elif kind == 13:
+    elif kind == Injected.MOTOR_SPIKES:
         motor += 0.5 * sign if since % 3 == 0 else 0.0
-    elif kind == 15:
+    elif kind == Injected.MOTOR_DELAY:
         motor = motors[late]
-    elif kind == 16:
+    elif kind == Injected.MOTOR_SIGN:
         motor = -motor
-    elif kind == 22:
+    elif kind == Injected.OVER_TENSION:
         tension += 0.5 * since
-    elif kind == 24:
+    elif kind == Injected.PEAK_CURRENT:
         current = 30.0 * sign
-    elif kind == 25:
+    elif kind == Injected.LONG_CURRENT:
         current = 18.0
-    elif kind == 26:
+    elif kind == Injected.DRIVE_HOT:
         temperature += 0.5 * since
-    elif kind == 27:
+    elif kind == Injected.CURRENT_NAN:
         current = np.nan
-    elif kind == 28:
+    elif kind == Injected.TENSION_NAN:
         tension = np.nan
-    elif kind == 33:
+    elif kind == Injected.LATE_PDOS:
         joint_age = motor_age = k % 6
         joint, motor = joints[k - k % 6], motors[k - k % 6]
-    elif kind == 34:
+    elif kind == Injected.EMERGENCY:
         emergency = 0x5530 if since == 0 else 0.0
-    elif kind == 35:
-        drive_state = 7.0
-    elif kind == 36:
-        drive_state = 0.0 if since < 50 else 1.0
-    elif kind == 37:
-        drive_state = 3.0
-    if kind == 14 or kind == 29 or kind == 32:
+    elif kind == Injected.DRIVE_FAULT:
+        drive_state = FAULT
+    elif kind == Injected.DRIVE_REBOOT:
+        drive_state = NOT_READY if since < 50 else DISABLED
+    elif kind == Injected.DRIVE_DROPPED:
+        drive_state = SWITCHED_ON
+    if kind == Injected.MOTOR_DROPOUT or kind == Injected.DRIVE_SILENT or kind == Injected.BUS_OFF:
         motor, motor_age = motors[begun], since + 1.0
-    if kind == 29 or kind == 30 or kind == 32:
+    if kind == Injected.DRIVE_SILENT or kind == Injected.HEARTBEAT_SILENT or kind == Injected.BUS_OFF:
         heartbeat_age = 0.01 + 0.001 * since
-    if kind == 31 and since > 50:
-        drive_state = 7.0
-    if kind == 32:
+    if kind == Injected.HOST_SILENT and since > CONSUMER:
+        drive_state = FAULT
+    if kind == Injected.BUS_OFF:
         bus_errors += since + 1.0
     return DriveReading(
         motor,
@@ -186,45 +186,101 @@ def misread(
 
 
 @kernel
-def disturbed(kind: int, since: int, around: Around, dt: float) -> Around:
-    """Loop, operator, recorder and EMG with a fault."""
-    lateness, elapsed, request, age, recorder, preflight, emg_age = around
-    if kind == 40 and since == 0:
-        elapsed = -3600.0
-    elif kind == 41 and since == 0:
-        elapsed = 3600.0
-    elif kind == 47:
-        age += since * dt
-    elif kind == 48:
+def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
+    """What a cycle observes of clock, operator, recorder and EMG with a fault that began `since` cycles ago.
+
+    A clock that steps forward stays there; one cycle's reading of it may be an hour back. All ages are by that clock.
+    """
+    lateness, elapsed, request = observed.lateness, observed.elapsed, observed.request
+    operator_age, recorder, emg_age = observed.operator_age, observed.recorder, observed.emg_age
+    step = 0.0
+    if kind == Injected.CLOCK_BACK:
+        step = -HOUR if since == 0 else 0.0
+        elapsed += HOUR if since == 1 else 0.0
+    elif kind == Injected.CLOCK_FORWARD:
+        step = HOUR if since == 0 else 0.0
+    elif kind == Injected.OPERATOR_LOST:
+        operator_age += since * dt
+    elif kind == Injected.RECORDER_LOST:
         recorder = 0.0
-    elif kind == 49 and since == 0:
-        request = 3.0
-    elif kind == 50:
+    elif kind == Injected.STOP:
+        request = STOP if since == 0 else request
+    elif kind == Injected.EMG_SILENT:
         emg_age += since * dt
-    elif kind == 51:
+    elif kind == Injected.EMG_TIMELESS:
         emg_age = np.nan
-    return Around(lateness, elapsed, request, age, recorder, preflight, emg_age)
+    return Observed(
+        observed.reading,
+        lateness + step,
+        elapsed + step,
+        request,
+        operator_age + step,
+        recorder,
+        observed.preflight,
+        emg_age + step,
+    )
 
 
 @kernel
 def asleep(kind: int, since: int) -> int:
     """Cycles that the loop misses after this one."""
-    if kind == 38 and since == 0:
+    if kind == Injected.OVERRUN and since == 0:
         return 22
-    return 3 if kind == 39 else 0
+    return 3 if kind == Injected.OVERRUNS else 0
 
 
 @kernel
 def misled(kind: int, since: int, wish: float, dt: float) -> float:
     """The law's wish with a fault."""
-    if kind == 42:
+    if kind == Injected.LAW_NAN:
         return np.nan
-    if kind == 43:
+    if kind == Injected.LAW_STEP:
         return wish + 0.6
-    if kind == 44:
+    if kind == Injected.LAW_BEYOND:
         return 3.0 + wish
-    if kind == 45:
+    if kind == Injected.LAW_RAMP:
         return wish + 60.0 * dt * since
-    if kind == 46:
+    if kind == Injected.LAW_SHAKES:
         return wish + (0.07 + 0.002 * since) * (1.0 if since % 2 else -1.0)
     return wish
+
+
+class Misled(NamedTuple):
+    """The gains of a law that goes wrong."""
+
+    gains: Any
+    """Of the law itself."""
+    kinds: NDArray[np.int64]
+    """What is injected (n,)."""
+    onsets: NDArray[np.int64]
+    """Cycles from which on (n,)."""
+    now: NDArray[np.int64]
+    """This cycle (1,); the loop writes it."""
+
+
+@kernel
+def sound_start(gains: Any, sample: Sample) -> Any:
+    """Stand-in for the start of the law that is to go wrong."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def sound_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
+    """Stand-in for its step."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def misled_start(gains: Misled, sample: Sample) -> Any:
+    """A law that goes wrong begins as the law does."""
+    return sound_start(gains.gains, sample)
+
+
+@kernel
+def misled_step(gains: Misled, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
+    """The law's own step, and what is injected into its command."""
+    state, command = sound_step(gains.gains, state, sample, reference, dt)
+    for i in range(len(gains.kinds)):
+        if gains.now[0] >= gains.onsets[i]:
+            command = misled(gains.kinds[i], gains.now[0] - gains.onsets[i], command, dt)
+    return state, command

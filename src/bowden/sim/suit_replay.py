@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Part = TypeVar("Part", SuitGeometry, Arm)
 
 NEEDED = ("joint", "joint_velocity", "flexor_tension", "extensor_tension", "interaction_torque", "wearer_torque")
-"""Columns of `bowden.sim.suit` that a replay takes."""
+"""Columns of a suit's trace that a replay takes."""
 
 
 def parts_of(trace: Trace) -> tuple[SuitGeometry, Arm]:
@@ -45,7 +45,7 @@ def replay(trace: Trace, window: float = 2.0) -> Motion:
     elbow is at them MuJoCo waits, and its angle is NaN.
 
     Args:
-        trace: of `bowden.sim.suit.simulate_suit`.
+        trace: of `bowden.sim.run.simulate` on a suit.
         window: how long MuJoCo goes on by itself [s].
 
     Raises:

@@ -13,8 +13,6 @@ from bowden.models.suit.arm import GRAVITY, Arm, arm_of
 from bowden.models.suit.suit_angle import flexor_arm
 from bowden.plants.suit_parts import Suit, prepare_suit
 
-INVERTS = frozenset({"bowden"})
-"""Laws that make up for the drive's lag themselves."""
 FRICTION_SHARE = 0.8
 """How much of the friction is made up for: less than there is, lest the drive hunt [–]."""
 
@@ -71,17 +69,16 @@ def push_of(
     motor, arm = suit.motor, arm or suit.arm
     omega, zeta = motor.servo.natural_frequency, motor.servo.damping
     dead_time = (suit.delay + 0.5) * suit.sample_time
-    inverts = law.name in INVERTS
     return Push(
         admittance=check_admittance(admittance),
         chain=chain_of(suit),
         doubt=doubt or Doubt(),
         under=Under(
-            lead=0.0 if inverts else 2.0 * zeta / omega + dead_time,
-            lead_square=0.0 if inverts else 1.0 / omega**2,
+            lead=0.0 if law.compensates_lag else 2.0 * zeta / omega + dead_time,
+            lead_square=0.0 if law.compensates_lag else 1.0 / omega**2,
             friction=max(0.0, friction_share * friction_of(suit) - motor.friction_feedforward),
             stiffness=motor.inertia * omega**2,
-            compliance=0.0 if law.name == "uncompensated" else _compliance(suit),
+            compliance=_compliance(suit) if "joint" in law.feeds_back else 0.0,
             room=room,
         ),
         estimated=1.0 if estimated else 0.0,

@@ -1,30 +1,63 @@
-"""The closed loop with a drive and the supervisor in it, on a fake clock, with faults: one compiled function a law."""
+"""The loop under the supervisor on a drive and a clock that can break: one compiled function a law.
 
-from typing import Any, NamedTuple
+Its cycle is `bowden.cycle.one_cycle` with the parts that it has live; faults are injected round it, at sensors, bus,
+drive and clock, and in the law.
+"""
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.law import Law, law_start, law_step
+from bowden.control.law import Law, law_start
 from bowden.control.reference import Trajectory
+from bowden.control.source import TABLE, Heard, source_start
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
-from bowden.models.cable.bouc_wen import advance_prepared
-from bowden.models.drive.encoder import reading
-from bowden.models.drive.motor import Motor
-from bowden.models.drive.motor import current as motor_current
-from bowden.models.drive.servo import ServoState, servo_step
+from bowden.cycle.one_cycle import (
+    HOLD,
+    LAW,
+    LAW_BEGINS,
+    SUPERVISED,
+    CycleSettings,
+    CycleState,
+    Filters,
+    Plan,
+    law_and_source,
+    one_cycle,
+)
+from bowden.models.drive.servo import ServoState
 from bowden.models.drive.thermal import ThermalState, cold
-from bowden.models.plausible import Followed, follow
-from bowden.plants.bench import Bench, bench_at, bench_start, prepare_bench
+from bowden.plants.bench import Bench, prepare_bench
+from bowden.plants.plant import SheathPath, sheath_at
+from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, begin, supervise
-from bowden.sim.closed_loop import inputs_of
-from bowden.sim.injected import Around, Injected, asleep, disturbed, misled, misread
+from bowden.safety.supervisor import (
+    ARM,
+    BRIDGING,
+    POWER_OFF,
+    POWER_ON,
+    RUN,
+    RUNNING,
+    Observed,
+    Request,
+    Verdict,
+    begin,
+)
+from bowden.sim.injected import FAULT, Injected, Misled, asleep, disturbed, misled_start, misled_step, misread
+from bowden.sim.injected_drive import (
+    DriveSettings,
+    drive_damaged,
+    drive_heard,
+    drive_moved,
+    drive_reading,
+    drive_start,
+    drive_told,
+    true_joint,
+)
+from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
-
-SPOOL_RADIUS = 0.02
-"""Of the tension that is simulated [m]."""
 
 
 class Outcome(NamedTuple):
@@ -54,115 +87,112 @@ class Outcome(NamedTuple):
     """Cycles of the run in which the verdict was not the wish."""
 
 
+RECORDED = ("wish", *Verdict._fields)
+"""What is kept of every cycle that the loop did not miss."""
+OPERATOR_AGE, EMG_AGE = 0.05, 0.02
+"""Of an operator and an EMG that are well [s]."""
+NONE, FAULTS = float(Request.NONE), len(Fault)
+
+
 @kernel
 def run_supervised(
-    gains: Any,
-    bench: Any,
-    motor: Motor,
-    limits: Limits,
+    settings: CycleSettings,
+    drive_settings: DriveSettings,
     thermal: ThermalState,
     references: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    slope_factors: NDArray[np.float64],
+    sheath: SheathPath,
     normals: NDArray[np.float64],
-    encoders: Any,
     initial_motor: float,
-    dt: float,
-    substeps: int,
-    kinds: NDArray[np.int64],
-    onsets: NDArray[np.int64],
+    delay: int,
     joints: NDArray[np.float64],
     motors: NDArray[np.float64],
+    record: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
-    """One run from a stopped supervisor: armed, run as soon as the drive is enabled, and on after any stop."""
-    cycles = references.shape[1]
-    plant = bench_start(bench, initial_motor, widths[0], slope_factors[0])
-    seen = Sample(plant.joint, plant.motor.position)
-    law, wish = law_step(gains, law_start(gains, seen), seen, Reference(references[0, 0], 0.0, 0.0), dt)
-    law = law_start(gains, seen)
-    blank = DriveReading(seen.motor, seen.joint, 0.0, 5.0, 40.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-    state = begin(limits, blank, thermal)
+    """One run from a stopped supervisor: armed, run as soon as the drive is enabled, and on after any stop.
+
+    A command reaches the drive `delay` cycles after its sample, a power state a cycle later at the soonest.
+
+    Args:
+        settings: of the cycle; the gains are `Misled`, and have the faults that are injected.
+        drive_settings: of the drive and its bench.
+        thermal: how warm the motor is.
+        references: of the joint (3, n).
+        sheath: at the edges of the cycles.
+        normals: of the encoders' noise (n, 2).
+        initial_motor: motor angle at rest [rad].
+        delay: [cycles]
+        joints: memory (n,) for what the joint's encoder said, before faults.
+        motors: likewise.
+        record: to be filled (`RECORDED`, n).
+        out: to be filled with the `Outcome`.
+    """
+    cycles, dt, limits = references.shape[1], drive_settings.dt, settings.limits
+    kinds, onsets, now = settings.gains.kinds, settings.gains.onsets, settings.gains.now
+    drive = drive_start(drive_settings, initial_motor, sheath_at(sheath, 0))
+    seen = Sample(drive.body.joint, drive.body.motor.position)
+    first = drive_reading(drive_settings, drive, np.zeros(2))
+    state = CycleState(
+        seen,
+        law_start(settings.gains, seen),
+        source_start(settings.source, Heard(seen.joint, seen.motor, 0.0, math.nan)),
+        begin(limits, first, thermal),
+    )
+    record[:, :] = math.nan
     out[:6] = -1.0
     out[6:] = 0.0
     out[0] = 0.0
-    target, power, drive, applied, ran = initial_motor, 0.0, 1.0, initial_motor, -1
-    broken, pushed, slipped, anchor, frozen = 0.0, 0.0, 0.0, 0.0, 0.0
-    joint_seen, motor_seen = Followed(seen.joint, 0.0, 0.0), Followed(seen.motor, 0.0, 0.0)
-    loose = deaf = runs_away = jams = dead = tears = 0.0
-    k, missed = 0, 0
+    target, mode, ran, k, missed = initial_motor, 0.0, -1, 0, 0
     while k < cycles:
-        # the drive: its angles of now, its state after what it was told in the cycle before
-        drive = min(drive + 1.0, 4.0) if power > 2.5 else 1.0
-        if deaf == 0.0:
-            applied = target
-        joint = frozen if loose > 0.0 and abs(plant.motor.position - anchor) < 0.8 else plant.joint
-        joint += pushed - broken
-        joints[k] = reading(joint, normals[k, 0], encoders[0])
-        motors[k] = reading(plant.motor.position, normals[k, 1], encoders[1]) + slipped
-        on = power > 2.5 and dead == 0.0
-        load = 0.938 * (motor.pretension + motor.spring * joint) * (0.0 if loose + tears > 0.0 else 1.0)
-        current = motor_current(plant.motor.acceleration, 0.0, 0.0, motor) + load / (motor.gear * motor.torque_constant)
-        current = (motor.current_limit if jams > 0.0 else current) if on else 0.0
-        tension = max(0.0, load / SPOOL_RADIUS)
-        told = DriveReading(motors[k], joints[k], current, tension, 40.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0)
-        request = 1.0 if k == 0 else 2.0 if ran < 0 else 0.0
-        around = Around(missed * dt, (missed + 1) * dt, request, 0.05, 1.0, 1.0, 0.02)
-        missed = 0
-        for i in range(len(kinds)):
-            kind, since = kinds[i], k - onsets[i]
-            if since >= 0:
-                told = misread(kind, since, told, joints, motors, k)
-                around = disturbed(kind, since, around, dt)
-                missed = min(max(missed, asleep(kind, since)), cycles - 1 - k)
-                if kind == 17 and loose == 0.0:
-                    loose, anchor, frozen = 1.0, plant.motor.position, plant.joint
-                elif kind == 18:
-                    tears = 1.0
-                    broken += (plant.joint + 0.2 - broken) * dt / 0.03
-                elif kind == 19:
-                    pushed += 4.0 * dt
-                elif kind == 20:
-                    slipped += 2.0 * dt
-                elif kind == 21:
-                    runs_away = 1.0
-                elif kind == 23:
-                    jams = 1.0
-                elif kind == 31:
-                    deaf, dead = 1.0, 1.0 if since > 50 else dead
-                elif kind >= 35 and kind <= 37:
-                    dead = 1.0
-        if out[2] < 0.0 and k >= onsets[0]:
-            off_joint, off_motor = abs(told.joint - joint), abs(told.motor - plant.motor.position)
-            gone = motors[k] - motors[onsets[0]]
-            if shows(kinds[0], off_joint, off_motor, joint, plant.motor, gone, told, applied, around.lateness):
-                out[2] = k
-
-        # the law: it gets the last angles that can be
-        joint_seen, _, _ = follow(joint_seen, told.joint, dt, limits.sensor_span, limits.jump, limits.joint_speed, 1.0)
-        motor_seen, _, _ = follow(motor_seen, told.motor, dt, limits.sensor_span, limits.jump, limits.motor_speed, 1.0)
-        seen = Sample(joint_seen.value, motor_seen.value)
-        wish = seen.motor
-        if ran >= 0:
-            j = k - ran
-            law, wish = law_step(gains, law, seen, Reference(references[0, j], references[1, j], references[2, j]), dt)
+        # the drive, and what is wrong with what it says
+        drive = drive_heard(drive, record[2, k - max(delay, 1)] if k >= max(delay, 1) else POWER_OFF)
+        true = drive_reading(drive_settings, drive, normals[k])
+        joints[k], motors[k] = true.joint, true.motor
+        joint, told = true_joint(drive), true
         for i in range(len(kinds)):
             if k >= onsets[i]:
-                wish = misled(kinds[i], k - onsets[i], wish, dt)
-        surroundings = (told,) + around[:]  # noqa: RUF005 - Numba takes no star in a tuple
-        state, verdict = supervise(limits, state, Observed(*surroundings), wish, dt)
+                told = misread(kinds[i], k - onsets[i], told, joints, motors, k)
+                drive = drive_damaged(drive_settings, drive, kinds[i], k - onsets[i])
+
+        # the clock and all else that the loop observes
+        request = ARM if k == 0 else RUN if ran < 0 else NONE
+        late = missed * dt
+        observed = Observed(told, late, late + dt, request, OPERATOR_AGE, 1.0, 1.0, EMG_AGE)
+        missed = 0
+        for i in range(len(kinds)):
+            if k >= onsets[i]:
+                observed = disturbed(kinds[i], k - onsets[i], observed, dt)
+                missed = min(max(missed, asleep(kinds[i], k - onsets[i])), cycles - 1 - k)
+
+        # the cycle
+        plan = Plan(HOLD, 0.0, Reference(math.nan, math.nan, math.nan))
+        if ran >= 0 and mode in (RUNNING, BRIDGING):
+            j = k - ran
+            reference = Reference(references[0, j], references[1, j], references[2, j])
+            plan = Plan(LAW_BEGINS if j == 0 else LAW, 0.0, reference)
+        now[0] = k
+        state, _, wish, verdict = one_cycle(settings, state, observed, plan, dt)
+        for j in range(k, k + missed + 1):
+            record[0, j], record[1, j], record[2, j], record[3, j], record[4, j] = wish, *verdict[:4]
+            record[5, j] = verdict.faults
 
         # what came of it
-        most = limits.target_speed * max(dt, min(around.elapsed, 5.0 * dt)) * 1.000001
+        if out[2] < 0.0 and k >= onsets[0]:
+            off_joint, off_motor = abs(told.joint - joint), abs(told.motor - drive.body.motor.position)
+            gone = motors[k] - motors[onsets[0]]
+            if shows(kinds[0], off_joint, off_motor, drive.body.motor, gone, told, drive.applied, observed.lateness):
+                out[2] = k
+        most = limits.target_speed * max(dt, min(observed.elapsed, 5.0 * dt)) * 1.000001
         fine = limits.motor_low <= verdict.target <= limits.motor_high and abs(verdict.target - target) <= most
-        out[0] += 0.0 if fine and verdict.power in (0.0, 3.0) else 1.0
-        if ran < 0 and verdict.mode == 2.0:
+        out[0] += 0.0 if fine and verdict.power in (POWER_OFF, POWER_ON) else 1.0
+        target, mode = verdict.target, verdict.mode
+        if ran < 0 and mode == RUNNING:
             ran = k + 1
         if ran >= 0:
-            out[10] += 1.0 if verdict.target != wish or verdict.power < 3.0 else 0.0
+            out[10] += 1.0 if target != wish or verdict.power < POWER_ON else 0.0
             if out[4] < 0.0:
                 out[7] = max(out[7], verdict.reaction)
-            for i in range(52):
+            for i in range(FAULTS):
                 weight = 2.0**i
                 if np.floor(verdict.faults / weight) % 2.0 == 1.0 and np.floor(out[8] / weight) % 2.0 == 0.0:
                     out[8] += weight
@@ -170,35 +200,18 @@ def run_supervised(
                 out[3] = k
             if verdict.reaction > 1.5 and out[4] < 0.0:
                 out[4], out[9] = k, verdict.faults
-            if verdict.power < 3.0 and out[5] < 0.0:
+            if verdict.power < POWER_ON and out[5] < 0.0:
                 out[5] = k
-        out[6] = verdict.mode
-        target, power = verdict.target, verdict.power
+        out[6] = mode
 
         # the plant, for as many cycles as the loop takes
-        joints[k : k + missed + 1], motors[k : k + missed + 1] = joints[k], motors[k]
         for i in range(len(kinds)):
             if k < onsets[i] <= k + missed:
                 onsets[i] = k + missed + 1  # what happens meanwhile is seen then
         for j in range(k, k + missed + 1):
-            h, travel, width = plant.h, 0.0, widths[j]
-            servo, spool = bench.servo, plant.motor
-            for _ in range(substeps):
-                aim = applied
-                if not on:
-                    aim = spool.position * (1.0 - dt / 0.1)
-                elif runs_away > 0.0:
-                    aim = spool.position + 0.93
-                before = spool.position
-                spool = servo_step(spool, aim, servo)
-                if jams > 0.0:
-                    spool = ServoState(before, 0.0, 0.0)
-                piece = (spool.position - before) / width
-                if piece * travel < 0.0:
-                    h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
-                travel += piece
-            h = advance_prepared(h, travel, bench.hysteresis)
-            plant = bench_at(bench, spool, h, widths[j + 1], slope_factors[j + 1])
+            joints[j], motors[j] = true.joint, true.motor
+            drive = drive_told(drive, record[1, j - delay] if j >= delay else initial_motor)
+            drive = drive_moved(drive_settings, drive, sheath_at(sheath, j), sheath_at(sheath, j + 1))
         k += missed + 1
     out[1] = ran
 
@@ -208,7 +221,6 @@ def shows(
     kind: int,
     off_joint: float,
     off_motor: float,
-    joint: float,
     motor: ServoState,
     gone: float,
     told: DriveReading,
@@ -220,28 +232,28 @@ def shows(
     A wrong joint angle hides within the cable's play and slopes, a wrong motor angle within what the servo's model is
     trusted to: `docs/safety.md` has these figures. All else matters at once.
     """
-    if kind == 3 or kind == 7 or kind == 8 or kind == 17 or kind == 18:
+    late_or_turned = kind == Injected.JOINT_FROZEN or kind == Injected.JOINT_DELAY or kind == Injected.JOINT_SIGN
+    if late_or_turned or kind == Injected.SLACK or kind == Injected.BROKEN_CABLE:
         return off_joint > 0.6 or abs(gone) > 0.5
-    if kind == 11 or kind == 15 or kind == 16:
+    late_or_turned = kind == Injected.MOTOR_FROZEN or kind == Injected.MOTOR_DELAY or kind == Injected.MOTOR_SIGN
+    if late_or_turned or kind == Injected.MOTOR_OVER_TRAVEL:
         return off_motor > 0.15 + 0.02 * abs(motor.velocity)
-    if kind == 19:
+    if kind == Injected.JOINT_OVER_TRAVEL:
         return told.joint > 1.5
-    if kind == 20:
-        return off_motor > 0.15 + 0.02 * abs(motor.velocity)
-    if kind == 21:
+    if kind == Injected.OVER_SPEED:
         return abs(motor.velocity) > 15.0
-    if kind == 22:
+    if kind == Injected.OVER_TENSION:
         return told.tension > 150.0
-    if kind == 23:
+    if kind == Injected.JAM:
         return abs(applied - motor.position) > 0.25
-    if kind == 31:
-        return told.drive_state > 6.5
-    if kind == 38 or kind == 39:
+    if kind == Injected.HOST_SILENT:
+        return told.drive_state == FAULT
+    if kind == Injected.OVERRUN or kind == Injected.OVERRUNS:
         return lateness > 0.0
-    if kind == 26:
+    if kind == Injected.DRIVE_HOT:
         return told.temperature > 80.0
-    if kind == 30 or kind == 29:
-        return told.heartbeat_age > 0.05 or kind == 29
+    if kind == Injected.HEARTBEAT_SILENT:
+        return told.heartbeat_age > 0.05
     return True
 
 
@@ -257,8 +269,8 @@ def supervised(
     initial_motor: float = 0.0,
     injected: tuple[tuple[Injected, float], ...] = (),
     thermal: ThermalState | None = None,
-) -> Outcome:
-    """Run a law against the bench under the supervisor.
+) -> tuple[Outcome, NDArray[np.float64]]:
+    """Run a law against the bench under the supervisor; the outcome, and what was wished and judged (`RECORDED`, n).
 
     Args:
         bench: the plant.
@@ -273,26 +285,29 @@ def supervised(
         thermal: how warm the motor is; cold where it is not given.
     """
     inputs = inputs_of(bench, reference, duration, bend or constant_bend(bench.sheath.bend), seed)
-    faults = injected or ((Injected.NOTHING, duration),)
     out, cycles = np.empty(len(Outcome._fields)), len(inputs.time)
-    specialise(run_supervised, law.name, law_start=law.start_kernel, law_step=law.step_kernel)(
-        law.gains,
-        prepare_bench(bench),
-        bench.motor,
-        limits,
+    record = np.empty((len(RECORDED), cycles))
+    parts = law_and_source(law) | {"law_start": misled_start, "law_step": misled_step}
+    parts |= {"sound_start": law.start_kernel, "sound_step": law.step_kernel}
+    specialise(run_supervised, law.name, **parts, **SUPERVISED)(
+        CycleSettings(misled_gains(law, injected, bench.sample_time), TABLE.settings, Filters(), limits),
+        DriveSettings(prepare_bench(bench), bench.sample_time),
         thermal or cold(limits.thermal),
         inputs.references,
-        inputs.widths,
-        inputs.slope_factors,
+        inputs.sheath,
         inputs.normals,
-        (bench.joint_encoder, bench.motor_encoder),
         float(initial_motor),
-        bench.sample_time,
-        bench.substeps,
-        np.array([int(kind) for kind, _ in faults]),
-        np.array([round(begin_at / bench.sample_time) for _, begin_at in faults]),
+        bench.delay,
         np.empty(cycles),
         np.empty(cycles),
+        record,
         out,
     )
-    return Outcome(*out.tolist())
+    return Outcome(*out.tolist()), record
+
+
+def misled_gains(law: Law, injected: tuple[tuple[Injected, float], ...], dt: float) -> Misled:
+    """The law's gains with the faults that are injected, and when they begin [s]."""
+    faults = injected or ((Injected.NOTHING, 1e6),)
+    kinds, onsets = ([int(kind) for kind, _ in faults], [round(onset / dt) for _, onset in faults])
+    return Misled(law.gains, np.array(kinds), np.array(onsets), np.zeros(1, dtype=np.int64))

@@ -3,13 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from bowden.core.errors import ParameterError
-from bowden.rig import compose
-from bowden.rig.config import check_points, explained, read_rig
-from bowden.rig.keys import missing_for, nearest, numeric_keys, with_values, written
-from bowden.rig.schema import Rig
+from bowden.rig.config import checked_file, read_toml
+from bowden.rig.given_law import loaded, named
+from bowden.rig.keys import missing_for, nearest, numeric_keys, simulated, with_values
+from bowden.rig.rig import Rig
 from bowden.study.distributions import Value
 from bowden.study.file import read_study
 from bowden.study.study import SENSOR_FAULTS, Column, Study
@@ -38,20 +36,22 @@ def load(path: Path, over: Path | None = None) -> Study:
         )
     found, folder = over or own, path.parent if over is None else over.parent
     rig_path = found or path
-    rig = _changed(read_rig(found) if found else Rig(), file.set, path)
+    duration = {"duration": file.duration_s} if file.duration_s else {}
+    rig = _changed(found, file.set, path).replace(**duration)
     if over is not None:
-        file = file.model_copy(update={"rig": str(over), "laws": [rig.control.law]})
+        file = file.model_copy(update={"rig": str(over), "laws": [rig.law_name]})
     if rig.emg.source is not None:
         raise ParameterError(
             f"{path}: its rig goes by EMG, emg.source is {rig.emg.source!r}",
             expected="a rig that goes by [reference]",
             do="delete emg.source, or copy the rig without it",
         )
-    laws = tuple(compose.law_named(name, folder) for name in file.laws)
+    given = tuple(named(name, folder) for name in file.laws)
+    laws = tuple(loaded(law) for law in given)
     names = [law.name for law in laws]
     if len(set(names)) < len(names):
         raise ParameterError(f"{path}: laws has two of one name: {', '.join(names)}", do="name each law once")
-    known = numeric_keys(rig) | {f"control.gains.{gain}": "–" for law in laws for gain in law.gains._fields}
+    known = numeric_keys(rig.tree()) | {f"control.gains.{gain}": "–" for law in laws for gain in law.gains._fields}
     for key in file.vary:
         if key not in known:
             raise ParameterError(
@@ -62,18 +62,17 @@ def load(path: Path, over: Path | None = None) -> Study:
                 f"{path}: vary has {key!r}, which changes nothing here", expected=missing, do="add that to [set]"
             )
     columns = tuple(Column(name, _unit(name, known), spread) for name, spread in spreads.items())
-    duration = file.duration_s or rig.scenario.duration_s
-    study = Study(path, file, rig_path, rig, laws, columns, duration)
-    if study.shared.pushing is not None and "suit.drive_integral_per_s" not in file.vary:
+    study = Study(path, file, rig, given, laws, columns)
+    if rig.pushing is not None and "suit.drive_integral_per_s" not in file.vary:
         try:  # where it is varied, each run says which
-            study.shared.pushing.refuse_integral()
+            rig.pushing.refuse_integral()
         except ParameterError as error:
             where = path if "suit.drive_integral_per_s" in file.set else rig_path
             raise ParameterError(f"{where}: {error.what}", expected=error.expected, do=f"{error.do} there") from error
     for column in columns:
         _check_ends(study, column)
     for number in range(min(file.runs, _TRIED)):
-        study.setup(number)
+        study.run(number)
     return study
 
 
@@ -81,21 +80,26 @@ def _unit(name: str, known: dict[str, str]) -> str:
     return "s" if name in ("fault.begin_s", "fault.length_s") else known.get(name, "–")
 
 
-def _changed(rig: Rig, changes: dict[str, Any], path: Path) -> Rig:
-    """The rig with what [set] changes."""
+def _changed(found: Path | None, changes: dict[str, Any], path: Path) -> Rig:
+    """The rig of a file, or the default one, with what [set] changes; only both together need to make sense."""
+    tree = read_toml(found) if found else {}
+    whole = checked_file(tree, found or path).model_dump(exclude_none=True)
     if not changes:
-        return rig
+        return Rig.of_tree(tree, found or path)
     try:
-        changed = Rig.model_validate(with_values(written(rig), changes.items()))
-    except ValidationError as error:
-        raise explained(error, path) from error
+        changed = with_values(_as_given(tree, whole), changes.items())
     except KeyError as error:
         raise ParameterError(
             f"{path}: set has the unknown key {error.args[0]!r}",
-            expected=nearest(str(error.args[0]), numeric_keys(rig)),
+            expected=nearest(str(error.args[0]), numeric_keys(whole)),
         ) from error
-    check_points(changed, path)
-    return changed
+    checked_file(changed, path)
+    return Rig.of_tree(changed, found or path)
+
+
+def _as_given(tree: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:
+    """All sections of a rig with their defaults, but a cable's parameters where the file names its model."""
+    return whole | ({"cable": tree["cable"]} if "model" in tree.get("cable", {}) else {})
 
 
 def _check_ends(study: Study, column: Column) -> None:
@@ -130,9 +134,8 @@ def _check_gain(study: Study, gain: str, value: Value, where: str) -> None:
 
 def _check_key(study: Study, key: str, end: Value) -> None:
     try:
-        Rig.model_validate(with_values(written(study.rig), [(key, end)]))
-    except ValidationError as error:
-        found = explained(error, study.path)
+        Rig.of_tree(with_values(simulated(study.rig), [(key, end)]), study.path, keep=study.rig)
+    except ParameterError as error:
         raise ParameterError(
-            found.what.replace(" is ", " reaches ", 1), expected=found.expected, do="narrow what is varied"
+            error.what.replace(" is ", " reaches ", 1), expected=error.expected, do="narrow what is varied"
         ) from error

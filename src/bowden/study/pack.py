@@ -1,5 +1,6 @@
 """A study as plain bytes, for processes that may run on another machine, and what they do with it."""
 
+import base64
 import json
 from contextlib import ExitStack
 from dataclasses import replace
@@ -7,12 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowden.control import Law, user_law
+from bowden.control import user_law
 from bowden.core.errors import ParameterError
-from bowden.core.files import whole_files
-from bowden.core.kernel_cache import cache_folder
-from bowden.rig import compose
-from bowden.rig.schema import Rig
+from bowden.rig.given_law import LawFile, loaded
+from bowden.rig.rig import Rig
 from bowden.study.distributions import distribution
 from bowden.study.rows import table_of
 from bowden.study.schema import Study as StudyFile
@@ -24,31 +23,27 @@ if TYPE_CHECKING:
 
 def packed(study: Study) -> bytes:
     """The study with the models, recordings and laws that it needs."""
-    names = [name if user_law.is_file(name) else "" for name in study.file.laws]
-    laws = {str(i): Path(law.step_kernel.__code__.co_filename) for i, law in enumerate(study.laws) if names[i]}
-    folder = study.rig_path.parent
-    files = laws | {
-        key: folder / name
-        for key, name in (("model", study.rig.cable.model), ("motion", getattr(study.rig.reference, "file", None)))
-        if name
-    }
     document = {
         "software": software(),
-        "hash": study.hash,
         "path": str(study.path),
         "file": study.file.model_dump(mode="json", exclude_none=True, exclude={"vary", "told", "fault"}),
         "told": study.file.told is not None,
-        "rig": study.rig.model_dump(mode="json", exclude_none=True),
+        "rig": study.rig.document(),
+        "laws": [_packed_law(law) for law in study.given],
         "columns": [[c.name, c.unit, c.spread.kind, list(c.spread.given)] for c in study.columns],
-        "duration": study.duration,
-        "files": {key: [file.name, file.read_bytes().hex()] for key, file in files.items()},
     }
     return json.dumps(document).encode()
 
 
+def _packed_law(law: str | LawFile) -> Any:
+    if isinstance(law, str):
+        return law
+    return {"name": law.name, "path": law.path, "source": base64.b64encode(law.source).decode()}
+
+
 @lru_cache(2)
 def unpacked(pack: bytes) -> Study:
-    """The study again; its files are put beside the compiled code of this machine.
+    """The study again.
 
     Raises:
         ParameterError: it comes from another version of the package.
@@ -60,29 +55,17 @@ def unpacked(pack: bytes) -> Study:
             expected="the same software on both",
             do="install it there",
         )
-    home = cache_folder() / "studies" / document["hash"]
-    places: dict[str, Path] = {}
-    for key, (name, content) in document["files"].items():
-        with whole_files(home / key) as stage:
-            (stage / name).write_bytes(bytes.fromhex(content))
-        places[key] = home / key / name
-    rig = document["rig"]
-    if "model" in places:
-        rig["cable"] = {"model": str(places["model"])}
-    if "motion" in places:
-        rig["reference"]["file"] = str(places["motion"])
     file = StudyFile.model_validate(document["file"] | ({"told": {}} if document["told"] else {}))
-    laws = tuple(_law(name, places.get(str(i))) for i, name in enumerate(file.laws))
+    given = tuple(_law(law) for law in document["laws"])
+    laws = tuple(loaded(law) for law in given)
     columns = tuple(Column(name, unit, distribution(kind, given)) for name, unit, kind, given in document["columns"])
-    path = Path(document["path"])
-    return Study(path, file, path, Rig.model_validate(rig), laws, columns, document["duration"])
+    return Study(Path(document["path"]), file, Rig.unpack(document["rig"]), given, laws, columns)
 
 
-def _law(name: str, place: Path | None) -> Law:
-    if place is None:
-        return compose.law_named(name, Path())
-    attribute = user_law.absolute(name).rpartition(".py")[2]
-    return user_law.load(f"{place}{attribute}")
+def _law(packed: Any) -> str | LawFile:
+    if isinstance(packed, str):
+        return packed
+    return LawFile(packed["name"], packed["path"], base64.b64decode(packed["source"]))
 
 
 def compute(pack: bytes, first: int, last: int) -> bytes:
@@ -126,5 +109,5 @@ def warm(study: Study) -> None:
     Raises:
         ParameterError: a law that cannot be compiled.
     """
-    cycle = study.setup(0)[0].bench.sample_time  # [s]; it may be drawn
-    rows(replace(study, duration=8.0 * cycle), range(1))
+    cycle = study.run(0)[0].sample_time  # [s]; it may be drawn
+    rows(replace(study, rig=study.rig.replace(duration=8.0 * cycle)), range(1))

@@ -6,8 +6,8 @@ from typing import Any
 
 from bowden.core.files import whole_file
 from bowden.rig import made_tables
+from bowden.rig.declaration import Section
 from bowden.rig.page import keys_of
-from bowden.rig.section import Section
 from bowden.study.distributions import WANTED
 from bowden.study.rows import FIGURES, SUIT_FIGURES
 from bowden.study.schema import DistributionSection, FaultSection, Study, ToldSection

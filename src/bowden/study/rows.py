@@ -7,7 +7,7 @@ import numpy as np
 
 from bowden.core.units import DEGREES
 from bowden.sim.many import Outcome, simulate_many
-from bowden.sim.suit_many import SuitOutcome, simulate_suits
+from bowden.sim.suit_figures import SuitOutcome, simulate_suits
 from bowden.study.study import Drawn, Study
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def table_of(study: Study, numbers: Iterable[int]) -> "pa.Table":
 def _found(study: Study, runs: list[tuple[int, Drawn]]) -> Iterator[list[list[Any]]]:
     """The figures of each run, for each law."""
     if study.worn:
-        for worn in simulate_suits(study.suit_cases(runs), study.duration):
+        for worn in simulate_suits(study.cases(runs), study.duration):
             yield [[*_figures(one.run), *_suit_figures(one)] for one in worn]
     else:
         for outcomes in simulate_many(study.cases(runs), study.duration):

@@ -4,8 +4,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from bowden.rig.section import Section
-from bowden.rig.section import key as _key
+from bowden.rig.declaration import Section
+from bowden.rig.declaration import plain_key as _key
 
 _Number = float | int
 _Word = float | int | str
@@ -27,7 +27,7 @@ class DistributionSection(Section):
 
 
 class ToldSection(Section):
-    """What the laws are told of the rig, as a factor on what is true, where they have gains of that name."""
+    """What the laws are told wrongly of the rig of each run, as a factor on what is true."""
 
     servo_frequency: DistributionSection | None = _key(None, "natural frequency of the servo", examples=[{}])
     servo_damping: DistributionSection | None = _key(None, "damping ratio of the servo", examples=[{}])
@@ -61,6 +61,6 @@ class Study(Section):
         {}, "numeric keys of the rig, dotted, or control.gains.NAME, and how each is spread over the runs"
     )
     told: Annotated[ToldSection | None, Field(json_schema_extra={"unit": "–"})] = _key(
-        None, "what the laws are told of the rig; left out, they keep the gains that they have"
+        None, "what the laws are told wrongly of the rig of each run; left out, they are told what is true"
     )
     fault: FaultSection | None = _key(None, "a sensor that fails; left out, none")

@@ -9,26 +9,30 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 
 from bowden import __version__
 from bowden.control import Law, user_law
+from bowden.control.knowledge import Knowledge
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
-from bowden.design.league import told_of
-from bowden.rig import compose
-from bowden.rig.config import check_points, explained
-from bowden.rig.keys import LIVE, with_values, written
-from bowden.rig.schema import Rig
+from bowden.rig.bends import RandomBend
+from bowden.rig.given_law import LawFile
+from bowden.rig.keys import simulated, with_values
+from bowden.rig.rig import Rig
 from bowden.sim.faulty import Fault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case
-from bowden.sim.suit_many import SuitCase
+from bowden.sim.scenario import BendPath
 from bowden.study.distributions import Distribution, Value, describe
 from bowden.study.schema import Study as StudyFile
+from bowden.study.schema import ToldSection
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
+
+
+_LOOKED_AT = 24
+"""Runs that are made to see what differs between them."""
 
 
 def software() -> str:
@@ -60,36 +64,36 @@ class Study:
 
     path: Path
     file: StudyFile
-    rig_path: Path
-    """Of its rig.toml; its own where it has none."""
     rig: Rig
-    """With what [set] changes."""
+    """With what [set] changes, and the study's duration."""
+    given: tuple[str | LawFile, ...]
+    """The laws as they are named."""
     laws: tuple[Law, ...]
     """With their own gains."""
     columns: tuple[Column, ...]
-    duration: float
-    """[s]"""
+
+    @property
+    def duration(self) -> float:
+        """Of each run [s]."""
+        return self.rig.duration
 
     @cached_property
     def _tree(self) -> dict[str, Any]:
-        return written(self.rig)
-
-    @cached_property
-    def shared(self) -> compose.Setup:
-        """The setup of the rig as it stands, whose reference and bend serve all runs that do not vary them."""
-        return compose.setup_of(self.rig, self.rig_path, self.duration, 0)
+        return simulated(self.rig)
 
     @cached_property
     def nominal(self) -> tuple[Law, ...]:
         """The laws as the rig itself has them, where nothing is drawn."""
-        names = zip(self.laws, self.file.laws, strict=True)
-        bench, own = self.shared.bench, self.rig.control.law
-        return tuple(compose.fitted(law, self.rig, bench, rigs_own=name == own) for law, name in names)
+        return tuple(self.rig.fitted(given) for given in self.given)
 
     @cached_property
-    def _begin(self) -> float:
-        """Where its reference starts [rad]."""
-        return float(self.shared.reference.sample(np.zeros(1))[0, 0])
+    def told_apart(self) -> frozenset[str]:
+        """Gains of the first law that its runs are told differently, judged by the first of them."""
+        nominal, first = self.nominal[0].gains, range(min(self.file.runs, _LOOKED_AT))
+        laws = [self.run(number)[1][0] for number in first]
+        return frozenset(
+            name for name, value in nominal._asdict().items() if any(getattr(law.gains, name) != value for law in laws)
+        )
 
     def _varies(self, *sections: str) -> bool:
         return any(column.name.startswith(sections) for column in self.columns)
@@ -107,18 +111,13 @@ class Study:
         Raises:
             ParameterError: values that do not fit one another.
         """
+        if not self.columns:
+            return self.rig.replace(seed=drawn.seed)
         keys = [(k, v) for k, v in drawn.values.items() if not k.startswith(("control.gains.", "told.", "fault."))]
-        tree = with_values(self._tree, [*keys, ("scenario.seed", drawn.seed), ("scenario.duration_s", self.duration)])
-        try:
-            rig = Rig.model_validate(tree)
-        except ValidationError as error:
-            raise explained(error, self.path) from error
-        if rig.cable.slope == 0.0:
-            raise ParameterError(f"{self.path}: cable.slope is 0", expected="a number above or below 0")
-        check_points(rig, self.path)
-        return rig
+        tree = with_values(self._tree, [*keys, ("scenario.seed", drawn.seed)])
+        return Rig.of_tree(tree, self.path, keep=self.rig)
 
-    def setup(self, number: int, drawn: Drawn | None = None) -> tuple[compose.Setup, tuple[Law, ...], Fault | None]:
+    def run(self, number: int, drawn: Drawn | None = None) -> tuple[Rig, tuple[Law, ...], Fault | None]:
         """All that a run needs; `drawn` if that is known.
 
         Raises:
@@ -132,39 +131,27 @@ class Study:
                 f"{self.path}, run {number}: {text}", expected=error.expected, do="narrow what is varied"
             ) from error
 
-    def _put_together(self, drawn: Drawn) -> tuple[compose.Setup, tuple[Law, ...], Fault | None]:
-        rig = self.rig_of(drawn) if self.columns else self.rig
-        varied = self._varies("reference.")
-        moved = self._varies("scenario.bend", "sheath.") or rig.scenario.bend.kind == "random"
-        setup = compose.setup_of(
-            rig,
-            self.rig_path,
-            self.duration,
-            drawn.seed,
-            None if varied else self.shared.reference,
-            None if moved else self.shared.bend,
-            None if varied else self._begin,
-        )
-        if setup.pushing is not None:
-            setup.pushing.refuse_integral()
-        laws = tuple(
-            self._fitted(law, name, rig, setup, drawn) for law, name in zip(self.laws, self.file.laws, strict=True)
-        )
-        return setup, laws, self._fault(drawn.values, setup.bench.sample_time)
+    def _put_together(self, drawn: Drawn) -> tuple[Rig, tuple[Law, ...], Fault | None]:
+        rig = self.rig_of(drawn)
+        if rig.pushing is not None:
+            rig.pushing.refuse_integral()
+        laws = tuple(self._fitted(given, rig, drawn) for given in self.given)
+        return rig, laws, self._fault(drawn.values, rig.sample_time)
 
-    def _fitted(self, law: Law, name: str, rig: Rig, setup: compose.Setup, drawn: Drawn) -> Law:
-        law = compose.fitted(law, rig, setup.bench, rigs_own=name == rig.control.law)
+    def _fitted(self, given: str | LawFile, rig: Rig, drawn: Drawn) -> Law:
+        law = rig.fitted(given, self._believed(rig.knowledge, drawn))
         gains = {k.removeprefix("control.gains."): v for k, v in drawn.values.items() if k.startswith("control.gains.")}
-        law = law.with_gains(**{key: value for key, value in gains.items() if key in law.gains._fields})
-        if self.file.told is None:
-            return law
-        servo, bench = setup.bench.servo, setup.bench
-        factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in type(self.file.told).model_fields}
-        believed = servo._replace(
-            natural_frequency=servo.natural_frequency * factors["servo_frequency"],
-            damping=servo.damping * factors["servo_damping"],
-        )
-        return told_of(law, believed, (bench.delay + 0.5) * bench.sample_time * factors["delay"])
+        return law.with_gains(**{key: value for key, value in gains.items() if key in law.gains._fields})
+
+    def _believed(self, known: Knowledge, drawn: Drawn) -> Knowledge:
+        """What the laws of a run are told: what its rig knows, wrong by the factors of [told]."""
+        factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in ToldSection.model_fields}
+        return known._replace(**{key: getattr(known, key) * factor for key, factor in factors.items()})
+
+    def _bend(self, rig: Rig) -> BendPath:
+        """The bend of a run; one that is not drawn is the same object in all runs, which share what it costs."""
+        moved = self._varies("scenario.bend", "sheath.") or isinstance(rig.bend, RandomBend)
+        return rig.bend_path if moved else self.rig.bend_path
 
     def _fault(self, values: dict[str, Value], dt: float) -> Fault | None:
         if "fault.kind" not in values:
@@ -179,49 +166,36 @@ class Study:
         """Whether the plants are suits on wearers, in place of benches."""
         return self.rig.suit.worn
 
-    def suit_cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[SuitCase]:
-        """The runs of these numbers on the suit, for `bowden.sim.suit_many.simulate_suits`."""
+    def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
+        """The runs of these numbers, for `bowden.sim.many` and `bowden.sim.suit_figures`."""
         for number, drawn in runs:
-            setup, laws, fault = self.setup(number, drawn)
-            assert setup.suit is not None  # it is worn
-            push = setup.pushing
-            yield SuitCase(
-                suit=setup.suit,
+            rig, laws, fault = self.run(number, drawn)
+            push = rig.pushing
+            yield Case(
+                plant=rig.simulated_plant,
                 laws=laws,
-                reference=setup.reference,
-                bend=setup.bend,
-                seed=setup.seed,
-                initial_motor=setup.initial_motor,
+                reference=rig.trajectory,
+                bend=self._bend(rig),
+                seed=rig.seed,
+                initial_motor=rig.start_motor,
                 fault=fault,
                 sources=() if push is None else tuple(map(push.source, laws)),
-                cell=None if push is None else push.cell,
-            )
-
-    def cases(self, runs: Iterable[tuple[int, Drawn]]) -> Iterator[Case]:
-        """The runs of these numbers on the bench, for `bowden.sim.many.simulate_many`."""
-        for number, drawn in runs:
-            setup, laws, fault = self.setup(number, drawn)
-            yield Case(
-                plant=setup.bench,
-                laws=laws,
-                reference=setup.reference,
-                bend=setup.bend,
-                seed=setup.seed,
-                initial_motor=setup.initial_motor,
-                fault=fault,
             )
 
     @cached_property
     def identity(self) -> dict[str, Any]:
         """All that the results depend on, as JSON values: two studies with the same give the same rows."""
-        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in self.files()}
+        files = {
+            Path(law.path).name: user_law.fingerprint(law.source) for law in self.given if isinstance(law, LawFile)
+        }
         return {
             "bowden": software(),
             "laws": [law.name for law in self.laws],
             "runs": self.file.runs,
             "seed": self.file.seed,
             "duration_s": self.duration,
-            "rig": self.rig.model_dump(mode="json", exclude=set(LIVE)),
+            "rig": simulated(self.rig),
+            "plant": self.plant_hash,
             "draws": {column.name: describe(column.spread) for column in self.columns},
             "told": self.file.told is not None,
             "files": files,
@@ -233,11 +207,8 @@ class Study:
         text = json.dumps(self.identity, sort_keys=True, ensure_ascii=False)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def files(self) -> list[Path]:
-        """Files besides the study and its rig that its rows depend on: models, recordings, laws."""
-        folder = self.rig_path.parent
-        named = [self.rig.cable.model, getattr(self.rig.reference, "file", None)]
-        others = [folder / name for name in named if name]
-        laws = [law.step_kernel.__code__.co_filename for law in self.laws]
-        own = [Path(file) for name, file in zip(self.file.laws, laws, strict=True) if user_law.is_file(name)]
-        return [*others, *dict.fromkeys(own)]
+    @cached_property
+    def plant_hash(self) -> str:
+        """The hash of the rig as far as a simulation depends on it: the contents of its files too."""
+        default = Rig()
+        return self.rig.replace(drive=default.drive, limits=default.limits, live=default.live).hash

@@ -76,17 +76,8 @@ def check_study(study: Study) -> None:
 
 def runs_of(study: Study) -> StudyRuns:
     """The runs that gains are tuned against."""
-    most = int(_CYCLES * study.rig.bench.sample_time_ms * 1e-3 / study.duration)
+    most = int(_CYCLES * study.rig.sample_time / study.duration)
     return StudyRuns(packed(study), max(2, min(TUNED, study.file.runs // 2, most)))
-
-
-def fixed_of(study: Study) -> frozenset[str]:
-    """Gains that are not the search's to choose: what a study with [told] gives to each run."""
-    if study.file.told is None:
-        return frozenset()
-    known, leads = {"servo_frequency", "servo_damping", "delay"}, {"lead", "lead_square"}
-    fields = set(study.laws[0].gains._fields)
-    return frozenset(known & fields | (leads if leads <= fields else set()))
 
 
 class Part(NamedTuple):
@@ -134,10 +125,9 @@ def _in_run(study: Study, case: Case, law: Law) -> Law:
     """The law of a run with what differs in `law` from the study's own on its rig."""
     (own,) = case.laws
     (nominal,) = study.nominal
-    told = fixed_of(study)
     changed = {
         name: value
         for name, value in law.gains._asdict().items()
-        if name not in told and value != getattr(nominal.gains, name)
+        if name not in study.told_apart and value != getattr(nominal.gains, name)
     }
     return own.with_gains(**changed)

@@ -25,11 +25,12 @@ Left out: the spool's inertia (0.02 N·m at 0.5 Hz), how the fabric stiffens, an
 Of the cables' kinds it models the play; with capstan friction its half-width stands for the mean loss.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel, sel, tanh
+from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.suit.suit_angle import SpoolMap, flexor_arm, flexor_travel
@@ -85,28 +86,17 @@ class Doubt(NamedTuple):
 class InteractionState(NamedTuple):
     """What the estimate remembers."""
 
-    spool: float
-    """θ of the cycle before [rad]."""
-    joint: float
-    """φ of the cycle before [rad]."""
-    spool_rate: float
-    """[rad/s]"""
-    joint_rate: float
-    """[rad/s]"""
-    current: float
-    """Filtered [A]."""
-    flexor_node: float
-    """u of the flexor [m]."""
-    extensor_node: float
-    """u of the extensor [m]."""
-    torque: float
-    """Of the suit on the elbow, flexing positive [N·m]."""
-    doubt: float
-    """Its standard deviation, as it is reckoned [N·m]."""
-    from_current: float
-    """τ_c [N·m]."""
-    from_stretch: float
-    """τ_s [N·m]."""
+    spool: Annotated[float, Quantity("θ of the cycle before", "rad")]
+    joint: Annotated[float, Quantity("φ of the cycle before", "rad")]
+    spool_rate: Annotated[float, Quantity("dθ/dt, filtered", "rad/s")]
+    joint_rate: Annotated[float, Quantity("dφ/dt, filtered", "rad/s")]
+    current: Annotated[float, Quantity("current, filtered", "A")]
+    flexor_node: Annotated[float, Quantity("u of the flexor", "m")]
+    extensor_node: Annotated[float, Quantity("u of the extensor", "m")]
+    torque: Annotated[float, Quantity("of the suit on the elbow, flexing positive", "N·m")]
+    doubt: Annotated[float, Quantity("its standard deviation, as it is reckoned", "N·m")]
+    from_current: Annotated[float, Quantity("τ_c", "N·m")]
+    from_stretch: Annotated[float, Quantity("τ_s", "N·m")]
 
 
 @kernel

@@ -31,7 +31,7 @@ F: of drive, gears and sheaths, at the spool; v: speed within which its sign goe
 there is only costs transparency; making up for more lets the drive hunt.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from bowden.control.admittance.virtual_elbow import (
 )
 from bowden.control.source import Heard, Source
 from bowden.core.kernel import kernel, sel, sin, tanh
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.models.suit.suit_angle import flexor_arm, spool_of
@@ -111,36 +112,19 @@ class Push(NamedTuple):
 
 
 class Pushed(NamedTuple):
-    """The part of the state between virtual elbow and estimate; compiled code joins tuples, not numbers to tuples."""
+    """The wearer's push."""
 
-    push: float
-    """τ [N·m]."""
-    rested: float
-    """s, 0 for an elbow that moves, 1 for one at rest [–]."""
-    slow: float
-    """φ, late by `Rest.smoothing` [rad]."""
+    torque: Annotated[float, Quantity("the wearer's torque on the elbow", "N·m", symbol="τ")]
+    rested: Annotated[float, Quantity("s, 0 for an elbow that moves, 1 for one at rest")]
+    slow: Annotated[float, Quantity("φ, late by `Rest.smoothing`", "rad")]
 
 
 class PushState(NamedTuple):
     """What the source remembers: the virtual elbow, the push, and the estimate."""
 
-    position: float
-    velocity: float
-    acceleration: float
-    push: float
-    rested: float
-    slow: float
-    spool: float
-    joint: float
-    spool_rate: float
-    joint_rate: float
-    current: float
-    flexor_node: float
-    extensor_node: float
-    estimate: float
-    doubt: float
-    from_current: float
-    from_stretch: float
+    virtual: AdmittanceState
+    push: Pushed
+    estimate: InteractionState
 
 
 @kernel
@@ -148,7 +132,7 @@ def push_start(settings: Push, heard: Heard) -> PushState:
     """At rest where the motor is: the law's first command then moves nothing."""
     estimate = interaction_start(settings.chain, spool_of(heard.motor, settings.chain.map), heard.joint)
     virtual = admittance_start(settings.admittance, heard.motor)
-    return PushState(*(virtual[:] + Pushed(0.0, 0.0, heard.joint)[:] + estimate[:]))
+    return PushState(virtual, Pushed(0.0, 0.0, heard.joint), estimate)
 
 
 @kernel
@@ -173,40 +157,26 @@ def push_step(
 ) -> tuple[PushState, Reference, float]:
     """One cycle: torque, admittance, and the motor's lead."""
     chain, under = settings.chain, settings.under
-    before = InteractionState(*state[6:17])
     spool = spool_of(heard.motor, chain.map)
-    estimate = interaction_step(chain, settings.doubt, before, spool, heard.joint, heard.current, dt)
+    estimate = interaction_step(chain, settings.doubt, state.estimate, spool, heard.joint, heard.current, dt)
     torque = sel(settings.estimated > 0.5, estimate.torque, heard.load)
     held = settings.carried * settings.weight * sin(estimate.joint + settings.elevation)
     push = held - torque
-    slow = state.slow + dt / (settings.rest.smoothing + dt) * (estimate.joint - state.slow)
+    slow = state.push.slow + dt / (settings.rest.smoothing + dt) * (estimate.joint - state.push.slow)
     still = np.abs(estimate.joint - slow) < settings.rest.still * settings.rest.smoothing
     goal, lag = sel(still, 1.0, 0.0), sel(still, settings.rest.patience, settings.rest.leave)
-    rested = state.rested + dt / (lag + dt) * (goal - state.rested)
+    rested = state.push.rested + dt / (lag + dt) * (goal - state.push.rested)
     doubt = sel(settings.estimated > 0.5, settings.rest.sure * estimate.doubt, settings.rest.cell)
     told = beyond_band(push, rested * doubt)
-    virtual, reference = admittance_step(settings.admittance, AdmittanceState(*state[0:3]), told, dt)
+    virtual, reference = admittance_step(settings.admittance, state.virtual, told, dt)
     ratio = chain.map.radius / flexor_arm(reference.position, chain.map)
     effort = under.friction * tanh(reference.velocity / under.speed) + held * ratio
     added = under.lead * reference.velocity + under.lead_square * reference.acceleration
     added = added + effort / under.stiffness * ratio
     shown = Reference(stretched(settings, reference.position, push), reference.velocity, reference.acceleration)
-    return PushState(*(virtual[:] + Pushed(push, rested, slow)[:] + estimate[:])), shown, added
-
-
-PUSH_UNITS = {
-    **dict.fromkeys(("position", "spool", "joint"), "rad"),
-    **dict.fromkeys(("velocity", "spool_rate", "joint_rate"), "rad/s"),
-    "acceleration": "rad/s²",
-    **dict.fromkeys(("push", "estimate", "doubt", "from_current", "from_stretch"), "N·m"),
-    "rested": "1",
-    "slow": "rad",
-    "current": "A",
-    **dict.fromkeys(("flexor_node", "extensor_node"), "m"),
-}
-"""Field of `PushState` → its unit."""
+    return PushState(virtual, Pushed(push, rested, slow), estimate), shown, added
 
 
 def push_source(settings: Push) -> Source:
     """The source with its settings."""
-    return Source("admittance", settings, push_start, push_step, PUSH_UNITS)
+    return Source("admittance", settings, push_start, push_step)

@@ -22,12 +22,13 @@ Robotics Research 37(11), 2018, 1421–1444 (admittance control). How small M an
 `bowden.control.admittance.passivity`.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, sel, tanh
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 
@@ -62,12 +63,9 @@ class Admittance(NamedTuple):
 class AdmittanceState(NamedTuple):
     """Where the virtual elbow is."""
 
-    position: float
-    """q [rad]."""
-    velocity: float
-    """dq/dt [rad/s]."""
-    acceleration: float
-    """d²q/dt² over the last cycle [rad/s²]."""
+    position: Annotated[float, Quantity("angle of the reference", "rad")]
+    velocity: Annotated[float, Quantity("its speed", "rad/s")]
+    acceleration: Annotated[float, Quantity("its acceleration over the last cycle", "rad/s²")]
 
 
 def check_admittance(settings: Admittance) -> Admittance:

@@ -21,7 +21,7 @@ is told the command that acts, which is one cycle old.
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded
 from bowden.core.kernel import exp, kernel
 from bowden.core.signals import Reference, Sample
 
@@ -38,7 +38,7 @@ class ActiveDisturbanceRejectionGains(NamedTuple):
     observer_bandwidth: float = 190.0
     """ωo [rad/s]."""
     control_bandwidth: float = 53.58
-    """ωc [rad/s]."""
+    """ωc; the servo's ω, so that the command only cancels f [rad/s]."""
     lead: float = LEAD
     """Lag of servo and delay that is taken away [s]."""
     lead_square: float = LEAD_SQUARE
@@ -137,12 +137,21 @@ def step(
     return ActiveDisturbanceRejectionState(joint, joint_rate, disturbance, command, state.command), command
 
 
-ACTIVE_DISTURBANCE_REJECTION = Law(
+LAW = Law(
     name="active_disturbance_rejection",
     gains=ActiveDisturbanceRejectionGains(),
     start_kernel=start,
     step_kernel=step,
     source="Han, IEEE Transactions on Industrial Electronics 56(3), 2009; Gao, ACC 2003; Miklosovic et al., ACC 2006",
+    told={
+        **LAG,
+        "slope": "slope",
+        "natural_frequency": "servo_frequency",
+        "damping": "servo_damping",
+        "control_bandwidth": "servo_frequency",
+    },
+    feeds_back=frozenset({"joint"}),
+    compensates_lag=True,
     limits={
         "natural_frequency": (1e-3, 1e4),
         "damping": (0.0, 100.0),

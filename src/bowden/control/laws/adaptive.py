@@ -100,13 +100,15 @@ PRINTED = AdaptiveGains(error_gain=2.0, feedback_gain=10.0, derivative_time=0.0)
 SUIT = AdaptiveGains(error_gain=0.05, feedback_gain=3.0, smoothing=0.2)
 """λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (`bowden.paper.suit_gains`)."""
 
-ADAPTIVE = Law(
+LAW = Law(
     name="adaptive",
     gains=AdaptiveGains(),
     start_kernel=start,
     step_kernel=step,
     source="Dinh et al. 2017, Eqs 9–14; adaptation gains of Section 5.1.2",
     presets={"paper": PRINTED, "suit": SUIT},
+    suit_preset="suit",
+    feeds_back=frozenset({"joint"}),
     limits={
         "error_gain": (0.0, 1e3),
         "feedback_gain": (0.0, 1e4),

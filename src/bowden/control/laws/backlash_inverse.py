@@ -22,7 +22,7 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded, turned, waited
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded, turned, waited
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -171,12 +171,14 @@ def step(
     return after, command
 
 
-BACKLASH_INVERSE = Law(
+LAW = Law(
     name="backlash_inverse",
     gains=BacklashInverseGains(),
     start_kernel=start,
     step_kernel=step,
     source="Tao, Kokotović, IEEE Transactions on Automatic Control 38(10), 1993, and their book of 1996",
+    told=LAG,
+    compensates_lag=True,
     limits={
         "largest_crossing": (0.0, math.inf),
         "adaptation_gain": (0.0, 500.0),

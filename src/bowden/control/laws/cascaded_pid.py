@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -89,12 +89,14 @@ def step(
     return CascadedPidState(integral, sample.joint, joint_rate, sample.motor, motor_rate), command
 
 
-CASCADED_PID = Law(
+LAW = Law(
     name="cascaded_pid",
     gains=CascadedPidGains(),
     start_kernel=start,
     step_kernel=step,
     source="Wu et al., cascaded PID for a cable-driven lower-limb exoskeleton; Dinh et al. 2017, Section 1, [16]",
+    told={**LAG, "slope": "slope"},
+    compensates_lag=True,
     limits={
         "proportional_gain": (0.0, 1e3),
         "integral_gain": (0.0, 1e4),

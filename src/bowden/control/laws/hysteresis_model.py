@@ -16,7 +16,7 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded, turned, waited
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded, half_width, turned, waited
 from bowden.core.kernel import exp, kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -91,12 +91,15 @@ def step(
     return HysteresisModelState(direction, friction, wait, error, integral), wanted / gains.slope + lost
 
 
-HYSTERESIS_MODEL = Law(
+LAW = Law(
     name="hysteresis_model",
     gains=HysteresisModelGains(),
     start_kernel=start,
     step_kernel=step,
     source="Kesner, Howe, IEEE ICRA 2011 and IEEE Transactions on Robotics 2014; Dinh et al. 2017, Section 1, [15]",
+    told={**LAG, "slope": "slope", "half_width": half_width},
+    feeds_back=frozenset({"joint"}),
+    compensates_lag=True,
     limits={
         "half_width": (0.0, math.inf),
         "friction_stretch": (0.0, math.inf),

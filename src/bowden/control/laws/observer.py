@@ -72,12 +72,18 @@ def step(
     return ObserverState(h, driver), command
 
 
-OBSERVER = Law(
+TABLE_1 = ObserverGains(hysteresis_gain=0.566 * -0.129 * 0.8841, rate=9.256 / 0.8841)
+"""Of Table 1: it knows the bench's cable, whose play is 0.8841 times the printed one's, but for its share of α̂h."""
+
+LAW = Law(
     name="observer",
     gains=ObserverGains(),
     start_kernel=start,
     step_kernel=step,
     source="Dinh et al. 2017, Eq. 8; parameters of Section 5.1.1",
+    presets={"paper": TABLE_1},
+    told={name: f"cable.{name}" for name in BoucWen._fields},
+    feeds_back=frozenset({"motor"}),
     limits={"rate": (1e-6, 1e4), "shape": (0.5, 1e4), "exponent": (1.0, 50.0), "from_reference": (0.0, 1.0)},
     state_units={"h": "1", "driver": "rad"},
 )

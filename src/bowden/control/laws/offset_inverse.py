@@ -16,7 +16,7 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.laws.parts import LEAD, LEAD_SQUARE, ahead, bounded, turned, waited
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded, half_width, turned, waited
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -80,12 +80,15 @@ def step(
     return OffsetInverseState(direction, wait, error, correction), wanted / gains.slope + gains.half_width * direction
 
 
-OFFSET_INVERSE = Law(
+LAW = Law(
     name="offset_inverse",
     gains=OffsetInverseGains(),
     start_kernel=start,
     step_kernel=step,
     source="Agrawal, Peine, Yao, Choi, IEEE ICRA 2010; Dinh et al. 2017, Section 1, [13]",
+    told={**LAG, "slope": "slope", "half_width": half_width},
+    feeds_back=frozenset({"joint"}),
+    compensates_lag=True,
     limits={
         "half_width": (0.0, math.inf),
         "velocity_band": (0.0, math.inf),

@@ -44,11 +44,13 @@ def step(
     return UncompensatedState(command), command
 
 
-UNCOMPENSATED = Law(
+LAW = Law(
     name="uncompensated",
     gains=UncompensatedGains(),
     start_kernel=start,
     step_kernel=step,
     source="Dinh et al. 2017, Section 3.1, Fig. 7B",
+    told={"motor_zero": "motor_zero"},
+    feeds_back=frozenset(),
     state_units={"command": "rad"},
 )

@@ -14,11 +14,12 @@ turn, in a full stroke (share 1) or in a small one. How far the joint first runs
 the feedback may act inside the dead zone. Portable subset.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 
 WIDEST = 0.5
 """Largest dead zone that is believed, in motor angle [rad]."""
@@ -60,41 +61,29 @@ _FADE = 0.8
 class CrossingEstimate(NamedTuple):
     """What is believed of the dead zone, and what is needed to learn more."""
 
-    width: float
-    """w [rad]."""
-    wedge: float
-    """[rad/rad]"""
-    shortfall: float
-    """[rad]"""
-    w11: float
-    """Covariance of (w, wedge, shortfall), upper triangle."""
+    width: Annotated[float, Quantity("width of the dead zone", "rad", symbol="w")]
+    wedge: Annotated[float, Quantity("what the width grows by with the motor angle", "rad/rad")]
+    shortfall: Annotated[float, Quantity("what it lacks after a stroke of no length", "rad")]
+    w11: Annotated[float, Quantity("covariance of (w, wedge, shortfall), upper triangle")]
     w12: float
     w13: float
     w22: float
     w23: float
     w33: float
-    touches: float
-    """Full crossings that were seen, up to 9 [–]."""
-    heading: float
-    """Direction of the motor; 0 before it has moved [–]."""
-    far_motor: float
-    """Furthest motor angle in that direction [rad]."""
-    far_joint: float
-    """Joint angle there [rad]."""
-    turn_motor: float
-    """Motor angle at the last turn [rad]."""
-    turn_joint: float
-    """Joint angle there [rad]."""
-    turn_open: float
-    """1 until the joint moves on after a turn, ½ if the last crossing had not ended before it, else 0."""
-    free: float
-    """Motor travel since the joint moves on [rad]."""
-    share: float
-    """Share of a full stroke before the last turn [–]."""
-    low: float
-    """Furthest that the joint went the wrong way since the turn, negative [rad]."""
-    dip: float
-    """How far it goes the wrong way in a dead zone; 1 until one was seen [rad]."""
+    touches: Annotated[float, Quantity("full crossings that were seen, up to 9")]
+    heading: Annotated[float, Quantity("direction of the motor; 0 before it has moved")]
+    far_motor: Annotated[float, Quantity("furthest motor angle in that direction", "rad")]
+    far_joint: Annotated[float, Quantity("joint angle there", "rad")]
+    turn_motor: Annotated[float, Quantity("motor angle at the last turn", "rad")]
+    turn_joint: Annotated[float, Quantity("joint angle there", "rad")]
+    turn_open: Annotated[
+        float,
+        Quantity("1 until the joint moves on after a turn, ½ if the last crossing had not ended before it, else 0"),
+    ]
+    free: Annotated[float, Quantity("motor travel since the joint moves on", "rad")]
+    share: Annotated[float, Quantity("share of a full stroke before the last turn")]
+    low: Annotated[float, Quantity("furthest that the joint went the wrong way since the turn, negative", "rad")]
+    dip: Annotated[float, Quantity("how far it goes the wrong way in a dead zone; 1 until one was seen", "rad")]
 
 
 class Seen(NamedTuple):

@@ -10,11 +10,12 @@ Changes smaller than a few standard deviations of the noise, which is measured, 
 ring, as with masses that swing, gets a smaller gain. Portable subset.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 
 SLIP = 0.002
 """How far the command may stay ahead of the motor when it is taken back [rad]."""
@@ -53,38 +54,24 @@ _CALMING = (0.8, 0.3, 100.0)
 class Feedback(NamedTuple):
     """What the feedback remembers."""
 
-    integral: float
-    """∫κ·e/a dt [rad]."""
-    feedback: float
-    """What is added to the plan [rad]."""
-    error_before: float
-    """Error behind the first of two filters [rad]."""
-    error: float
-    """Error behind both [rad]."""
-    slow_error: float
-    """Error behind a filter of 50 ms [rad]."""
-    trust: float
-    """0 during a jump, rising to 1 after it; the feedback acts as far as it is trusted [–]."""
-    joint: float
-    """Joint one cycle ago [rad]."""
-    joint_before: float
-    """Joint two cycles ago [rad]."""
-    variance: float
-    """Variance of the joint encoder's noise [rad²]."""
-    moved_motor: float
-    """Motor angle where the joint was last seen to move [rad]."""
-    moved_joint: float
-    """Joint angle there [rad]."""
-    wave: float
-    """Sign of the last half-wave of the error [–]."""
-    wave_time: float
-    """Time since it began [s]."""
-    waves: float
-    """Half-waves in a row [–]."""
-    calm: float
-    """Factor on the gain, below 1 where the loop has rung [–]."""
-    sway: float
-    """Mean square of the error's swing, of tremor above all [rad²]."""
+    integral: Annotated[float, Quantity("∫κ·e/a dt", "rad")]
+    feedback: Annotated[float, Quantity("what is added to the plan", "rad")]
+    error_before: Annotated[float, Quantity("error behind the first of two filters", "rad")]
+    error: Annotated[float, Quantity("error behind both", "rad")]
+    slow_error: Annotated[float, Quantity("error behind a filter of 50 ms", "rad")]
+    trust: Annotated[
+        float, Quantity("0 during a jump, rising to 1 after it; the feedback acts as far as it is trusted")
+    ]
+    joint: Annotated[float, Quantity("joint one cycle ago", "rad")]
+    joint_before: Annotated[float, Quantity("joint two cycles ago", "rad")]
+    variance: Annotated[float, Quantity("variance of the joint encoder's noise", "rad²")]
+    moved_motor: Annotated[float, Quantity("motor angle where the joint was last seen to move", "rad")]
+    moved_joint: Annotated[float, Quantity("joint angle there", "rad")]
+    wave: Annotated[float, Quantity("sign of the last half-wave of the error")]
+    wave_time: Annotated[float, Quantity("time since it began", "s")]
+    waves: Annotated[float, Quantity("half-waves in a row")]
+    calm: Annotated[float, Quantity("factor on the gain, below 1 where the loop has rung")]
+    sway: Annotated[float, Quantity("mean square of the error's swing, of tremor above all", "rad²")]
 
 
 class Setting(NamedTuple):

@@ -17,13 +17,12 @@ in part, sought in the rest until the joint is seen to move; there the motor is 
 Derivation, stability and limits: ``docs/our_law.md``.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from bowden.control.law import Law
 from bowden.control.our_law.crossing_estimate import CrossingEstimate, crossing_from, first_crossing, harmless, watch
-from bowden.control.our_law.gains import LIMITS, SUIT, BowdenGains
+from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.held_feedback import LOST, SLIP, Feedback, Setting, answered, listen, no_feedback, steer
 from bowden.control.our_law.slope_estimate import SlopeEstimate, first_slope, learn_slope
 from bowden.control.our_law.slot_plan import (
@@ -37,75 +36,19 @@ from bowden.control.our_law.slot_plan import (
     wanted_side,
 )
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 
 
 class BowdenState(NamedTuple):
-    """What the law remembers: its plan, its feedback and its two estimates, one after the other."""
+    """What the law remembers: its plan, its feedback and its two estimates."""
 
-    side: float
-    slot: float
-    since: float
-    phase: float
-    jump: float
-    plan: float
-    owed: float
-    reference: float
-    gone: float
-    seeks: float
-    integral: float
-    feedback: float
-    error_before: float
-    error: float
-    slow_error: float
-    trust: float
-    joint: float
-    joint_before: float
-    variance: float
-    moved_motor: float
-    moved_joint: float
-    wave: float
-    wave_time: float
-    waves: float
-    calm: float
-    sway: float
-    width: float
-    wedge: float
-    shortfall: float
-    w11: float
-    w12: float
-    w13: float
-    w22: float
-    w23: float
-    w33: float
-    touches: float
-    heading: float
-    far_motor: float
-    far_joint: float
-    turn_motor: float
-    turn_joint: float
-    turn_open: float
-    free: float
-    share: float
-    low: float
-    dip: float
-    slope_up: float
-    slope_down: float
-    lag: float
-    s11: float
-    s12: float
-    s13: float
-    s22: float
-    s23: float
-    s33: float
-    filtered_motor: float
-    filtered_joint: float
-    from_motor: float
-    from_joint: float
-    from_rate: float
-    elapsed: float
-    origin: float
+    plan: SlotPlan
+    feedback: Feedback
+    crossing: CrossingEstimate
+    slopes: SlopeEstimate
+    origin: Annotated[float, Quantity("motor angle at the start, from which the others count", "rad")]
 
 
 NARROWEST = 0.012
@@ -160,7 +103,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     feedback = no_feedback(0.0, sample.joint, 4e-8)
     crossing = first_crossing(gains.width, gains.doubt, 0.0, sample.joint)
     slope = first_slope(np.abs(gains.slope), gains.lag, gains.doubt, 0.0, sample.joint)
-    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slope[:] + (sample.motor,)))
+    return BowdenState(plan, feedback, crossing, slope, sample.motor)
 
 
 @kernel
@@ -168,8 +111,7 @@ def step(
     gains: BowdenGains, state: BowdenState, sample: Sample, reference: Reference, dt: float
 ) -> tuple[BowdenState, float]:
     """One cycle: plan, feed back, invert servo, delay and lag, learn."""
-    plan, before = SlotPlan(*state[0:10]), Feedback(*state[10:26])
-    crossing, slopes = CrossingEstimate(*state[26:46]), SlopeEstimate(*state[46:61])
+    plan, before, crossing, slopes = state.plan, state.feedback, state.crossing, state.slopes
     sign, omega, swing = np.sign(gains.slope), gains.servo_frequency, 1.0 / gains.servo_frequency
     travel = sign * (sample.motor - state.origin)
     seen_both = (np.abs(sample.joint) <= 1e3) * (np.abs(travel) <= 1e3)
@@ -263,30 +205,4 @@ def step(
     heard_noise = sel(gains.sway > 0.0, heard.variance + gains.sway * heard.sway, heard.variance)
     crossing, seen = watch(crossing, motor, joint, slope, np.sqrt(heard_noise), settled)
     slopes = learn_slope(slopes, crossing, seen, motor, joint, np.abs(gains.slope), gains.stray, dt)
-    return BowdenState(*(plan[:] + feedback[:] + crossing[:] + slopes[:] + (state.origin,))), command
-
-
-_ANGLES = (
-    *("plan", "owed", "jump", "reference", "integral", "feedback", "error_before", "error", "slow_error", "joint"),
-    *("joint_before", "width", "shortfall", "far_motor", "far_joint", "turn_motor", "turn_joint", "free"),
-    *("filtered_motor", "filtered_joint", "from_motor", "from_joint"),
-    *("moved_motor", "moved_joint", "origin", "low", "dip", "gone"),
-)
-
-BOWDEN = Law(
-    name="bowden",
-    gains=BowdenGains(),
-    start_kernel=start,
-    step_kernel=step,
-    source="this project, docs/our_law.md",
-    presets={"suit": SUIT},
-    limits=LIMITS,
-    state_units={
-        **dict.fromkeys(_ANGLES, "rad"),
-        **dict.fromkeys(("since", "lag", "elapsed", "wave_time"), "s"),
-        **dict.fromkeys(("wedge", "slope_up", "slope_down"), "rad/rad"),
-        "from_rate": "rad/s",
-        "variance": "rad²",
-        "sway": "rad²",
-    },
-)
+    return BowdenState(plan, feedback, crossing, slopes, state.origin), command

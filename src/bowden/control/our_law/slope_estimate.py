@@ -9,12 +9,13 @@ by τ. A Kalman filter takes (a rising, a falling, τ). What a sheath that is mo
 that a stretch took, and counts as noise. Portable subset.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.control.our_law.crossing_estimate import CrossingEstimate, Seen
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 
 STRETCH = 0.03
 """Motor travel of a stretch [rad]."""
@@ -44,31 +45,21 @@ _WANDER = (2e-5, 1e-7)
 class SlopeEstimate(NamedTuple):
     """What is believed, and what is needed to learn more."""
 
-    up: float
-    """a while the motor rises [rad/rad]."""
-    down: float
-    """a while it falls [rad/rad]."""
-    lag: float
-    """τ [s]."""
-    s11: float
-    """Covariance of (up, down, lag), upper triangle."""
+    up: Annotated[float, Quantity("slope while the motor rises", "rad/rad", symbol="a")]
+    down: Annotated[float, Quantity("slope while it falls", "rad/rad", symbol="a")]
+    lag: Annotated[float, Quantity("lag of the joint", "s", symbol="τ")]
+    s11: Annotated[float, Quantity("covariance of (up, down, lag), upper triangle")]
     s12: float
     s13: float
     s22: float
     s23: float
     s33: float
-    filtered_motor: float
-    """[rad]"""
-    filtered_joint: float
-    """[rad]"""
-    from_motor: float
-    """Where the present stretch began [rad]."""
-    from_joint: float
-    """[rad]"""
-    from_rate: float
-    """[rad/s]"""
-    elapsed: float
-    """Time since then [s]."""
+    filtered_motor: Annotated[float, Quantity("motor behind a filter", "rad")]
+    filtered_joint: Annotated[float, Quantity("joint behind the same filter", "rad")]
+    from_motor: Annotated[float, Quantity("where the present stretch began", "rad")]
+    from_joint: Annotated[float, Quantity("joint angle there", "rad")]
+    from_rate: Annotated[float, Quantity("speed of the joint there", "rad/s")]
+    elapsed: Annotated[float, Quantity("time since then", "s")]
 
 
 @kernel

@@ -5,12 +5,13 @@ reference, and by `width`·(1 − side·slot)/2 where the side changes. `slot` �
 (+1 while the joint rises, −1 while it falls). A jump takes its own time by minimum jerk. Portable subset.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from bowden.control.laws.parts import bounded
+from bowden.control.law_parts import bounded
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
 
 STEP_SPEED = 5.0
@@ -30,26 +31,25 @@ _STEADY = 5.0
 class SlotPlan(NamedTuple):
     """The plan at one moment."""
 
-    side: float
-    """Side of the dead zone that is wanted: +1 while the joint rises, −1 while it falls, 0 before the start [–]."""
-    slot: float
-    """Place in the dead zone where the last jump ends [–]."""
-    since: float
-    """Time since the side changed [s]."""
-    phase: float
-    """Share of the last jump that is done; 1 where there is none [–]."""
-    jump: float
-    """Motor travel of the last jump, signed; 0 before the first [rad]."""
-    motor: float
-    """Where the motor should be once the jump is done [rad]."""
-    owed: float
-    """Motion of the reference that is not planned yet, since it goes against the side [rad]."""
-    reference: float
-    """Reference of the last cycle [rad]."""
-    gone: float
-    """Motion of the reference with the side since it changed, up to 1 [rad]."""
-    seeks: float
-    """1 from a change of side until the joint is seen to move, where it is sought, else 0."""
+    side: Annotated[
+        float,
+        Quantity(
+            "side of the dead zone that is wanted: +1 while the joint rises, −1 while it falls, 0 before the start"
+        ),
+    ]
+    slot: Annotated[float, Quantity("place in the dead zone where the last jump ends")]
+    since: Annotated[float, Quantity("time since the side changed", "s")]
+    phase: Annotated[float, Quantity("share of the last jump that is done; 1 where there is none")]
+    jump: Annotated[float, Quantity("motor travel of the last jump, signed; 0 before the first", "rad")]
+    motor: Annotated[float, Quantity("where the motor should be once the jump is done", "rad")]
+    owed: Annotated[
+        float, Quantity("motion of the reference that is not planned yet, since it goes against the side", "rad")
+    ]
+    reference: Annotated[float, Quantity("reference of the last cycle", "rad")]
+    gone: Annotated[float, Quantity("motion of the reference with the side since it changed, up to 1", "rad")]
+    seeks: Annotated[
+        float, Quantity("1 from a change of side until the joint is seen to move, where it is sought, else 0")
+    ]
 
 
 class MotorMotion(NamedTuple):

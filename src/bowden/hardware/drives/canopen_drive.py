@@ -179,7 +179,7 @@ class CanopenDrive:
         values, drive = self._values, self._drive
         if not (math.isfinite(values.motor) and math.isfinite(values.joint)):
             raise DriveError("the drive has told no position yet", do="read a few cycles first")
-        if drive.home_here:  # the next bring-up finds the present position by itself
+        if drive.home == "here":  # the next bring-up finds the present position by itself
             return drive._replace(motor_home=motor, joint_home=joint)
         return drive._replace(
             motor_home=drive.motor_home + motor - values.motor, joint_home=drive.joint_home + joint - values.joint

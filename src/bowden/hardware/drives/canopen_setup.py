@@ -76,7 +76,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
         node.command(frames.NMT_PRE_OPERATIONAL)
         _check_mode(node)
         motor, joint = motor_scale(drive), joint_scale(drive)
-        if drive.home_here:
+        if drive.home == "here":
             motor = motor_scale(drive, node.read(0x6064, signed=True))
             joint = joint_scale(drive, node.read(0x60E4, 2, signed=True))
         _check_limits(node, drive, motor)

@@ -1,10 +1,11 @@
 """What has to be known of a CANopen drive, its encoders and the bus to it."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
+from bowden.core.quantity import Quantity
 from bowden.models.suit.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
 
 
@@ -17,46 +18,52 @@ class DriveParameters(NamedTuple):
     stands above the drive knows the joint's coordinate alone.
     """
 
-    interface: str = "bowden_unix"
-    """python-can's name of the bus: ``bowden_unix`` for the twin, ``socketcan`` on a rig."""
-    channel: str = "bowden"
-    """``can0`` of SocketCAN; of ``bowden_unix`` a folder, a bare name one in the user's temporary folder."""
-    bitrate: int = 1_000_000
-    """Of the bus [bit/s]; SocketCAN takes it from the interface's own settings."""
-    node_id: int = 1
-    """The drive's number on the bus, 1 to 126."""
-    host_id: int = 127
-    """Ours, under which our heartbeat goes out, 1 to 127."""
-    motor_counts_per_turn: float = 16384.0
-    """Counts of the motor's encoder in one turn of the motor's shaft [–]."""
+    interface: Annotated[
+        str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig")
+    ] = "bowden_unix"
+    channel: Annotated[str, Quantity("its channel: can0; of bowden_unix a folder, or a bare name")] = "bowden"
+    """A bare name is a folder in the user's temporary one."""
+    bitrate: Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)] = 1_000_000
+    node_id: Annotated[int, Quantity("the drive's number on the bus", ge=1, le=126)] = 1
+    host_id: Annotated[int, Quantity("ours, under which our heartbeat goes out", ge=1, le=127)] = 127
+    motor_counts_per_turn: Annotated[
+        float, Quantity("of the motor's encoder, at the motor's shaft", gt=0.0, lt=1e9)
+    ] = 16384.0
     gear: float = 5.0
     """Motor turns per spool turn [–]."""
-    motor_direction: int = 1
-    """+1 where the counts rise as the spool pulls, otherwise −1."""
-    joint_counts_per_turn: float = 16384.0
-    """Counts of the joint's encoder in one turn of the joint [–]."""
-    joint_direction: int = 1
-    """+1 where the counts rise with the joint angle, otherwise −1."""
-    motor_home: float = 0.0
-    """Spool angle at home [rad]."""
-    joint_home: float = 0.0
-    """Joint angle at home [rad]."""
-    home_here: bool = False
-    """Whether home is where motor and joint are found at bring-up; otherwise it is where the counts are zero."""
+    motor_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the motor's counts rise as the spool pulls, otherwise -1")
+    ] = 1
+    joint_counts_per_turn: Annotated[float, Quantity("of the joint's encoder", gt=0.0, lt=1e9)] = 16384.0
+    joint_direction: Annotated[
+        Literal[1, -1], Quantity("1 where the joint's counts rise with its angle, otherwise -1")
+    ] = 1
+    home: Annotated[
+        Literal["counts", "here"],
+        Quantity("home is where the counts are zero, or where motor and joint are found when a command begins"),
+    ] = "counts"
+    motor_home: Annotated[float, Quantity("angle of the spool at home", "rad", ge=-720.0, le=720.0)] = 0.0
+    joint_home: Annotated[float, Quantity("angle of the joint at home", "rad", ge=-720.0, le=720.0)] = 0.0
     torque_constant: float = 16.7e-3
     """Torque per ampere at the motor's shaft, which turns the drive's torque into a current [N·m/A]."""
-    tension_scale: float = 0.0
-    """Tension per millivolt at the drive's first analog input; 0 for no sensor [N/mV]."""
-    tension_zero: float = 0.0
-    """Voltage of that input without tension [mV]."""
+    tension_scale: Annotated[
+        float,
+        Quantity("cable tension per millivolt at the drive's analog input; 0 for none", "N/mV", key="tension_n_per_mv"),
+    ] = 0.0
+    tension_zero: Annotated[float, Quantity("voltage of that input without tension", "mV")] = 0.0
     sample_time: float = 1e-3
     """One cycle, which is the drive's interpolation time too; whole milliseconds [s]."""
-    heartbeat_time: float = 5e-3
-    """Our heartbeat goes out in the first cycle after this [s]."""
-    heartbeat_timeout: float = 25e-3
-    """The drive takes its torque off when our heartbeat has been missing for this; at most 40 ms [s]."""
-    drive_heartbeat_time: float = 10e-3
-    """Time between the drive's heartbeats [s]."""
+    heartbeat_time: Annotated[
+        float, Quantity("between two heartbeats of ours", "s", shown="ms", key="heartbeat_ms", gt=0.0, le=13.0)
+    ] = 5e-3
+    heartbeat_timeout: Annotated[
+        float,
+        Quantity("without our heartbeat the drive takes its torque off after this", "s", shown="ms", gt=0.0, le=40.0),
+    ] = 25e-3
+    drive_heartbeat_time: Annotated[
+        float,
+        Quantity("between the drive's heartbeats", "s", shown="ms", key="drive_heartbeat_ms", gt=0.0, le=1000.0),
+    ] = 10e-3
     lowest_motor: float = -math.inf
     """Spool angle below which the rig never goes; the drive's own limit must reach as far [rad]."""
     highest_motor: float = math.inf
@@ -69,8 +76,9 @@ class DriveParameters(NamedTuple):
     """Largest current that the rig asks for; 0 for none [A]."""
     torque_offset: float = 0.0
     """Largest torque offset beside the target, at the spool; 0 where none is sent [N·m]."""
-    answer_timeout: float = 0.3
-    """How long the drive may take to answer one question at bring-up [s]."""
+    answer_timeout: Annotated[
+        float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)
+    ] = 0.3
     spool: SpoolMap | None = None
     """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says (`models.suit_angle`)."""
 

@@ -1,6 +1,6 @@
 """The simulated suit on an arm behind the twin, moved on in real time.
 
-The same kernel as in `bowden.sim.suit`, a sub-step a call. Without torque the motor gives no current: what holds or
+The same kernel as in a simulation, a sub-step a call. Without torque the motor gives no current: what holds or
 lets sink are the gears' friction, the cables and the arm's weight. A quick stop holds the spool where it was when it
 began. A torn flexor has no tension, a slack one is longer by so much of the spool. The load cell sits at the flexor's
 spool, and the power stage is that of `twin_bench`.
@@ -19,10 +19,9 @@ from bowden.hardware.twin.bench import BRAKE, LONGEST_GAP, OFF, Physics, course_
 from bowden.models.drive.encoder import reading
 from bowden.models.suit.arm import Wearer
 from bowden.models.suit.flex_sensor import flex_start, flex_step
-from bowden.plants.suit_parts import PreparedSuit, Suit, prepare_suit
-from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.plants.suit_parts import Suit, prepare_suit
+from bowden.plants.suit_plant import SETTLING, Bends, PreparedSuit, SuitState, suit_motor, suit_start, suit_step
 from bowden.sim.scenario import BendPath
-from bowden.sim.suit_loop import SETTLING
 
 SWELL = 1.0
 """Time in which a wearer's swing grows to its size, and goes [s]."""

@@ -17,6 +17,9 @@ _JITTER = 0.1
 """Largest scatter of the time steps (root mean square of their departure from the median, over it) that is mended by
 resampling. One step may be further off, as a scheduler's hiccup is, if it is no gap."""
 
+_LIKE_DEGREES = (0.8 * DEGREES, 1.15 * DEGREES)
+"""Ratios of two motions that are rather a mistaken unit than a cable's slope: those of cables are 0.8 to 1.15."""
+
 _GAP = 1.5
 """A step longer than this many medians is a gap, where the others do not scatter as much: a sample may be missing."""
 
@@ -63,7 +66,7 @@ def check_angles(name: str, values: Array, unit: str, unit_known: bool, where: C
         raise LogError(
             f"{where(worst)}: {name} is {values[worst]:.6g}, {said}; angles beyond ±{CABLE_LOG_LIMIT:g} rad "
             "look like degrees",
-            do="pass --unit deg, or end the column's name in _deg",
+            do="give the unit deg (--unit deg, unit='deg'), or end the column's name in _deg",
         )
     if not np.ptp(values) > 1e-9 * (DEGREES if unit == "deg" else 1.0):
         raise LogError(
@@ -71,6 +74,28 @@ def check_angles(name: str, values: Array, unit: str, unit_known: bool, where: C
             expected="a motor that moves back and forth, and a joint that follows",
             do="check the columns and the cable",
         )
+
+
+def check_same_unit(motor: Array, joint: Array, where: str) -> None:
+    """Refuse a joint that moves some 57.3 times as far as the motor, or a motor as the joint: degrees beside radians.
+
+    Args:
+        motor: (n,) [rad].
+        joint: (n,) [rad].
+        where: the log, for messages.
+
+    Raises:
+        LogError: it does.
+    """
+    ratio = float(np.ptp(joint) / np.ptp(motor))
+    for factor, large, small in ((ratio, "joint", "motor"), (1.0 / ratio, "motor", "joint")):
+        if _LIKE_DEGREES[0] < factor < _LIKE_DEGREES[1]:
+            raise LogError(
+                f"{where}: the {large} moves {factor:.3g} times as far as the {small}, which looks like degrees beside "
+                "radians",
+                expected="both in one unit",
+                do="convert one of them; where the motor is counted before a gear, divide it by the gear's ratio",
+            )
 
 
 def check_length(samples: int, where: str) -> None:

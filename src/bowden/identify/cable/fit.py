@@ -2,13 +2,16 @@
 
 import math
 import time as clock
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core import shown
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.bouc_wen_static import BoucWenStatic, richest, settled
@@ -23,6 +26,9 @@ from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.cable.uncertainty import standard_errors
 from bowden.identify.cable.validation import folds, held_out_errors, simplest_of_the_best, without_start
 from bowden.identify.log.read import Log, prepare
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -57,14 +63,18 @@ class ModelFit:
         return self.model.parameters
 
 
-@dataclass(frozen=True)
+_MOST_NOTES = 4
+"""Of a fit, on its screen."""
+
+
+@dataclass(frozen=True, repr=False)
 class Fit:
     """What a log says about its cable."""
 
     models: Mapping[str, ModelFit]
     """``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``."""
-    best: str
-    """The recommended model's name."""
+    best: CableModel
+    """The recommended model; ``best.name`` says which it is, and a rig takes it as its cable."""
     warnings: tuple[str, ...]
     """What the log cannot show, what was mended in it, and what to record instead."""
     samples: int
@@ -75,8 +85,66 @@ class Fit:
     """First sample of the second half."""
     fitted_from: int
     """First sample that was fitted; above zero where the cable was still settling."""
-    predicted: Array = field(compare=False, repr=False)
+    predicted: Array = field(compare=False)
     """Joint angle of the recommended model, simulated straight through the log (n,) [rad]."""
+    log: Log = field(compare=False)
+    """What was fitted."""
+
+    @property
+    def chosen(self) -> ModelFit:
+        """The recommended model with its uncertainties and errors."""
+        return self.models[self.best.name]
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
+
+        Args:
+            axes: matplotlib's, one or two, of which the second shows the same without the straight line; a new figure
+                with both is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        from bowden.identify.cable.plot import draw_loop
+
+        found = shown.axes_for(axes, 1, 2, 7.0, 3.4)
+        draw_loop(found, self)
+        return found
+
+    def __repr__(self) -> str:
+        """One screen: the recommended model, its error and its parameters, the other models, and what to know."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        from bowden.core.style import new_figure
+        from bowden.identify.cable.plot import draw_loop
+
+        figure, axes = new_figure(1, 2, height=3.4)
+        draw_loop(axes, self)
+        return shown.fragment(self._title(), self._rows(), figure)
+
+    def _title(self) -> str:
+        error = shown.number(self.chosen.test_rms * DEGREES, "°")
+        return f"Fit of {self.log.name}: use {self.best.name}, {error} RMS on the unseen half"
+
+    def _rows(self) -> list[tuple[str, str]]:
+        spreads = self.chosen.uncertainty
+        given = [
+            f"{name} {value:.4g}" + (f" ± {spreads[name]:.2g}" if np.isfinite(spreads[name]) else "")
+            for name, value in self.best.parameters.items()
+        ]
+        others = [
+            f"{name} {shown.number(model.test_rms * DEGREES, '°')}"
+            for name, model in self.models.items()
+            if name != self.best.name
+        ]
+        notes = [("note", warning) for warning in self.warnings]
+        length = self.log.time[-1] - self.log.time[0]
+        log = f"{self.samples} samples, {length:.4g} s, fitted in {self.seconds:.2g} s"
+        return [("log", log), ("parameters", ", ".join(given)), ("others", ", ".join(others)), *notes[:_MOST_NOTES]]
 
 
 def identify(
@@ -110,7 +178,7 @@ def identify(
     >>> t = np.arange(0.0, 20.0, 0.01)
     >>> motor = 0.5 * np.sin(2.0 * t)
     >>> fit = identify(t, motor, 0.9 * motor + 0.1)
-    >>> fit.best, round(fit.models["line"].parameters["slope"], 6)
+    >>> fit.best.name, round(fit.models["line"].parameters["slope"], 6)
     ('line', 0.9)
     """
     t, x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (time, motor, joint))
@@ -181,13 +249,17 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     tell("done", 1.0)
     return Fit(
         models=models,
-        best=best,
+        best=replace(
+            models[best].model,
+            others={name: dict(one.parameters) for name, one in models.items() if name != best},
+        ),
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),
         seconds=clock.perf_counter() - begin,
         split=split,
         fitted_from=fitted_from,
         predicted=predicted,
+        log=log,
     )
 
 

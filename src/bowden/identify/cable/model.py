@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,8 @@ class CableModel:
     """One of `NAMES`."""
     parameters: Mapping[str, float]
     """By name; SI and radians."""
+    others: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False, repr=False)
+    """The parameters of other models of the same log, by their names: a rig tells laws what ``bouc_wen`` says."""
 
     def joint_angle(self, motor: Array) -> Array:
         """Joint angle along a recorded motion of the motor, simulated straight through: (n,) [rad] → (n,) [rad].
@@ -107,3 +109,42 @@ class CableModel:
             return cable_of(self.parameters)
         except KeyError as error:
             raise ParameterError(f"cable model 'bouc_wen' has no parameter {error.args[0]!r}") from error
+
+
+@dataclass(frozen=True)
+class IdentifiedCable:
+    """All that an identification says of a cable: the model to use, and the others."""
+
+    best: str
+    """Name of the recommended model."""
+    models: Mapping[str, Mapping[str, float]]
+    """Name → parameters; SI and radians."""
+    file: str = field(default="", compare=False)
+    """Where it was read from, as a rig.toml names it."""
+
+    def model(self, name: str | None = None) -> CableModel:
+        """A model by its name; the recommended one where it is not given.
+
+        Raises:
+            ParameterError: the identification has no such model.
+        """
+        wanted = name or self.best
+        if wanted not in self.models:
+            given = f"{self.file or 'the identified cable'} has no model {wanted!r}"
+            raise ParameterError(given, expected=f"one of {', '.join(self.models)}")
+        return CableModel(wanted, self.models[wanted])
+
+    @property
+    def bouc_wen(self) -> BoucWen:
+        """The cable as the plain Bouc–Wen model has it, which every identification fits.
+
+        Raises:
+            ParameterError: it has none, or one with a slope of zero.
+        """
+        cable = self.model("bouc_wen").to_bouc_wen()
+        if cable.slope == 0.0:
+            raise ParameterError(
+                f"{self.file or 'the identified cable'}: the slope of bouc_wen is 0",
+                do="identify a log in which the joint moves",
+            )
+        return cable

@@ -14,7 +14,7 @@ from bowden.core.files import whole_file
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
-from bowden.identify.cable.model import NAMES, CableModel, meaning
+from bowden.identify.cable.model import NAMES, CableModel, IdentifiedCable, meaning
 
 
 def write_model(path: Path | str, fit: Fit, source: str) -> None:
@@ -41,7 +41,7 @@ def model_text(fit: Fit, source: str) -> str:
         "# the log's first half; test_rms_deg is their error on the second half, which no decision has seen.",
         "",
         "# Recommended: the simplest model whose error on strokes left out of the fit is not clearly above the least.",
-        f"best = {quoted(fit.best)}",
+        f"best = {quoted(fit.best.name)}",
         f"source = {quoted(_one_line(source))}",
         f"samples = {fit.samples}",
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
@@ -92,19 +92,53 @@ def load_model(path: Path | str, name: str | None = None) -> CableModel:
         ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
     """
     file = Path(path)
+    models, best = _document(file)
+    wanted = best if name is None else name
+    if wanted not in models or wanted not in NAMES:
+        raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
+    return CableModel(wanted, _checked(file, wanted, models[wanted]))
+
+
+def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
+    """Read all models of model.toml.
+
+    Args:
+        path: of the file.
+        name: of the file, as the cable shall have it; the path where it is not given.
+
+    Raises:
+        ParameterError: see `load_model`.
+    """
+    file = Path(path)
+    models, best = _document(file)
+    for wanted in ("bouc_wen", best):
+        if wanted not in models or wanted not in NAMES:
+            raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
+    found = {one: _checked(file, one, table) for one, table in models.items() if one in NAMES}
+    return IdentifiedCable(best, found, name or str(file))
+
+
+def cable_text(cable: IdentifiedCable) -> str:
+    """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
+    lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
+    for name, parameters in cable.models.items():
+        lines += ["", f"[models.{name}.parameters]"]
+        lines += [f"{key} = {float(value)!r}  # [{meaning(key)[0]}]" for key, value in parameters.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _document(file: Path) -> tuple[dict[str, Any], str]:
+    """The models of a file as they stand there, and the name of the recommended one."""
     try:
         document = tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(f"{file} cannot be read: {error.strerror or error}", do="check the path") from error
     except ValueError as error:
         raise ParameterError(f"{file} is no TOML file: {error}", expected="what `bowden identify` writes") from error
-    models = document.get("models")
-    wanted = document.get("best") if name is None else name
-    if not isinstance(models, dict) or not isinstance(wanted, str):
+    models, best = document.get("models"), document.get("best")
+    if not isinstance(models, dict) or not isinstance(best, str):
         raise ParameterError(f"{file} has no models in it", expected="what `bowden identify` writes")
-    if wanted not in models or wanted not in NAMES:
-        raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
-    return CableModel(wanted, _checked(file, wanted, models[wanted]))
+    return models, best
 
 
 def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:

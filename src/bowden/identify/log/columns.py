@@ -97,7 +97,7 @@ def find_columns(names: Sequence[str], given: Mapping[str, str | None], where: s
     if missing:
         raise LogError(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
-            do="name the columns with --time, --motor and --joint",
+            do="name the columns: --time, --motor and --joint, or time=, motor= and joint= in Python",
         )
     if len({column.index for column in found.values()}) < len(ROLES):
         chosen = ", ".join(f"{role} = {column.name!r}" for role, column in found.items())

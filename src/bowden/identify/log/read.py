@@ -67,7 +67,7 @@ def read_log(
     """
     unit = unit.lower() if unit else unit
     if unit not in (None, "deg", "rad"):
-        raise ParameterError(f"--unit is {unit!r}", expected="deg or rad")
+        raise ParameterError(f"the unit of the angles is {unit!r}", expected="deg or rad")
     file = Path(path)
     given = {"time": time, "motor": motor, "joint": joint}
     try:
@@ -104,7 +104,7 @@ def _in_radians(raw: RawLog, unit: str | None, name: str) -> Log:
         if unit is not None and own[role] not in (None, unit):
             warnings.append(f"column {column.name!r} names {own[role]}, but {unit} was given and is taken")
         if unit is None and own[role] is None:
-            warnings.append(f"column {column.name!r} names no unit and was taken as {chosen} (--unit says otherwise)")
+            warnings.append(f"column {column.name!r} names no unit and was taken as {chosen} (unless a unit is given)")
         said = unit is not None or named is not None
         checks.check_angles(column.name, raw.values[role], chosen, said, raw.place)
         angles[role] = np.ascontiguousarray(raw.values[role] * FACTORS[chosen])
@@ -135,6 +135,7 @@ def prepare(time: Array, motor: Array, joint: Array, name: str, place: Callable[
         checks.check_finite(what, values, place)
     for what, values in (("motor", motor), ("joint", joint)):
         checks.check_angles(what, values, unit, True, place)
+    checks.check_same_unit(motor, joint, name)
     motor, joint = motor * FACTORS[unit], joint * FACTORS[unit]
     even, warnings = checks.even_time(time, place)
     if even is not time:

@@ -8,11 +8,12 @@ the second being Eq. 7 divided by |u|: per unit of travel |x| of the motor in th
 Source: Dinh et al. 2017, Eqs 6–7, after Ismail, Ikhouane and Rodellar's normalised form.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel, power, sel
+from bowden.core.quantity import Quantity
 
 
 class BoucWen(NamedTuple):
@@ -21,18 +22,19 @@ class BoucWen(NamedTuple):
     They make sense in radians only (erratum 5).
     """
 
-    slope: float = 0.938
-    """αφ, joint motion per motor motion once the play is taken up [rad/rad]."""
-    hysteresis_gain: float = -0.129
-    """αh, joint motion per unit of h [rad]."""
-    rate: float = 9.256
-    """ρ, how fast h follows the motor [1/rad]."""
-    shape: float = 9.427
-    """σ, above 1/2 for a bounded loop [–]."""
-    exponent: float = 3.0
-    """n, how sharply h saturates, at least 1 [–]."""
-    offset: float = 0.0
-    """Joint angle at motor angle zero with h = 0 [rad]; not in the paper."""
+    slope: Annotated[
+        float, Quantity("joint motion per motor motion; not 0", "rad/rad", symbol="αφ", ge=-20.0, le=20.0)
+    ] = 0.938
+    """Once the play is taken up."""
+    hysteresis_gain: Annotated[
+        float, Quantity("joint motion per unit of h", "rad", shown="rad", symbol="αh", ge=-10.0, le=10.0)
+    ] = -0.129
+    rate: Annotated[float, Quantity("how fast h follows the motor", "1/rad", symbol="ρ", gt=0.0, le=1e4)] = 9.256
+    shape: Annotated[float, Quantity("shape of the loop", symbol="σ", gt=0.5, le=1e4)] = 9.427
+    """Above 1/2 for a bounded loop."""
+    exponent: Annotated[float, Quantity("how sharply h saturates", symbol="n", ge=1.0, le=50.0)] = 3.0
+    offset: Annotated[float, Quantity("joint angle at motor angle 0 with h = 0", "rad", ge=-720.0, le=720.0)] = 0.0
+    """Not in the paper."""
 
 
 @kernel

@@ -11,23 +11,25 @@ and the cable, driven by the motor's travel over the width,
     joint = slope·motor + width·αh·h + offset,    h from Eq. 7 with u = d(motor)/width
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 from bowden.models.cable.bouc_wen import BoucWen, advance
 
 
 class Sheath(NamedTuple):
     """How the hysteresis depends on the sheath's bend."""
 
-    bend: float = np.pi
-    """θ₀, total bend angle at which the cable was identified [rad]."""
-    gap: float = 1.0
-    """g/g₀, gap between cable and sheath relative to the identified one [–]."""
-    loss: float = 0.0
-    """Share of the slope lost when the bend doubles [–]."""
+    bend: Annotated[
+        float, Quantity("total bend at which the cable was identified", "rad", symbol="θ₀", gt=0.0, le=3600.0)
+    ] = np.pi
+    gap: Annotated[
+        float, Quantity("gap in the sheath over the one at the identification", symbol="g/g₀", gt=0.0, le=100.0)
+    ] = 1.0
+    loss: Annotated[float, Quantity("share of the slope lost when the bend doubles", ge=0.0, lt=1.0)] = 0.0
 
 
 @kernel

@@ -1,19 +1,18 @@
 """Encoders: finite resolution and noise."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 
 
 class Encoder(NamedTuple):
     """An incremental encoder."""
 
-    resolution: float = 0.0
-    """Angle of one count; zero for an ideal encoder [rad]."""
-    noise: float = 0.0
-    """Standard deviation of the angle before it is counted [rad]."""
+    resolution: Annotated[float, Quantity("one count; 0 for an ideal encoder", "rad", ge=0.0, le=90.0)] = 0.0
+    noise: Annotated[float, Quantity("standard deviation, before counting", "rad", ge=0.0, le=90.0)] = 0.0
 
 
 @kernel

@@ -1,27 +1,24 @@
 """The motor's electrical side: its current, from which `bowden.core.metrics.power` has Eq. 18."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 
 
 class Motor(NamedTuple):
     """A geared motor with the bench's load; defaults: maxon EC-i 40, 70 W (Section 5.4) behind a 5:1 gear."""
 
-    torque_constant: float = 16.7e-3
-    """kτ [N·m/A]."""
-    resistance: float = 0.199
-    """R, terminal resistance [Ω]."""
-    gear: float = 5.0
-    """Motor turns per spool turn [–]."""
-    inertia: float = 1.0e-4
-    """Rotor and load, at the spool [kg·m²]; a stated choice."""
-    spring: float = 0.2
-    """Stiffness of the bench's distal spring [N·m/rad]; a stated choice."""
-    pretension: float = 0.1
-    """Torque of the spring at joint angle zero [N·m]; a stated choice."""
-    current_limit: float = 20.0
-    """Largest current of the drive [A]."""
+    torque_constant: Annotated[float, Quantity("torque constant", "N·m/A", symbol="kτ", gt=0.0, le=100.0)] = 16.7e-3
+    resistance: Annotated[float, Quantity("terminal resistance", "Ω", symbol="R", gt=0.0, le=1e4)] = 0.199
+    gear: Annotated[float, Quantity("motor turns per spool turn", gt=0.0, le=1e4)] = 5.0
+    inertia: Annotated[float, Quantity("rotor and load, at the spool", "kg·m²", gt=0.0, le=100.0)] = 1.0e-4
+    """A stated choice."""
+    spring: Annotated[float, Quantity("stiffness of the joint's spring", "N·m/rad", ge=0.0, le=1e4)] = 0.2
+    """A stated choice."""
+    pretension: Annotated[float, Quantity("its torque at joint angle 0", "N·m", ge=0.0, le=1e4)] = 0.1
+    """A stated choice."""
+    current_limit: Annotated[float, Quantity("largest current of the drive", "A", gt=0.0, le=1e4)] = 20.0
 
 
 @kernel

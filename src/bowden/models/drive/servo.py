@@ -7,23 +7,24 @@ replaces the sub-step by one of constant acceleration. The acceleration limit st
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 
 
 class Servo(NamedTuple):
     """What is to be known of a position-controlled motor."""
 
-    natural_frequency: float = 54.4
-    """ω [rad/s]; 54.4 puts the −3 dB point of the critically damped servo at 35 rad/s."""
-    damping: float = 1.0
-    """ζ [–]."""
-    speed_limit: float = math.inf
-    """Largest speed at the spool [rad/s]."""
+    natural_frequency: Annotated[
+        float, Quantity("natural frequency", "rad/s", shown="Hz", symbol="ω/2π", gt=0.0, le=1000.0)
+    ] = 54.4
+    """54.4 puts the −3 dB point of the critically damped servo at 35 rad/s."""
+    damping: Annotated[float, Quantity("damping ratio; 1 is critical", symbol="ζ", gt=0.0, le=20.0)] = 1.0
+    speed_limit: Annotated[float, Quantity("largest speed at the spool", "rad/s", gt=0.0, endless=True)] = math.inf
     acceleration_limit: float = math.inf
     """Largest acceleration at the spool, from the current limit [rad/s²]."""
 

@@ -6,11 +6,12 @@ with winding w, housing h and surroundings a; the resistance of copper grows by 
 bounds short peaks as a drive does: dS/dt = I² − Ic², S ≥ 0, for the continuous current Ic.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 
 COPPER = 0.0039
 """Temperature coefficient of copper's resistance [1/K]."""
@@ -23,31 +24,25 @@ class Thermal(NamedTuple):
     C = τ/Rth.
     """
 
-    resistance: float = 0.199
-    """R, of the winding at 20 °C [Ω]."""
-    winding_to_housing: float = 0.8
-    """Rwh [K/W]."""
-    housing_to_ambient: float = 7.0
-    """Rha [K/W]."""
-    winding_capacity: float = 15.0
-    """Cw [J/K]; τw = 12 s."""
-    housing_capacity: float = 110.0
-    """Ch [J/K]; τh = 770 s."""
-    ambient: float = 25.0
-    """Ta [°C]."""
-    continuous_current: float = 6.0
-    """Ic [A]."""
+    resistance: Annotated[float, Quantity("of the winding at 20 °C", "Ω", symbol="R", key=None)] = 0.199
+    winding_to_housing: Annotated[
+        float, Quantity("thermal resistance from winding to housing", "K/W", symbol="Rwh", ge=0.0)
+    ] = 0.8
+    housing_to_ambient: Annotated[
+        float, Quantity("thermal resistance from housing to surroundings", "K/W", symbol="Rha", ge=0.0)
+    ] = 7.0
+    winding_capacity: Annotated[float, Quantity("of the winding; τw = 12 s", "J/K", symbol="Cw", ge=0.0)] = 15.0
+    housing_capacity: Annotated[float, Quantity("of the housing; τh = 770 s", "J/K", symbol="Ch", ge=0.0)] = 110.0
+    ambient: Annotated[float, Quantity("temperature of the surroundings", "°C", symbol="Ta", ge=0.0)] = 25.0
+    continuous_current: Annotated[float, Quantity("largest current that may last", "A", symbol="Ic", ge=0.0)] = 6.0
 
 
 class ThermalState(NamedTuple):
     """How warm the motor is."""
 
-    winding: float
-    """Tw [°C]."""
-    housing: float
-    """Th [°C]."""
-    i2t: float
-    """S [A²s]."""
+    winding: Annotated[float, Quantity("temperature of the winding", "°C", symbol="Tw")]
+    housing: Annotated[float, Quantity("temperature of the housing", "°C", symbol="Th")]
+    i2t: Annotated[float, Quantity("sum of I²t", "A²s", symbol="S")]
 
 
 def cold(thermal: Thermal) -> ThermalState:

@@ -17,7 +17,7 @@ from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
-from bowden.sim.closed_loop import simulate
+from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath, scripted_bend
 
 

@@ -17,7 +17,7 @@ from bowden.models.suit.arm import arm_of
 from bowden.models.suit.suit_cable import Fabric, SuitCable
 from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.bench import bench, document
-from bowden.sim.suit import simulate_suit
+from bowden.sim.run import simulate
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def run_suit(
         made = made._replace(motor=made.motor._replace(integral=drive_integral))
     one = document()["suit"]["chosen"]["period"] if period is None else period
     length = count * one if duration is None else duration
-    return simulate_suit(made, law, motion, duration=length, seed=document()["chosen"]["seed"])
+    return simulate(made, law, motion, duration=length, seed=document()["chosen"]["seed"])
 
 
 def each_flexion(trace: Trace, period: float | None = None) -> list[slice]:

@@ -1,5 +1,9 @@
 """What several laws share: the servo inverted for the reference, the direction of motion, limits."""
 
+from collections.abc import Mapping
+
+from bowden.control.knowledge import Knowledge
+from bowden.control.law import Told
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference
 
@@ -8,6 +12,26 @@ LEAD = 0.0388
 
 LEAD_SQUARE = 4.05e-4
 """The same to second order, 1/ω² + (2ζ/ω)·τ + τ²/2 with τ = (d + ½)·Ts [s²]."""
+
+
+def lag(known: Knowledge) -> float:
+    """Lag of servo and delay, 2ζ/ω + τ [s]."""
+    return 2.0 * known.servo_damping / known.servo_frequency + known.delay
+
+
+def lag_square(known: Knowledge) -> float:
+    """Lag of servo and delay to second order, 1/ω² + (2ζ/ω)·τ + τ²/2 [s²]."""
+    omega, delay = known.servo_frequency, known.delay
+    return 1.0 / omega**2 + 2.0 * known.servo_damping / omega * delay + 0.5 * delay * delay
+
+
+def half_width(known: Knowledge) -> float:
+    """Half of the dead zone, in motor travel [rad]."""
+    return 0.5 * known.width
+
+
+LAG: Mapping[str, Told] = {"lead": lag, "lead_square": lag_square}
+"""What a law is told that has `ahead` take the lag away."""
 
 
 @kernel

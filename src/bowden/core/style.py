@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -122,6 +124,42 @@ def finish(figure: Figure) -> None:
     figure.align_ylabels()
 
 
+def svg(figure: Figure, prefix: str) -> str:
+    """The figure as an SVG element whose ids begin with `prefix`, so that several share one page."""
+    finish(figure)
+    buffer = io.StringIO()
+    with drawing():
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.S)
+    text = re.sub(r'\bid="', f'id="{prefix}', text)
+    text = re.sub(r'(href="|url\()#', rf"\1#{prefix}", text)
+    text = re.sub(r'\bd="[^"]*"', lambda match: re.sub(r"(\.\d\d)\d+", r"\1", match.group()), text)  # 0.01 pt is enough
+    return re.sub(r"\n\s*", "\n", text).strip()
+
+
+def widened(low: float, high: float, share: float) -> tuple[float, float]:
+    """Limits a `share` of their range further apart."""
+    room = share * (high - low) or 1.0
+    return low - room, high + room
+
+
+def stay_near(axes: Axes, wanted: list[Array], drawn: list[Array]) -> None:
+    """Vertical limits that show `wanted`, and of `drawn` as much as lies within three times its range.
+
+    A run that ran away would otherwise flatten all the others.
+    """
+    finite = [values[np.isfinite(values)] for values in wanted]
+    low = min((float(values.min()) for values in finite if len(values)), default=0.0)
+    high = max((float(values.max()) for values in finite if len(values)), default=1.0)
+    bottom, top = widened(low, high, 1.0)
+    seen = [values[(values >= bottom) & (values <= top)] for values in drawn]
+    low = min([low, *(float(values.min()) for values in seen if len(values))])
+    high = max([high, *(float(values.max()) for values in seen if len(values))])
+    axes.set_ylim(*widened(low, high, 0.06))
+
+
 def colours_for(names: Sequence[str]) -> dict[str, str]:
     """A colour for each name: its own where `COLOURS` has one, else the next of `CYCLE` that is still free.
 
@@ -156,12 +194,12 @@ def thin(x: Array, y: Array, most: int = 4000) -> tuple[Array, Array]:
     finite = np.isfinite(y)
     stretches = (most - 2) // (2 if finite.all() else 3)
     edges = np.linspace(0, n, stretches + 1).astype(np.intp)
-    keep = [0, n - 1]
-    for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        good = first + np.flatnonzero(finite[first:end])
-        if len(good):
-            keep += [int(good[y[good].argmin()]), int(good[y[good].argmax()])]
-        if len(good) < end - first:
-            keep.append(first + int(np.flatnonzero(~finite[first:end])[0]))
-    index = np.unique(keep)
+    first, end = edges[:-1], edges[1:]
+    inside = np.minimum(first[:, None] + np.arange(int((end - first).max())), end[:, None] - 1)  # the last one again
+    good, values = finite[inside], y[inside]
+    rows = np.arange(stretches)
+    lowest = inside[rows, np.where(good, values, np.inf).argmin(axis=1)][good.any(axis=1)]
+    highest = inside[rows, np.where(good, values, -np.inf).argmax(axis=1)][good.any(axis=1)]
+    breaks = inside[rows, good.argmin(axis=1)][~good.all(axis=1)]
+    index = np.unique(np.concatenate([[0, n - 1], lowest, highest, breaks]))
     return x[index], y[index]

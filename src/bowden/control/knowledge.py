@@ -1,0 +1,183 @@
+"""What a rig knows, and the one rule by which a law is told of it.
+
+A rig supplies a `Knowledge`. A law declares in `Law.told` which of it each of its gains takes:
+
+    told={"servo_frequency": "servo_frequency", "slope": "slope", "lead": lag}
+
+a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. `informed` is the only place that tells,
+and `configured` puts a law's gains together for a rig:
+
+1. the law's own gains;
+2. what it is told;
+3. the preset: what it changes stays as it has it, what it leaves as the law's own is told;
+4. the gains that the rig itself gives.
+
+Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that tells laws
+something wrong on purpose, and a dead zone that is measured before a run, are changes of the `Knowledge`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from bowden.control.law import Law
+from bowden.core.errors import ParameterError, near
+from bowden.models.cable.bouc_wen import BoucWen, saturation
+
+IDENTIFIED = 0.1
+"""`Knowledge.doubt` about an identified cable [–]."""
+MEASURED = 0.5
+"""`Knowledge.doubt` about a dead zone that one motion of a preflight showed [–]."""
+WIDEST = 0.5
+"""Largest dead zone that a preflight is believed [rad]."""
+
+
+class Knowledge(NamedTuple):
+    """What is known of a rig; NaN is not known, and is not told."""
+
+    servo_frequency: float = math.nan
+    """ω, natural frequency of the servo [rad/s]."""
+    servo_damping: float = math.nan
+    """ζ, damping ratio of the servo [–]."""
+    delay: float = math.nan
+    """τ = (d + ½)·Ts, from a sample to the middle of the time for which its command is held; d is the number of cycles
+    from the sample to the moment its command reaches the servo [s]."""
+    sample_time: float = math.nan
+    """Ts, one control cycle [s]."""
+    slope: float = math.nan
+    """αφ of an identified cable: joint motion per motor motion once the play is taken up, positive [rad/rad]."""
+    width: float = math.nan
+    """Dead zone of an identified or measured cable: motor travel that is lost at a reversal [rad]."""
+    doubt: float = 1.0
+    """About `slope` and `width`: 1 where nothing is known, `MEASURED`, `IDENTIFIED` [–]."""
+    cable: BoucWen = BoucWen(*([math.nan] * len(BoucWen._fields)))
+    """The cable that the rig has in its Bouc–Wen form, by hand or identified; its play is that of the bend at which it
+    was identified."""
+    motor_zero: float = math.nan
+    """Motor angle at which the joint is at zero, with the hysteresis in its middle [rad]."""
+    joint_step: float = math.nan
+    """One count of the joint's encoder [rad]."""
+    joint_noise: float = math.nan
+    """Standard deviation of the joint's angle before it is counted [rad]."""
+    motor_step: float = math.nan
+    """One count of the motor's encoder [rad]."""
+    motor_noise: float = math.nan
+    """Standard deviation of the motor's angle before it is counted [rad]."""
+    suit: bool = False
+    """Whether the joint is an arm in a suit, which swings; motor angles are in the joint's coordinate then."""
+
+
+def dead_zone(cable: BoucWen, gap: float) -> float:
+    """Motor travel that a cable loses at a reversal, 2·|αh|·h_max/αφ times the `gap` [rad].
+
+    Args:
+        cable: Eqs 6-7 of the paper.
+        gap: factor on its play, of the sheath as it lies.
+
+    >>> round(dead_zone(BoucWen(), 1.0), 3)
+    0.105
+    """
+    return float(2.0 * gap * abs(cable.hysteresis_gain) * saturation(cable) / abs(cable.slope))
+
+
+def with_cable(known: Knowledge, cable: BoucWen, gap: float, *, identified: bool) -> Knowledge:
+    """The same with a cable; slope and dead zone are known of an identified one only.
+
+    Args:
+        known: of the rest.
+        cable: with a positive slope.
+        gap: factor on its play, of the sheath as it lies.
+        identified: from a log, and not written by hand.
+    """
+    known = known._replace(cable=cable, motor_zero=0.0 - cable.offset / cable.slope)
+    if not identified:
+        return known
+    return known._replace(slope=cable.slope, width=dead_zone(cable, gap), doubt=IDENTIFIED)
+
+
+def configured(
+    law: Law, known: Knowledge, *, preset: str | None = None, gains: Mapping[str, float] | None = None
+) -> Law:
+    """The law as a rig runs it; see the module.
+
+    Args:
+        law: as it comes, or with gains that were chosen for it.
+        known: of the rig.
+        preset: of the law; on a suit, the law's own for a suit where neither this nor `gains` are given.
+        gains: those that the rig gives it.
+
+    Raises:
+        ParameterError: no such preset or gain, a gain outside its limits, or a declaration that cannot be.
+    """
+    if preset is None and not gains and known.suit:
+        preset = law.suit_preset
+    if preset is not None:
+        law = law.preset(preset)
+    return informed(law.with_gains(**(gains or {})), known)
+
+
+def informed(law: Law, known: Knowledge) -> Law:
+    """The law with what it takes of the knowledge in its gains, in place of what it was told before.
+
+    What was chosen for it stays; what is not known is as the law's own. A value is kept inside the gain's limits. A law
+    that has a gain for the doubt about its first guesses is told `slope`, `width` and `doubt` only where the knowledge
+    is in no more doubt.
+
+    Raises:
+        ParameterError: the law declares something that there is not.
+    """
+    untold = {gain: getattr(law.own, gain) for gain in law.told if gain not in law.chosen}
+    return _told(replace(law, gains=law.gains._replace(**untold)), known)
+
+
+def _told(law: Law, known: Knowledge) -> Law:
+    """`informed`, with what is not known as it is."""
+    taken = {gain for gain, what in law.told.items() if what in _GUESSES} if _surer(law, known) else set()
+    told = {}
+    for gain in law.told:
+        value = _value(law, gain, known)
+        if gain not in law.chosen and gain not in taken and not math.isnan(value):
+            low, high = law.limits.get(gain, (-math.inf, math.inf))
+            told[gain] = min(max(value, low), high)
+    return replace(law, gains=law.gains._replace(**told)) if told else law
+
+
+def measured(law: Law, width: float) -> Law:
+    """The law with a dead zone that was measured before the run [rad] as its first guess; NaN and 0 are none.
+
+    It replaces a first guess that is in more doubt, whoever made it: a preset or a rig that is sure lowers the doubt.
+    """
+    doubts = [gain for gain, what in law.told.items() if what == "doubt"]
+    if not (width > 0.0 and doubts):  # without a doubt there is nothing that says how far to trust so small a motion
+        return law
+    guesses = {gain for gain, what in law.told.items() if what in _GUESSES}
+    return _told(replace(law, chosen=law.chosen - guesses), Knowledge(width=width, doubt=MEASURED))
+
+
+def cable_gains(law: Law) -> frozenset[str]:
+    """Gains that are parameters of the law's model of the cable: known or not, and no choice."""
+    return frozenset(gain for gain, what in law.told.items() if isinstance(what, str) and what.startswith(_CABLE))
+
+
+_GUESSES = ("slope", "width", "doubt")
+_CABLE = "cable."
+
+
+def _surer(law: Law, known: Knowledge) -> bool:
+    """Whether the law's own guesses are in less doubt than the knowledge's."""
+    return any(what == "doubt" and getattr(law.gains, gain) < known.doubt for gain, what in law.told.items())
+
+
+def _value(law: Law, gain: str, known: Knowledge) -> float:
+    what: Any = law.told[gain]
+    if callable(what):
+        return float(what(known))
+    try:
+        return float(attrgetter(what)(known))
+    except (AttributeError, TypeError) as error:
+        names = [*(f for f in Knowledge._fields if f != "cable"), *(_CABLE + f for f in BoucWen._fields)]
+        raise ParameterError(
+            f"gain {gain} of law {law.name!r} is told {what!r}", expected=near(str(what), names), do="correct `told`"
+        ) from error

@@ -1,0 +1,21 @@
+"""Our law: it learns while it runs how the cable loses motion, and makes up for it ahead of time.
+
+Its equations are in `bowden.control.our_law`, their derivation in ``docs/our_law.md``.
+"""
+
+from bowden.control.law import Law
+from bowden.control.our_law.gains import LIMITS, SUIT, BowdenGains
+from bowden.control.our_law.law import start, step
+
+LAW = Law(
+    name="bowden",
+    gains=BowdenGains(),
+    start_kernel=start,
+    step_kernel=step,
+    source="this project, docs/our_law.md",
+    presets={"suit": SUIT},
+    suit_preset="suit",
+    told={name: name for name in ("servo_frequency", "servo_damping", "delay", "slope", "width", "doubt")},
+    compensates_lag=True,
+    limits=LIMITS,
+)

@@ -1,0 +1,235 @@
+"""What compiled code is made of, told by its content: instructions, numbers, and the kernels and types that it names.
+
+Two kernels of one content compute the same; two of different content may not, though they stand at the same place
+under the same name. So the content is what compiled code is named and kept by (`bowden.core.kernel_cache`). What counts
+is what was loaded, not the file that it was loaded from, which may have changed since; and an edit costs the
+compilation of what it touches, and of nothing else.
+"""
+
+import dis
+import enum
+import hashlib
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from bowden.core.primitives import PRIMITIVES
+
+Content = str | None
+"""A hash of what something is made of; None where that cannot be told."""
+
+Parts = tuple[tuple[str, Callable[..., Any]], ...]
+"""Global names, and the kernels to put there."""
+
+_FOREIGN = ("builtins", "math", "numba", "numpy", "llvmlite")
+"""Packages whose versions say what their functions do."""
+
+_LOAD_GLOBAL, _EXTENDED = dis.opmap["LOAD_GLOBAL"], dis.opmap["EXTENDED_ARG"]
+
+_NOTHING = object()
+
+
+class _UnknownError(Exception):
+    """What code is made of cannot be told."""
+
+
+def is_kernel(value: Any) -> TypeGuard[FunctionType]:
+    """Whether a value is a function marked as a kernel."""
+    return isinstance(value, FunctionType) and hasattr(value, "__kernel__")
+
+
+def content_of(function: FunctionType, parts: Parts = ()) -> Content:
+    """The content of a function and of the kernels that it calls, in which global names stand for `parts`."""
+    try:
+        return _function(function, parts)
+    except (_UnknownError, RecursionError):
+        return None
+
+
+def content_of_types(kinds: Iterable[Any]) -> Content:
+    """The content of the types, as Numba has them, that compiled code is called with."""
+    try:
+        return _digest(_kind(kind) for kind in kinds)
+    except _UnknownError:
+        return None
+
+
+def content_of_files(*modules: str) -> Content:
+    """The content of the files of modules that decide how anything is compiled."""
+    files = [getattr(sys.modules.get(module), "__file__", None) for module in modules]
+    there = [Path(file) for file in files if file]
+    if len(there) < len(modules) or not all(path.is_file() for path in there):
+        return None
+    return _digest(hashlib.sha256(path.read_bytes()).hexdigest() for path in there)
+
+
+@cache
+def global_names(code: CodeType) -> tuple[str, ...]:
+    """The names that code, and code within it, looks up outside of it, in alphabetical order."""
+    found = set()
+    for inner in _codes(code):
+        instructions, high = inner.co_code, 0
+        for operation, low in zip(instructions[::2], instructions[1::2], strict=True):
+            argument = high | low
+            high = argument << 8 if operation == _EXTENDED else 0
+            if operation == _LOAD_GLOBAL:
+                found.add(inner.co_names[argument >> 1])  # its last bit says how it is called
+    return tuple(sorted(found))
+
+
+@cache
+def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
+    """Those parts that a kernel names, or that the kernels name which it calls, parts among them."""
+    replaced, named = dict(parts), set()
+    todo: list[Callable[..., Any]] = [function]
+    seen: set[Callable[..., Any]] = {function}
+    while todo:
+        part = todo.pop()
+        if not is_kernel(part):
+            continue
+        names = global_names(part.__code__)
+        named |= set(names)
+        called = [replaced.get(name, part.__globals__.get(name)) for name in names]
+        new = [value for value in called if is_kernel(value) and value not in seen]
+        todo += new
+        seen |= set(new)
+    return tuple(part for part in parts if part[0] in named)
+
+
+@cache
+def _function(function: FunctionType, parts: Parts) -> str:
+    name = f"{function.__module__}.{function.__qualname__}"
+    if _is_foreign(function):
+        return name  # whose version is told
+    replaced = dict(parts)
+    attributes = frozenset(name for inner in _codes(function.__code__) for name in inner.co_names)
+
+    def told(value: Any) -> str:
+        return _value(value, attributes, parts)
+
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    names = global_names(function.__code__)
+    values = [replaced.get(name, function.__globals__.get(name, _NOTHING)) for name in names]
+    return _digest(
+        [
+            f"{name} {hasattr(function, '__apart__')}",
+            *_code(function.__code__),
+            *map(told, (*(function.__defaults__ or ()), *cells)),
+            *(f"{name}={told(value)}" for name, value in zip(names, values, strict=True)),
+        ]
+    )
+
+
+def _value(value: Any, attributes: frozenset[str], parts: Parts) -> str:
+    """What a value is that compiled code names; what Numba cannot compile says nothing."""
+    if callable(value) and value in PRIMITIVES:
+        return f"primitive {value.__name__}"
+    if isinstance(value, FunctionType):
+        return _function(value, reaching(value, parts))
+    if isinstance(inner := getattr(value, "py_func", None), FunctionType):  # compiled by its author
+        return _digest(["compiled", _function(inner, ()), str(getattr(value, "targetoptions", ""))])
+    if isinstance(value, type):
+        return _type(value)
+    if isinstance(value, ModuleType):
+        return _module(value, attributes, parts)
+    if isinstance(value, enum.Enum):
+        return f"{_type(type(value))}.{value.name}"
+    if isinstance(value, tuple):
+        return _digest([_type(type(value)), *(_value(item, attributes, parts) for item in value)])
+    if isinstance(value, np.ndarray):
+        layout = (value.dtype.str, value.shape, value.flags.c_contiguous, value.flags.f_contiguous)
+        return _digest([f"array {layout}", hashlib.sha256(value.tobytes()).hexdigest()])
+    if value is None or isinstance(value, str | bytes | int | float | complex | np.generic):
+        return f"{type(value).__name__} {value!r}"
+    return ""
+
+
+def _module(module: ModuleType, attributes: frozenset[str], parts: Parts) -> str:
+    """What a module has under names that code asks for; of its functions, only compiled ones can be called."""
+    if _is_foreign(module):
+        return module.__name__
+    found = {name: getattr(module, name, None) for name in sorted(attributes)}
+    inside = {
+        name: value
+        for name, value in found.items()
+        if not isinstance(value, FunctionType)
+        and (not isinstance(value, ModuleType) or value.__name__.startswith(f"{module.__name__}."))
+    }
+    return _digest(f"{name}={_value(value, attributes, parts)}" for name, value in inside.items())
+
+
+def _is_foreign(value: Any) -> bool:
+    name = value.__name__ if isinstance(value, ModuleType) else value.__module__
+    if name is None:  # made of a text, in no module
+        raise _UnknownError
+    return name.partition(".")[0] in _FOREIGN
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+def _code(code: CodeType) -> Iterator[str]:
+    """Instructions, constants and names of code; where it stands in its file is left out."""
+    for inner in _codes(code):
+        yield inner.co_code.hex()
+        yield inner.co_exceptiontable.hex()
+        yield repr((inner.co_argcount, inner.co_posonlyargcount, inner.co_kwonlyargcount, inner.co_flags))
+        yield repr((inner.co_names, inner.co_varnames, inner.co_freevars, inner.co_cellvars))
+        for constant in inner.co_consts:
+            if not isinstance(constant, CodeType):
+                yield repr(sorted(map(repr, constant)) if isinstance(constant, frozenset) else constant)
+
+
+@cache
+def _type(made: type) -> str:
+    """A type that code makes or is given: its name, and its fields in their order with their defaults."""
+    name = f"{made.__module__}.{made.__qualname__}"
+    if _is_foreign(made):
+        return name
+    if hasattr(made, "class_type"):  # a jitclass, whose methods are compiled with it
+        raise _UnknownError
+    fields: dict[str, Any] = {}
+    if issubclass(made, tuple):
+        defaults = getattr(made, "_field_defaults", {})
+        fields = {field: defaults.get(field, _NOTHING) for field in getattr(made, "_fields", ())}
+    elif issubclass(made, enum.Enum):
+        fields = {member.name: member.value for member in made}
+    if fields and not _is_found(made):
+        raise _UnknownError
+    return _digest([name, *(f"{field}={_value(value, frozenset(), ())}" for field, value in fields.items())])
+
+
+def _is_found(made: type) -> bool:
+    """Whether a type is found by its name, as a process must that reads what is kept."""
+    found: Any = sys.modules.get(made.__module__)
+    for part in made.__qualname__.split("."):
+        found = getattr(found, part, None)
+    return found is made
+
+
+def _kind(kind: Any) -> str:
+    """One of Numba's types: numbers, arrays, and tuples of these."""
+    from numba.core import types
+
+    if isinstance(kind, types.BaseTuple):
+        inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
+        return _digest([_type(getattr(kind, "instance_class", tuple)), *map(_kind, inner)])
+    if isinstance(kind, types.Number | types.Boolean | types.Array | types.NoneType | types.Omitted):
+        return str(kind.name)
+    raise _UnknownError
+
+
+def _digest(parts: Iterable[str]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(f"{len(part)}:{part}".encode())
+    return digest.hexdigest()[:32]

@@ -1,0 +1,279 @@
+"""Nested states and the flat rows they are kept in: one made of the other, by name.
+
+A state is a NamedTuple of numbers and of further NamedTuples. A trace, a log, a replay and exported code need it flat:
+`columns` names its numbers (``motor.speed``) and tells their units, `flat` gives them in that order, and `refilled`
+makes the state again. Interpreted, compiled and while exporting it is the same order.
+
+A unit is declared where the field is, ``speed: Annotated[float, Quantity(…, "rad/s")]``. A law of a user's file may
+name units apart, by column or by the field's own name.
+
+Compiled code cannot loop over a list of parameter sets whose type it does not know: a law's gains are whatever its
+author made them. A row of numbers beside one example of the tuple can stand for each of them.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.quantity import declared
+
+Array = NDArray[np.float64]
+
+Path = tuple[str | int, ...]
+"""Names of fields, and places in tuples without names, from the outside."""
+
+
+def is_named(value: Any) -> bool:
+    """Whether a value is a NamedTuple."""
+    return isinstance(value, tuple) and hasattr(value, "_fields")
+
+
+def leaves(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
+    """Every number (or array) in nested tuples with the way to it, from left to right.
+
+    >>> list(leaves((1.0, (2.0, 3.0))))
+    [((0,), 1.0), ((1, 0), 2.0), ((1, 1), 3.0)]
+    """
+    if isinstance(value, tuple):
+        names = value._fields if hasattr(value, "_fields") else range(len(value))
+        for name, inner in zip(names, value, strict=True):
+            yield from leaves(inner, (*path, name))
+    else:
+        yield path, value
+
+
+def rebuilt(template: Any, replace: Callable[[Path, Any], Any], path: Path = ()) -> Any:
+    """The same structure with what `replace` makes of each leaf."""
+    if not isinstance(template, tuple):
+        return replace(path, template)
+    names: Iterable[str | int] = template._fields if hasattr(template, "_fields") else range(len(template))
+    parts = [rebuilt(inner, replace, (*path, name)) for name, inner in zip(names, template, strict=True)]
+    return type(template)(*parts) if hasattr(template, "_fields") else tuple(parts)
+
+
+def name_of(path: Path) -> str:
+    """A leaf's name.
+
+    >>> name_of(("motor", "speed"))
+    'motor.speed'
+    """
+    return ".".join(map(str, path))
+
+
+def names(example: Any, prefix: str = "") -> list[str]:
+    """The columns of a state, in their order: unique, and the same for every value of its type.
+
+    >>> from bowden.core.signals import Sample
+    >>> names(Sample(0.0, 0.0), "law")
+    ['law.joint', 'law.motor']
+    """
+    return [name_of((prefix, *path) if prefix else path) for path, _ in leaves(example)]
+
+
+def columns(example: Any, prefix: str = "", units: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Column → unit of a state: the unit that `units` has for it, by column or by field, its type's, or 1.
+
+    Args:
+        example: a state.
+        prefix: put before each name, with a dot.
+        units: column without the prefix, or the field's own name → unit.
+    """
+    apart = units or {}
+    found = {}
+    for path, _ in leaves(example):
+        unit = apart.get(name_of(path)) or apart.get(str(path[-1]) if path else "") or unit_at(example, path) or "1"
+        found[name_of((prefix, *path) if prefix else path)] = unit
+    return found
+
+
+def unit_at(value: Any, path: Path) -> str:
+    """The unit that the types say for a leaf, the innermost that says one; nothing where none does."""
+    unit = ""
+    for step in path:
+        if isinstance(step, str):
+            kind: Any = type(value)
+            unit = _units_of(kind).get(step, unit)
+            value = getattr(value, step)
+        else:
+            value = value[step]
+    return unit
+
+
+@cache
+def _units_of(kind: Any) -> Mapping[str, str]:
+    """Field → unit that a NamedTuple's annotations have; a field that says none is left out."""
+    return {one.name: one.quantity.unit.replace("–", "1") for one in declared(kind)}
+
+
+def from_columns(example: Any, row: Mapping[str, float], prefix: str = "") -> Any:
+    """The state like `example` that a row's columns have; what else is in the row is not looked at.
+
+    >>> from bowden.core.signals import Sample
+    >>> from_columns(Sample(0.0, 0.0), {"law.joint": 1.0, "law.motor": 2.0, "time": 0.0}, "law")
+    Sample(joint=1.0, motor=2.0)
+
+    Raises:
+        KeyError: a column is missing.
+    """
+    return rebuilt(example, lambda path, old: type(old)(row[name_of((prefix, *path) if prefix else path)]))
+
+
+def floated(value: Any) -> Any:
+    """The same state with every number a float: compiled code takes whole numbers for another type."""
+    return rebuilt(value, lambda _, leaf: float(leaf))
+
+
+def flat(value: Any) -> tuple[Any, ...]:
+    """The numbers of nested tuples in one tuple, in the order of `names`. Compiled, it is a primitive of kernels.
+
+    >>> flat((1.0, (2.0, 3.0)))
+    (1.0, 2.0, 3.0)
+    """
+    return tuple(leaf for _, leaf in leaves(value))
+
+
+def numbers_of(value: Any) -> list[float]:
+    """The numbers in nested tuples, from left to right; arrays among them are left out.
+
+    >>> numbers_of((1.0, (2, 3.0)))
+    [1.0, 2.0, 3.0]
+    """
+    return [float(leaf) for leaf in flat(value) if not isinstance(leaf, np.ndarray)]
+
+
+def form_of(value: Any) -> tuple[Any, ...]:
+    """What values must have in common for one of them to be the template of the others: kinds of numbers, and arrays.
+
+    >>> form_of((1.0, (2, 3.0)))
+    (<class 'float'>, <class 'int'>, <class 'float'>)
+    """
+    return tuple((leaf.shape, leaf.tobytes()) if isinstance(leaf, np.ndarray) else type(leaf) for leaf in flat(value))
+
+
+def refilled(template: Any, row: Array) -> Any:
+    """Nested tuples like `template` with the numbers of `row` (n,), whole ones where the template has whole ones.
+
+    Arrays in the template stay. What is left of the row is not looked at. Compiled, it is a primitive of kernels.
+
+    >>> refilled((1.0, (2, 3.0)), np.array([4.0, 5.0, 6.0]))
+    (4.0, (5, 6.0))
+    """
+    numbers = iter(row.tolist())
+    return rebuilt(template, lambda _, old: old if isinstance(old, np.ndarray) else type(old)(next(numbers)))
+
+
+def restored(template: Any, row: Array) -> Any:
+    """`refilled` with a float for every number: a state that was kept flat. Compiled, it is a primitive of kernels.
+
+    >>> restored((1.0, (2, 3.0)), np.array([4.0, 5.5, 6.0]))
+    (4.0, (5.5, 6.0))
+    """
+    numbers = iter(row.tolist())
+    return rebuilt(template, lambda *_: next(numbers))
+
+
+def compiled_restored() -> Any:
+    """`restored` for Numba; of the template it needs the type alone."""
+    from numba.core import cgutils, types
+    from numba.extending import intrinsic
+
+    structure: Any = cgutils.create_struct_proxy  # untyped
+
+    def floats(kind: Any) -> Any:
+        if not isinstance(kind, types.BaseTuple):
+            return types.float64
+        inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
+        base: Any = types.BaseTuple  # untyped
+        return base.from_types(list(map(floats, inner)), getattr(kind, "instance_class", None))
+
+    def filled(context: Any, builder: Any, kind: Any, data: Any, at: list[int]) -> Any:
+        if isinstance(kind, types.BaseTuple):
+            inner: Any = list(kind)  # type: ignore[call-overload]
+            return context.make_tuple(builder, kind, [filled(context, builder, part, data, at) for part in inner])
+        place = builder.gep(data, [context.get_constant(types.intp, at[0])])
+        at[0] += 1
+        return builder.load(place)
+
+    @intrinsic
+    def restore(typing: Any, template: Any, row: Any) -> Any:
+        made = floats(template)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array = structure(signature.args[1])(context, builder, value=arguments[1])
+            return filled(context, builder, made, array.data, [0])
+
+        return made(template, row), generate
+
+    return restore
+
+
+def compiled_refilled() -> Any:
+    """`refilled` for Numba, which unrolls the nesting while it compiles."""
+    from numba.core import cgutils, types
+
+    structure: Any = cgutils.create_struct_proxy  # untyped
+    from numba.extending import intrinsic
+
+    def filled(context: Any, builder: Any, kind: Any, old: Any, data: Any, at: list[int]) -> Any:
+        if isinstance(kind, types.BaseTuple):
+            inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
+            parts = [
+                filled(context, builder, part, builder.extract_value(old, i), data, at) for i, part in enumerate(inner)
+            ]
+            made = context.make_tuple(builder, kind, parts)
+            for i, part in enumerate(inner):
+                if isinstance(part, types.Array):
+                    context.nrt.incref(builder, part, parts[i])
+            return made
+        if isinstance(kind, types.Array):
+            return old
+        place = builder.gep(data, [context.get_constant(types.intp, at[0])])
+        at[0] += 1
+        return context.cast(builder, builder.load(place), types.float64, kind)
+
+    @intrinsic
+    def refill(typing: Any, template: Any, row: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array = structure(signature.args[1])(context, builder, value=arguments[1])
+            return filled(context, builder, signature.args[0], arguments[0], array.data, [0])
+
+        return template(template, row), generate
+
+    return refill
+
+
+def compiled_flat() -> Any:
+    """`flat` for Numba: floats, so that compiled code may go through them by number."""
+    from numba.core import types
+    from numba.extending import intrinsic
+
+    def numbers(context: Any, builder: Any, kind: Any, value: Any) -> list[Any]:
+        if not isinstance(kind, types.BaseTuple):
+            return [context.cast(builder, value, kind, types.float64)]
+        inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
+        return [
+            number
+            for i, part in enumerate(inner)
+            for number in numbers(context, builder, part, builder.extract_value(value, i))
+        ]
+
+    def count(kind: Any) -> int:
+        if not isinstance(kind, types.BaseTuple):
+            return 1
+        inner: Any = list(kind)  # type: ignore[call-overload]
+        return sum(map(count, inner))
+
+    @intrinsic
+    def flatten(typing: Any, value: Any) -> Any:
+        uniform: Any = types.UniTuple  # untyped
+        made = uniform(types.float64, count(value))
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return context.make_tuple(builder, made, numbers(context, builder, signature.args[0], arguments[0]))
+
+        return made(value), generate
+
+    return flatten

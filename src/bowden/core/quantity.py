@@ -1,0 +1,194 @@
+"""Quantities: what a field of a NamedTuple means, in which unit it is, and how a file names it.
+
+A field that a user may set is declared once, `Annotated[float, Quantity(…)]`. Its key in rig.toml, the conversion both
+ways, its range, the pages of documentation and the schemas are made from that.
+"""
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+from bowden.core.units import RADIANS
+
+_SHOWN = {"rad": "°", "rad/s": "°/s", "rad/s²": "°/s²"}
+"""Unit inside → unit in a file, where they differ by rule."""
+
+_SUFFIX = {
+    "°": "_deg",
+    "°/s": "_deg_per_s",
+    "°/s²": "_deg_per_s2",
+    "rad": "_rad",
+    "1/rad": "_per_rad",
+    "Hz": "_hz",
+    "s": "_s",
+    "ms": "_ms",
+    "1/s": "_per_s",
+    "mm": "_mm",
+    "m": "_m",
+    "kg": "_kg",
+    "kg·m²": "_kg_m2",
+    "N": "_n",
+    "N/m": "_n_per_m",
+    "N/m²": "_n_per_m2",
+    "N·s/m": "_ns_per_m",
+    "N·m": "_nm",
+    "N·m/A": "_nm_per_a",
+    "N·m/rad": "_nm_per_rad",
+    "N·m·s/rad": "_nms_per_rad",
+    "A": "_a",
+    "V": "_v",
+    "mV": "_mv",
+    "N/mV": "_n_per_mv",
+    "Ω": "_ohm",
+    "°C": "_c",
+    "K/W": "_k_per_w",
+    "J/K": "_j_per_k",
+    "% MVC": "_percent",
+}
+"""Unit in a file → ending of a key; units that are not here have none."""
+
+_FACTOR = {
+    ("rad", "°"): RADIANS,
+    ("rad/s", "°/s"): RADIANS,
+    ("rad/s²", "°/s²"): RADIANS,
+    ("rad/s", "Hz"): 2.0 * math.pi,
+    ("s", "ms"): 1e-3,
+    ("m", "mm"): 1e-3,
+    ("–", "% MVC"): 0.01,
+}
+"""Unit inside, unit in a file → what one of the latter is inside."""
+
+
+_ROUNDING = 1e-12
+"""Of a bound, by which a value may miss it after a change of unit [–]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """What a field is. The range is in the file's unit, where it can be written without rounding."""
+
+    meaning: str = dataclasses.field(kw_only=False)
+    unit: str = dataclasses.field(default="–", kw_only=False)
+    """Inside: SI and radians; – for none."""
+    shown: str = ""
+    """Unit in a file; by rule (degrees for radians) where it is empty."""
+    symbol: str = ""
+    """Of the paper."""
+    key: str | None = ""
+    """Name in a file; the field's with the unit as its ending where it is empty, and None where a file cannot set it.
+    """
+    gt: float | None = None
+    ge: float | None = None
+    lt: float | None = None
+    le: float | None = None
+    example: Any = None
+    """A value for a file, where the default is none."""
+    endless: bool = False
+    """Whether it may be infinite, for no limit."""
+    least: int = 0
+    """Shortest length of a list."""
+
+    @property
+    def file_unit(self) -> str:
+        """Unit in a file."""
+        return self.shown or _SHOWN.get(self.unit, self.unit)
+
+    @property
+    def factor(self) -> float:
+        """What one of the file's unit is inside."""
+        return 1.0 if self.file_unit == self.unit else _FACTOR[self.unit, self.file_unit]
+
+    def named(self, field: str) -> str:
+        """The key in a file of a field of this name."""
+        return self.key or field + _SUFFIX.get(self.file_unit, "")
+
+    @property
+    def rules(self) -> dict[str, float]:
+        """The range, as far as there is one."""
+        found = {"gt": self.gt, "ge": self.ge, "lt": self.lt, "le": self.le}
+        return {name: value for name, value in found.items() if value is not None}
+
+    @property
+    def range(self) -> str:
+        """The range in words, in the unit inside; empty where there is none.
+
+        >>> Quantity("an angle", "rad", gt=0.0, le=180.0).range
+        'above 0 and at most 3.142'
+        """
+        words = (("above", self.gt), ("at least", self.ge), ("below", self.lt), ("at most", self.le))
+        return " and ".join(f"{word} {value * self.factor:.4g}" for word, value in words if value is not None)
+
+    def holds(self, value: float) -> bool:
+        """Whether a number in the unit inside is in the range; one that is no number is not."""
+        if math.isinf(value):
+            return self.endless and value > 0.0
+        scaled = value / self.factor
+        return (
+            math.isfinite(value)
+            and (self.gt is None or scaled > self.gt)
+            and (self.ge is None or scaled >= self.ge - _ROUNDING * abs(self.ge))
+            and (self.lt is None or scaled < self.lt)
+            and (self.le is None or scaled <= self.le + _ROUNDING * abs(self.le))
+        )
+
+
+def in_unit(value: float, unit: float) -> float:
+    """The shortest decimal x with x·unit = `value` exactly, if there is one; otherwise value/unit.
+
+    >>> in_unit(0.3490658503988659, RADIANS)
+    20.0
+    """
+    if unit == 1.0 or not math.isfinite(value):
+        return value
+    quotient = value / unit
+    decimals = (float(f"{quotient:.{digits}g}") for digits in range(1, 18))
+    return next((x for x in decimals if x * unit == value), quotient)
+
+
+class Declared(NamedTuple):
+    """One declared field of a NamedTuple or a dataclass."""
+
+    name: str
+    kind: Any
+    """Its type without the declaration."""
+    quantity: Quantity
+
+
+def declared(kind: Any) -> tuple[Declared, ...]:
+    """The declared fields of a NamedTuple or dataclass, in their order.
+
+    >>> class Disc(NamedTuple):
+    ...     radius: typing.Annotated[float, Quantity("of the disc", "m", shown="mm")] = 0.1
+    >>> declared(Disc)[0].quantity.named("radius")
+    'radius_mm'
+    """
+    return _declared(kind)
+
+
+@cache
+def _declared(kind: Any) -> tuple[Declared, ...]:
+    return tuple(_looked_up(kind))
+
+
+def _looked_up(kind: Any) -> Iterator[Declared]:
+    for name, hint in typing.get_type_hints(kind, include_extras=True).items():
+        for extra in getattr(hint, "__metadata__", ()):
+            if isinstance(extra, Quantity):
+                yield Declared(name, hint.__origin__, extra)
+
+
+def optional(kind: Any) -> Any:
+    """The type that a field has where it is not None; None for a type that does not allow None.
+
+    >>> optional(float | None), optional(float)
+    (<class 'float'>, None)
+    """
+    if isinstance(kind, types.UnionType) and type(None) in kind.__args__:
+        (inner,) = (part for part in kind.__args__ if part is not type(None))
+        return inner
+    return None

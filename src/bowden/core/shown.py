@@ -1,0 +1,116 @@
+"""How a result shows itself: one screen of text in a terminal, a table and a picture in a notebook."""
+
+import html
+import shutil
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bowden.core import style
+from bowden.core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Rows = Iterable[tuple[str, str]]
+"""Label and text of each line."""
+
+_WIDEST = 100
+_MOST_LINES = 4
+_NOTHING = 1e-9
+"""A figure below this is rounding."""
+
+
+def screen(title: str, rows: Rows) -> str:
+    """A title, and a line for each row; a long text is wrapped, and cut after four lines.
+
+    >>> print(screen("a thing", [("verdict", "holds"), ("gains", "")]))
+    a thing
+      verdict  holds
+    """
+    shown = [(label, text) for label, text in rows if text]
+    room = max((len(label) for label, _ in shown), default=0)
+    width = max(40, min(_WIDEST, shutil.get_terminal_size((_WIDEST, 24)).columns))
+    lines = [title]
+    for label, text in shown:
+        first, hanging = f"  {label:<{room}}  ", " " * (room + 4)
+        lines += textwrap.wrap(
+            text,
+            width,
+            initial_indent=first,
+            subsequent_indent=hanging,
+            break_on_hyphens=False,
+            break_long_words=False,
+            max_lines=_MOST_LINES,
+            placeholder=" …",
+        )
+    return "\n".join(lines)
+
+
+def fragment(title: str, rows: Rows, figure: "Figure | None" = None) -> str:
+    """The same as HTML for a notebook, with a picture below where there is one.
+
+    >>> fragment("a < b", [("verdict", "holds")])
+    '<div><b>a &lt; b</b><table><tr><td>verdict</td><td style="text-align:left">holds</td></tr></table></div>'
+    """
+    cells = "".join(
+        f'<tr><td>{html.escape(label)}</td><td style="text-align:left">{html.escape(text)}</td></tr>'
+        for label, text in rows
+        if text
+    )
+    drawn = "" if figure is None else style.svg(figure, f"shown-{id(figure):x}-")
+    return f"<div><b>{html.escape(title)}</b><table>{cells}</table>{drawn}</div>"
+
+
+def axes_for(
+    given: "Axes | Sequence[Axes] | None", rows: int, columns: int, width: float, height: float
+) -> "list[Axes]":
+    """Axes to draw on: those handed in, or a new figure's, made through pyplot so that ``plt.show()`` shows it.
+
+    Args:
+        given: one or several; None to make `rows` × `columns` of them.
+        rows: rows of axes that are made.
+        columns: columns of axes that are made.
+        width: of the figure that is made [inch].
+        height: of the figure that is made [inch].
+
+    Raises:
+        ParameterError: something else than axes, or more than can be drawn on.
+    """
+    from matplotlib.axes import Axes
+
+    if given is None:
+        from matplotlib import pyplot
+
+        with style.drawing():
+            _, made = pyplot.subplots(
+                rows, columns, figsize=(width, height), layout="constrained", squeeze=False, sharex="col"
+            )
+        return list(made.flat)
+    found = [given] if isinstance(given, Axes) else list(np.ravel(np.asarray(given, dtype=object)))
+    wrong = next((one for one in found if not isinstance(one, Axes)), None)
+    if wrong is not None or not 1 <= len(found) <= rows * columns:
+        most = "" if rows * columns == 1 else f", or a list of up to {rows * columns}"
+        what = f"{len(found)} axes" if wrong is None else f"a {type(wrong).__name__}"
+        raise ParameterError(f"plot: axes is {what}", expected=f"matplotlib axes{most}", do="leave it out for new ones")
+    return found
+
+
+def number(value: float | None, unit: str = "", digits: int = 3) -> str:
+    """A number with its unit; empty where there is none.
+
+    >>> number(0.12345, "°"), number(12.0, "ms"), number(None, "s")
+    ('0.123°', '12 ms', '')
+    """
+    if value is None:
+        return ""
+    value = 0.0 if abs(value) < _NOTHING else value
+    return f"{value:.{digits}g}{'' if unit in ('', '°') else ' '}{unit}"
+
+
+def listed(parts: Iterable[str], between: str = ", ") -> str:
+    """The parts that say something, in a row."""
+    return between.join(part for part in parts if part)

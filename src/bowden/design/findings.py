@@ -1,0 +1,114 @@
+"""How a check and a tuning say and draw what they found."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from bowden.core.shown import listed, number
+from bowden.core.style import COLOURS, CYCLE, legend
+from bowden.core.units import DEGREES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from bowden.control.stability import Margins
+    from bowden.design.check import Check
+    from bowden.design.tune import Tuning
+
+_SAID = {True: "confirmed in simulation", False: "refuted in simulation", None: "nothing to confirm"}
+
+
+def check_rows(found: "Check") -> list[tuple[str, str]]:
+    """What a check found, a line for each thing."""
+    cycle, swing, ripple = found.cycle, found.swing, found.command_per_count
+    predicted = "none predicted"
+    if cycle is not None:
+        about = f"±{cycle.amplitude * DEGREES:.2g}° every {cycle.period:.2g} s predicted"
+        predicted = f"{about}, {_SAID[found.cycle_confirmed]}"
+    return [
+        ("verdict", f"{found.verdict}: {found.reason}"),
+        ("gain margin", number(found.gain_margin_db, "dB") or "none"),
+        ("phase margin", number(found.phase_margin_deg, "°") or "none"),
+        ("delay margin", _milliseconds(found.delay_margin_s) or "none"),
+        ("limit cycle", predicted),
+        ("at rest", "" if swing is None else f"±{swing * DEGREES:.3g}° at the joint in simulation"),
+        ("chatter", f"{ripple * DEGREES:.3g}° of command for one count of the encoder" if ripple else ""),
+        ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
+        (
+            "proven bound",
+            ""
+            if found.ultimate_error is None
+            else f"{found.ultimate_error * DEGREES:.3g}° (the paper's Lyapunov bound)",
+        ),
+        ("advice", found.advice),
+    ]
+
+
+def tuning_rows(tuning: "Tuning") -> list[tuple[str, str]]:
+    """What a tuning found, a line for each thing."""
+    stood = tuning.stood
+    gains = [f"{name} {value:.4g} (was {stood[name]:.4g})" for name, value in tuning.gains.items()]
+    before = "unstable" if tuning.worst_before is None else number(tuning.worst_before * DEGREES, "°")
+    found = tuning.found
+    margins = (number(found.gain_margin_db, "dB"), number(found.phase_margin_deg, "°"))
+    delay = _milliseconds(found.delay_margin_s)
+    return [
+        ("gains", ", ".join(gains) or "as they were"),
+        ("verdict", f"{found.verdict} (was {tuning.before.verdict})"),
+        ("margins", listed((*margins, f"{delay} of delay" if delay else "")) or "no feedback"),
+        ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} (was {before})"),
+        ("search", f"{tuning.generations} generations"),
+    ]
+
+
+def draw_check(axes: "Axes", found: "Check") -> None:
+    """Phase margin over gain margin of every linear loop; little of either is shaded."""
+    from bowden.design.check import ENOUGH_DB, ENOUGH_DEG
+
+    colours = dict(zip(sorted({point.bend for point in found.points}), CYCLE, strict=False))
+    for bend, colour in colours.items():
+        margins = [point.margins for point in found.points if point.bend == bend]
+        pairs = [(one.gain_margin_db or 0.0, one.phase_margin_deg or 0.0) for one in margins if _limited(one)]
+        unstable = sum(not one.stable for one in margins)
+        label = f"bend of {bend * DEGREES:.0f}°" + (f", {unstable} unstable" if unstable else "")
+        axes.plot([gain for gain, _ in pairs], [phase for _, phase in pairs], "o", color=colour, label=label)
+    if not any(_limited(point.margins) for point in found.points):
+        axes.text(0.5, 0.5, "no limit to gain or phase", transform=axes.transAxes, ha="center")
+    axes.set(xlabel="gain margin [dB]", ylabel="phase margin [°]")
+    axes.set_xlim(0.0, max(2.0 * ENOUGH_DB, 1.05 * axes.get_xlim()[1]))
+    axes.set_ylim(0.0, max(2.0 * ENOUGH_DEG, 1.05 * axes.get_ylim()[1]))
+    axes.axvspan(0.0, ENOUGH_DB, color=COLOURS["error"], alpha=0.12, lw=0.0)
+    axes.axhspan(0.0, ENOUGH_DEG, color=COLOURS["error"], alpha=0.12, lw=0.0)
+    legend(axes)
+
+
+def _limited(margins: "Margins") -> bool:
+    """Whether a loop has both margins, or is unstable and has none."""
+    return not margins.stable or (margins.gain_margin_db is not None and margins.phase_margin_deg is not None)
+
+
+def draw_tuning(axes: "Sequence[Axes]", tuning: "Tuning") -> None:
+    """How far each gain moved, as a factor, and on second axes the largest error before and after."""
+    stood = tuning.stood
+    moved = {
+        name: value / stood[name] for name, value in tuning.gains.items() if stood[name] and value / stood[name] > 0
+    }
+    panel = axes[0]
+    panel.barh(list(moved), [math.log2(factor) for factor in moved.values()], color=COLOURS["joint"])
+    for i, factor in enumerate(moved.values()):
+        panel.annotate(f" ×{factor:.3g} ", (math.log2(factor), i), va="center", ha="left" if factor >= 1.0 else "right")
+    panel.axvline(0.0, color=COLOURS["reference"], lw=0.8)
+    panel.margins(x=0.25)
+    panel.invert_yaxis()
+    panel.set_xlabel("doublings of the gain")
+    if len(axes) > 1:
+        errors = {"before": tuning.worst_before, "after": tuning.worst_rmse}
+        heights = [0.0 if value is None else value * DEGREES for value in errors.values()]
+        bars = axes[1].bar(list(errors), heights, color=[COLOURS["limit"], CYCLE[2]], width=0.6)
+        axes[1].bar_label(bars, ["unstable" if v is None else f"{v * DEGREES:.3g}°" for v in errors.values()])
+        axes[1].set_ylabel("largest RMSE [°]")
+        axes[1].margins(y=0.15)
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return number(None if seconds is None else 1e3 * seconds, "ms")

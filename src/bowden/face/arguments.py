@@ -1,0 +1,116 @@
+"""What is handed to a function of the face, checked: every refusal names the argument, what was given and expected."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+
+def said(value: Any) -> str:
+    """A value in a message, cut short.
+
+    >>> said("x"), said(np.zeros(3)), said(int)
+    ("'x'", 'an array of shape (3,)', 'the class int')
+    """
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"a {type(value).__name__}: {text[:50]}…"
+
+
+def signal(value: Any, what: str) -> Array:
+    """One signal as an array (n,) of numbers.
+
+    Args:
+        value: as it was given.
+        what: function and argument, for messages.
+
+    Raises:
+        ParameterError: text, or anything but a row of numbers.
+    """
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind not in "biuf":
+            bad = next((one for one in np.ravel(found).tolist() if not isinstance(one, int | float)), value)
+            raise ParameterError(
+                f"{what} holds {said(bad)}", expected="numbers only", do="convert it first: numpy.asarray(x, float)"
+            )
+        found = np.asarray(found, dtype=np.float64)
+    except ValueError as error:  # rows of different lengths
+        raise ParameterError(f"{what} is no row of numbers: {error}", expected="an array (n,)") from error
+    if found.ndim != 1:
+        raise ParameterError(
+            f"{what} is {said(found) if found.ndim else said(value)}",
+            expected="an array of shape (n,)",
+            do="hand over one signal, x[:, 0] say" if found.ndim else "hand over the samples of a log",
+        )
+    return np.ascontiguousarray(found)
+
+
+def one_length(signals: dict[str, Array], where: str) -> None:
+    """Refuse signals that are not of one length.
+
+    Raises:
+        ParameterError: they are not.
+    """
+    if len({len(values) for values in signals.values()}) > 1:
+        raise ParameterError(
+            f"{where}: " + ", ".join(f"{name} has {len(values)} samples" for name, values in signals.items()),
+            expected="one length",
+            do="take them from the same rows",
+        )
+
+
+def path_of(value: Any, what: str) -> Path:
+    """A path.
+
+    Raises:
+        ParameterError: something else.
+    """
+    if not isinstance(value, str | Path):
+        raise ParameterError(f"{what} is {said(value)}", expected="the path of a file")
+    return Path(value)
+
+
+LARGEST_ANGLE = 4.0 * np.pi
+"""Of a joint in either direction: two turns [rad]."""
+
+
+def angle(value: Any, what: str) -> float:
+    """An angle of a joint [rad].
+
+    Raises:
+        ParameterError: no finite number, or more than two turns, which degrees would be.
+    """
+    found = number(value, what, "an angle in radians")
+    if abs(found) > LARGEST_ANGLE:
+        raise ParameterError(
+            f"{what} is {found:g} rad",
+            expected=f"an angle within ±{LARGEST_ANGLE:.4g} rad",
+            do=f"that looks like degrees: numpy.radians({found:g}) is {np.radians(found):.4g}",
+        )
+    return found
+
+
+def number(value: Any, what: str, expected: str = "a finite number") -> float:
+    """A finite number.
+
+    Raises:
+        ParameterError: something else.
+    """
+    try:
+        if isinstance(value, str | bytes | bool):
+            raise TypeError
+        found = float(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{what} is {said(value)}", expected=expected) from None
+    if not np.isfinite(found):
+        raise ParameterError(f"{what} is {found}", expected=expected)
+    return found

@@ -1,0 +1,113 @@
+"""`identify` and `read_log`: from a log of a cable to its model."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from bowden.core.errors import ParameterError
+from bowden.core.trace import Trace
+from bowden.face import arguments
+from bowden.identify.cable.fit import Fit, identify_log
+from bowden.identify.cable.fit import identify as identify_signals
+from bowden.identify.log.read import Log
+from bowden.identify.log.read import read_log as read_file
+
+
+def identify(
+    log: "str | Path | Log | Trace | ArrayLike | None" = None,
+    motor: "str | ArrayLike | None" = None,
+    joint: "str | ArrayLike | None" = None,
+    *,
+    time: "str | ArrayLike | None" = None,
+    unit: str | None = None,
+    name: str = "log",
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> Fit:
+    """Fit five families of cable models to the first half of a log, and judge them on the second.
+
+    Args:
+        log: the path of a CSV, gzipped CSV or MATLAB file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
+        motor: motor-side angle (n,); of a file, the name of its column.
+        joint: joint-side angle (n,); of a file, the name of its column.
+        time: the same for time, where it does not come first.
+        unit: of both angles, ``rad`` or ``deg``; radians where it is not given, or as a file's columns say.
+        name: of the log, for messages.
+        seed: of the global search; with the same seed the result is the same.
+        progress: called with what is being done and the share of the work that is behind.
+
+    Returns:
+        The fit: ``best``, the recommended model, as a rig takes it; all models with their errors and uncertainties.
+
+    Raises:
+        LogError: a file that cannot be read, or signals that nothing can be fitted to.
+        ParameterError: arguments of the wrong kind.
+
+    >>> import numpy as np
+    >>> time = np.arange(0.0, 20.0, 0.01)
+    >>> motor = 0.5 * np.sin(2.0 * time)
+    >>> fit = identify(time, motor, 0.9 * motor + 0.1)
+    >>> fit.best.name, round(fit.best.parameters["slope"], 6)
+    ('line', 0.9)
+    """
+    if isinstance(log, str | Path):
+        return identify_log(read_log(log, time=time, motor=motor, joint=joint, unit=unit), seed, progress)
+    if isinstance(log, Log | Trace):
+        for what, extra in (("motor", motor), ("joint", joint), ("time", time), ("unit", unit)):
+            if extra is not None:
+                kind = type(log).__name__
+                raise ParameterError(f"identify: {what} beside a {kind}", expected=f"the {kind} alone, which has it")
+        if isinstance(log, Log):
+            return identify_log(log, seed, progress)
+        seen = ("motor_measured", "joint_measured") if "motor_measured" in log else ("motor", "joint")
+        return identify_signals(log.time, *(log[one] for one in seen), name=name, seed=seed, progress=progress)
+    if log is not None and time is not None:
+        raise ParameterError("identify: time is given twice", expected="it once: identify(time, motor, joint)")
+    given = {"time": time if log is None else log, "motor": motor, "joint": joint}
+    for what, value in given.items():
+        if value is None:
+            raise ParameterError(
+                f"identify: {what} is missing",
+                expected="a file's path, or three arrays: identify(time, motor, joint)",
+            )
+    signals = {what: arguments.signal(value, f"identify: {what}") for what, value in given.items()}
+    arguments.one_length(signals, "identify")
+    return identify_signals(**signals, unit="rad" if unit is None else unit, name=name, seed=seed, progress=progress)
+
+
+def read_log(
+    path: str | Path, *, time: Any = None, motor: Any = None, joint: Any = None, unit: str | None = None
+) -> Log:
+    """Read the log of a cable and check it: even time, finite angles that move, in radians.
+
+    Args:
+        path: ``.csv``, ``.csv.gz`` or ``.mat``; rows of text may stand above the column names.
+        time: name of the time column; guessed where it is not given.
+        motor: name of the motor's column.
+        joint: name of the joint's column.
+        unit: of both angles, ``deg`` or ``rad``; as the columns' names say where it is not given.
+
+    Returns:
+        ``time`` [s], ``motor`` and ``joint`` [rad], and what was mended or guessed.
+
+    Raises:
+        LogError: the file cannot be read, or the log cannot be used; one line that says why and where.
+        ParameterError: arguments of the wrong kind.
+
+    >>> import pathlib, tempfile
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "log.csv"
+    >>> rows = "".join(f"{0.01 * i:.2f},{i % 50},{(i + 3) % 50}\\n" for i in range(400))
+    >>> _ = file.write_text("time_s,motor_deg,joint_deg\\n" + rows)
+    >>> read_log(file).joint[0].round(3)
+    np.float64(0.052)
+    """
+    for what, column in (("time", time), ("motor", motor), ("joint", joint), ("unit", unit)):
+        if column is not None and not isinstance(column, str):
+            raise ParameterError(
+                f"{what} of the log {path} is {arguments.said(column)}",
+                expected="the name of a column in the file" if what != "unit" else "deg or rad",
+                do="or hand over arrays alone: identify(time, motor, joint)",
+            )
+    return read_file(arguments.path_of(path, "read_log: path"), time=time, motor=motor, joint=joint, unit=unit)

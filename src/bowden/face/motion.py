@@ -1,0 +1,62 @@
+"""`MinimumJerk`: where the joint should be, moved as smoothly as a person moves."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
+from bowden.core.errors import ParameterError
+from bowden.face import arguments
+
+
+class MinimumJerk:
+    """Motions of minimum jerk for a rig's reference: periodic, or from point to point.
+
+    >>> MinimumJerk.periodic(0.0, 1.2, period=4.0)
+    PeriodicMinimumJerk(low=0.0, high=1.2, period=4.0)
+    >>> MinimumJerk.point_to_point([0.0, 1.0, 3.0], [0.0, 0.8, 0.8])
+    PointToPoint(times=(0.0, 1.0, 3.0), positions=(0.0, 0.8, 0.8))
+    """
+
+    @staticmethod
+    def periodic(low: float, high: float, period: float) -> PeriodicMinimumJerk:
+        """From one angle to another in the first half of each period, and back in the second.
+
+        Args:
+            low: joint angle at the start [rad].
+            high: joint angle after half a period [rad].
+            period: there and back [s].
+
+        Raises:
+            ParameterError: angles that are not finite or look like degrees, or a period that is not above zero.
+        """
+        what = "MinimumJerk.periodic: "
+        return PeriodicMinimumJerk(
+            arguments.angle(low, what + "low"),
+            arguments.angle(high, what + "high"),
+            arguments.number(period, what + "period", "seconds, above 0"),
+        )
+
+    @staticmethod
+    def point_to_point(times: Sequence[float], positions: Sequence[float]) -> PointToPoint:
+        """Through way points, at rest in each; with a hold where two following ones are equal.
+
+        Args:
+            times: when each is reached, increasing (k,) [s].
+            positions: joint angle at each (k,) [rad].
+
+        Raises:
+            ParameterError: other than one angle for each time, times that do not increase, angles like degrees.
+        """
+        what = "MinimumJerk.point_to_point: "
+        at = [
+            arguments.number(one, f"{what}times[{i}]", "seconds") for i, one in enumerate(_row(times, what + "times"))
+        ]
+        where = _row(positions, what + "positions")
+        angles = [arguments.angle(one, f"{what}positions[{i}]") for i, one in enumerate(where)]
+        return PointToPoint(tuple(at), tuple(angles))
+
+
+def _row(values: Any, what: str) -> list[Any]:
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise ParameterError(f"{what} is {arguments.said(values)}", expected="a list of numbers")
+    return list(values)

@@ -1,0 +1,41 @@
+"""`read_trace`: the record of a run, from whatever file bowden keeps it in."""
+
+from pathlib import Path
+
+from bowden.core.errors import LogError
+from bowden.core.trace import Trace
+from bowden.face import arguments
+
+_MCAP, _PARQUET = b"\x89MCAP0\r\n", b"PAR1"
+
+
+def read_trace(path: str | Path) -> Trace:
+    """Read a trace: Parquet or CSV of ``bowden simulate`` and of `Trace`, or the MCAP log of a live run.
+
+    Of a log that was cut short or damaged, what can be read is read, and nothing is guessed.
+
+    Args:
+        path: of the file; what is in it decides, not its ending.
+
+    Raises:
+        LogError: no such file, or none that bowden wrote.
+
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "run.csv"
+    >>> Trace({"time": np.arange(3.0)}, {"time": "s"}).to_csv(file)
+    >>> read_trace(file).time
+    array([0., 1., 2.])
+    """
+    file = arguments.path_of(path, "read_trace: path")
+    try:
+        with file.open("rb") as opened:
+            head = opened.read(len(_MCAP))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise LogError(f"cannot read {file}: {reason}", expected="a Parquet, CSV or MCAP file of bowden") from error
+    if head == _MCAP:
+        from bowden.live.mcap_read import read
+
+        return read(file).trace()
+    return Trace.from_parquet(file) if head.startswith(_PARQUET) else Trace.from_csv(file)

@@ -1,0 +1,95 @@
+"""Columns of logs from before states nested, by the names that they have today.
+
+What was recorded then is what is recorded now, under other names: the log can be drawn, exported and replayed as any.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+
+_SUPERVISOR: Mapping[str, str] = {
+    "mode": "decided.mode",
+    "passed": "decided.passed",
+    "before": "decided.target_before",
+    "bridged": "decided.bridged",
+    "released": "decided.released",
+    "eased": "decided.eased",
+    "latched": "decided.latched",
+    "enabled": "servo.enabled",
+    "model": "servo.position",
+    "model_speed": "servo.speed",
+    "astray": "servo.astray",
+    "motor": "motor.value",
+    "motor_speed": "motor.speed",
+    "motor_gap": "motor.age",
+    "joint": "joint.value",
+    "joint_speed": "joint.speed",
+    "joint_gap": "joint.age",
+    "anchor_motor": "anchor.motor",
+    "anchor_joint": "anchor.joint",
+    "overload": "sums.overload",
+    "saturated": "sums.saturated",
+    "slack": "sums.slack",
+    "late": "sums.late",
+    "bus_errors": "sums.bus_errors",
+    "failures": "sums.failures",
+    "armed": "sums.armed",
+    "winding": "heat.winding",
+    "housing": "heat.housing",
+    "i2t": "heat.i2t",
+}
+
+_PUSH: Mapping[str, str] = {
+    "position": "virtual.position",
+    "velocity": "virtual.velocity",
+    "acceleration": "virtual.acceleration",
+    "push": "push.torque",
+    "rested": "push.rested",
+    "slow": "push.slow",
+    "spool": "estimate.spool",
+    "joint": "estimate.joint",
+    "spool_rate": "estimate.spool_rate",
+    "joint_rate": "estimate.joint_rate",
+    "current": "estimate.current",
+    "flexor_node": "estimate.flexor_node",
+    "extensor_node": "estimate.extensor_node",
+    "estimate": "estimate.torque",
+    "doubt": "estimate.doubt",
+    "from_current": "estimate.from_current",
+    "from_stretch": "estimate.from_stretch",
+}
+
+_LAW: Mapping[str, str] = {"plan": "plan.motor", "slope_up": "slopes.up", "slope_down": "slopes.down"}
+"""What our law's parts called otherwise before; every other field kept its own name."""
+
+
+@cache
+def _renamed() -> tuple[Mapping[str, str], ...]:
+    """Old name → name of today, one state a mapping."""
+    from bowden.control import LAWS  # of use for an old log alone
+
+    other = {today: old for old, today in _LAW.items()}
+    today = [name.removeprefix("law.") for name in LAWS["bowden"].columns()]
+    law = {other.get(name, name.rpartition(".")[2]): name for name in today}
+    states = {"supervisor": _SUPERVISOR, "admittance": _PUSH, "law": law}
+    return tuple(
+        {f"{part}.{old}": f"{part}.{name}" for old, name in names.items() if old != name}
+        for part, names in states.items()
+    )
+
+
+def names_of_today(columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns of a log under today's names; those that no state of old had keep theirs.
+
+    >>> names_of_today(("time", "supervisor.mode"))
+    ('time', 'supervisor.mode')
+    """
+    there = set(columns)
+    old = {name: new for names in _found(there) for name, new in names.items()}
+    return tuple(old.get(name, name) for name in columns)
+
+
+def _found(there: set[str]) -> Iterator[Mapping[str, str]]:
+    """The states of which a log has every old name: one alone may be another law's own."""
+    if any(name.count(".") > 1 for name in there) or not {"supervisor.winding"} & there:
+        return
+    yield from (names for names in _renamed() if set(names) <= there)

@@ -1,0 +1,38 @@
+"""What there is to be known of a plant, for `bowden.control.knowledge`."""
+
+import math
+
+from bowden.control.knowledge import Knowledge, with_cable
+from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant
+from bowden.plants.suit_parts import Suit
+
+
+def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
+    """What a law may be told of a plant.
+
+    - Of any plant: servo, clock and encoders. What its cable is made of is not what anyone has measured; whoever has
+      identified it adds that by `bowden.control.knowledge.with_cable`.
+    - Of a bench: also where the motor is zeroed, and the cable as it stands there.
+    - Of a suit: also the cables' Bouc–Wen form; its motor is counted in the joint's coordinate, from the straight arm.
+
+    Args:
+        plant: as it is believed to be.
+        identified: whether a bench's cable is from a log, and not written by hand.
+    """
+    joint, motor = plant.joint_encoder, getattr(plant, "motor_encoder", None)
+    known = Knowledge(
+        servo_frequency=plant.servo.natural_frequency,
+        servo_damping=plant.servo.damping,
+        delay=(plant.delay + 0.5) * plant.sample_time,
+        sample_time=plant.sample_time,
+        joint_step=joint.resolution,
+        joint_noise=getattr(joint, "noise", math.nan),
+        motor_step=getattr(motor, "resolution", math.nan),
+        motor_noise=getattr(motor, "noise", math.nan),
+    )
+    if isinstance(plant, Bench):
+        return with_cable(known, plant.cable, plant.sheath.gap, identified=identified)
+    if isinstance(plant, Suit):
+        return known._replace(cable=plant.flexor.bouc_wen, motor_zero=0.0, suit=True)
+    return known

@@ -1,0 +1,264 @@
+"""Any plant, one control cycle at a time: what a run, a batch, the check and the twin need of it.
+
+A plant is a value with its parts whose `dynamics` hands out kernels and the parameters that these are handed:
+
+    rest(plant, motor, sheath) -> body                              at rest at a motor angle
+    advance(plant, body, applied, sheath, next_sheath) -> body      one cycle later under a command
+    observe(plant, body, normals) -> (body, reading)                what its sensors say; a sensor may remember
+    effort(plant, body, sheath) -> current                          what the motor needs for it
+    look(plant, body) -> columns                                    where it truly is
+
+`body` is a NamedTuple of numbers, arrays and other NamedTuples; the columns are a NamedTuple of floats that begins with
+the joint's angle, the motor's angle and the speed of the motor's spool. A loop's source calls the stand-ins
+`plant_rest` … `plant_look`, and `specialise` puts the plant's own kernels in their place.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.source import Heard
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel
+from bowden.models.cable.sheath import Sheath
+from bowden.models.cable.sheath import slope_factor as slope_factor_at
+from bowden.models.cable.sheath import width as width_at
+from bowden.models.drive.encoder import Encoder, reading
+from bowden.models.drive.servo import Servo
+
+Array = NDArray[np.float64]
+
+
+class SheathState(NamedTuple):
+    """The sheath at one instant."""
+
+    bend: float
+    """Total bend [rad]."""
+    width: float
+    """Factor on the hysteresis, see `bowden.models.cable.sheath` [–]."""
+    slope_factor: float
+    """Factor on the cable's slope [–]."""
+
+
+class SheathPath(NamedTuple):
+    """The sheath at the edges of a run's cycles; it goes straight from one to the next."""
+
+    bends: Array  # (n + 1,) [rad]
+    widths: Array  # (n + 1,) [–]
+    slope_factors: Array  # (n + 1,) [–]
+
+
+@kernel
+def sheath_at(path: SheathPath, k: int) -> SheathState:
+    """The sheath at the beginning of cycle k."""
+    return SheathState(path.bends[k], path.widths[k], path.slope_factors[k])
+
+
+def sheath_state(sheath: Sheath, bend: float) -> SheathState:
+    """A sheath at a total `bend` [rad]."""
+    return SheathState(float(bend), float(width_at(bend, sheath)), float(slope_factor_at(bend, sheath)))
+
+
+def sheath_path(sheath: Sheath, bends: Array) -> SheathPath:
+    """A sheath at total `bends` (n + 1,) [rad]."""
+    angles: Any = np.asarray(bends, dtype=np.float64)  # kernels made of ufuncs take arrays in place of numbers
+    widths, factors = width_at(angles, sheath), slope_factor_at(angles, sheath)
+    return SheathPath(angles, np.asarray(widths, dtype=np.float64), np.asarray(factors, dtype=np.float64))
+
+
+@kernel
+def plant_rest(plant: Any, motor: float, sheath: SheathState) -> Any:
+    """Stand-in for a plant's ``rest`` in a loop's source; `specialise` puts the plant's own in its place."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def plant_advance(plant: Any, body: Any, applied: float, sheath: SheathState, next_sheath: SheathState) -> Any:
+    """Stand-in for a plant's ``advance``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def plant_observe(plant: Any, body: Any, normals: Array) -> tuple[Any, Heard]:
+    """Stand-in for a plant's ``observe``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def plant_effort(plant: Any, body: Any, sheath: SheathState) -> float:
+    """Stand-in for a plant's ``effort``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def plant_look(plant: Any, body: Any) -> Any:
+    """Stand-in for a plant's ``look``."""
+    raise NotImplementedError  # never compiled: always replaced
+
+
+@kernel
+def body_as_it_is(plant: Any, body: Any) -> Any:
+    """The ``look`` of a plant whose body is a flat NamedTuple that begins with joint, motor and motor_velocity."""
+    return body
+
+
+@kernel
+def read_encoders(plant: Any, body: Any, normals: Array) -> tuple[Any, Heard]:
+    """The ``observe`` of a plant with an encoder at the joint and one at the motor, and nothing else to hear."""
+    joint = reading(body.joint, normals[0], plant.joint_encoder)
+    motor = reading(body.motor.position, normals[1], plant.motor_encoder)
+    return body, Heard(joint, motor, np.nan, np.nan)
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """A plant as a loop runs it: its kernels, and the parameters that they are handed."""
+
+    name: str
+    """What to call a loop round it; plants with the same kernels share the compiled code."""
+    plant: Any
+    """Parameters: a NamedTuple of numbers, arrays and other NamedTuples."""
+    rest: Callable[[Any, float, SheathState], Any]
+    advance: Callable[[Any, Any, float, SheathState, SheathState], Any]
+    observe: Callable[[Any, Any, Array], tuple[Any, Heard]]
+    effort: Callable[[Any, Any, SheathState], float]
+    columns: Mapping[str, str]
+    """Fields of what ``look`` gives, in their order, each with its unit."""
+    look: Callable[[Any, Any], Any] = body_as_it_is
+    parts: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    """Further stand-ins that these kernels call, and what is put in their place."""
+    normals: int = 2
+    """Standard normal numbers that ``observe`` takes each cycle."""
+    begins_at_reference: bool = False
+    """Whether the motor is counted in the joint's coordinate: where no initial motor angle is given, a run then begins
+    at its reference's first, and else at 0."""
+
+    def kernels(self) -> dict[str, Callable[..., Any]]:
+        """What stands for the stand-ins in a loop's source."""
+        own: dict[str, Callable[..., Any]] = {
+            "plant_rest": self.rest,
+            "plant_advance": self.advance,
+            "plant_observe": self.observe,
+            "plant_effort": self.effort,
+            "plant_look": self.look,
+        }
+        return own | dict(self.parts)
+
+
+class Plant(Protocol):
+    """Any plant. A new one is a file: a class with these, and kernels; nothing lists them."""
+
+    @property
+    def sheath(self) -> Sheath:
+        """How its hysteresis depends on the sheath's bend."""
+
+    @property
+    def servo(self) -> Servo:
+        """The motor under its position loop, as linear analysis takes it and as a law is told of it."""
+
+    @property
+    def motor(self) -> Any:
+        """With ``resistance`` [Ω], ``torque_constant`` [N·m/A] and ``gear`` [–], for power and energy (Eq. 18)."""
+
+    @property
+    def joint_encoder(self) -> Any:
+        """What measures the joint, with a ``resolution`` [rad]."""
+
+    @property
+    def sample_time(self) -> float:
+        """Ts, one control cycle [s]."""
+
+    @property
+    def delay(self) -> int:
+        """Cycles between a sample and the moment its command reaches the servo [–]."""
+
+    def dynamics(self) -> Dynamics:
+        """Its kernels and their parameters.
+
+        Raises:
+            ParameterError: parts that cannot be.
+        """
+
+    def draw(self, seed: int, out: Array) -> None:
+        """Fill `out` (n, `Dynamics.normals`) with the normal numbers of a run: n cycles of one seed."""
+
+    def sheath_columns(self, joint: Array, path: SheathPath) -> dict[str, Array]:
+        """The columns ``width`` and ``slope`` of a trace (n,), and ``bend`` where the plant itself bends its sheath."""
+
+    def resting_motor(self, joint: float, bend: float | None = None) -> float:
+        """The motor angle at which it rests with its joint at `joint` [rad], in a sheath of a total `bend` [rad].
+
+        The identified bend where it is not given.
+
+        Raises:
+            ParameterError: there is none.
+        """
+
+    def describe(self) -> dict[str, Any]:
+        """All that it is made of, as JSON values, for a trace's settings."""
+
+
+def draw_for_encoders(encoders: tuple[Encoder, Encoder], seed: int, out: Array) -> None:
+    """Normal numbers where one of two encoders is noisy, and else zeros: what `Plant.draw` does with two encoders."""
+    if encoders[0].noise > 0.0 or encoders[1].noise > 0.0:
+        np.random.default_rng(seed).standard_normal(out=out)
+    else:
+        out[:] = 0.0
+
+
+def plain(value: Any) -> Any:
+    """NamedTuples as objects, tuples and arrays as lists, for JSON."""
+    if hasattr(value, "_asdict"):
+        return {name: plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, tuple):
+        return [plain(part) for part in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def check_numbers(value: Any, where: str) -> None:
+    """Refuse parameters among which is no number; only limits may be infinite.
+
+    Raises:
+        ParameterError: the first such number, by its name.
+    """
+    if isinstance(value, tuple):
+        names = getattr(value, "_fields", [str(i) for i in range(len(value))])
+        for name, part in zip(names, value, strict=True):
+            check_numbers(part, f"{where}.{name}")
+        return
+    if isinstance(value, np.ndarray):
+        if not np.isfinite(value).all():
+            raise ParameterError(f"{where} holds {value[~np.isfinite(value)][0]}", expected="finite numbers")
+    elif isinstance(value, float) and not (math.isfinite(value) or (value == math.inf and where.endswith("limit"))):
+        raise ParameterError(f"{where} is {value:g}", expected="a finite number", do="correct the plant")
+
+
+def motor_for(joint: float, joint_at: Callable[[float], float], guess: float, name: str) -> float:
+    """The motor angle at which a plant that starts there has its joint at `joint` [rad], found by secant steps.
+
+    Args:
+        joint: wanted [rad].
+        joint_at: where a plant that starts at a motor angle has its joint.
+        guess: a motor angle near it [rad].
+        name: of the plant, for messages.
+
+    Raises:
+        ParameterError: the plant has its joint there at no motor angle.
+    """
+    before, motor = 0.0, guess
+    left, now = joint_at(before) - joint, joint_at(motor) - joint
+    for _ in range(60):
+        if abs(now) < 1e-13 or now == left:
+            break
+        before, motor, left = motor, motor - now * (motor - before) / (now - left), now
+        now = joint_at(motor) - joint
+    if not abs(now) < 1e-9:
+        raise ParameterError(
+            f"a {name!r} plant cannot rest with its joint at {joint:g} rad but at {joint + now:g} rad",
+            expected="an angle that its load lets the joint take",
+        )
+    return motor

@@ -1,0 +1,112 @@
+"""Values that are handed to a rig in Python: of the right type, finite, in their range, and plain numbers."""
+
+import math
+import numbers
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+from bowden.core.errors import ParameterError, near
+from bowden.core.quantity import Quantity, optional
+from bowden.core.units import DEGREES
+from bowden.rig.declaration import at, items_of, replaced
+
+Value = TypeVar("Value")
+
+_WORDS = {float: "a number", int: "a whole number", bool: "True or False", str: "text"}
+
+
+class Gains(Mapping[str, float]):
+    """Gains by name, which do not change."""
+
+    def __init__(self, values: Mapping[str, float] | None = None) -> None:
+        self._values = dict(values or {})
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._values.items()))
+
+    def __repr__(self) -> str:
+        return repr(self._values)
+
+
+def checked(value: Any, kind: type[Value], name: str) -> Value:
+    """A NamedTuple or dataclass of a rig, with plain numbers in it.
+
+    Args:
+        value: what was given.
+        kind: what it must be.
+        name: of the argument.
+
+    Raises:
+        ParameterError: it is another thing, or one of its fields is; with the field, what was given and expected.
+    """
+    if not isinstance(value, kind):
+        raise ParameterError(
+            f"Rig: {name} is {shown(value)}", expected=f"a {kind.__name__}", do=f"make one: {_like(kind)}"
+        )
+    changed = value
+    for item in items_of(kind):
+        given = at(value, item.path)
+        right = checked_number(given, item.kind, item.quantity, ".".join((name, *item.path)))
+        if right is not given and hasattr(value, "_fields"):
+            changed = replaced(changed, item.path, right)
+    return changed
+
+
+def _like(kind: type) -> str:
+    first = next(iter(items_of(kind)), None)
+    return f"{kind.__name__}({first.path[0]}=…)" if first else kind.__name__
+
+
+def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
+    """One field of a rig, as a plain number where it is one.
+
+    Raises:
+        ParameterError: of the wrong type or out of its range.
+    """
+    inner = optional(kind)
+    if inner is not None:
+        return None if value is None else checked_number(value, inner, quantity, name)
+    if get_origin(kind) is Literal:
+        choices = get_args(kind)
+        if value not in choices:
+            raise ParameterError(f"Rig: {name} is {shown(value)}", expected=near(str(value), map(str, choices)))
+        return value
+    if get_origin(kind) is tuple:
+        if isinstance(value, str) or not hasattr(value, "__iter__"):
+            raise ParameterError(f"Rig: {name} is {shown(value)}", expected="several numbers")
+        found = tuple(checked_number(one, float, quantity, f"{name}[{i}]") for i, one in enumerate(value))
+        return value if value == found and isinstance(value, tuple) and all(type(x) is float for x in value) else found
+    if kind in (bool, str):
+        if not isinstance(value, kind):
+            raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_WORDS[kind])
+        return value
+    needed = numbers.Integral if kind is int else numbers.Real
+    unit = "" if quantity.unit == "–" else f" in {quantity.unit}"
+    expected = f"{_WORDS[kind]}{f' {quantity.range}' if quantity.range else ''}{unit}"
+    if isinstance(value, bool) or not isinstance(value, needed):
+        raise ParameterError(f"Rig: {name} is {shown(value)}", expected=expected)
+    number = int(value) if isinstance(value, numbers.Integral) and kind is int else float(value)
+    if not quantity.holds(number):
+        raise ParameterError(f"Rig: {name} is {number:g}", expected=expected, do=_in_degrees(number, quantity))
+    return value if type(value) is kind else number
+
+
+def _in_degrees(number: float, quantity: Quantity) -> str:
+    """A hint where an angle is too large to be in radians, and would be right in degrees."""
+    angle = quantity.unit == "rad" and quantity.file_unit == "°" and math.isfinite(number)
+    return f"that looks like degrees: np.radians({number:g})" if angle and quantity.holds(number / DEGREES) else ""
+
+
+def shown(value: Any) -> str:
+    """A value in a message, cut short."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."

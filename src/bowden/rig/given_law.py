@@ -1,0 +1,117 @@
+"""The law that a rig names: one of ours, a user's file with its bytes, or a `Law` of Python's."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bowden.control import LAWS, Law, user_law
+from bowden.core.errors import ParameterError
+from bowden.core.files import whole_files
+from bowden.core.kernel_cache import cache_folder
+
+
+class LawFile(NamedTuple):
+    """A law in a file of the user's, as it stood when the rig was made."""
+
+    name: str
+    """``FILE.py:NAME``, as it was given."""
+    path: str
+    """Where the file was."""
+    source: bytes
+    """What was in it."""
+
+    def load(self) -> Law:
+        """The law; of a file that has changed since or is not there any more, what it was.
+
+        Raises:
+            ParameterError: something that is not a law, with the line.
+        """
+        path, attribute = Path(self.path), self.name.rpartition(".py")[2]
+        if not (path.is_file() and path.read_bytes() == self.source):
+            home = cache_folder() / "laws" / user_law.fingerprint(self.source)
+            with whole_files(home) as stage:
+                (stage / path.name).write_bytes(self.source)
+            path = home / path.name
+        return user_law.load(f"{path}{attribute}")
+
+
+def law_file(name: str, folder: Path | None = None) -> LawFile:
+    """The file that ``FILE.py:NAME`` names, read.
+
+    Raises:
+        ParameterError: it cannot be read, or has no such law.
+    """
+    path = Path(user_law.absolute(name, folder).rpartition(".py")[0] + ".py")
+    found = LawFile(name, str(path), user_law.source_of(path))
+    found.load()
+    return found
+
+
+def named(name: str, folder: Path | None = None) -> str | LawFile:
+    """A law by its name, checked.
+
+    Args:
+        name: a key of `LAWS`, or ``FILE.py:NAME`` of a user's own.
+        folder: where a relative FILE is found.
+
+    Raises:
+        ParameterError: an unknown law, or a user's file that cannot be used.
+    """
+    if user_law.is_file(name):
+        return law_file(name, folder)
+    return LAWS[name].name
+
+
+def loaded(given: str | LawFile) -> Law:
+    """The law with its own gains.
+
+    Raises:
+        ParameterError: a user's file that cannot be used.
+    """
+    return LAWS[given] if isinstance(given, str) else given.load()
+
+
+def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
+    """A law of Python's as its name or file, and the gains that were chosen for it.
+
+    Raises:
+        ParameterError: a law that stands in no file.
+    """
+    base: str | LawFile | None = None
+    known = LAWS.get(law.name)
+    if known is not None and known.step_kernel is law.step_kernel and known.start_kernel is law.start_kernel:
+        base = law.name
+    else:
+        known, base = _in_file(law)
+    if known is None or base is None:
+        raise ParameterError(
+            f"the law {law.name!r} stands in no file, so that it cannot be handed to another process",
+            do="write it into a file and name that: my_law.py:NAME",
+        )
+    chosen = {
+        name: value
+        for name, value in law.gains._asdict().items()
+        if name in law.chosen - known.chosen or (value != getattr(known.gains, name) and name not in law.told)
+    }
+    return base, chosen
+
+
+def _in_file(law: Law) -> tuple[Law | None, LawFile | None]:
+    path = Path(law.step_kernel.__code__.co_filename)
+    if path.suffix != ".py" or not path.is_file():
+        return None, None
+    for attribute in ("", *_laws_in(law)):
+        try:
+            found = law_file(f"{path}:{attribute}" if attribute else str(path))
+            loaded = found.load()
+        except ParameterError:
+            continue
+        if loaded.name == law.name and type(loaded.gains).__name__ == type(law.gains).__name__:
+            return loaded, found
+    return None, None
+
+
+def _laws_in(law: Law) -> Iterator[str]:
+    """Names of laws beside a law's kernels."""
+    around: Mapping[str, Any] = law.step_kernel.__globals__
+    yield from (name for name, value in list(around.items()) if isinstance(value, Law) and value.name == law.name)

@@ -1,0 +1,246 @@
+"""A rig as plain bytes: a JSON document with all its numbers, and the contents of the files that it was made of."""
+
+import base64
+import dataclasses
+import hashlib
+import json
+import math
+import zlib
+from collections.abc import Mapping
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden import __version__
+from bowden.control import LAWS, Law
+from bowden.core.errors import ParameterError
+from bowden.core.quantity import optional
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.rig.checked import Gains
+from bowden.rig.declaration import items_of
+from bowden.rig.emg_motion import EmgMotion
+from bowden.rig.given_law import LawFile, packable
+from bowden.rig.recorded import RecordedMotion
+from bowden.rig.sections import BENDS, PARTS, REFERENCES, RecordedFile
+
+FORMAT = 1
+"""Of the document."""
+MOST_BYTES = 32 << 20
+"""A larger rig is not packed: its recorded motion is too long [bytes]."""
+_DIGITS = 12
+"""Numbers that are alike in so many digits make the same hash: degrees to radians and back is not exact."""
+
+_REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}
+_BEND_TAGS = {part.kind: tag for tag, part in BENDS.items()}
+
+
+class Packed(NamedTuple):
+    """What is in a document."""
+
+    values: dict[str, Any]
+    """Field of a rig → its value."""
+    remarks: tuple[str, ...]
+    """What another version of the package wrote otherwise."""
+
+
+def document(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a rig as JSON values.
+
+    Raises:
+        ParameterError: a reference, cable or law that is known to this process alone, or too much of it.
+    """
+    found = {name: _written(name, value) for name, value in values.items()}
+    law, more = found["law"], {}
+    if isinstance(values["law"], Law):
+        base, own = packable(values["law"])
+        law, more = _written("law", base), {"own_gains": own}
+    return {"format": FORMAT, "software": f"bowden {__version__}"} | found | {"law": law} | more
+
+
+def packed(found: Mapping[str, Any]) -> bytes:
+    """A document as bytes.
+
+    Raises:
+        ParameterError: too much of it.
+    """
+    whole = json.dumps(found, ensure_ascii=False).encode()
+    if len(whole) > MOST_BYTES:
+        raise ParameterError(
+            f"the rig has {len(whole) / 2**20:.0f} MB with what it was made of",
+            expected=f"{MOST_BYTES >> 20} MB at most",
+            do="shorten or thin out its recorded motion",
+        )
+    return whole
+
+
+def digest(values: Mapping[str, Any]) -> str:
+    """A short name of the values: equal ones have the same, whether they come from Python or a file."""
+    return hashlib.sha256(json.dumps(_said(dict(values)), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _written(name: str, value: Any) -> Any:
+    if isinstance(value, RecordedMotion):
+        numbers = {"time": _array(value.time), "position": _array(value.position)}
+        return {"kind": "recorded", "said": _plain(value.said)} | numbers
+    if isinstance(value, IdentifiedCable):
+        return {"best": value.best, "models": {k: dict(v) for k, v in value.models.items()}, "file": value.file}
+    if isinstance(value, LawFile):
+        return {"name": value.name, "path": value.path, "source": base64.b64encode(value.source).decode()}
+    if isinstance(value, Law):
+        return None  # `document` has its name or file
+    if name == "reference":
+        if type(value) not in _REFERENCE_TAGS:
+            raise ParameterError(
+                f"a reference of the type {type(value).__name__} is known to this process alone",
+                expected=f"one of {', '.join(part.kind.__name__ for part in REFERENCES.values())}",
+            )
+        return {"kind": _REFERENCE_TAGS[type(value)]} | {
+            one.name: _plain(getattr(value, one.name)) for one in dataclasses.fields(value)
+        }
+    if name == "bend":
+        return {"kind": _BEND_TAGS[type(value)]} | _plain(value)
+    return _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """Nested NamedTuples as dictionaries, without numbers that JSON does not have."""
+    if hasattr(value, "_asdict"):
+        return {name: _plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _array(values: NDArray[np.float64]) -> str:
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(values, dtype="<f8").tobytes())).decode()
+
+
+def _said(value: Any) -> Any:
+    """What the hash is made of: numbers in a file's units and in their first digits, contents by their own hash."""
+    if isinstance(value, RecordedMotion):
+        contents = hashlib.sha256(np.round(value.position, 9).tobytes() + np.round(value.time, 9).tobytes())
+        return {"recorded": contents.hexdigest(), "cutoff": _said(value.said.cutoff)}
+    if isinstance(value, EmgMotion):
+        return {"emg": hashlib.sha256(value.rows.tobytes()).hexdigest()}
+    if isinstance(value, IdentifiedCable):
+        return {"best": value.best, "models": _said({k: dict(v) for k, v in value.models.items()})}
+    if isinstance(value, LawFile):
+        attribute = value.name.rpartition(".py")[2]
+        return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute}
+    if isinstance(value, Law):
+        try:
+            base, own = packable(value)
+        except ParameterError:  # of a notebook: what is run is all that is known of it
+            code = value.start_kernel.__code__.co_code + value.step_kernel.__code__.co_code
+            return {"law": value.name, "code": hashlib.sha256(code).hexdigest(), "gains": _said(value.gains)}
+        return {"law": _said(base), "gains": _said(own)} if own else _said(base)
+    if isinstance(value, Mapping):
+        return {key: _said(part) for key, part in value.items()}
+    if hasattr(value, "_fields") or (dataclasses.is_dataclass(value) and not isinstance(value, type)):
+        names = value._fields if hasattr(value, "_fields") else [one.name for one in dataclasses.fields(value)]
+        factors = {item.path[0]: item.quantity.factor for item in items_of(type(value)) if not item.path[1:]}
+        parts = {key: _said(_scaled(getattr(value, key), factors.get(key, 1.0))) for key in names}
+        if type(value).__name__ == "EmgSettings":
+            parts |= {"place": "", "wearer": "", "source": value.source if not value.recording else value.recording}
+        return {"type": type(value).__name__} | parts
+    if isinstance(value, list | tuple):
+        return [_said(part) for part in value]
+    if hasattr(value, "describe"):
+        return {"type": type(value).__name__, "described": _said(value.describe())}
+    return f"{value:.{_DIGITS}g}" if isinstance(value, float) else value
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    if isinstance(value, tuple) and not hasattr(value, "_fields"):
+        return tuple(part / factor for part in value)
+    return value / factor if isinstance(value, float) else value
+
+
+def unpacked(pack: bytes | Mapping[str, Any]) -> Packed:
+    """The fields of a rig from a document, or its bytes; what it leaves out is left out.
+
+    Raises:
+        ParameterError: it is none, or of a version that cannot be read.
+    """
+    found = pack if isinstance(pack, Mapping) else _read(pack)
+    if found.get("format") != FORMAT:
+        raise ParameterError(
+            f"the packed rig has the format {found.get('format')!r}, by {found.get('software', 'an unknown program')}",
+            expected=f"format {FORMAT}",
+            do="use the version of bowden that wrote it",
+        )
+    remarks: list[str] = []
+    values: dict[str, Any] = {}
+    for name, given in found.items():
+        if name in ("format", "software", "own_gains", "hash"):
+            continue
+        values[name] = _value(name, given, remarks)
+    if "own_gains" in found:
+        law = values["law"]
+        loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
+        values["law"] = loaded.with_gains(**found["own_gains"])
+    return Packed(values, tuple(remarks))
+
+
+def _read(pack: bytes) -> Mapping[str, Any]:
+    try:
+        found = json.loads(pack)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise ParameterError("the bytes are no packed rig", expected="what Rig.pack gives")
+    return found
+
+
+def _value(name: str, given: Any, remarks: list[str]) -> Any:
+    if name in PARTS:
+        return _made(PARTS[name].kind, given, PARTS[name].default, name, remarks)
+    if name == "cable":
+        if "best" in given:
+            return IdentifiedCable(given["best"], given["models"], given.get("file", ""))
+        return _made(BoucWen, given, BoucWen(), name, remarks)
+    if name == "reference":
+        if given["kind"] == "recorded":
+            said = RecordedFile(**given["said"])
+            return RecordedMotion(said, _numbers(given["time"]), _numbers(given["position"]))
+        part = REFERENCES[given["kind"]]
+        rest = {key: tuple(v) if isinstance(v, list) else v for key, v in given.items() if key != "kind"}
+        return part.kind(**rest)
+    if name == "bend":
+        part = BENDS[given["kind"]]
+        return _made(part.kind, {k: v for k, v in given.items() if k != "kind"}, part.default, name, remarks)
+    if name == "law" and isinstance(given, Mapping):
+        return LawFile(given["name"], given["path"], base64.b64decode(given["source"]))
+    return Gains(given) if name == "gains" else given
+
+
+def _made(kind: Any, given: Mapping[str, Any], default: Any, name: str, remarks: list[str]) -> Any:
+    """A NamedTuple of a kind from what `_plain` made of it; what another version called otherwise is remarked."""
+    unknown = sorted(set(given) - set(kind._fields))
+    missing = [one for one in kind._fields if one not in given]
+    if unknown:
+        remarks.append(f"{name} has {', '.join(unknown)}, which this version does not know and leaves out")
+    if missing:
+        remarks.append(f"{name} has no {', '.join(missing)}: taken as the default bench has it")
+    hints, values = get_type_hints(kind), {}
+    for key in kind._fields:
+        if key not in given:
+            continue
+        value, hint = given[key], hints[key]
+        inner = optional(hint) or hint
+        if isinstance(value, Mapping) and hasattr(inner, "_fields"):
+            value = _made(inner, value, getattr(default, key), f"{name}.{key}", remarks)
+        elif isinstance(value, list):
+            value = tuple(value)
+        elif inner is float and isinstance(value, str):
+            value = float(value)
+        values[key] = value
+    return kind(**values) if not missing else default._replace(**values)
+
+
+def _numbers(text: str) -> NDArray[np.float64]:
+    return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype="<f8")

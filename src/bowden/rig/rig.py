@@ -1,0 +1,616 @@
+"""A rig: one frozen value with everything that a run needs."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bowden.control import LAWS, Law
+from bowden.control.knowledge import Knowledge, configured
+from bowden.control.reference import Recorded, Trajectory
+from bowden.core.errors import ParameterError, near
+from bowden.core.quantity import Quantity, declared
+from bowden.cycle.one_cycle import Filters
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.realtime import Settings
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.sheath import Sheath, slope_factor
+from bowden.models.drive.encoder import Encoder
+from bowden.models.drive.motor import Motor
+from bowden.models.drive.servo import Servo
+from bowden.plants import cables
+from bowden.plants.bench import Bench
+from bowden.plants.cable_plant import CablePlant
+from bowden.plants.knowledge_of import knowledge_of
+from bowden.plants.plant import Plant
+from bowden.plants.suit_parts import Suit
+from bowden.rig import config, emg_motion, emg_setup, given_law, packing, toml_text
+from bowden.rig import drive as live_parts
+from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
+from bowden.rig.checked import Gains, checked, checked_number, shown
+from bowden.rig.compose_admittance import Pushing, pushing_of
+from bowden.rig.compose_suit import suit_of
+from bowden.rig.emg_setup import EmgRun
+from bowden.rig.given_law import LawFile
+from bowden.rig.recorded import held
+from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH, PARTS, REFERENCES, WIDTH, Clock, Control, Scenario
+from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
+from bowden.safety.limits import Limits
+from bowden.sim.scenario import BendPath
+
+MOST_CYCLES = 10_000_000
+"""A longer run is refused: its record would not fit into the memory of a common computer."""
+
+CableLike = BoucWen | IdentifiedCable | CableModel | Fit
+GivenLaw = str | Law | LawFile
+
+_LINE = "line"
+_AS_BENCH = ("bouc_wen", _LINE)
+"""Models that are simulated as the bench, with its fast step."""
+
+_CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Rig:
+    """Everything that a run needs; the default is the bench of the paper. All numbers are in SI and radians.
+
+    What a file names (a cable's model, a recorded motion, a wearer, a law) is read when the rig is made and is part of
+    it, so that what is checked is what runs.
+
+    >>> rig = Rig(servo=Servo(natural_frequency=20.0, damping=0.8, speed_limit=10.0), law="bowden")
+    >>> rig.bench.servo.damping
+    0.8
+    >>> rig.replace(delay=3).bench.delay
+    3
+
+    Raises:
+        ParameterError: a value of the wrong type or out of its range, with its name and what was expected.
+    """
+
+    cable: CableLike = DEFAULT_CABLE
+    """Its parameters by hand, or what an identification says of it."""
+    width: float = DEFAULT_WIDTH
+    """Factor on the play of a cable by hand, which laws do not know; an identified one has 1 [–]."""
+    sheath: Sheath = PARTS["sheath"].default
+    servo: Servo = PARTS["servo"].default
+    motor: Motor = PARTS["motor"].default
+    joint_encoder: Encoder = PARTS["joint_encoder"].default
+    motor_encoder: Encoder = PARTS["motor_encoder"].default
+    sample_time: float = _CLOCK.sample_time
+    """Ts, one control cycle [s]."""
+    delay: int = _CLOCK.delay
+    """Cycles between a sample and the moment its command reaches the servo [–]."""
+    substeps: int = _CLOCK.substeps
+    """Plant sub-steps in a cycle in which the servo meets a limit [–]."""
+    suit: SuitSettings = PARTS["suit"].default
+    """Where it is worn, it takes the place of the bench."""
+    wearer: WearerSettings = PARTS["wearer"].default
+    admittance: AdmittanceSettings = PARTS["admittance"].default
+    law: GivenLaw = _CONTROL.law
+    """A name, ``FILE.py:NAME`` of a user's own, or a `Law`."""
+    preset: str | None = _CONTROL.preset
+    """A named set of gains of that law."""
+    gains: Mapping[str, float] = Gains()
+    """Gains of that law that differ from its own."""
+    reference: Trajectory = REFERENCES["periodic_minimum_jerk"].default
+    """Where the joint shall be, unless EMG or the wearer's push moves it."""
+    bend: Bend = ConstantBend()  # noqa: RUF009
+    """How the sheath is bent over the run."""
+    duration: float = _SCENARIO.duration
+    """Of a run [s]."""
+    seed: int = _SCENARIO.seed
+    """Of the encoders' noise and of a random bend."""
+    initial_motor: float | None = _SCENARIO.initial_motor
+    """Motor angle before the start; None: the joint is where the reference starts [rad]."""
+    drive: DriveParameters = PARTS["drive"].default
+    """What only the rig itself says of it; `drive_parameters` is the whole."""
+    limits: Limits = PARTS["limits"].default
+    """What only the rig itself says of them; `supervisor_limits` is the whole."""
+    live: LiveSettings = PARTS["live"].default
+    emg: EmgSettings = PARTS["emg"].default
+    origin: str = field(default="Rig", compare=False)
+    """The file that it was read from, for messages."""
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+    """What the user should know about how the file was understood."""
+    stands_for: str = field(default="", compare=False)
+    """Hash of the rig of which this one is only another form, `offline`."""
+
+    def __post_init__(self) -> None:
+        self._check_clock()
+        for kind in (Clock, Scenario):
+            for one in declared(kind):
+                value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
+                object.__setattr__(self, one.name, value)
+        for name, part in PARTS.items():
+            object.__setattr__(self, name, checked(getattr(self, name), part.kind, name))
+        for name, value in self._made().items():
+            object.__setattr__(self, name, value)
+        self._check_whole()
+
+    def _check_clock(self) -> None:
+        """What the length of a run depends on, with the messages that the command line knows."""
+        numbers = [isinstance(one, int | float) and not isinstance(one, bool) for one in (self.duration, self.seed)]
+        if numbers[1] and not 0 <= self.seed < 2**63:
+            raise ParameterError(
+                f"the seed is {self.seed}", expected="a whole number from 0 to 2⁶³ − 1", do="change --seed"
+            )
+        step = self.sample_time
+        if numbers[0] and isinstance(step, int | float) and step > 0.0:
+            cycles = self.duration / step
+            if not (self.duration > 0.0 and 2.0 <= cycles <= MOST_CYCLES):
+                raise ParameterError(
+                    f"a run of {self.duration:g} s has {max(cycles, 0.0):g} cycles",
+                    expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
+                    do="change scenario.duration_s or --duration",
+                )
+
+    def _made(self) -> dict[str, Any]:
+        """The fields that may be given in several forms, in the one in which a rig holds them."""
+        cable = _cable(self.cable)
+        width = checked_number(self.width, float, WIDTH, "width")
+        return {
+            "cable": cable,
+            "width": width if isinstance(cable, BoucWen) else 1.0,
+            "reference": _reference(self.reference),
+            "bend": _bend(self.bend),
+            "law": _law(self.law),
+            "gains": _gains(self.gains),
+            "preset": checked_number(self.preset, str | None, Quantity("a named set of gains"), "preset"),
+        }
+
+    def _check_whole(self) -> None:
+        """Refuse parts that do not fit one another."""
+        if self.emg.source is not None:
+            _ = self.emg_run
+        with config.asked_for_by(f"{self.origin}: [suit] or [wearer]"):
+            _ = self.worn
+        with config.asked_for_by(f"{self.origin}: [admittance]"):
+            _ = self.pushing
+
+    @classmethod
+    def read(cls, path: Path | str) -> "Rig":
+        """The rig that a rig.toml describes; what the file leaves out is as on the paper's bench.
+
+        What the file names (model, motion, wearer, law) is read too, and found from its folder.
+
+        Raises:
+            ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
+            LogError: a recorded motion that cannot be used.
+        """
+        return cls(**config.read_values(Path(path)))
+
+    @classmethod
+    def of_tree(cls, tree: Mapping[str, Any], origin: Path, keep: "Rig | None" = None) -> "Rig":
+        """The rig of sections as they stand in a rig.toml.
+
+        Args:
+            tree: section → key → value, in the file's units.
+            origin: for messages, and to find the files that it names.
+            keep: a rig whose contents of files serve where the tree names the same files.
+
+        Raises:
+            ParameterError: see `read`.
+            LogError: likewise.
+        """
+        return cls(**config.values_of(tree, origin, None if keep is None else keep._fields))
+
+    def tree(self) -> dict[str, Any]:
+        """The rig as the sections of a rig.toml.
+
+        Raises:
+            ParameterError: a reference, law or value that a file has no words for.
+        """
+        return toml_text.tree_of(self._fields)
+
+    def to_toml(self) -> str:
+        """The rig as the text of a rig.toml, which `read` reads back to the same hash.
+
+        The files that it was made of are named, not written.
+
+        Raises:
+            ParameterError: see `tree`.
+        """
+        return toml_text.written(self.tree())
+
+    def replace(self, **changes: Any) -> "Rig":
+        """The same rig with other values of some fields.
+
+        Raises:
+            ParameterError: a field that there is not, or a value that it cannot have.
+        """
+        for name in changes:
+            if name not in self._fields:
+                raise ParameterError(f"a rig has no {name!r}", expected=near(name, self._fields))
+        return dataclasses.replace(self, **({"stands_for": ""} | changes))
+
+    def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
+        """The same rig under another law, which takes none of this one's gains; the rig's own where none is given.
+
+        Args:
+            law: a name, ``FILE.py:NAME`` or a `Law`.
+            preset: of that law, in place of the rig's.
+            folder: where a relative FILE is found; the current one if it is not given.
+
+        Raises:
+            ParameterError: an unknown law, or a user's file that cannot be used.
+        """
+        given = given_law.named(law, folder) if isinstance(law, str) else law
+        if given is None or given == self.law or _one_file(given, self.law):
+            return self if preset is None else self.replace(preset=preset)
+        return self.replace(law=given, preset=preset, gains=Gains())
+
+    def with_emg(self, source: str) -> "Rig":
+        """The same rig moved by another source of EMG, whose file is found from here.
+
+        Raises:
+            ParameterError: settings that do not fit it.
+            StreamError: what names no source.
+        """
+        return self.replace(emg=emg_setup.found(self.emg, Path(self.origin).parent, source))
+
+    def offline(self, *, whole: bool = False) -> "Rig":
+        """The same rig as a simulation has it: by EMG, the motion of its recording makes the reference.
+
+        The run then ends with the recording, unless it is to be of its `whole` duration. Of a live source the reference
+        is the largest motion that it can ask for. The hash stays: it is the same rig.
+
+        Raises:
+            StreamError: a recording that cannot be used.
+        """
+        run = self.emg_run
+        if run is None or self.stands_for:
+            return self
+        motion = emg_motion.recorded(run, self.sample_time)
+        if motion is None:
+            said = f"{run.source} is live: simulated is the largest motion that it can ask for"
+            return self.replace(remarks=(*self.remarks, said), stands_for=self.hash)
+        duration = self.duration if whole else min(self.duration, motion.duration)
+        return self.replace(reference=motion, duration=duration, stands_for=self.hash)
+
+    @property
+    def _fields(self) -> dict[str, Any]:
+        return {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        return {one.name: getattr(self, one.name) for one in dataclasses.fields(self) if one.compare}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self._fields
+
+    @cached_property
+    def hash(self) -> str:
+        """A short name of the rig: equal ones have the same, whether they come from Python or a file."""
+        return self.stands_for or packing.digest(self._values)
+
+    def __hash__(self) -> int:
+        return hash(self.hash)
+
+    def document(self) -> dict[str, Any]:
+        """The rig as JSON values, contents of files included, as logs keep it.
+
+        Raises:
+            ParameterError: a reference, cable or law that is known to this process alone.
+        """
+        return packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
+
+    def pack(self) -> bytes:
+        """The rig as bytes, for another process; see `unpack`.
+
+        Raises:
+            ParameterError: see `document`, or too much of it.
+        """
+        return packing.packed(self.document())
+
+    @classmethod
+    def unpack(cls, pack: bytes | Mapping[str, Any]) -> "Rig":
+        """The rig of `pack` or `document`.
+
+        Raises:
+            ParameterError: it is none, or of another version.
+        """
+        values, remarks = packing.unpacked(pack)
+        return cls(**values, remarks=remarks)
+
+    def __repr__(self) -> str:
+        given = [
+            f"{name}={shown(value)}"
+            for name, value in self._values.items()
+            if not _same(value, type(self).__dataclass_fields__[name].default)
+        ]
+        return f"Rig({', '.join(given)})"
+
+    # what a run takes from it
+
+    @cached_property
+    def turned(self) -> bool:
+        """Whether motor angles are counted the other way round, because the cable's slope is negative."""
+        return self._plain_cable.slope < 0.0
+
+    @property
+    def _plain_cable(self) -> BoucWen:
+        return self.cable if isinstance(self.cable, BoucWen) else self.cable.bouc_wen  # type: ignore[union-attr]
+
+    @property
+    def identified(self) -> bool:
+        """Whether the cable is known from a log, and not written by hand."""
+        return isinstance(self.cable, IdentifiedCable)
+
+    @cached_property
+    def bench(self) -> Bench:
+        """The bench, with the cable's plain Bouc–Wen model; one of a negative slope is turned round here."""
+        cable = self._plain_cable
+        if self.turned:
+            # joint = αφ·x + αh·h(x) is the same motion for −x, −αφ and −αh, since h(−x) = −h(x)
+            cable = cable._replace(slope=-cable.slope, hysteresis_gain=-cable.hysteresis_gain)
+        return Bench(
+            cable=cable,
+            sheath=Sheath(self.sheath.bend, self.width * self.sheath.gap, self.sheath.loss),
+            servo=self.servo,
+            motor=self.motor,
+            joint_encoder=self.joint_encoder,
+            motor_encoder=self.motor_encoder,
+            sample_time=self.sample_time,
+            delay=self.delay,
+            substeps=self.substeps,
+        )
+
+    @cached_property
+    def worn(self) -> Suit | None:
+        """The suit on an arm in place of the bench; None where none is worn.
+
+        Raises:
+            ParameterError: a wearer or a part that cannot be.
+        """
+        return suit_of(self.suit, self.wearer, self.bench, self.sheath.gap) if self.suit.worn else None
+
+    @cached_property
+    def plant(self) -> Plant:
+        """What is moved: the suit where one is worn, and else the bench round its cable.
+
+        The cable is the model that an identification recommends; a straight line is no cable with hysteresis, and the
+        plain Bouc–Wen model stands for it.
+
+        Raises:
+            ParameterError: a part that cannot be.
+        """
+        if self.worn is not None:
+            return self.worn
+        if not isinstance(self.cable, IdentifiedCable) or self.cable.best in _AS_BENCH:
+            return self.bench
+        parts = {name: value for name, value in self.bench._asdict().items() if name != "cable"}
+        return CablePlant(cables.identified(self.cable.best, self.cable.model().parameters), **parts)
+
+    @property
+    def simulated_plant(self) -> Plant:
+        """The plant with what a simulation measures of it: under the wearer's push, its load cell."""
+        if self.worn is not None and self.pushing is not None:
+            return self.worn._replace(load_cell=self.pushing.cell)
+        return self.plant
+
+    @cached_property
+    def pushing(self) -> Pushing | None:
+        """In place of the reference, where the wearer's push makes it.
+
+        Raises:
+            ParameterError: a virtual elbow that cannot be, or one without a suit.
+        """
+        return pushing_of(self.admittance, self.worn)
+
+    @cached_property
+    def emg_run(self) -> EmgRun | None:
+        """In place of the reference, where EMG makes it.
+
+        Raises:
+            ParameterError: settings that do not fit one another.
+            StreamError: what names no source.
+        """
+        return emg_setup.emg_run(self.emg)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """Where the joint shall be; by EMG, the largest motion that it can ask for, unless the rig is `offline`."""
+        run = self.emg_run
+        if run is None or isinstance(self.reference, emg_motion.EmgMotion):
+            return self.reference
+        return emg_motion.stand_in(run)
+
+    @cached_property
+    def begin(self) -> float:
+        """Where the trajectory starts [rad]."""
+        return float(self.trajectory.sample(np.zeros(1))[0, 0])
+
+    @cached_property
+    def bend_path(self) -> BendPath:
+        """How the sheath is bent over the run."""
+        return self.bend.path(self.bench.sheath, self.duration, self.seed)
+
+    @cached_property
+    def start_motor(self) -> float:
+        """Motor angle at which a run begins [rad]."""
+        if self.initial_motor is not None:
+            return (-1 if self.turned else 1) * self.initial_motor
+        if self.suit.worn:  # the motor is counted in the joint's coordinate
+            return self.begin
+        if self.plant is not self.bench:
+            return self.plant.resting_motor(self.begin, float(self.bend_path(np.zeros(1))[0]))
+        # where the joint is where the reference starts, with h = 0
+        bench = self.bench
+        slope = bench.cable.slope * float(slope_factor(float(self.bend_path(np.zeros(1))[0]), bench.sheath))
+        return (self.begin - bench.cable.offset) / slope
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know about how the rig is understood."""
+        notes = list(self.remarks)
+        if isinstance(self.cable, IdentifiedCable) and self.cable.best == _LINE:
+            where = Path(self.origin).parent / self.cable.file if self.cable.file else "the identified cable"
+            notes.append(f"{where} recommends {_LINE!r}; the bench runs the cable's bouc_wen model")
+        if self.turned:
+            notes.append("the cable's slope is negative: motor angles are counted the other way round here")
+        return tuple(notes)
+
+    @property
+    def law_name(self) -> str:
+        """The law as the rig names it."""
+        return self.law if isinstance(self.law, str) else self.law.name
+
+    @cached_property
+    def knowledge(self) -> Knowledge:
+        """What a law is told of the rig."""
+        return knowledge_of(self.bench, identified=self.identified) if self.worn is None else knowledge_of(self.worn)
+
+    def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:
+        """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.
+
+        In this order: the law's own, what it is told, the preset, the rig's own (`bowden.control.knowledge`).
+
+        Args:
+            law: in place of the rig's.
+            known: what the law is told, in place of `knowledge`.
+
+        Raises:
+            ParameterError: an unknown law, preset or gain.
+        """
+        given = given_law.named(law) if isinstance(law, str) else law
+        own = given is None or given == self.law or _one_file(given, self.law)
+        found, gains = self.loaded_law if given is None or own else _loaded(given), self.gains if own else {}
+        with config.asked_for_by("the rig's control.gains"):
+            found.with_gains(**gains)
+        return configured(found, known or self.knowledge, preset=self.preset if own else None, gains=gains)
+
+    @cached_property
+    def loaded_law(self) -> Law:
+        """The rig's law with its own gains.
+
+        Raises:
+            ParameterError: a user's file that cannot be used.
+        """
+        return _loaded(self.law)
+
+    # what a live run takes from it
+
+    @cached_property
+    def supervisor_limits(self) -> Limits:
+        """All limits of the supervisor, those that follow from other parts too."""
+        return live_parts.limits(self.limits, self.bench, self.drive)
+
+    @cached_property
+    def drive_parameters(self) -> DriveParameters:
+        """All that is to be known of the drive.
+
+        Raises:
+            ParameterError: values that make no sense together.
+        """
+        return live_parts.drive_parameters(self.drive, self.supervisor_limits, self.bench, self.worn)
+
+    def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
+        """The rig with its drive on another bus, where one is given.
+
+        Raises:
+            ParameterError: a channel that is none.
+        """
+        moved = self.drive._replace(
+            channel=self.drive.channel if channel is None else channel,
+            interface=self.drive.interface if interface is None else interface,
+        )
+        return self if moved == self.drive else self.replace(drive=moved)
+
+    @property
+    def system(self) -> Settings:
+        """What the live loop asks of the system."""
+        return live_parts.settings(self.live)
+
+    @property
+    def filters(self) -> Filters:
+        """The filters in front of the law.
+
+        Raises:
+            ParameterError: a cut-off that the cycle is too slow for.
+        """
+        return live_parts.filters(self.live, self.sample_time)
+
+
+def _loaded(given: GivenLaw) -> Law:
+    return given if isinstance(given, Law) else given_law.loaded(given)
+
+
+def _one_file(one: Any, other: Any) -> bool:
+    """Whether two laws are the same one of a user's file, by whatever way it is named."""
+    if not (isinstance(one, LawFile) and isinstance(other, LawFile)):
+        return False
+    names = [law.name.rpartition(".py")[2] for law in (one, other)]
+    return names[0] == names[1] and (one.path, one.source) == (other.path, other.source)
+
+
+def _cable(given: Any) -> BoucWen | IdentifiedCable:
+    if isinstance(given, Fit):
+        given = IdentifiedCable(given.best.name, {name: dict(one.parameters) for name, one in given.models.items()})
+    if isinstance(given, CableModel):
+        own = {given.name: dict(given.parameters)}
+        given = IdentifiedCable(given.name, own | {name: dict(one) for name, one in given.others.items()})
+    if isinstance(given, IdentifiedCable):
+        _ = given.bouc_wen
+        return given
+    if not isinstance(given, BoucWen):
+        raise ParameterError(
+            f"Rig: cable is {shown(given)}", expected="a BoucWen(slope=…), or what bowden.identify gives"
+        )
+    if given.slope == 0.0:
+        raise ParameterError("Rig: cable.slope is 0", expected="a number above or below 0")
+    return checked(given, BoucWen, "cable")
+
+
+def _reference(given: Any) -> Trajectory:
+    if isinstance(given, Recorded):
+        return held(given)
+    if not (hasattr(given, "sample") and hasattr(given, "describe")) or isinstance(given, type):
+        raise ParameterError(
+            f"Rig: reference is {shown(given)}",
+            expected="a reference such as PeriodicMinimumJerk(0.0, 1.2, 10.0)",
+        )
+    if any(type(given) is part.kind for part in REFERENCES.values()):
+        checked(given, type(given), "reference")
+    found: Trajectory = given
+    return found
+
+
+def _bend(given: Any) -> Bend:
+    if isinstance(given, int | float) and not isinstance(given, bool):
+        given = ConstantBend(float(given))
+    if not isinstance(given, ConstantBend | ScriptedBend | RandomBend):
+        raise ParameterError(
+            f"Rig: bend is {shown(given)}", expected="a ConstantBend(…), ScriptedBend(…) or RandomBend(…)"
+        )
+    found: Bend = checked(given, type(given), "bend")
+    if isinstance(found, RandomBend) and not found.low < found.high:
+        raise ParameterError(f"Rig: bend goes from {found.low:g} to {found.high:g}", expected="low below high")
+    return found
+
+
+def _law(given: Any) -> GivenLaw:
+    if isinstance(given, str):
+        return given_law.named(given)
+    if not isinstance(given, Law | LawFile):
+        raise ParameterError(f"Rig: law is {shown(given)}", expected='a name ("adaptive"), "FILE.py:NAME" or a Law')
+    if isinstance(given, Law) and LAWS.get(given.name) == given:
+        return given.name
+    return given
+
+
+def _gains(given: Any) -> Gains:
+    if not isinstance(given, Mapping):
+        raise ParameterError(f"Rig: gains is {shown(given)}", expected="gains by name, {'error_gain': 0.05}")
+    rule = Quantity("a gain", ge=-1e6, le=1e6)
+    return Gains({str(name): checked_number(one, float, rule, f"gains[{name!r}]") for name, one in given.items()})
+
+
+def _same(value: Any, default: Any) -> bool:
+    return type(value) is type(default) and bool(value == default)

@@ -1,0 +1,234 @@
+"""The sections of rig.toml: which value of a rig each stands for, and the defaults, those of the paper's bench.
+
+Everything else about the file (the commented default, ``docs/rig.md``, the JSON schema, the error messages) is made
+from the values' own declarations (`bowden.core.quantity`).
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, create_model
+
+from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint
+from bowden.core.quantity import Quantity
+from bowden.core.units import RADIANS
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
+from bowden.rig.declaration import Section, key_of, rounded, section_of
+from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
+from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
+from bowden.safety.limits import Limits
+
+_BENCH, _CHOSEN = default_bench(), document()["chosen"]
+
+
+class Clock(NamedTuple):
+    """The control loop's clock."""
+
+    sample_time: Annotated[float, Quantity("one control cycle", "s", shown="ms", symbol="Ts", ge=0.01, le=100.0)] = (
+        _BENCH.sample_time
+    )
+    delay: Annotated[
+        int,
+        Quantity(
+            "cycles between a sample and the moment its command reaches the servo", key="delay_cycles", ge=0, le=1000
+        ),
+    ] = _BENCH.delay
+    substeps: Annotated[int, Quantity("plant sub-steps in a cycle in which the servo meets a limit", ge=1, le=1000)] = (
+        _BENCH.substeps
+    )
+
+
+class Scenario(NamedTuple):
+    """How long the run lasts, its random numbers, and how the sheath is bent meanwhile."""
+
+    duration: Annotated[float, Quantity("length of the run", "s", gt=0.0, le=1e5)] = _CHOSEN["duration_s"]
+    seed: Annotated[int, Quantity("seed of the encoders' noise and of a random bend", ge=0, lt=2**63)] = _CHOSEN["seed"]
+    initial_motor: Annotated[
+        float | None,
+        Quantity(
+            "motor angle before the start; left out, the joint is where the reference starts",
+            "rad",
+            ge=-720.0,
+            le=720.0,
+            example=0.0,
+        ),
+    ] = None
+
+
+class Control(NamedTuple):
+    """The law; `bowden simulate --law` puts others in its place."""
+
+    law: Annotated[str, Quantity('name of a law, or your own as "file.py:NAME", found from this file')] = "adaptive"
+    preset: Annotated[str | None, Quantity("a named set of gains of that law", example="paper")] = None
+
+
+class RecordedFile(NamedTuple):
+    """A recorded motion, smoothed by a zero-phase low-pass filter."""
+
+    file: Annotated[str, Quantity("CSV, csv.gz or Parquet file, found from this file", example="motion.csv")]
+    time_column: Annotated[str, Quantity("its column of times, in seconds")] = "time_s"
+    position_column: Annotated[str, Quantity("its column of joint angles")] = "joint_deg"
+    unit: Annotated[Literal["deg", "rad"], Quantity("unit of the angles")] = "deg"
+    cutoff: Annotated[float, Quantity("cut-off of the filter; 0 for none", "Hz", ge=0.0, le=1000.0)] = 6.0
+
+
+class Part(NamedTuple):
+    """A section, or one of its kinds, and the value that it stands for."""
+
+    kind: type
+    default: Any
+    """In SI; ``None`` where keys must be given."""
+    section: type[Section]
+
+
+def _part(name: str, text: str, default: Any, tag: str = "") -> Part:
+    return Part(type(default), default, section_of(name, text, type(default), default, tag=tag))
+
+
+WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do not know it", gt=0.0, le=100.0)
+GAINS = Quantity("gains of that law that differ from its own, in SI units and radians")
+_MODEL = Quantity("file of an identified cable, in place of all keys below", example="model.toml")
+_GAIN = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+DEFAULT_CABLE = _BENCH.cable
+"""Of the paper's bench, by hand."""
+DEFAULT_WIDTH = _BENCH.sheath.gap
+"""Of the paper's bench [–]."""
+
+_encoder = _part("EncoderSection", "One encoder.", _BENCH.joint_encoder)
+
+PARTS: Mapping[str, Part] = {
+    "servo": _part("ServoSection", "The motor under its PD position loop, second order.", _BENCH.servo),
+    "sheath": _part(
+        "SheathSection",
+        "How the sheath's bend sets the width and the slope of the cable's hysteresis.",
+        _BENCH.sheath._replace(gap=1.0),
+    ),
+    "motor": _part("MotorSection", "The geared motor and its load, for currents and energies (Eq. 18).", _BENCH.motor),
+    "joint_encoder": _encoder,
+    "motor_encoder": _encoder,
+    "suit": _part("SuitSection", SuitSettings.__doc__ or "", rounded(SuitSettings(), 10)),
+    "wearer": _part("WearerSection", WearerSettings.__doc__ or "", WearerSettings()),
+    "admittance": _part("AdmittanceSection", AdmittanceSettings.__doc__ or "", rounded(AdmittanceSettings(), 10)),
+    "drive": _part("DriveSection", "The CiA 402 drive on its CANopen bus; `bowden twin` plays it.", DriveParameters()),
+    "limits": _part(
+        "LimitsSection",
+        "What the supervisor allows, and the motor's thermal model; see docs/safety.md.",
+        rounded(Limits(), 4),
+    ),
+    "live": _part("LiveSection", LiveSettings.__doc__ or "", LiveSettings()),
+    "emg": _part("EmgSection", EmgSettings.__doc__ or "", rounded(EmgSettings(), 4)),
+}
+"""Field of a rig → the part that stands for it, of those whose section holds nothing else."""
+
+REFERENCES: Mapping[str, Part] = {
+    tag: Part(kind, default, section_of(f"{kind.__name__}Section", text, kind, default, tag=tag))
+    for tag, kind, default, text in (
+        (
+            "periodic_minimum_jerk",
+            PeriodicMinimumJerk,
+            minimum_jerk(),
+            "Minimum jerk from low to high in the first half of each period and back in the second (Fig. 9).",
+        ),
+        (
+            "point_to_point",
+            PointToPoint,
+            PointToPoint((0.0, 2.0, 3.0, 5.0), tuple(RADIANS * x for x in (0.0, 70.0, 70.0, 0.0))),
+            "Minimum-jerk motions through way points, with rests where two following ones are equal.",
+        ),
+        ("chirp", Chirp, chirp(), "A sine whose frequency rises linearly (Fig. 16, with the integrated phase)."),
+        (
+            "multisine",
+            Multisine,
+            Multisine(
+                (0.05, 0.13, 0.31),
+                tuple(RADIANS * x for x in (25.0, 12.0, 6.0)),
+                tuple(RADIANS * x for x in (0.0, 90.0, 200.0)),
+                35.0 * RADIANS,
+                2.0,
+            ),
+            "A sum of sines about a centre, at rest there at the start.",
+        ),
+        ("recorded", RecordedFile, None, RecordedFile.__doc__ or ""),
+    )
+}
+"""What [reference] may be, by its kind."""
+
+BENDS: Mapping[str, Part] = {
+    tag: Part(kind, kind(), section_of(f"{kind.__name__}Section", kind.__doc__ or "", kind, kind(), tag=tag))
+    for tag, kind in (("constant", ConstantBend), ("scripted", ScriptedBend), ("random", RandomBend))
+}
+"""What [scenario.bend] may be, by its kind."""
+
+REFERENCE_KINDS = {name: part.section for name, part in REFERENCES.items()}
+BEND_KINDS = {name: part.section for name, part in BENDS.items()}
+
+
+def _one_of(kinds: Mapping[str, type[Section]]) -> Any:
+    first, *others = kinds.values()
+    union: Any = first
+    for other in others:
+        union = union | other
+    return Annotated[union, Field(discriminator="kind")]
+
+
+_CableSection = section_of(
+    "CableSection",
+    "The cable, joint = αφ·motor + αh·h + offset (Eqs 6-7), or the model that `bowden identify` wrote.",
+    BoucWen,
+    _BENCH.cable,
+    before={"model": key_of(str | None, _MODEL, None)},
+    after={"width": key_of(float, WIDTH, DEFAULT_WIDTH)},
+)
+EncodersSection: type[Section] = create_model(
+    "EncodersSection",
+    __base__=Section,
+    __doc__="The two encoders.",
+    joint=(_encoder.section, _encoder.section()),
+    motor=(_encoder.section, _encoder.section()),
+)
+_ClockSection = section_of("BenchSection", Clock.__doc__ or "", Clock, Clock())
+_ControlSection = section_of(
+    "ControlSection",
+    Control.__doc__ or "",
+    Control,
+    Control(),
+    after={"gains": (dict[str, _GAIN], Field({}, description=GAINS.meaning, json_schema_extra={"unit": "–"}))},
+)
+_ScenarioSection = section_of(
+    "ScenarioSection",
+    Scenario.__doc__ or "",
+    Scenario,
+    Scenario(),
+    after={"bend": (_one_of(BEND_KINDS), BEND_KINDS["constant"]())},
+)
+
+
+def _section(kind: type[Section]) -> tuple[Any, Section]:
+    return kind, kind()
+
+
+RigFile: type[Section] = create_model(
+    "Rig",
+    __base__=Section,
+    __doc__="A rig.toml: a bench or a suit, its law, its reference, the scenario, and what the live loop needs.",
+    bench=_section(_ClockSection),
+    servo=_section(PARTS["servo"].section),
+    cable=_section(_CableSection),
+    sheath=_section(PARTS["sheath"].section),
+    motor=_section(PARTS["motor"].section),
+    encoder=_section(EncodersSection),
+    suit=_section(PARTS["suit"].section),
+    wearer=_section(PARTS["wearer"].section),
+    admittance=_section(PARTS["admittance"].section),
+    control=_section(_ControlSection),
+    reference=(_one_of(REFERENCE_KINDS), REFERENCE_KINDS["periodic_minimum_jerk"]()),
+    scenario=_section(_ScenarioSection),
+    drive=_section(PARTS["drive"].section),
+    limits=_section(PARTS["limits"].section),
+    live=_section(PARTS["live"].section),
+    emg=_section(PARTS["emg"].section),
+)
+"""A whole rig.toml, as pydantic checks it."""

@@ -1,0 +1,214 @@
+"""Sections of a rig that are not one part's own parameters: suit, wearer, admittance, live loop and EMG."""
+
+from typing import Annotated, Literal, NamedTuple
+
+from bowden.control.admittance.virtual_elbow import Admittance
+from bowden.core.quantity import Quantity
+from bowden.core.units import RADIANS
+from bowden.hardware.emg.course import CourseSettings
+from bowden.hardware.realtime import Settings
+from bowden.models.suit.load_cell import LoadCell
+from bowden.rig.presets.suit import default_suit
+from bowden.rig.wearer_file import Wearer
+from bowden.sim.suit_sources import FRICTION_SHARE
+
+_SUIT, _OWN, _CELL = default_suit(), Admittance(), LoadCell()
+_SYSTEM, _COURSE = Settings(), CourseSettings()
+
+
+class SuitSettings(NamedTuple):
+    """The suit on an arm in place of the bench; the spring of the motor and the joint's encoder then do not count."""
+
+    worn: Annotated[bool, Quantity("true: the suit on an arm; false: the bench")] = False
+    spool_radius: Annotated[
+        float, Quantity("of the flexor's spool; the extensor's by Eqs 1-3", "m", shown="mm", gt=0.0, le=500.0)
+    ] = _SUIT.spool_radius
+    second_gear: Annotated[float, Quantity("planetary stage behind motor.gear", gt=0.0, le=1e3)] = 5.0
+    rotor_inertia: Annotated[float, Quantity("rotor and gears, at the spool", "kg·m²", gt=0.0, le=100.0)] = (
+        _SUIT.motor.inertia
+    )
+    efficiency: Annotated[float, Quantity("of both gears", symbol="η", gt=0.0, le=1.0)] = _SUIT.motor.efficiency
+    friction: Annotated[
+        float, Quantity("of bearings and feeder, at the spool", "N·m", symbol="F", ge=0.0, le=100.0)
+    ] = _SUIT.motor.friction
+    supply: Annotated[float, Quantity("supply of the drive", "V", gt=0.0, le=1e3)] = _SUIT.motor.supply
+    drive_integral: Annotated[
+        float, Quantity("integral of the drive's position loop; the paper's has none", "1/s", ge=0.0, le=1e3)
+    ] = _SUIT.motor.integral
+    friction_feedforward: Annotated[
+        float,
+        Quantity(
+            "torque against friction, in the direction in which the target moves; bowden run sends it to the drive",
+            "N·m",
+            ge=0.0,
+            le=100.0,
+        ),
+    ] = _SUIT.motor.friction_feedforward
+    cable: Annotated[
+        Literal["play", "capstan", "bouc_wen"],
+        Quantity("friction of both cables; bouc_wen takes the parameters of [cable]"),
+    ] = "play"
+    cable_stiffness: Annotated[float, Quantity("of cable and sheath", "N/m", symbol="k", gt=0.0, le=1e7)] = (
+        _SUIT.flexor.stiffness
+    )
+    play: Annotated[
+        float, Quantity("half the play of a cable, kind play", "m", shown="mm", symbol="r", ge=0.0, le=100.0)
+    ] = _SUIT.flexor.half_width
+    capstan_friction: Annotated[float, Quantity("kind capstan", symbol="μ", ge=0.0, le=2.0)] = _SUIT.flexor.friction
+    pretension: Annotated[float, Quantity("of both cables at the straight arm", "N", ge=0.0, le=1e4)] = _SUIT.pretension
+    fabric_stiffness: Annotated[float, Quantity("sleeve, brace and flesh", "N/m", symbol="K", gt=0.0, le=1e7)] = (
+        _SUIT.fabric.stiffness
+    )
+    fabric_stiffening: Annotated[float, Quantity("how it stiffens", "N/m²", symbol="q", ge=0.0, le=1e10)] = (
+        _SUIT.fabric.stiffening
+    )
+    fabric_damping: Annotated[float, Quantity("of the flesh", "N·s/m", ge=0.0, le=1e5)] = _SUIT.fabric.damping
+    posture: Annotated[float, Quantity("bend of the sheaths per angle of the elbow", "rad/rad", ge=-10.0, le=10.0)] = (
+        _SUIT.posture
+    )
+    sensor_gain: Annotated[float, Quantity("error of the flex sensor's scale", ge=-0.5, le=0.5)] = (
+        _SUIT.joint_sensor.gain
+    )
+    sensor_offset: Annotated[float, Quantity("error of its zero", "rad", ge=-90.0, le=90.0)] = _SUIT.joint_sensor.offset
+    sensor_hysteresis: Annotated[float, Quantity("whole width of its loop", "rad", ge=0.0, le=90.0)] = (
+        _SUIT.joint_sensor.hysteresis
+    )
+    sensor_drift: Annotated[float, Quantity("standard deviation of its drift", "rad", ge=0.0, le=90.0)] = (
+        _SUIT.joint_sensor.drift
+    )
+    sensor_noise: Annotated[float, Quantity("standard deviation of one reading", "rad", ge=0.0, le=90.0)] = (
+        _SUIT.joint_sensor.noise
+    )
+    sensor_step: Annotated[float, Quantity("one step of its converter", "rad", ge=0.0, le=90.0)] = (
+        _SUIT.joint_sensor.resolution
+    )
+
+
+class WearerSettings(NamedTuple):
+    """Who wears the suit, and what their muscles do."""
+
+    mass: Annotated[float, Quantity("of the body", "kg", gt=0.0, le=1e3)] = 75.0
+    height: Annotated[float, Quantity("of the body", "m", gt=0.0, le=10.0)] = 1.75
+    upper_arm: Annotated[float, Quantity("the upper arm, raised forwards from hanging", "rad", ge=-180.0, le=180.0)] = (
+        0.0
+    )
+    load: Annotated[float, Quantity("held in the hand", "kg", ge=0.0, le=1e3)] = 0.0
+    share: Annotated[
+        float, Quantity("share of the arm's weight that the wearer carries; 0.3 is weak", ge=0.0, le=2.0)
+    ] = 0.0
+    tremor: Annotated[float, Quantity("amplitude of a tremor", "N·m", ge=0.0, le=20.0)] = 0.0
+    tremor_frequency: Annotated[float, Quantity("its frequency", "Hz", key="tremor_hz", ge=0.1, le=20.0)] = 5.0
+    resisting_stiffness: Annotated[
+        float,
+        Quantity("stiffness of a wearer who resists", "N·m/rad", key="resisting_nm_per_rad", ge=0.0, le=500.0),
+    ] = 0.0
+    resisting_damping: Annotated[
+        float,
+        Quantity("damping of a wearer who resists", "N·m·s/rad", key="resisting_nms_per_rad", ge=0.0, le=50.0),
+    ] = 0.0
+    resisting_at: Annotated[
+        float, Quantity("where the resisting wearer wants the elbow", "rad", ge=-180.0, le=180.0)
+    ] = 0.0
+    constant: Annotated[float, Quantity("a constant torque, flexing positive", "N·m", ge=-50.0, le=50.0)] = 0.0
+    swing: Annotated[
+        float, Quantity("amplitude of a motion that they make about resisting_at_deg", "rad", ge=0.0, le=180.0)
+    ] = 0.0
+    swing_frequency: Annotated[float, Quantity("its frequency", "Hz", key="swing_hz", ge=0.01, le=10.0)] = 0.5
+
+
+class AdmittanceSettings(NamedTuple):
+    """The wearer's push makes the reference, on a suit (suit.worn); [reference] then only says where it begins."""
+
+    enabled: Annotated[bool, Quantity("true: the push makes the reference; false: [reference] does")] = False
+    torque: Annotated[
+        Literal["load_cell", "estimate"],
+        Quantity(
+            "whence the interaction torque: measured, or estimated from current, angles and the cables' model; "
+            "bowden run has the estimate alone"
+        ),
+    ] = "load_cell"
+    virtual_inertia: Annotated[
+        float,
+        Quantity("of the elbow that the wearer feels", "kg·m²", symbol="M", key="virtual_inertia", ge=0.0, le=100.0),
+    ] = _OWN.inertia
+    virtual_damping: Annotated[
+        float, Quantity("likewise", "N·m·s/rad", symbol="B", key="virtual_damping", ge=0.0, le=1e3)
+    ] = _OWN.damping
+    virtual_stiffness: Annotated[
+        float,
+        Quantity("likewise, towards rest_deg", "N·m/rad", symbol="K", key="virtual_stiffness", ge=0.0, le=1e4),
+    ] = _OWN.stiffness
+    rest: Annotated[float, Quantity("where the virtual spring rests", "rad", symbol="q0", ge=-180.0, le=180.0)] = (
+        _OWN.rest
+    )
+    dead_band: Annotated[
+        float,
+        Quantity("torque that moves nothing; at rest more (docs/admittance.md)", "N·m", symbol="w", ge=0.0, le=20.0),
+    ] = _OWN.dead_band
+    carried: Annotated[float, Quantity("share of forearm and hand that the suit holds up", ge=0.0, le=2.0)] = 0.0
+    low: Annotated[float, Quantity("smallest reference", "rad", ge=-180.0, le=180.0)] = _OWN.low
+    high: Annotated[float, Quantity("largest reference", "rad", ge=-180.0, le=180.0)] = _OWN.high
+    speed_limit: Annotated[float, Quantity("of the reference", "rad/s", gt=0.0, le=1e4)] = _OWN.speed_limit
+    friction_share: Annotated[
+        float,
+        Quantity(
+            "of the friction of drive, gears and sheaths that is made up for, with suit.friction_feedforward_nm",
+            ge=0.0,
+            le=1.0,
+        ),
+    ] = FRICTION_SHARE
+    cell_noise: Annotated[float, Quantity("of the load cell, standard deviation", "N·m", ge=0.0, le=10.0)] = _CELL.noise
+    cell_offset: Annotated[float, Quantity("error of its zero", "N·m", ge=-10.0, le=10.0)] = _CELL.offset
+
+
+class LiveSettings(NamedTuple):
+    """The loop of `bowden run`: what it asks of the system, filters, and the way to where the run begins."""
+
+    priority: Annotated[int, Quantity("of SCHED_FIFO; 0 for the ordinary scheduler", ge=0, le=99)] = _SYSTEM.priority
+    cpu: Annotated[int | None, Quantity("processor to stay on", ge=0, example=1)] = None
+    lock_memory: Annotated[bool, Quantity("keep all of its memory from being swapped out")] = _SYSTEM.lock_memory
+    joint_cutoff: Annotated[
+        float, Quantity("low-pass on the joint angle that the law sees; 0 for none", "rad/s", shown="Hz", ge=0.0)
+    ] = 0.0
+    motor_cutoff: Annotated[
+        float, Quantity("low-pass on the motor angle that the law sees; 0 for none", "rad/s", shown="Hz", ge=0.0)
+    ] = 0.0
+    approach: Annotated[
+        float, Quantity("top speed of the motor on its way to where the run begins", "rad/s", gt=0.0, le=360.0)
+    ] = 20.0 * RADIANS
+
+
+class EmgSettings(NamedTuple):
+    """EMG in place of [reference]: contractions move the joint between low and high."""
+
+    source: Annotated[
+        str | None,
+        Quantity("lsl:NAME, trigno:HOST or file:PATH; left out, the run goes by [reference]", example="lsl:EMG"),
+    ] = None
+    wearer: Annotated[
+        str | None,
+        Quantity("file of bowden emg calibrate, found from this file; proportional needs it", example="wearer.toml"),
+    ] = None
+    flexor: Annotated[
+        str | None, Quantity("channel of the muscle that flexes; the first one if left out", example="biceps")
+    ] = None
+    extensor: Annotated[
+        str | None,
+        Quantity("channel of the muscle that extends; left out, one muscle takes turns", example="triceps"),
+    ] = None
+    mode: Annotated[
+        Literal["trigger", "proportional"],
+        Quantity("trigger: a contraction begins a motion; proportional: the joint follows the envelope"),
+    ] = "trigger"
+    low: Annotated[float, Quantity("joint angle at rest", "rad", ge=-720.0, le=720.0)] = _COURSE.intent.low
+    high: Annotated[float, Quantity("joint angle flexed", "rad", ge=-720.0, le=720.0)] = _COURSE.intent.high
+    duration: Annotated[float, Quantity("of the whole motion", "s", gt=0.0, le=60.0)] = _COURSE.intent.duration
+    full: Annotated[
+        float, Quantity("envelope of a full flexion, where proportional", shown="% MVC", gt=0.0, le=100.0)
+    ] = _COURSE.full
+    levels: Wearer | None = None
+    """What the wearer's file says."""
+    place: str = ""
+    """The source as this machine finds it, with a recording's whole path."""
+    recording: str = ""
+    """SHA-256 of the recording that the source names."""

@@ -1,0 +1,104 @@
+"""A rig as the sections of a rig.toml, and their text."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from bowden.control import Law
+from bowden.core.errors import ParameterError
+from bowden.core.quantity import declared
+from bowden.core.toml_text import quoted
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.rig.declaration import in_file
+from bowden.rig.declaration import tree_of as section_tree
+from bowden.rig.given_law import LawFile, packable
+from bowden.rig.recorded import RecordedMotion
+from bowden.rig.sections import BENDS, PARTS, REFERENCES, Clock, RigFile, Scenario
+
+_TITLES = {"joint_encoder": ("encoder", "joint"), "motor_encoder": ("encoder", "motor")}
+
+
+def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a rig as nested dictionaries: section → key → value, in the file's units.
+
+    Raises:
+        ParameterError: a reference, law or value that a file has no words for.
+    """
+    found: dict[str, Any] = {name: {} for name in RigFile.model_fields}
+    for name, part in PARTS.items():
+        section, *side = _TITLES.get(name, (name,))
+        _refuse_unnamed(values[name], part.default, name)
+        target = found[section].setdefault(side[0], {}) if side else found[section]
+        target |= section_tree(values[name])
+    for title, kind in (("bench", Clock), ("scenario", Scenario)):
+        for one in declared(kind):
+            if values[one.name] is not None:
+                found[title][one.quantity.named(one.name)] = in_file(values[one.name], one.quantity)
+    found["scenario"]["bend"] = _tagged(values["bend"], BENDS)
+    found["reference"] = _tagged(values["reference"], REFERENCES)
+    cable = values["cable"]
+    if isinstance(cable, IdentifiedCable):
+        found["cable"] = {"model": cable.file or "model.toml"}
+    else:
+        found["cable"] = section_tree(cable) | {"width": values["width"]}
+    found["control"] = _control(values)
+    return found
+
+
+def _refuse_unnamed(value: Any, default: Any, name: str) -> None:
+    """Refuse a value whose fields without a key differ from the default's, since a file could not say it."""
+    for field in ("acceleration_limit",):
+        if hasattr(value, field) and getattr(value, field) != getattr(default, field):
+            raise ParameterError(
+                f"{name}.{field} is {getattr(value, field):g}, which has no key in rig.toml",
+                expected=f"{getattr(default, field):g}, as it is without a file",
+                do="hand the rig on with pack()",
+            )
+
+
+def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
+    """A section that may be one of several kinds."""
+    if isinstance(value, RecordedMotion):
+        value = value.said
+    for tag, part in kinds.items():
+        if type(value) is part.kind:
+            return {"kind": tag} | section_tree(value)
+    raise ParameterError(
+        f"a rig.toml has no words for a {type(value).__name__}",
+        expected=f"one of {', '.join(part.kind.__name__ for part in kinds.values())}",
+    )
+
+
+def _control(values: Mapping[str, Any]) -> dict[str, Any]:
+    law, own = values["law"], dict(values["gains"])
+    if isinstance(law, Law):
+        law, differing = packable(law)
+        own = differing | own
+    name = law.name if isinstance(law, LawFile) else law
+    preset = {} if values["preset"] is None else {"preset": values["preset"]}
+    return {"law": name} | preset | ({"gains": own} if own else {})
+
+
+def written(tree: Mapping[str, Any]) -> str:
+    """The text of nested dictionaries, as TOML."""
+    return "\n\n".join(_sections(tree, "")) + "\n"
+
+
+def _sections(tree: Mapping[str, Any], title: str) -> Iterator[str]:
+    plain = {key: value for key, value in tree.items() if not isinstance(value, Mapping)}
+    if plain:
+        lines = [f"[{title}]"] if title else []
+        yield "\n".join([*lines, *(f"{key} = {_value(value)}" for key, value in plain.items())])
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            yield from _sections(value, f"{title}.{key}".strip("."))
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str | Path):
+        return quoted(str(value))
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(value)

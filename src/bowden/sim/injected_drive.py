@@ -1,0 +1,194 @@
+"""A drive with a motor on the bench that can break, cycle by cycle: what the supervisor is tested on.
+
+    drive = drive_start(settings, motor, sheath)
+    in each cycle:
+        drive = drive_heard(drive, power)             the state that it goes to, as it was told
+        reading = drive_reading(settings, drive, …)   what it says
+        drive = drive_damaged(settings, drive, …)     what breaks now
+        drive = drive_told(drive, target)             the target that it follows from here on
+        drive = drive_moved(settings, drive, …)       one cycle later
+
+Both the fault matrix (`bowden.sim.supervised`, compiled) and the tests' drive for the live loop are made of these.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.kernel import kernel
+from bowden.core.signals import DriveReading
+from bowden.models.cable.bouc_wen import advance_prepared
+from bowden.models.drive.encoder import reading
+from bowden.models.drive.motor import current as motor_current
+from bowden.models.drive.servo import ServoState, servo_step
+from bowden.plants.bench import BenchState, BenchStep, bench_at, bench_rest
+from bowden.plants.plant import SheathState
+from bowden.safety.supervisor import POWER_ON
+from bowden.sim.injected import CONSUMER, DISABLED, ENABLED, Injected
+
+SPOOL_RADIUS = 0.02
+"""Of the tension that is simulated [m]."""
+TRAIN = 0.938
+"""Torque of the spool over that of the joint [N·m/(N·m)]."""
+SLACK = 0.8
+"""Way of the motor for which the joint stays where it is when the cable is slack [rad]."""
+
+
+class DriveSettings(NamedTuple):
+    """What does not change in a run."""
+
+    bench: BenchStep
+    dt: float
+    """Length of a cycle [s]."""
+
+
+class Damage(NamedTuple):
+    """What is broken; flags are 0 or 1."""
+
+    slack: float = 0.0
+    anchor: float = 0.0
+    """Motor angle at which the cable went slack [rad]."""
+    frozen: float = 0.0
+    """The joint's then [rad]."""
+    torn: float = 0.0
+    fallen: float = 0.0
+    """How far the joint has gone since the cable tore [rad]."""
+    pushed: float = 0.0
+    """How far the limb has been pushed on [rad]."""
+    slipped: float = 0.0
+    """How far the motor's zero has slipped [rad]."""
+    runs_away: float = 0.0
+    jams: float = 0.0
+    deaf: float = 0.0
+    """Nothing reaches the drive."""
+    dead: float = 0.0
+    """It has switched itself off."""
+
+
+class DriveState(NamedTuple):
+    """Where drive and bench are."""
+
+    body: BenchState
+    state: float
+    """Of CiA 402, before what the bus makes of it."""
+    power: float
+    """As told, 0 or 3."""
+    applied: float
+    """Target that is followed [rad]."""
+    damage: Damage
+
+
+@kernel
+def drive_start(settings: DriveSettings, motor: float, sheath: SheathState) -> DriveState:
+    """Without power, at rest at a `motor` angle [rad]."""
+    nothing = Damage(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return DriveState(bench_rest(settings.bench, motor, sheath), DISABLED, 0.0, motor, nothing)
+
+
+@kernel
+def drive_heard(drive: DriveState, power: float) -> DriveState:
+    """The drive in its next state: one step a cycle towards operation enabled, and off at once."""
+    state = min(drive.state + 1.0, ENABLED) if power == POWER_ON else DISABLED
+    return DriveState(drive.body, state, power, drive.applied, drive.damage)
+
+
+@kernel
+def drive_turns(drive: DriveState) -> bool:
+    """Whether the motor has torque."""
+    return drive.power == POWER_ON and drive.damage.dead == 0.0
+
+
+@kernel
+def true_joint(drive: DriveState) -> float:
+    """The joint's angle, wherever slack, a torn cable or a push have it [rad]."""
+    damage = drive.damage
+    held = damage.slack > 0.0 and abs(drive.body.motor.position - damage.anchor) < SLACK
+    return (damage.frozen if held else drive.body.joint) + (damage.pushed - damage.fallen)
+
+
+@kernel
+def drive_reading(settings: DriveSettings, drive: DriveState, normals: NDArray[np.float64]) -> DriveReading:
+    """What the drive says in order: before what is injected at sensors and bus. `normals` (2,) are the encoders'."""
+    damage, motor, spool, joint = drive.damage, settings.bench.motor, drive.body.motor, true_joint(drive)
+    pulls = 0.0 if damage.slack + damage.torn > 0.0 else 1.0
+    load = TRAIN * (motor.pretension + motor.spring * joint) * pulls
+    amperes = motor_current(spool.acceleration, 0.0, 0.0, motor) + load / (motor.gear * motor.torque_constant)
+    amperes = (motor.current_limit if damage.jams > 0.0 else amperes) if drive_turns(drive) else 0.0
+    return DriveReading(
+        reading(spool.position, normals[1], settings.bench.motor_encoder) + damage.slipped,
+        reading(joint, normals[0], settings.bench.joint_encoder),
+        amperes,
+        max(0.0, load / SPOOL_RADIUS),
+        40.0,
+        0.0,
+        0.0,
+        0.01,
+        drive.state,
+        0.0,
+        0.0,
+    )
+
+
+@kernel
+def drive_damaged(settings: DriveSettings, drive: DriveState, kind: int, since: int) -> DriveState:
+    """The drive with a fault that began `since` cycles ago."""
+    body, dt = drive.body, settings.dt
+    slack, anchor, frozen, torn, fallen, pushed, slipped, runs_away, jams, deaf, dead = drive.damage
+    if kind == Injected.SLACK and slack == 0.0:
+        slack, anchor, frozen = 1.0, body.motor.position, body.joint
+    elif kind == Injected.BROKEN_CABLE:
+        torn = 1.0
+        fallen += (body.joint + 0.2 - fallen) * dt / 0.03
+    elif kind == Injected.JOINT_OVER_TRAVEL:
+        pushed += 4.0 * dt
+    elif kind == Injected.MOTOR_OVER_TRAVEL:
+        slipped += 2.0 * dt
+    elif kind == Injected.OVER_SPEED:
+        runs_away = 1.0
+    elif kind == Injected.JAM:
+        jams = 1.0
+    elif kind == Injected.HOST_SILENT:
+        deaf, dead = 1.0, 1.0 if since > CONSUMER else dead
+    elif kind == Injected.DRIVE_FAULT or kind == Injected.DRIVE_REBOOT or kind == Injected.DRIVE_DROPPED:
+        dead = 1.0
+    damage = Damage(slack, anchor, frozen, torn, fallen, pushed, slipped, runs_away, jams, deaf, dead)
+    return DriveState(body, drive.state, drive.power, drive.applied, damage)
+
+
+@kernel
+def drive_told(drive: DriveState, target: float) -> DriveState:
+    """The drive with the target that has reached it [rad]; nothing reaches one that is deaf."""
+    return DriveState(
+        drive.body, drive.state, drive.power, drive.applied if drive.damage.deaf > 0.0 else target, drive.damage
+    )
+
+
+@kernel
+def drive_moved(
+    settings: DriveSettings, drive: DriveState, sheath: SheathState, next_sheath: SheathState
+) -> DriveState:
+    """One cycle later, in a sheath of the width of the cycle's beginning, and of the next state at its end.
+
+    A motor without torque coasts to a stop; the servo of one that runs away is drawn on, and one that is jammed stands.
+    In sub-steps, since none of these has an exact step.
+    """
+    bench, damage, h, travel = settings.bench, drive.damage, drive.body.h, 0.0
+    servo, spool = bench.servo, drive.body.motor
+    for _ in range(bench.substeps):
+        aim = drive.applied
+        if not drive_turns(drive):
+            aim = spool.position * (1.0 - settings.dt / 0.1)
+        elif damage.runs_away > 0.0:
+            aim = spool.position + 0.93
+        before = spool.position
+        spool = servo_step(spool, aim, servo)
+        if damage.jams > 0.0:
+            spool = ServoState(before, 0.0, 0.0)
+        piece = (spool.position - before) / sheath.width
+        if piece * travel < 0.0:
+            h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
+        travel += piece
+    h = advance_prepared(h, travel, bench.hysteresis)
+    body = bench_at(bench, spool, h, next_sheath.width, next_sheath.slope_factor)
+    return DriveState(body, drive.state, drive.power, drive.applied, damage)

@@ -1,0 +1,291 @@
+"""The closed loop: a law against any plant, compiled as one function, with a trace of every cycle."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden import __version__
+from bowden.control.law import Law, law_start, law_step
+from bowden.control.reference import Trajectory
+from bowden.control.source import TABLE, Heard, Source, source_start, source_step
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat
+from bowden.core.signals import Reference, Sample
+from bowden.core.trace import Trace
+from bowden.plants.plant import (
+    Dynamics,
+    Plant,
+    SheathPath,
+    plain,
+    plant_advance,
+    plant_effort,
+    plant_look,
+    plant_observe,
+    plant_rest,
+    sheath_at,
+    sheath_path,
+)
+from bowden.sim.faulty import Fault, as_it_is, faulty
+from bowden.sim.scenario import BendPath, constant_bend
+
+Array = NDArray[np.float64]
+
+RECORDED = {"joint_measured": "rad", "motor_measured": "rad", "command": "rad", "current": "A"}
+"""Columns that the compiled loop fills beside the plant's own, in its order, and their units."""
+
+RUNAWAY = 1e3
+"""A command beyond this [rad] ends the run: the loop is unstable and the rest of the record stays NaN."""
+
+_AT_ONCE = 15_000
+"""Cycles whose reference is worked out in one go; beyond that the system hands out fresh memory for every step."""
+
+
+@kernel
+def run_loop(
+    gains: Any,
+    source: Any,
+    plant: Any,
+    references: Array,
+    sheath: SheathPath,
+    normals: Array,
+    initial_motor: float,
+    dt: float,
+    delay: int,
+    record: Array,
+    states: Array,
+    fault: Fault,
+    kept: Array,
+) -> int:
+    """One run; returns the number of cycles that it lasted.
+
+    Each cycle reads the sensors, asks the source for the reference, steps the law, and moves the plant by one sample
+    time under the command that was computed `delay` cycles before. The sheath goes straight from cycle to cycle.
+
+    Args:
+        gains: of the law.
+        source: settings of what makes the reference.
+        plant: `Dynamics.plant`.
+        references: what the source is told (3, n); overwritten with what it makes of them.
+        sheath: at the edges of the cycles.
+        normals: of the sensors (n, m).
+        initial_motor: angle at rest before the start [rad].
+        dt: length of a cycle [s].
+        delay: from a sample to the moment its command reaches the servo [cycles].
+        record: to be filled: `RECORDED`, then the plant's columns.
+        states: to be filled: the law's state, then the source's as far as there is room.
+        fault: of a sensor.
+        kept: (2, n) for the readings that a fault may look back at; without one it is not touched.
+    """
+    cycles = references.shape[1]
+    body = plant_rest(plant, initial_motor, sheath_at(sheath, 0))
+    _, first = plant_observe(plant, body, normals[0])
+    state, asked = law_start(gains, Sample(first.joint, first.motor)), source_start(source, first)
+    for k in range(cycles):
+        body, heard = plant_observe(plant, body, normals[k])
+        sample = as_it_is(fault, Sample(heard.joint, heard.motor), kept, k)
+        heard = Heard(sample.joint, sample.motor, heard.current, heard.load)
+        scheduled = Reference(references[0, k], references[1, k], references[2, k])
+        asked, reference, added = source_step(source, asked, heard, scheduled, dt)
+        references[0, k], references[1, k], references[2, k] = reference
+        state, command = law_step(gains, state, sample, reference, dt)
+        command = command + added
+        now = sheath_at(sheath, k)
+        record[0, k] = sample.joint
+        record[1, k] = sample.motor
+        record[2, k] = command
+        record[3, k] = plant_effort(plant, body, now)
+        columns = plant_look(plant, body)
+        for j in range(len(columns)):
+            record[4 + j, k] = columns[j]
+        numbers = flat((state, asked))
+        for j in range(states.shape[0]):
+            states[j, k] = numbers[j]
+        if not abs(command) < RUNAWAY:
+            return k
+        applied = record[2, k - delay] if k >= delay else initial_motor
+        body = plant_advance(plant, body, applied, now, sheath_at(sheath, k + 1))
+    return cycles
+
+
+class Inputs(NamedTuple):
+    """All that is known of a run before it begins."""
+
+    time: Array  # (n,) [s]
+    references: Array  # (3, n)
+    sheath: SheathPath
+    normals: Array  # (n, m)
+
+
+def simulate(
+    plant: Plant,
+    law: Law,
+    reference: Trajectory,
+    *,
+    duration: float,
+    bend: BendPath | None = None,
+    seed: int = 0,
+    initial_motor: float | None = None,
+    source: Source = TABLE,
+    fault: Fault | None = None,
+) -> Trace:
+    """Run a law against a plant.
+
+    Args:
+        plant: any: the bench, a plant round another cable, a suit on an arm, a user's own.
+        law: the control law with its gains.
+        reference: the joint's desired motion.
+        duration: length of the run [s].
+        bend: the sheath's total bend over time; constant at the identified bend where it is not given.
+        seed: of the sensors' noise.
+        initial_motor: motor angle at rest before the start [rad]; where it is not given 0, and on a plant whose motor
+            is counted in the joint's coordinate where the reference begins.
+        source: what makes the reference, cycle by cycle; the table of `reference` itself if nothing else is given.
+        fault: of a sensor; the measured columns have what the law was shown.
+
+    Returns:
+        The trace: time, reference, the plant's columns, its sheath, and the state of the law and of the source; of a
+        run that ran away (a command beyond 1000 rad or not a number) the rest is NaN.
+
+    Raises:
+        ParameterError: a duration, a setting or a part of the plant that cannot be.
+    """
+    dynamics = plant.dynamics()
+    inputs = inputs_of(plant, reference, duration, bend, seed, dynamics)
+    references, fault = inputs.references, fault or Fault()
+    initial = initial_angle(dynamics, initial_motor, references)
+    laws, asked = state_columns(law, source)
+    # one block: a system hands out a large piece of memory far faster than many small ones
+    rows = [*RECORDED, *dynamics.columns]
+    block = np.empty((len(rows) + len(laws) + len(asked), len(inputs.time)))
+    lasted = compiled_loop(dynamics, law, source, fails=fault.kind > 0.0)(
+        law.gains,
+        source.settings,
+        dynamics.plant,
+        references,
+        inputs.sheath,
+        inputs.normals,
+        initial,
+        plant.sample_time,
+        plant.delay,
+        block[: len(rows)],
+        block[len(rows) :],
+        fault,
+        np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
+    )
+    block[:, lasted:] = np.nan
+    if source is not TABLE:
+        references[:, lasted:] = np.nan
+    found = dict(zip([*rows, *laws, *asked], block, strict=True))
+    values = {"time": inputs.time, "reference": references[0], "reference_velocity": references[1]}
+    values |= {name: found[name] for name in ("joint", "motor", "joint_measured", "motor_measured", "command")}
+    values |= {name: found[name] for name in dynamics.columns if name not in values}
+    values |= plant.sheath_columns(found["joint"], inputs.sheath)
+    values |= {"current": found["current"]}
+    values |= {name: found[name] for name in (*laws, *asked)}
+    units = {"time": "s", "reference": "rad", "reference_velocity": "rad/s", **RECORDED, **dynamics.columns}
+    units |= {"bend": "rad", "width": "1", "slope": "rad/rad", **laws, **asked}
+    return Trace(
+        values, {name: units[name] for name in values}, _settings(plant, law, reference, source, initial), seed
+    )
+
+
+def initial_angle(dynamics: Dynamics, initial_motor: float | None, references: Array) -> float:
+    """Where the motor rests before a run [rad]; see `simulate`."""
+    if initial_motor is None:
+        return float(references[0, 0]) if dynamics.begins_at_reference else 0.0
+    return float(initial_motor)
+
+
+def compiled_loop(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fails: bool = False) -> Callable[..., int]:
+    """`run_loop` with these kernels in it, compiled at the first call and cached on disk.
+
+    Args:
+        dynamics: of the plant.
+        law: whose.
+        source: of the reference.
+        fails: whether a sensor may go wrong in it.
+    """
+    return specialise(run_loop, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+
+
+def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> dict[str, Callable[..., Any]]:
+    """What stands for the stand-ins in a loop's source; the arguments are `compiled_loop`'s."""
+    parts: dict[str, Callable[..., Any]] = {
+        "law_start": law.start_kernel,
+        "law_step": law.step_kernel,
+        "source_start": source.start_kernel,
+        "source_step": source.step_kernel,
+        **dynamics.kernels(),
+    }
+    return parts | ({"as_it_is": faulty} if fails else {})
+
+
+def state_columns(law: Law, source: Source) -> tuple[dict[str, str], dict[str, str]]:
+    """What law and source remember, as the columns of a trace name it, each with its unit; a table's is worth none."""
+    return law.columns(), {} if source is TABLE else source.columns()
+
+
+def check_clock(plant: Plant, duration: float) -> None:
+    """Refuse a clock, a delay or a duration that cannot be.
+
+    Raises:
+        ParameterError: one of these.
+    """
+    dt = plant.sample_time
+    for name, value, fine in (
+        ("sample_time", dt, dt > 0.0),
+        ("duration", duration, 2.0 * dt <= duration < 1e9 * dt),
+        ("delay", plant.delay, plant.delay >= 0),
+    ):
+        if not fine:
+            raise ParameterError(f"simulate: {name} is {value}", expected="a positive number that makes sense here")
+
+
+def edges_of(plant: Plant, duration: float) -> Array:
+    """The edges of a run's cycles (n + 1,) [s]."""
+    return np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
+
+
+def inputs_of(
+    plant: Plant,
+    reference: Trajectory,
+    duration: float,
+    bend: BendPath | None = None,
+    seed: int = 0,
+    dynamics: Dynamics | None = None,
+) -> Inputs:
+    """The reference, the sheath and the noise of a run; the arguments are those of `simulate`.
+
+    Raises:
+        ParameterError: a duration or setting that cannot be.
+    """
+    check_clock(plant, duration)
+    edges = edges_of(plant, duration)
+    cycles = len(edges) - 1
+    references = np.empty((3, cycles))
+    for begin in range(0, cycles, _AT_ONCE):
+        part = slice(begin, min(begin + _AT_ONCE, cycles))
+        references[:, part] = reference.sample(edges[part]).T
+    normals = np.empty((cycles, (dynamics or plant.dynamics()).normals))
+    plant.draw(seed, normals)
+    path = sheath_path(plant.sheath, (bend or constant_bend(plant.sheath.bend))(edges))
+    return Inputs(edges[:-1], references, path, normals)
+
+
+def _settings(plant: Plant, law: Law, reference: Trajectory, source: Source, initial: float) -> dict[str, Any]:
+    own = {} if source is TABLE else {source.name: plain(source.settings)}
+    return {
+        "bowden": __version__,
+        "law": law.name,
+        "gains": dict(law.gains._asdict()),
+        "reference": reference.describe(),
+        "plant": plant.describe(),
+        "sample_time": plant.sample_time,
+        "initial_motor": initial,
+        "motor_resistance": plant.motor.resistance,
+        "torque_constant": plant.motor.torque_constant * plant.motor.gear,
+        **own,
+    }

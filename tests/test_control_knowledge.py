@@ -1,0 +1,334 @@
+"""What a rig tells a law: one rule, by which every command that runs a law goes."""
+
+import contextlib
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.main import get_command
+
+from bowden.app import main
+from bowden.control import LAWS, Law
+from bowden.control.knowledge import Knowledge, cable_gains, configured, informed
+from bowden.control.law_parts import half_width, lag
+from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
+from bowden.core.signals import Reference, Sample
+from bowden.core.units import RADIANS
+from bowden.design import check as design_check
+from bowden.design import league, league_cells, processes, trial
+from bowden.design import tune as design_tune
+from bowden.design import verdict as design_verdict
+from bowden.design.random_plants import random_plant, run_random_plant
+from bowden.export import law as export_law
+from bowden.live.live_run import live_run
+from bowden.live.log_replay import law_of
+from bowden.live.mcap_read import Recording
+from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.drive.encoder import Encoder
+from bowden.plants.knowledge_of import knowledge_of
+from bowden.rig.presets.bench import default_bench, minimum_jerk
+from bowden.rig.presets.suit import default_suit
+from bowden.rig.rig import Rig
+from bowden.sim.run import simulate
+from bowden.sim.scenario import constant_bend
+from bowden.study.load import load
+
+BENCH = default_bench()
+COMMANDS = get_command(main.app)
+MODEL = """
+best = "bouc_wen"
+[models.bouc_wen.parameters]
+slope = 0.8
+hysteresis_gain = -0.11
+rate = 10.0
+shape = 9.0
+exponent = 2.5
+offset = 0.02
+initial_h = 0.0
+"""
+SERVOS, DAMPINGS, DELAYS, CLOCKS = (3.0, 4.0, 8.5, 15.0), (0.5, 1.0), (1, 3), (1.0, 2.0)
+CABLES = ("slope = 0.6\n", "slope = 0.94\n", "slope = 1.2\noffset_deg = 3.0\n", 'model = "model.toml"\n')
+
+
+def rigs() -> Iterator[tuple[float, float, int, float, str]]:
+    """Sixteen rigs in which every servo meets every cable, and every two of the rest."""
+    for (i, servo), (j, cable) in itertools.product(enumerate(SERVOS), enumerate(CABLES)):
+        yield servo, DAMPINGS[(i + j) % 2], DELAYS[(i + j // 2) % 2], CLOCKS[(i // 2 + j) % 2], cable
+
+
+class Caught(Exception):
+    """Ends a command where it hands its law on."""
+
+
+@pytest.fixture
+def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
+    """Command → the laws that it handed to what works with them."""
+    found: dict[str, list[Law]] = {}
+
+    def catching(command: str, of: Any) -> Any:
+        def caught(*given: Any, **_: Any) -> Any:
+            found[command] = of(*given)
+            raise Caught
+
+        return caught
+
+    monkeypatch.setattr(design_verdict, "verdicts", catching("simulate", lambda setup, laws, *_: list(laws)))
+    monkeypatch.setattr(design_check, "check", catching("check", lambda bench, law: [law]))
+    monkeypatch.setattr(design_tune, "tune", catching("tune", lambda bench, law: [law]))
+    monkeypatch.setattr(export_law, "law_module", catching("export", lambda law: [law]))
+    monkeypatch.setattr(processes, "two_workers", lambda *_: contextlib.nullcontext(map))
+    monkeypatch.setattr(league, "exact_travel", lambda *_, **__: 1.0)
+    monkeypatch.setattr(league, "simulate_each", catching("league", lambda case, duration: list(case.laws)))
+    return found
+
+
+def written(tmp_path: Path, servo: float, damping: float, delay: int, clock: float, cable: str, law: str) -> Path:
+    (tmp_path / "model.toml").write_text(MODEL)
+    path = tmp_path / "rig.toml"
+    path.write_text(
+        f"[bench]\nsample_time_ms = {clock}\ndelay_cycles = {delay}\n"
+        f"[servo]\nnatural_frequency_hz = {servo}\ndamping = {damping}\n[cable]\n{cable}[control]\nlaw = '{law}'\n"
+    )
+    return path
+
+
+def recorded(rig: dict[str, Any]) -> Recording:
+    """A log of another law, as far as a replay looks at it for its law."""
+    recording: Recording = object.__new__(Recording)
+    object.__setattr__(recording, "settings", {"law": "other", "rig": rig})
+    return recording
+
+
+@pytest.mark.parametrize("rig", list(rigs()), ids=lambda rig: " ".join(str(part).strip() for part in rig))
+def test_every_command_gives_every_law_the_same_gains(
+    rig: tuple[float, float, int, float, str],
+    tmp_path: Path,
+    handed: dict[str, list[Law]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in LAWS:
+        path = written(tmp_path, *rig, law=name)
+        for command in (["simulate"], ["check"], ["tune", "--dry-run"], ["export", "--to", "out"]):
+            with pytest.raises(Caught):
+                COMMANDS([command[0], str(path), *command[1:]], standalone_mode=False)
+        rig_of = Rig.read(path)
+        handed["run"] = [live_run(Rig.unpack(rig_of.pack())).law]
+        (tmp_path / "study.toml").write_text(f'rig = "rig.toml"\nlaws = ["{name}"]\nruns = 4\n')
+        study = load(tmp_path / "study.toml")
+        handed["campaign"] = [*study.nominal, *study.run(3)[1]]
+        plant = league_cells.LeaguePlant(
+            "rig", "", league_cells.as_cable_plant(rig_of.bench), constant_bend(math.pi), known=rig_of.knowledge
+        )
+        with pytest.raises(Caught):
+            list(league.play([LAWS[name]], [lambda plant=plant: plant], league_cells.scenarios()[:1], print, print))
+        handed["replay"] = [law_of(recorded(rig_of.document()), name)[0]]
+        gains = {command: [law.gains for law in laws] for command, laws in handed.items()}
+        assert set(gains) == {"simulate", "check", "tune", "export", "run", "campaign", "league", "replay"}
+        expected = configured(LAWS[name], rig_of.knowledge).gains
+        assert gains == {command: [expected] * len(found) for command, found in gains.items()}, name
+
+
+def test_what_a_bench_knows() -> None:
+    bench = BENCH._replace(delay=3, sample_time=2e-3, joint_encoder=Encoder(0.01, 0.02), motor_encoder=Encoder(0.03))
+    bench = bench._replace(cable=BoucWen(slope=0.5, offset=0.1), sheath=bench.sheath._replace(gap=0.5))
+    known = knowledge_of(bench)
+    assert known.servo_frequency == BENCH.servo.natural_frequency
+    assert known.servo_damping == BENCH.servo.damping
+    assert known.delay == 3.5 * 2e-3, "three cycles, and half of the one for which the command is held"
+    assert (known.sample_time, known.cable, known.motor_zero) == (2e-3, bench.cable, -0.2)
+    assert (known.joint_step, known.joint_noise, known.motor_step, known.motor_noise) == (0.01, 0.02, 0.03, 0.0)
+    assert math.isnan(known.slope)
+    assert math.isnan(known.width)
+    assert known.doubt == 1.0
+    identified = knowledge_of(bench, identified=True)
+    assert (identified.slope, identified.doubt) == (0.5, 0.1)
+    assert identified.width == pytest.approx(trial.dead_zone(bench, bench.sheath.bend) / 0.5), (
+        "at the joint and the motor"
+    )
+
+
+def test_of_a_plant_round_any_other_cable_nothing_is_known_of_the_cable() -> None:
+    bench, plant = knowledge_of(BENCH), knowledge_of(league_cells.as_cable_plant(BENCH))
+    assert plant._replace(cable=bench.cable, motor_zero=bench.motor_zero).__repr__() == bench.__repr__()
+    assert np.isnan(plant.cable).all()
+    assert math.isnan(plant.motor_zero)
+    for name in ("observer", "uncompensated", "adaptive"):
+        assert informed(LAWS[name], plant) == LAWS[name]
+
+
+def test_on_a_suit_a_law_begins_with_its_preset_and_is_told_the_rest() -> None:
+    suit = default_suit()
+    faster = suit._replace(motor=suit.motor._replace(servo=suit.motor.servo._replace(natural_frequency=80.0)))
+    law = configured(LAWS["bowden"], knowledge_of(faster))
+    preset = LAWS["bowden"].presets["suit"]
+    assert law.gains == preset._replace(servo_frequency=80.0, servo_damping=faster.motor.servo.damping)
+    assert configured(LAWS["adaptive"], knowledge_of(suit)).gains == LAWS["adaptive"].presets["suit"]
+    assert configured(LAWS["adaptive"], knowledge_of(suit), preset="paper").gains == LAWS["adaptive"].presets["paper"]
+    own = configured(LAWS["adaptive"], knowledge_of(suit), gains={"feedback_gain": 2.0}).gains
+    assert own == LAWS["adaptive"].gains._replace(feedback_gain=2.0)
+
+
+def test_the_order_is_own_told_preset_and_the_rigs_own() -> None:
+    known = Knowledge(servo_frequency=20.0, servo_damping=0.7, delay=0.004, slope=0.8, width=0.05, doubt=0.1)
+    law = dataclasses.replace(
+        LAWS["bowden"], suit_preset=None, presets={"mine": LAWS["bowden"].gains._replace(delay=0.002, lag=0.01)}
+    )
+    told = configured(law, known)
+    assert told.gains == law.gains._replace(**{name: getattr(known, name) for name in law.told})
+    preset = configured(law, known, preset="mine")
+    assert preset.gains == told.gains._replace(delay=0.002, lag=0.01)
+    own = configured(law, known, preset="mine", gains={"delay": 0.003, "slope": 1.1})
+    assert own.gains == preset.gains._replace(delay=0.003, slope=1.1)
+    assert informed(own, known) == own, "telling again changes nothing"
+    later = informed(own, known._replace(servo_frequency=30.0))
+    assert later.gains == own.gains._replace(servo_frequency=30.0), "another rig is told in place of the first"
+    assert informed(later, Knowledge()).gains == law.preset("mine").with_gains(delay=0.003, slope=1.1).gains, "nothing"
+    assert informed(law.with_gains(servo_frequency=9.0), known).gains.servo_frequency == 9.0
+
+
+def test_what_was_chosen_reaches_another_process() -> None:
+    """Also a value that is the law's own, which a rig would tell otherwise; what another rig told does not count."""
+    told = Rig(servo=BENCH.servo._replace(natural_frequency=20.0), law="bowden").fitted()
+    for law in (LAWS["bowden"].with_gains(servo_frequency=LAWS["bowden"].gains.servo_frequency, feedback=0.9), told):
+        rig = Rig(law=law, servo=BENCH.servo._replace(natural_frequency=30.0))
+        assert Rig.unpack(rig.pack()).fitted().gains == rig.fitted().gains
+        chosen = "servo_frequency" in law.chosen
+        assert rig.fitted().gains.servo_frequency == (LAWS["bowden"].gains.servo_frequency if chosen else 30.0)
+
+
+def test_a_preset_takes_the_place_of_another() -> None:
+    law = LAWS["adaptive"]
+    assert law.preset("suit").preset("paper").gains == law.presets["paper"]
+    assert law.with_gains(feedback_gain=3.0).preset("paper").gains == law.presets["paper"]
+
+
+def test_what_is_told_stays_inside_the_gains_limits() -> None:
+    known = Knowledge(servo_frequency=0.1, servo_damping=99.0, delay=3.0)
+    gains = informed(LAWS["bowden"], known).gains
+    assert (gains.servo_frequency, gains.servo_damping, gains.delay) == (1.0, 10.0, 0.1)
+
+
+def test_parts_of_what_is_known_tell_only_what_they_suffice_for() -> None:
+    known = Knowledge(servo_frequency=20.0, delay=0.004)
+    assert informed(LAWS["offset_inverse"], known) == LAWS["offset_inverse"], "its lead takes the damping too"
+    gains = informed(LAWS["bowden"], known).gains
+    assert gains == LAWS["bowden"].gains._replace(servo_frequency=20.0, delay=0.004)
+    assert math.isnan(lag(known))
+    assert half_width(Knowledge(width=0.2)) == 0.1
+
+
+def test_the_parameters_of_a_model_of_the_cable_are_those_that_are_told_it() -> None:
+    assert cable_gains(LAWS["observer"]) == set(BoucWen._fields)
+    assert not any(cable_gains(law) for name, law in LAWS.items() if name != "observer")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"told": {"slop": "slope"}}, "told of law 'uncompensated' names 'slop'; expected slope (did you mean this?)"),
+        ({"feeds_back": frozenset({"current"})}, "feeds_back of law 'uncompensated' names 'current'"),
+        ({"suit_preset": "suit"}, "suit_preset of law 'uncompensated' names 'suit'"),
+    ],
+)
+def test_a_law_cannot_declare_what_is_not_there(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        dataclasses.replace(LAWS["uncompensated"], **changes)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("what", ["servo_freqency", "cable.slop", "cable"])
+def test_a_law_cannot_be_told_what_no_rig_knows(what: str) -> None:
+    law = dataclasses.replace(LAWS["uncompensated"], told={"slope": what})
+    with pytest.raises(ParameterError, match=f"gain slope of law 'uncompensated' is told '{what}'; expected "):
+        informed(law, Knowledge())
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_is_told_what_there_is(name: str) -> None:
+    law = LAWS[name]
+    informed(law, knowledge_of(BENCH, identified=True))
+    assert law.own == law.gains
+    assert not law.chosen
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_feeds_back_the_angles_that_it_declares(name: str) -> None:
+    """The command is another where one of the two angles moves otherwise, and only where it is declared so."""
+    law = LAWS[name]
+
+    def commands(joint: float, motor: float) -> list[float]:
+        state, found = law.start(Sample(0.0, 0.0)), []
+        for k in range(600):
+            reference = Reference(0.3 + 0.3 * math.sin(0.01 * k), 3.0 * math.cos(0.01 * k), -30.0 * math.sin(0.01 * k))
+            way = 0.2 * math.sin(0.013 * k)
+            state, command = law.step(state, Sample(joint * way, motor * way), reference, 1e-3)
+            found.append(command)
+        return found
+
+    usual = commands(1.0, 1.0)
+    assert (commands(0.9, 1.0) != usual) == ("joint" in law.feeds_back)
+    assert (commands(1.0, 0.9) != usual) == ("motor" in law.feeds_back)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_only_a_law_that_makes_up_for_the_lag_follows_without_one(name: str) -> None:
+    trace = simulate(BENCH, informed(LAWS[name], knowledge_of(BENCH)), minimum_jerk(), duration=20.0, seed=1)
+    late = trace.metrics().delay_s
+    assert late is not None
+    assert (late < 0.005) == LAWS[name].compensates_lag, late
+
+
+def test_a_file_of_the_folder_is_a_law_of_its_name() -> None:
+    folder = Path(str(LAWS["adaptive"].step_kernel.__code__.co_filename)).parent
+    assert sorted(LAWS) == sorted(file.stem for file in folder.glob("*.py") if file.stem != "__init__")
+    assert all(name == law.name for name, law in LAWS.items())
+    assert len(LAWS) == len(list(LAWS))
+    assert "bowden" in repr(LAWS)
+
+
+def test_a_law_that_is_not_there_is_a_key_error_with_the_likely_name() -> None:
+    with pytest.raises(UnknownNameError, match=r"there is no law 'adaptiv'; expected adaptive \(did you mean this\?\)"):
+        LAWS["adaptiv"]
+    for kind in (KeyError, ParameterError, BowdenError):
+        with pytest.raises(kind):
+            LAWS["adaptiv"]
+    assert LAWS.get("adaptiv") is None
+    assert "adaptiv" not in LAWS
+
+
+def test_the_random_plants_tell_the_servo_wrongly_and_the_delay() -> None:
+    drawn, seen = random_plant(4, 40.0), []
+    law = LAWS["bowden"]
+    probe = dataclasses.replace(law, told={**law.told, "lag": seen_by(seen)})
+    run_random_plant(probe, 4, 0.01)
+    known = seen[0]
+    assert (known.servo_frequency, known.delay) == (drawn.servo_frequency, drawn.delay)
+    assert drawn.servo_frequency != drawn.plant.servo.natural_frequency
+    assert math.isnan(known.servo_damping)
+
+
+def seen_by(kept: list[Knowledge]) -> Any:
+    """A function of what is known that keeps it, and tells nothing."""
+
+    def kept_and_untold(known: Knowledge) -> float:
+        kept.append(known)
+        return math.nan
+
+    return kept_and_untold
+
+
+@pytest.mark.parametrize(("hertz", "most_deg"), [(3.0, 0.1), (4.0, 0.08), (15.0, 0.05)])
+def test_our_law_follows_on_other_servos_as_it_is(hertz: float, most_deg: float, tmp_path: Path) -> None:
+    """Untold, it has 0.24°, 0.17° and 0.41° there."""
+    path = tmp_path / "rig.toml"
+    path.write_text(f"[servo]\nnatural_frequency_hz = {hertz}\n[control]\nlaw = 'bowden'\n")
+    rig = Rig.read(path)
+    trace = simulate(rig.plant, rig.fitted(), rig.trajectory, duration=60.0, bend=rig.bend_path, seed=rig.seed)
+    rmse = float(np.sqrt(np.mean(trace.error**2))) / RADIANS
+    assert rmse < most_deg

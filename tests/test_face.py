@@ -1,0 +1,207 @@
+"""What ``import bowden`` offers: quick to import, documented, shown on one screen, and refusals that say what to do."""
+
+import inspect
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowden
+from bowden.core.errors import BowdenError, ParameterError
+
+T = np.arange(0.0, 20.0, 0.01)
+MOTOR = 0.5 * np.sin(2.0 * T)
+JOINT = 0.9 * MOTOR + 0.1
+HEAVY = ("numpy", "numba", "scipy", "matplotlib", "pyarrow", "pydantic", "typer")
+
+
+def fresh(code: str) -> str:
+    """What a new process prints."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_importing_the_package_loads_nothing_heavy_and_takes_no_time() -> None:
+    said = fresh(
+        "import sys, time; before = set(sys.modules); begin = time.perf_counter(); import bowden; "
+        "print(time.perf_counter() - begin, *sorted({name.split('.')[0] for name in set(sys.modules) - before}))"
+    )
+    seconds, *loaded = said.split()
+    assert not set(loaded) & set(HEAVY)
+    assert float(seconds) < 0.05
+
+
+@pytest.mark.parametrize("name", [name for name in bowden.__all__ if name != "__version__"])
+def test_every_name_is_there_and_has_a_docstring_with_an_example(name: str) -> None:
+    thing = getattr(bowden, name)
+    assert name in dir(bowden)
+    text = inspect.getdoc(thing if inspect.isroutine(thing) or inspect.isclass(thing) else type(thing))
+    text = inspect.getdoc(thing) if name in ("identify", "export") else text
+    assert text
+    assert ">>>" in text
+
+
+def test_a_name_that_is_not_there_is_answered_with_the_likely_one() -> None:
+    with pytest.raises(AttributeError, match=r"identify \(did you mean this\?\)"):
+        _ = bowden.identfy  # type: ignore[attr-defined]
+    assert not hasattr(bowden, "__wrapped__")
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import bowden; f = bowden.identify",
+        "import bowden.identify.log.read; import bowden; f = bowden.identify",
+        "from bowden import identify as f; import bowden.identify.cable.model",
+        "import bowden.identify.log.read as module; assert module.read_log; import bowden; f = bowden.identify",
+    ],
+)
+def test_identify_is_a_function_and_a_folder_in_whatever_order_they_are_imported(code: str) -> None:
+    code += "; import inspect; print(callable(f), f.__name__, *inspect.signature(f).parameters)"
+    assert fresh(code).startswith("True bowden.identify log motor joint")
+
+
+# traces
+
+
+def example(**columns: np.ndarray) -> bowden.Trace:
+    values = {"time": T, "reference": MOTOR, "joint": 0.99 * MOTOR, **columns}
+    return bowden.Trace(values, {name: "s" if name == "time" else "rad" for name in values}, {"law": "adaptive"})
+
+
+def test_arrays_come_by_name_in_the_unit_asked_for() -> None:
+    trace = example()
+    assert trace["joint"] is trace.columns["joint"]
+    assert np.allclose(trace.array("joint", "deg"), np.degrees(0.99 * MOTOR), rtol=1e-15)
+    assert trace.array("joint", "rad") is trace["joint"]
+    assert np.array_equal(trace.array("time", "ms"), T * 1e3)
+    assert "joint" in trace
+    assert list(trace) == ["time", "reference", "joint"]
+    with pytest.raises(ParameterError, match=r"joint in 'mm'; expected rad or deg"):
+        trace.array("joint", "mm")
+    with pytest.raises(KeyError, match=r"no column 'jiont'; expected joint \(did you mean this\?\)"):
+        _ = trace["jiont"]
+
+
+def test_a_trace_is_one_screen_of_text_however_many_columns_it_has() -> None:
+    columns = {f"law.state_{i}": np.zeros(len(T)) for i in range(200)}
+    for trace in (example(), example(**columns), example(joint=np.where(T > 3.0, np.nan, 0.0))):
+        lines = repr(trace).splitlines()
+        assert len(lines) < 24
+        assert max(map(len, lines)) <= 100
+    assert "RMSE 0.2" in repr(example())
+    assert "ran away 3.01 s after its start" in repr(example(joint=np.where(T > 3.0, np.nan, 0.0)))
+    assert "joint is not a number in 100 of 2000" in repr(example(joint=np.where(T < 1.0, np.nan, 0.0)))
+
+
+def test_a_notebook_gets_the_figures_and_the_picture_and_pyplot_is_left_alone() -> None:
+    said = fresh(
+        "import numpy as np, sys, bowden; t = np.arange(0, 9, 0.01); c = dict(time=t, reference=t, joint=t); "
+        "html = bowden.Trace(c, dict.fromkeys(c, 'rad'))._repr_html_(); "
+        "print('<svg' in html, '<table>' in html, 'matplotlib.pyplot' in sys.modules)"
+    )
+    assert said == "True True False"
+
+
+def test_a_trace_is_drawn_on_axes_that_are_handed_in_or_made() -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    one, two = figure.subplots(2)
+    assert example().plot([one, two]) == [one, two]
+    assert len(one.lines) == 2
+    assert len(two.lines) == 1
+    (alone,) = example().plot(Figure().subplots())
+    assert alone.get_xlabel() == "time [s]"
+    made = example().plot()
+    assert len(made) == 2
+    with pytest.raises(ParameterError, match=r"axes is a str; expected matplotlib axes"):
+        example().plot("here")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_a_frame_has_the_columns_and_without_the_library_the_error_says_what_to_do(library: str) -> None:
+    make: Callable[..., Any] = getattr(example(), f"to_{library}")
+    try:
+        __import__(library)
+    except ImportError:
+        with pytest.raises(ParameterError, match=rf"needs {library}.*pip install {library}"):
+            make()
+        return
+    assert list(make().columns) == ["time", "reference", "joint"]
+    assert np.allclose(make("deg")["joint"].to_numpy(), np.degrees(0.99 * MOTOR))
+
+
+@pytest.mark.parametrize("kind", ["parquet", "csv"])
+def test_a_trace_is_read_by_what_is_in_the_file(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.dat"
+    getattr(example(), f"to_{kind}")(path)
+    assert np.array_equal(bowden.read_trace(path)["joint"], example()["joint"])
+
+
+# fits
+
+
+def test_a_fit_shows_itself_and_its_best_is_a_model() -> None:
+    begin = time.perf_counter()
+    fit = bowden.identify(T, MOTOR, JOINT)
+    assert fit.best.name == "line"
+    assert repr(fit).startswith("Fit of log: use line, ")
+    assert len(repr(fit).splitlines()) < 24
+    assert "<svg" in fit._repr_html_()
+    assert len(fit.plot()) == 2
+    assert time.perf_counter() - begin < 60.0
+
+
+def test_a_fit_comes_from_a_trace_a_log_and_a_file_alike(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    np.savetxt(
+        path, np.column_stack([T, MOTOR, JOINT]), delimiter=",", header="time_s,motor_rad,joint_rad", comments=""
+    )
+    parameters = [
+        bowden.identify(given).best.parameters["slope"]
+        for given in (path, str(path), bowden.read_log(path), example(motor=MOTOR, joint=JOINT))
+    ]
+    assert np.allclose(parameters, 0.9)
+    assert np.allclose(bowden.identify(time=T, motor=MOTOR, joint=JOINT).best.parameters["slope"], 0.9)
+
+
+# errors
+
+WRONG: dict[str, tuple[Callable[[], Any], str]] = {
+    "identify of nothing": (lambda: bowden.identify(), r"identify: time is missing; expected a file's path, or three"),
+    "identify of two": (lambda: bowden.identify(T, MOTOR), r"identify: joint is missing"),
+    "other lengths": (lambda: bowden.identify(T, MOTOR[1:], JOINT), r"time has 2000 samples, motor has 1999"),
+    "text in numbers": (lambda: bowden.identify(T, MOTOR, ["1", "a"]), r"identify: joint holds '1'; expected numbers"),
+    "two columns": (lambda: bowden.identify(T, np.zeros((9, 2)), JOINT), r"motor is an array of shape \(9, 2\)"),
+    "a number": (lambda: bowden.identify(T, 3.0, JOINT), r"motor is 3.0; expected an array of shape \(n,\)"),
+    "NaN": (lambda: bowden.identify(T, np.where(T == 5.0, np.nan, MOTOR), JOINT), r"sample 501: motor is nan"),
+    "degrees": (lambda: bowden.identify(T, 57.3 * MOTOR, 57.3 * JOINT), r"look like degrees; give the unit deg"),
+    "factor 57.3": (lambda: bowden.identify(T, 0.7 * MOTOR, 35.0 * MOTOR), r"looks like degrees beside radians"),
+    "its other side": (lambda: bowden.identify(T, 20.0 * MOTOR, 0.35 * MOTOR), r"the motor moves 57.1 times as far"),
+    "a unit": (lambda: bowden.identify(T, MOTOR, JOINT, unit="grad"), r"unit is 'grad'; expected rad or deg"),
+    "time twice": (lambda: bowden.identify(T, MOTOR, JOINT, time=T), r"time is given twice"),
+    "a file and arrays": (lambda: bowden.identify("log.csv", MOTOR, JOINT), r"motor of the log log.csv is an array"),
+    "no file": (lambda: bowden.identify("none.csv"), r"none.csv does not exist; check the path"),
+    "no log": (lambda: bowden.read_log(3), r"read_log: path is 3; expected the path of a file"),
+    "no trace": (lambda: bowden.read_trace("none.parquet"), r"cannot read none.parquet: no such file"),
+    "a trace of arrays": (lambda: bowden.read_trace(T), r"path is an array of shape \(2000,\)"),  # type: ignore[arg-type]
+    "70 rad": (lambda: bowden.MinimumJerk.periodic(0.0, 70.0, 4.0), r"high is 70 rad.*looks like degrees"),
+    "text for an angle": (lambda: bowden.MinimumJerk.periodic(0.0, "70", 4.0), r"high is '70'; expected an angle"),  # type: ignore[arg-type]
+    "no period": (lambda: bowden.MinimumJerk.periodic(0.0, 1.0, 0.0), r"period is 0"),
+    "one point": (lambda: bowden.MinimumJerk.point_to_point(0.0, 1.0), r"times is 0.0; expected a list"),  # type: ignore[arg-type]
+    "degrees on the way": (lambda: bowden.MinimumJerk.point_to_point([0, 1], [0, 70]), r"positions\[1\] is 70 rad"),
+    "an unknown law": (lambda: bowden.LAWS["adaptiv"], r"adaptive \(did you mean this\?\)"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_argument_is_refused_with_its_name_and_what_to_do(what: str) -> None:
+    call, said = WRONG[what]
+    with pytest.raises(BowdenError, match=said):
+        call()
