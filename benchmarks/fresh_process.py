@@ -63,8 +63,7 @@ def rows(warm_rounds: int = 5) -> tuple[list[Row], list[str]]:
         subprocess.run([sys.executable, "-c", _LOG], cwd=folder, check=True)
         for i, (arguments, cold_target, warm_target) in enumerate(COMMANDS):
             cache = folder / f"cache-{i}"
-            cold = answered(arguments, folder, cache)
-            warm = [answered(arguments, folder, cache) for _ in range(warm_rounds)]
+            cold, *warm = [answered(arguments, folder, cache, number) for number in range(1 + warm_rounds)]
             said = f"`bowden {' '.join(arguments)}`"
             found += [
                 Row(f"{said}, empty cache", f"{cold.first:.2f} s", f"{cold.whole:.2f} s", "", "", cold_target),
@@ -85,8 +84,8 @@ def rows(warm_rounds: int = 5) -> tuple[list[Row], list[str]]:
 COMMANDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     *((("simulate", "rig.toml", "--law", law), "first line ≤ 15 s", "first line ≤ 1.2 s") for law in LAWS),
     (("check", "rig.toml"), "first line ≤ 15 s", "first line ≤ 1.2 s"),
-    (("identify", "log.csv", "--force"), "", "end ≤ 1.5 s"),
-    (("export", "rig.toml"), "", ""),
+    (("identify", "log.csv"), "", "end ≤ 1.5 s"),
+    (("export", "rig.toml", "--to", "code-{round}"), "", ""),
     (("--help",), "", "first line ≤ 0.5 s"),
 )
 """Arguments, and the targets with an empty and with a full cache."""
@@ -96,8 +95,8 @@ def _timing(taken: list[Taken], which: int) -> Timing:
     return Timing(tuple(one[which] for one in taken))
 
 
-def answered(arguments: tuple[str, ...], folder: Path, cache: Path) -> Taken:
-    """Run a command at a terminal.
+def answered(arguments: tuple[str, ...], folder: Path, cache: Path, number: int) -> Taken:
+    """Run a command at a terminal, with the number of its round where it names one.
 
     Raises:
         RuntimeError: it failed, or said nothing.
@@ -106,7 +105,7 @@ def answered(arguments: tuple[str, ...], folder: Path, cache: Path) -> Taken:
     environment = os.environ | {"BOWDEN_CACHE_DIR": str(cache), "COLUMNS": "100", "TERM": "xterm"}
     before = os.times()
     process = subprocess.Popen(
-        [*COMMAND, *arguments],
+        [*COMMAND, *(argument.format(round=number) for argument in arguments)],
         cwd=folder,
         env=environment,
         stdin=subprocess.DEVNULL,

@@ -13,13 +13,14 @@ import pytest
 from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
-from bowden.core.errors import BowdenError
+from bowden.core.errors import BowdenError, LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
 from bowden.identify.log.read import read_log
 from bowden.live import live_run as live_run_of
 from bowden.live.events import Changes
+from bowden.live.log_rig import rig_of_log
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read
 from bowden.live.preflight import Reason
@@ -259,6 +260,47 @@ def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.Captu
     found = document(["replay", "mine.mcap"], capsys, "log_replay")
     assert (found["law"], found["same_law"], found["wish_largest"]) == ("mine", True, 0)
     assert "law_file" not in live_run_of.live_run(rig.with_law("observer")).told()
+
+
+def test_a_log_alone_is_enough(rows: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = ["from dataclasses import replace", "from bowden.control import LAWS"]
+    Path("own.py").write_text("\n".join([*source, "MINE = replace(LAWS['adaptive'], name='mine')"]))
+    angles = "\n".join(f"{0.01 * k},{20.0 * math.sin(0.02 * k)}" for k in range(300))
+    Path("motion.csv").write_text(f"time_s,joint_deg\n{angles}\n")
+    Path("rig.toml").write_text(
+        "[control]\nlaw = 'own.py:MINE'\n[control.gains]\nfeedback_gain = 1.5\n[scenario]\nduration_s = 1.0\n"
+        "[reference]\nkind = 'recorded'\nfile = 'motion.csv'\n"
+    )
+    rig = Rig.read("rig.toml")
+    told = live_run_of.live_run(rig).told()
+    settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT) | json.loads(json.dumps(told))
+    write(Path("alone.mcap"), rows, settings | {"law": "mine"})
+    for name in ("own.py", "motion.csv", "rig.toml"):
+        Path(name).unlink()
+    assert rig_of_log(Path("alone.mcap")) == rig
+    found = document(["replay", "alone.mcap"], capsys, "log_replay")
+    assert (found["law"], found["same_law"], found["wish_largest"], found["rig"]) == ("mine", True, 0, rig.hash)
+    assert document(["info", "alone.mcap"], capsys, "log_info")["rig"] == rig.hash
+    assert main.run(["simulate", "alone.mcap", "--json", "--out", str(tmp_path / "again")]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert (again["rig"], again["runs"][0]["law"]) == (rig.hash, "mine")
+
+
+def test_the_rig_of_an_older_log_is_read_with_a_note_or_refused_in_a_line(rows: np.ndarray) -> None:
+    settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT)
+    sections = json.loads(json.dumps(Rig(delay=2).tree()))
+    sections["control"]["preset"] = sections["cable"]["model"] = None  # as older versions wrote what was left out
+    write(Path("older.mcap"), rows, settings | {"rig": sections})
+    rig = rig_of_log(Path("older.mcap"))
+    assert rig.delay == 2
+    assert rig.fitted().gains == LAW_USED.gains
+    assert "older bowden" in rig.notes[0]
+    sections["servo"]["dampng"] = 1.0
+    write(Path("other.mcap"), rows, settings | {"rig": sections})
+    for name, said in (("other.mcap", "unknown key 'dampng'"), ("run.mcap", "does not say with which rig it ran")):
+        with pytest.raises(LogError, match=said) as refused:
+            rig_of_log(Path(name))
+        assert "\n" not in str(refused.value)
 
 
 def test_an_emergency_and_a_preflight_that_failed_are_events(rows: np.ndarray) -> None:

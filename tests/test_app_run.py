@@ -13,15 +13,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError
 from bowden.cycle.one_cycle import WishSource
+from bowden.design import verdict
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.rig.presets.bench import default_bench
+from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
-from live_runs import finished, started, tries
+from live_runs import assert_replays, finished, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
@@ -65,6 +68,34 @@ def in_the_law(rig: Path, twin: RunningTwin, out: Path) -> "subprocess.Popen[str
         said = process.communicate()
         restart(twin)
     pytest.fail(f"no run reached the law: {said}")
+
+
+def test_a_file_that_is_edited_after_the_check_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Loop, log and twin have the feedback gain that was checked: 3, and not the 0.5 that the file has by then."""
+    path, check = tmp_path / "rig.toml", verdict.verdicts
+
+    def edited(*given: Any, **more: Any) -> Any:
+        found = check(*given, **more)
+        path.write_text(RIG + "[control.gains]\nfeedback_gain = 0.5\n")
+        return found
+
+    monkeypatch.setattr(verdict, "verdicts", edited)
+    for number in tries():
+        path.write_text(RIG + "[control.gains]\nfeedback_gain = 3.0\n")
+        checked = Rig.read(path).hash
+        out = tmp_path / f"out{number}"
+        code = main.run(["run", str(path), "--twin", "--auto", "--json", "--duration", "1.5", "--out", str(out)])
+        found = json.loads(capsys.readouterr().out)
+        if code == 0:
+            break
+    log = read(Path(found["log"]))
+    assert found["rig"] == log.settings["rig"]["hash"] == Rig.unpack(log.settings["rig"]).hash
+    assert log.settings["gains"]["feedback_gain"] == log.settings["rig"]["gains"]["feedback_gain"] == 3.0
+    assert found["rig"] != checked, "the duration and the bus are the command's"
+    path.unlink()
+    assert_replays(found["log"])
 
 
 def restart(twin: RunningTwin) -> None:

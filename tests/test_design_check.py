@@ -18,9 +18,10 @@ from bowden.design.advice import advise
 from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import describing_function, hysteresis_response
 from bowden.design.study import random_rigs
-from bowden.design.trial import dead_zone, run_trial, slope_at
+from bowden.design.trial import run_trial
 from bowden.models.cable.bouc_wen import prepare_cable
 from bowden.plants.bench import Bench
+from bowden.plants.transmission import transmission
 from bowden.rig.presets.bench import default_bench
 
 BENCH = default_bench()
@@ -47,7 +48,7 @@ def test_the_printed_gains_do_not_hold_and_the_defaults_do() -> None:
 
 def test_margins_are_those_of_the_model_worked_out_by_hand() -> None:
     found = check(BENCH, ADAPTIVE, bends=BENDS)
-    assert {point.slope for point in found.points} == {slope_at(BENCH, bend) for bend in BENDS}
+    assert {point.slope for point in found.points} == {transmission(BENCH, bend, STROKE).slope for bend in BENDS}
     assert len({point.estimates["slope_inverse"] for point in found.points}) > 5
     for point in found.points[::3]:
         law = adaptive_model(ADAPTIVE.gains, 1e-3, point.estimates["slope_inverse"], point.estimates["bound"])
@@ -88,7 +89,7 @@ def test_the_limit_cycle_is_predicted_and_confirmed_on_the_printed_cable_and_abs
 
 def test_the_describing_function_is_a_slope_for_small_and_for_large_motions() -> None:
     cable = BENCH.cable
-    small, large = describing_function(BENCH, 1.0, 1.0, np.array([1e-5, 300.0]))
+    small, large = describing_function(BENCH, BENCH.sheath.bend, STROKE, np.array([1e-5, 300.0]))[1]
     assert small == pytest.approx(cable.slope + cable.hysteresis_gain * cable.rate, rel=1e-3)
     assert large == pytest.approx(cable.slope, rel=2e-3)
 
@@ -129,7 +130,8 @@ def test_what_holds_must_stand_a_part_of_its_margin_with_the_play() -> None:
 
 def test_the_papers_bounds_stand_beside_the_simulation() -> None:
     found = check(BENCH, ADAPTIVE)
-    bounds = ultimate_bounds(ADAPTIVE.gains, slope_at(BENCH, np.pi), 0.5 * dead_zone(BENCH, np.pi))
+    cable = transmission(BENCH, np.pi, STROKE)
+    bounds = ultimate_bounds(ADAPTIVE.gains, cable.slope, 0.5 * cable.dead_zone)
     assert (found.ultimate_s, found.ultimate_error) == bounds
     assert all(trial.peak is not None and trial.peak < bounds.error for trial in found.trials)
     assert check(BENCH, LAWS["uncompensated"]).ultimate_error is None

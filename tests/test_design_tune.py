@@ -19,7 +19,6 @@ from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
-from bowden.design.trial import slope_at
 from bowden.design.tune import tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
 from bowden.design.tune_runs import NineRuns, Rig, course_of, runs_of
@@ -54,8 +53,7 @@ def others(bench: Bench, law: Law) -> float:
 
 def rmse(bench: Bench, law: Law, reference: Trajectory, path: BendPath) -> float:
     """Of one run alone, by way of its trace [rad]."""
-    slope = slope_at(bench, float(path(np.zeros(1))[0]))
-    start = float(reference.sample(np.zeros(1))[0, 0] - bench.cable.offset) / slope
+    start = bench.resting_motor(float(reference.sample(np.zeros(1))[0, 0]), float(path(np.zeros(1))[0]))
     trace = simulate(bench, law, reference, duration=20.0, bend=path, seed=3, initial_motor=start)
     return float(np.sqrt(np.mean(trace.error**2))) if trace.stable else np.inf
 

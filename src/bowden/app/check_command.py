@@ -32,8 +32,8 @@ def check(
     bends, stroke = ranges.bends(given), ranges.stroke(given)
     with progress_bar(quiet=json) as progress, user_law.explained(chosen):
         progress(f"checking {chosen.name}", 0.0)
-        found = judge(given.bench, chosen, bends=bends, stroke=stroke, seed=given.seed)
-        advice = advise(given.bench, chosen, found, bends=bends, stroke=stroke)
+        found = judge(given.cabled, chosen, bends=bends, stroke=stroke, seed=given.seed)
+        advice = advise(given.cabled, chosen, found, bends=bends, stroke=stroke)
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     document = {"law": chosen.name, "rig": given.hash} | _document(found) | {"advice": advice, "seconds": seconds()}

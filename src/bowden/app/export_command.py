@@ -168,7 +168,7 @@ def _recording(rig: "Rig", law: "Law") -> str:
     duration = min(RECORDED, rig.duration)
     with user_law.explained(law):
         trace = simulate(
-            rig.bench,
+            rig.cabled,
             law,
             rig.trajectory,
             duration=duration,

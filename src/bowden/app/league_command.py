@@ -104,13 +104,14 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: _Names) -> list[Any]:
 def _plants(data: Path) -> tuple[dict[str, Callable[[], "LeaguePlant"]], list[str]]:
     """Plant → what makes it, and notes."""
     from bowden.design import league_cells, league_identified
+    from bowden.plants.cables import as_cable_plant
     from bowden.rig.presets.bench import default_bench, moved_sheath
 
     bench = default_bench()
     ready = league_cells.plants(bench, moved_sheath())
     makers: dict[str, Callable[[], LeaguePlant]] = {one.name: partial(_itself, one) for one in ready}
     logs = {file.name.removesuffix(".csv.gz"): file for file in sorted((data / "cable").glob("*.csv.gz"))}
-    base = league_cells.as_cable_plant(bench)
+    base = as_cable_plant(bench)
     for name in league_identified.names(logs):
         makers[name] = partial(league_identified.identified_plant, base, name, logs)
     return makers, [] if logs else [f"no cable logs in {data / 'cable'}, so no plant that was identified from one"]

@@ -121,7 +121,7 @@ def _search(
     from bowden.study.tune_study import runs_of
 
     return search(
-        rig.bench,
+        rig.cabled,
         law,
         bends=bends,
         stroke=ranges.stroke(rig),

@@ -99,7 +99,7 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
     overrides = dict(_override(text) for text in objects)
     drive = rig.drive_parameters
     rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, clock())
-    plant = TwinBench(rig.bench, *rest) if rig.worn is None else TwinSuit(rig.worn, *rest)
+    plant = TwinBench(rig.cabled, *rest) if rig.worn is None else TwinSuit(rig.worn, *rest)
     running = Twin(drive, plant, clock, overrides)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())

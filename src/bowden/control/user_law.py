@@ -9,20 +9,17 @@ compiler's rarely do. Compiled code is kept under the hash of the file (see
 """
 
 import contextlib
-import hashlib
 import math
 import re
-import sys
-import traceback
 from collections.abc import Iterator, Mapping
-from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import ModuleType
 from typing import Any
 
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law, Told
 from bowden.control.law_parts import LAG
+from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.bouc_wen import BoucWen
@@ -37,34 +34,14 @@ _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-
 
 def is_file(name: str) -> bool:
     """Whether a law is named by its file, ``my_law.py`` or ``my_law.py:NAME``, and not by its key in `LAWS`."""
-    return _split(name)[0].endswith(".py")
+    return user_file.split(name)[0].endswith(".py")
 
 
 def absolute(name: str, folder: Path | None = None) -> str:
     """``FILE.py:NAME`` with the whole path of its file, as a log keeps it."""
-    file, attribute = _split(name)
+    file, attribute = user_file.split(name)
     path = ((folder or Path()) / file).absolute()
     return f"{path}:{attribute}" if attribute else str(path)
-
-
-def fingerprint(source: bytes) -> str:
-    """A short name of what stands in a file."""
-    return hashlib.sha256(source).hexdigest()[:16]
-
-
-def source_of(path: Path) -> bytes:
-    """What stands in a law's file.
-
-    Raises:
-        ParameterError: it cannot be read.
-    """
-    try:
-        return path.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise ParameterError(
-            f"cannot read the law {path}: {reason.lower()}", expected="a Python file", do="check the path"
-        ) from error
 
 
 def load(name: str, folder: Path | None = None) -> Law:
@@ -77,9 +54,9 @@ def load(name: str, folder: Path | None = None) -> Law:
     Raises:
         ParameterError: no such file or name, a mistake in the file (with its line), or something that is not a law.
     """
-    file, attribute = _split(name)
+    file, attribute = user_file.split(name)
     path = ((folder or Path()) / file).absolute()
-    law = _find(_run(path), attribute, path)
+    law = _find(user_file.run(path, "law"), attribute, path)
     _check(law, path)
     return law
 
@@ -91,25 +68,8 @@ def explained(law: Law) -> Iterator[None]:
     Raises:
         ParameterError: the law cannot be compiled, or a user's own fails while it runs interpreted.
     """
-    path = Path(law.step_kernel.__code__.co_filename)
-    try:
+    with user_file.explained(Path(law.step_kernel.__code__.co_filename), f"the law {law.name!r}"):
         yield
-    except ParameterError:
-        raise
-    except Exception as error:
-        if not type(error).__module__.startswith("numba."):
-            last = traceback.extract_tb(error.__traceback__)[-1].filename
-            if Path(last) != path or path.is_relative_to(Path(__file__).parents[1]):
-                raise  # a mistake of ours
-            raise _mistake(error, path) from error
-        text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
-        numbers = re.findall(rf'File "(?:[^"]*[/\\])?{re.escape(path.name)}", line (\d+)', text)
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
-        said = next((line for line in lines if not line.startswith(_ABOUT_ITSELF)), type(error).__name__)
-        raise ParameterError(
-            f"{path}{f', line {numbers[-1]}' if numbers else ''}: the law {law.name!r} cannot be compiled: {said}",
-            do="use only numbers, NamedTuples and kernels in it (docs/kernels.md)",
-        ) from error
 
 
 _BY_NAME: Mapping[str, Told] = {
@@ -117,56 +77,6 @@ _BY_NAME: Mapping[str, Told] = {
     **LAG,
 }
 """What gains of these names are told in a file that has the parts of a law and no `TOLD`."""
-
-_ABOUT_ITSELF = (
-    "Failed in",
-    "During",
-    "File",
-    "<source",
-    "Overload",
-    "There are",
-    "- ",
-    "In definition",
-    "raised from",
-)
-"""How those lines of Numba's messages begin that tell where it was, not what is wrong."""
-
-
-def _split(name: str) -> tuple[str, str]:
-    file, colon, attribute = name.rpartition(":")
-    return (file, attribute) if colon and file.endswith(".py") else (name, "")
-
-
-def _run(path: Path) -> ModuleType:
-    """Execute the file as a module of its own, found again by its content when cached code is loaded."""
-    source = source_of(path)
-    name = f"bowden_user_law_{fingerprint(source)}"
-    known = sys.modules.get(name)
-    if known is not None and _is_copy(path, known, source):  # a law handed to another process names the first's types
-        return known
-    module = ModuleType(name)
-    module.__file__ = str(path)
-    sys.modules[module.__name__] = module
-    try:
-        code = compile(source, str(path), "exec", dont_inherit=True)
-    except SyntaxError as error:
-        line = f", line {error.lineno}" if error.lineno else ""
-        raise ParameterError(f"{path}{line}: {error.msg}", do="correct it there") from error
-    except ValueError as error:  # null bytes, before Python 3.12
-        raise ParameterError(f"{path} is not Python: {error}", expected="a Python file", do="give another") from error
-    try:
-        with contextlib.redirect_stdout(sys.stderr):  # standard output may be a JSON document
-            exec(code, module.__dict__)
-    except (Exception, SystemExit) as error:
-        raise _mistake(error, path) from error
-    module.__spec__ = ModuleSpec(name, None, origin=str(path))  # it ran to its end
-    return module
-
-
-def _is_copy(path: Path, known: ModuleType, source: bytes) -> bool:
-    """Whether a file is a copy, under its name, of the one elsewhere that a module was made of and still stands for."""
-    first = Path(known.__spec__.origin or "") if known.__spec__ else path
-    return first != path and first.name == path.name and first.is_file() and first.read_bytes() == source
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> Law:
@@ -192,7 +102,7 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
     try:
         gains = names["Gains"]()
     except Exception as error:
-        raise _mistake(error, path) from error
+        raise user_file.mistake(error, path) from error
     told = names.get("TOLD", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())})
     return Law(path.stem, gains, names["start"], names["step"], source=str(path), told=told)
 
@@ -203,22 +113,20 @@ def _check(law: Law, path: Path) -> None:
         raise ParameterError(
             f"{path}: the law's name is {law.name!r}", expected="letters, digits, '_', '-' and '.'", do=_RENAME
         )
-    for part in (law.start_kernel, law.step_kernel):
-        if not isinstance(part, FunctionType) or not hasattr(part, "__kernel__"):
-            raise ParameterError(f"{_line(part, path)}: not a kernel", do="put @kernel of bowden.core.kernel before it")
+    user_file.check_kernels((law.start_kernel, law.step_kernel), path)
     _check_numbers(law.gains, "gains", str(path), whole=True)
-    where = _line(law.step_kernel, path)
+    where = user_file.line(law.step_kernel, path)
     try:
         for known in (Knowledge(), _EXAMPLE):
             _check_numbers(informed(law, known).gains, "gains that a rig tells", str(path), whole=True)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error.what}", expected=error.expected, do=error.do) from error
     except Exception as error:
-        raise _mistake(error, path) from error
+        raise user_file.mistake(error, path) from error
     sample = Sample(0.01, 0.02)
     try:
         state = law.start(sample)
-        _check_numbers(state, "the state from start", _line(law.start_kernel, path))
+        _check_numbers(state, "the state from start", user_file.line(law.start_kernel, path))
         for k in range(_TRIAL_CYCLES):
             answer = law.step(state, sample, Reference(0.1 + 1e-4 * k, 0.1, 0.0), _TRIAL_TIME)
             if not isinstance(answer, tuple) or len(answer) != 2:
@@ -236,7 +144,7 @@ def _check(law: Law, path: Path) -> None:
     except ParameterError:
         raise
     except Exception as error:
-        raise _mistake(error, path) from error
+        raise user_file.mistake(error, path) from error
 
 
 def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -> None:
@@ -256,16 +164,3 @@ def _check_number(value: Any, what: str, where: str, *, whole: bool = False) -> 
         )
     if not math.isfinite(value):
         raise ParameterError(f"{where}: {what} is {value}", expected="a finite number", do=_CORRECT)
-
-
-def _mistake(error: BaseException, path: Path) -> ParameterError:
-    """An exception from the user's code as one line, with the last line of the file that it passed through."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    where = f"{path}, line {lines[-1]}" if lines else str(path)
-    said = " ".join(str(error).split())
-    return ParameterError(f"{where}: {type(error).__name__}: {said}", do=_CORRECT)
-
-
-def _line(function: Any, path: Path) -> str:
-    code = getattr(function, "__code__", None)
-    return f"{path}, line {code.co_firstlineno}" if code is not None else f"{path}: {function!r}"

@@ -10,7 +10,7 @@ import types
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 from bowden.core.units import RADIANS
@@ -93,12 +93,12 @@ class Quantity:
     least: int = 0
     """Shortest length of a list."""
 
-    @property
+    @cached_property
     def file_unit(self) -> str:
         """Unit in a file."""
         return self.shown or _SHOWN.get(self.unit, self.unit)
 
-    @property
+    @cached_property
     def factor(self) -> float:
         """What one of the file's unit is inside."""
         return 1.0 if self.file_unit == self.unit else _FACTOR[self.unit, self.file_unit]

@@ -10,7 +10,8 @@ from bowden.control.stability import margins, servo_model
 from bowden.core.units import DEGREES
 from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check, plant_response
 from bowden.design.linearise import linearise
-from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant, changed
+from bowden.plants.transmission import transmission
 
 FACTORS = tuple(10.0 ** (-k / 6.0) for k in range(1, 19))
 """By which a gain is tried smaller (and, inverted, larger), the nearest first."""
@@ -19,7 +20,7 @@ _TRIED = 16
 
 
 def advise(
-    bench: Bench,
+    bench: Plant,
     law: Law,
     found: Check,
     *,
@@ -34,14 +35,14 @@ def advise(
     parts = []
     if found.verdict != "holds":
         parts.append(_remedy(bench, law, found, bends, stroke))
-    steepest = bench.cable.slope + bench.cable.hysteresis_gain * bench.cable.rate
+    reversal = transmission(bench, (bends or (bench.sheath.bend,))[0], stroke).reversal
     if found.verdict != "does_not_hold" and found.cycle_confirmed and found.swing is not None:
         parts.append(
             f"at rest the play makes the joint swing by ±{found.swing * DEGREES:.2g}°: "
             + (
                 "the cable's model moves the joint the wrong way after a reversal, identify it again with a log of "
                 "small motions, or end the integral's work at rest"
-                if steepest < 0.0
+                if reversal < 0.0
                 else "lower the gain that acts on the integral of the error"
             )
         )
@@ -49,7 +50,7 @@ def advise(
 
 
 def _remedy(
-    bench: Bench, law: Law, found: Check, bends: tuple[float, float] | None, stroke: tuple[float, float]
+    bench: Plant, law: Law, found: Check, bends: tuple[float, float] | None, stroke: tuple[float, float]
 ) -> str:
     for name, value in _candidates(bench, law, found)[:_TRIED]:
         if check(bench, law.with_gains(**{name: value}), bends=bends, stroke=stroke).verdict == "holds":
@@ -57,7 +58,7 @@ def _remedy(
     holding, failing = -1, bench.delay  # the longest delay known to hold lies between the two
     while failing - holding > 1:
         delay = (holding + failing) // 2 if holding >= 0 else 0
-        held = check(bench._replace(delay=delay), law, bends=bends, stroke=stroke).verdict == "holds"
+        held = check(changed(bench, delay=delay), law, bends=bends, stroke=stroke).verdict == "holds"
         if not held and delay == 0:
             break
         holding, failing = (delay, failing) if held else (holding, delay)
@@ -66,7 +67,7 @@ def _remedy(
     return "no single gain and no shorter delay mends it: find gains with bowden tune"
 
 
-def _candidates(bench: Bench, law: Law, found: Check) -> list[tuple[str, float]]:
+def _candidates(bench: Plant, law: Law, found: Check) -> list[tuple[str, float]]:
     """Changes of one gain that give the linear loops their margins, the smallest first."""
     visited = [point.estimates for point in found.points]
     bounded = all(trial.bounded for trial in found.trials)
@@ -125,7 +126,7 @@ def _matters(law: Law, name: str, dt: float, estimates: dict[str, float]) -> boo
     )
 
 
-def _has_margins(bench: Bench, law: Law, estimates: list[dict[str, float]], slopes: list[float]) -> bool:
+def _has_margins(bench: Plant, law: Law, estimates: list[dict[str, float]], slopes: list[float]) -> bool:
     plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
     answer = plant_response(bench.servo, bench.sample_time, bench.delay)
     for values in estimates:

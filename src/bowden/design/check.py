@@ -20,11 +20,10 @@ from bowden.core.units import RADIANS
 from bowden.design import findings
 from bowden.design.limit_cycle import Cycle, describing_function, predict
 from bowden.design.linearise import find_estimates, linearise
-from bowden.design.trial import MOVING, SETTLED, Trial, dead_zone, run_trial, slope_at
-from bowden.models.cable.bouc_wen import saturation
-from bowden.models.cable.sheath import slope_factor, width
+from bowden.design.trial import MOVING, SETTLED, Trial, run_trial
 from bowden.models.drive.servo import Servo
-from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant, changed
+from bowden.plants.transmission import transmission
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +150,7 @@ class Check:
 
 
 def check(
-    bench: Bench,
+    bench: Plant,
     law: Law,
     *,
     bends: tuple[float, float] | None = None,
@@ -179,25 +178,26 @@ def check(
     ends = _checked(bench, law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
     trials, estimates = _tried(bench, law, tuple(dict.fromkeys(ends)), stroke, seed)
     count = bench.joint_encoder.resolution or _IDEAL
-    points = linear_points(bench, law, ends, estimates, count)
+    points = linear_points(bench, law, ends, estimates, count, stroke)
     worst = min(points, key=_severity)
     bounded = all(trial.bounded for trial in trials)
     half = 0.5 * abs(stroke[1] - stroke[0])
-    wide = [] if worst.margins.stable else linear_points(bench, law, ends, estimates, half, reversals=False)
+    wide = [] if worst.margins.stable else linear_points(bench, law, ends, estimates, half, stroke, reversals=False)
     # a memory of the path, such as a model's ĥ, keeps its value: its pole is one but for rounding, and no loop's
     chatters = bool(wide) and all(point.margins.largest_pole < 1.0 + _ROUNDING for point in wide)
     reserve = _reserve(bench, law, points, worst.bend, stroke, seed) if bounded and _severity(worst) >= 1.0 else None
     verdict, reason = _judge(worst, bounded, chatters, reserve)
     bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
     if isinstance(law.gains, AdaptiveGains) and _has_bounds(law.gains):
-        bound = ultimate_bounds(law.gains, slope_at(bench, ends[1]), 0.5 * dead_zone(bench, ends[1]))
+        found = transmission(bench, ends[1], stroke)
+        bound = ultimate_bounds(law.gains, found.slope, 0.5 * found.dead_zone)
     return Check(
         law=law.name,
         verdict=verdict,
         reason=reason,
         points=tuple(points),
         worst=worst,
-        cycle=_predicted_cycle(bench, law, ends, estimates),
+        cycle=_predicted_cycle(bench, law, ends, estimates, stroke),
         trials=trials,
         reserve=reserve,
         chatters=chatters,
@@ -208,7 +208,7 @@ def check(
 
 
 def _tried(
-    bench: Bench, law: Law, bends: tuple[float, ...], stroke: tuple[float, float], seed: int
+    bench: Plant, law: Law, bends: tuple[float, ...], stroke: tuple[float, float], seed: int
 ) -> tuple[tuple[Trial, ...], list[Estimates]]:
     """The trials and the estimates that they visit; where there are any, and short trials stay bounded, long ones."""
     for moving in (MOVING, SETTLED):
@@ -220,7 +220,7 @@ def _tried(
 
 
 def _reserve(
-    bench: Bench, law: Law, points: list[Point], bend: float, stroke: tuple[float, float], seed: int
+    bench: Plant, law: Law, points: list[Point], bend: float, stroke: tuple[float, float], seed: int
 ) -> bool | None:
     """Whether the trial stands a part of the phase margin as delay, at the fastest crossover and in whole cycles."""
     found = [(point.margins.delay_margin_s, point.margins.phase_margin_deg) for point in points]
@@ -228,7 +228,7 @@ def _reserve(
     if not shares:
         return None
     further = int(np.ceil(RESERVE * ENOUGH_DEG * min(shares) / bench.sample_time))
-    trials, _ = _tried(bench._replace(delay=bench.delay + further), law, (bend,), stroke, seed)
+    trials, _ = _tried(changed(bench, delay=bench.delay + further), law, (bend,), stroke, seed)
     return trials[0].bounded
 
 
@@ -243,11 +243,12 @@ def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Esti
 
 
 def linear_points(
-    bench: Bench,
+    bench: Plant,
     law: Law,
     bends: Iterable[float],
     estimates: Iterable[Estimates],
     width: float,
+    stroke: tuple[float, float] = STROKE,
     *,
     reversals: bool = True,
 ) -> list[Point]:
@@ -261,7 +262,7 @@ def linear_points(
     for values in estimates:
         model = linearise(law, bench.sample_time, width=width, estimates=values)
         for bend in dict.fromkeys(bends):
-            for slope in _slopes(bench, bend, reversals):
+            for slope in _slopes(bench, bend, stroke, reversals):
                 found = margins(plant, model.seen_through(slope), bench.sample_time, answer)
                 points.append(Point(bend, slope, values, found))
     return points
@@ -273,23 +274,22 @@ def plant_response(servo: Servo, dt: float, delay: int) -> NDArray[np.complex128
     return response(servo_model(servo, dt, delay, 1.0), frequencies(dt), dt)
 
 
-def _slopes(bench: Bench, bend: float, reversals: bool) -> list[float]:
-    slope, cable = slope_at(bench, bend), bench.cable
-    steepest = 1.0 + float(saturation(cable)) ** cable.exponent  # of Eq. 7 over ρ, right after a reversal
-    after = slope + cable.hysteresis_gain * cable.rate * steepest
-    return [slope, after] if reversals and after > slope else [slope]
+def _slopes(bench: Plant, bend: float, stroke: tuple[float, float], reversals: bool) -> list[float]:
+    found = transmission(bench, bend, stroke)
+    return [found.slope, found.steepest] if reversals and found.steepest > found.slope else [found.slope]
 
 
-def _predicted_cycle(bench: Bench, law: Law, bends: tuple[float, float], estimates: list[Estimates]) -> Cycle | None:
+def _predicted_cycle(
+    bench: Plant, law: Law, bends: tuple[float, float], estimates: list[Estimates], stroke: tuple[float, float]
+) -> Cycle | None:
     """The largest cycle over the bends and over the estimates at the start and at the end of the trials."""
     plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
     cycles = []
     for bend in dict.fromkeys(bends):
-        factors = float(width(bend, bench.sheath)), float(slope_factor(bend, bench.sheath))
-        gains = describing_function(bench, *factors)
+        amplitudes, gains = describing_function(bench, bend, stroke)
         for values in (estimates[0], estimates[-1]):
             model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or _IDEAL, estimates=values)
-            cycles.append(predict(gains, plant, model, bench.sample_time))
+            cycles.append(predict(gains, plant, model, bench.sample_time, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
 
 
@@ -332,7 +332,7 @@ def _judge(worst: Point, bounded: bool, chatters: bool, reserve: bool | None) ->
     return "holds", "every linear loop has its margins, and the trials come to rest"
 
 
-def _checked(bench: Bench, law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
+def _checked(bench: Plant, law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
     """The bends, known to be usable with the rest."""
     for name, value in law.gains._asdict().items():
         if not np.isfinite(value):

@@ -14,7 +14,7 @@ from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import Cable, CablePlant
-from bowden.plants.cables import bouc_wen, play
+from bowden.plants.cables import as_cable_plant, play
 from bowden.plants.friction_cables import lumped, sliding
 from bowden.sim.scenario import BendPath, constant_bend
 
@@ -96,12 +96,6 @@ def scenarios(elbow: Recorded | None = None) -> list[Scenario]:
 
 _WAY_POINTS = (0.0, 0.5, 0.5, 1.0, 1.0, 0.8, 0.8, 0.9, 0.9, 0.3, 0.3, 0.4, 0.4, 0.4, 0.0, 0.0, 0.7, 0.7)
 """Shares of the stroke, every two seconds: moves of 10 to 70 %, some on, some back."""
-
-
-def as_cable_plant(bench: Bench) -> CablePlant:
-    """The bench as a plant round its own cable; the same motion, but for what the compiler calls it."""
-    shared = {name: value for name, value in bench._asdict().items() if name != "cable"}
-    return CablePlant(cable=bouc_wen(bench.cable), **shared)
 
 
 def plants(bench: Bench, moved: BendPath) -> list[LeaguePlant]:

@@ -19,13 +19,18 @@ from bowden.control.stability import StateSpace, response
 from bowden.core.kernel import compiled, kernel
 from bowden.design.linearise import LawModel
 from bowden.models.cable.bouc_wen import PreparedCable, advance_prepared, prepare_cable
+from bowden.models.cable.sheath import slope_factor, width
 from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant
+from bowden.plants.transmission import measured_response
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 AMPLITUDES = np.geomspace(2e-4, 2.0, 100)
 """Of the motor, searched [rad]."""
+MEASURED = np.geomspace(1e-3, 1.0, 31)
+"""Where the describing function has to be measured [rad]."""
 
 _POINTS = 128
 _CYCLES = 3
@@ -61,17 +66,24 @@ def hysteresis_response(amplitudes: Array, cable: PreparedCable, points: int, cy
     return gains
 
 
-def describing_function(bench: Bench, width: float, slope_factor: float, amplitudes: Array = AMPLITUDES) -> Complex:
-    """N(A) of the cable in a sheath of that width and slope factor (k,) [rad/rad].
+def describing_function(
+    plant: Plant, bend: float, stroke: tuple[float, float], amplitudes: Array | None = None
+) -> tuple[Array, Complex]:
+    """Amplitudes of the motor (k,) [rad], and N of the plant's cable at each of them (k,) [rad/rad].
 
     Args:
-        bench: with its cable.
-        width: factor on the hysteresis.
-        slope_factor: factor on the slope.
-        amplitudes: of the motor (k,) [rad].
+        plant: any; of the bench N is calculated, and else measured.
+        bend: total bend of its sheath [rad].
+        stroke: of the joint [rad].
+        amplitudes: `AMPLITUDES`, or `MEASURED`, where they are not given.
     """
-    of_h = _response_of_h(prepare_cable(bench.cable), tuple((amplitudes / width).tolist()))
-    return np.asarray(slope_factor * bench.cable.slope + bench.cable.hysteresis_gain * of_h)
+    if not isinstance(plant, Bench):
+        amplitudes = MEASURED if amplitudes is None else amplitudes
+        return amplitudes, measured_response(plant, bend, stroke, amplitudes)
+    amplitudes = AMPLITUDES if amplitudes is None else amplitudes
+    wide, factor = float(width(bend, plant.sheath)), float(slope_factor(bend, plant.sheath))
+    of_h = _response_of_h(prepare_cable(plant.cable), tuple((amplitudes / wide).tolist()))
+    return amplitudes, np.asarray(factor * plant.cable.slope + plant.cable.hysteresis_gain * of_h)
 
 
 @lru_cache(16)
@@ -80,9 +92,7 @@ def _response_of_h(cable: PreparedCable, amplitudes: tuple[float, ...]) -> Compl
     return np.asarray(compiled(hysteresis_response)(np.array(amplitudes), cable, _POINTS, _CYCLES))
 
 
-def predict(
-    gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitudes: Array = AMPLITUDES
-) -> Cycle | None:
+def predict(gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitudes: Array) -> Cycle | None:
     """The largest lasting limit cycle, or None where the describing function shows none.
 
     Args:

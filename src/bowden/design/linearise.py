@@ -4,20 +4,19 @@ A difference as wide as one count sees a steep curve, such as tanh(s/ε), as the
 parameters (estimates) are found by trying them, and frozen.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.law import Law, State
+from bowden.control.law import Law, State, law_start, law_step
 from bowden.control.stability import StateSpace
-from bowden.core.nested import flat, name_of, names, rebuilt
+from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat, name_of, names, rebuilt, restored
 from bowden.core.signals import Reference, Sample
 
 Array = NDArray[np.float64]
 
-_REST = Reference(0.0, 0.0, 0.0)
 _TRIAL_CYCLES = 20
 _NOISE = 1e-9
 """Part of a difference, counted in the widths that it was taken with, that is rounding."""
@@ -66,29 +65,26 @@ def linearise(
         at: joint and motor angle of the rest [rad]; the reference is there as well.
     """
     frozen = estimates or {}
-    sample, reference = Sample(at, at), Reference(at, 0.0, 0.0)
-    rest = law.start(sample)
-    rest = rebuilt(rest, lambda path, old: frozen.get(name_of(path), old))
+    rest = rebuilt(law.start(Sample(at, at)), lambda path, old: frozen.get(name_of(path), old))
     free = [i for i, name in enumerate(names(rest)) if name not in frozen]
-    start = np.array(flat(rest))
+    start = np.array(flat(rest), dtype=np.float64)
 
-    def after(state: Sequence[float] | Array, joint: float, motor: float) -> Array:
-        numbers = iter(state)
-        stepped, command = law.step(rebuilt(rest, lambda *_: next(numbers)), Sample(joint, motor), reference, dt)
-        return np.array([*flat(stepped), -command])
+    def differences(states: Array, samples: Array) -> Array:
+        """Halves of the differences between each row and the one after it, commands with the opposite sign last."""
+        stepped, commands = _walked(law, states, samples, at, dt, 1)
+        both = np.column_stack([stepped, -commands])
+        return (both[::2] - both[1::2]) / 2.0
 
-    moved = [
-        (after(flat(rest), at + joint, at + motor) - after(flat(rest), at - joint, at - motor)) / 2.0
-        for joint, motor in ((width, 0.0), (0.0, width))
-    ]
+    moved = differences(
+        np.tile(start, (4, 1)), at + np.array([[width, 0.0], [-width, 0.0], [0.0, width], [0.0, -width]])
+    )
     widths = np.maximum(np.max(np.abs(moved), axis=0)[:-1], 1e-9 * (1.0 + np.abs(start)))
-    columns = []
-    for i in free:
-        side = np.zeros(len(start))
-        side[i] = widths[i]
-        columns.append((after(start + side, at, at) - after(start - side, at, at)) / 2.0)
-    by_state = np.array(columns).reshape(len(free), len(start) + 1).T  # in widths of the state
-    by_input = np.array(moved).T  # in widths of the angles
+    sides = np.zeros((len(free), len(start)))
+    sides[np.arange(len(free)), free] = widths[free]
+    sided = np.stack([start + sides, start - sides], axis=1).reshape(2 * len(free), len(start))
+    columns = differences(sided, np.full((2 * len(free), 2), at))
+    by_state = columns.T  # in widths of the state
+    by_input = moved.T  # in widths of the angles
     scale = widths[free]
     return _reduced(by_state[free], by_input[free], by_state[-1], by_input[-1], scale, width)
 
@@ -127,24 +123,40 @@ def find_estimates(law: Law, visited: State, dt: float) -> list[str]:
         visited: values that the states take in a run, to try.
         dt: sample time [s].
     """
-    sample = Sample(0.0, 0.0)
-    rest = law.start(sample)
-    still, quiet = _at_rest(law, rest, sample, dt)
-    found = []
-    for i, (name, begun, tried) in enumerate(zip(names(rest), flat(rest), flat(visited), strict=True)):
-        change = tried - begun or _NOISE
-        moved = {name: begun + change}
-        other = rebuilt(rest, lambda path, old, moved=moved: moved.get(name_of(path), old))  # type: ignore[misc]
-        state, commands = _at_rest(law, other, sample, dt)
-        kept = (flat(state)[i] - flat(still)[i]) / change
-        if np.array_equal(commands, quiet) and kept > 0.9:
-            found.append(name)
-    return found
+    rest = law.start(Sample(0.0, 0.0))
+    start = np.array(flat(rest), dtype=np.float64)
+    change = np.array(flat(visited), dtype=np.float64) - start
+    change = np.where(change == 0.0, _NOISE, change)
+    states = np.vstack([start, start + np.diag(change)])
+    after, commands = _walked(law, states, np.zeros((len(states), 2)), 0.0, dt, _TRIAL_CYCLES)
+    kept = (np.diag(after[1:]) - after[0]) / change
+    silent = (commands[1:] == commands[0]).all(axis=1)
+    return [name for name, quiet, stays in zip(names(rest), silent, kept > 0.9, strict=True) if quiet and stays]
 
 
-def _at_rest(law: Law, state: State, sample: Sample, dt: float) -> tuple[State, Array]:
-    """The state after a few cycles at rest, and the commands meanwhile."""
-    commands = np.empty(_TRIAL_CYCLES)
-    for k in range(_TRIAL_CYCLES):
-        state, commands[k] = law.step(state, sample, _REST, dt)
-    return state, commands
+def _walked(law: Law, states: Array, samples: Array, at: float, dt: float, cycles: int) -> tuple[Array, Array]:
+    """The states (m, n) after some cycles at each row of `samples` (m, 2), and the commands meanwhile (m, cycles)."""
+    after, commands = np.empty_like(states), np.empty((len(states), cycles))
+    walk = specialise(walk_near_rest, law.name, law_start=law.start_kernel, law_step=law.step_kernel)
+    walk(law.gains, states, samples, Reference(float(at), 0.0, 0.0), float(dt), after, commands)
+    return after, commands
+
+
+@kernel
+def walk_near_rest(
+    gains: Any, states: Array, samples: Array, reference: Reference, dt: float, after: Array, commands: Array
+) -> None:
+    """From each row of `states` (m, n), cycles at one sample; fills `after` (m, n) and `commands` (m, cycles).
+
+    Compiled, since hundreds of steps of a law with many states take half a second interpreted.
+    """
+    like = law_start(gains, Sample(0.0, 0.0))
+    for i in range(len(states)):
+        state = restored(like, states[i])
+        sample = Sample(samples[i, 0], samples[i, 1])
+        for k in range(commands.shape[1]):
+            state, command = law_step(gains, state, sample, reference, dt)
+            commands[i, k] = command
+        numbers = flat(state)
+        for j in range(len(numbers)):
+            after[i, j] = numbers[j]

@@ -21,10 +21,10 @@ from bowden.control.law import Law
 from bowden.control.reference import PointToPoint
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.design.check import VerdictName, check
-from bowden.design.trial import dead_zone, slope_at
+from bowden.design.check import STROKE, VerdictName, check
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
+from bowden.plants.transmission import transmission
 from bowden.sim.run import simulate
 
 _MOTION = 2.5
@@ -157,12 +157,16 @@ def _run(bench: Bench, law: Law, motions: int) -> Trace:
     times = [_MOTION * k for k in range(motions + 1)]
     positions = [70.0 * RADIANS * (k % 2) for k in range(motions)] + 2 * [20.0 * RADIANS]
     reference = PointToPoint((*times, times[-1] + _REST), tuple(positions))
-    start = -bench.cable.offset / slope_at(bench, bench.sheath.bend)
+    start = bench.resting_motor(0.0)
     return simulate(bench, law, reference, duration=times[-1] + _REST, seed=7, initial_motor=start)
 
 
 def _at_rest(bench: Bench, trace: Trace) -> bool:
-    return trace.ended and float(np.ptp(_rest(trace))) <= 2.0 * dead_zone(bench, bench.sheath.bend) + 1.0 * RADIANS
+    return trace.ended and float(np.ptp(_rest(trace))) <= 2.0 * _dead_zone(bench) + 1.0 * RADIANS
+
+
+def _dead_zone(bench: Bench) -> float:
+    return transmission(bench, bench.sheath.bend, STROKE).dead_zone
 
 
 def _rest(trace: Trace) -> NDArray[np.float64]:

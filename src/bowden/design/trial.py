@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
-from bowden.models.cable.bouc_wen import saturation
-from bowden.models.cable.sheath import slope_factor, width
-from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant
+from bowden.plants.transmission import transmission
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 
@@ -48,18 +47,8 @@ class Trial:
     """The law's state now and then, while the error was no larger than the stroke."""
 
 
-def dead_zone(bench: Bench, bend: float) -> float:
-    """Height of the cable's loop at a `bend`: what the joint loses in a reversal [rad]."""
-    return 2.0 * abs(bench.cable.hysteresis_gain) * float(width(bend, bench.sheath)) * float(saturation(bench.cable))
-
-
-def slope_at(bench: Bench, bend: float) -> float:
-    """The cable's slope at a `bend` once the play is taken up [rad/rad]."""
-    return bench.cable.slope * float(slope_factor(bend, bench.sheath))
-
-
 def run_trial(
-    bench: Bench, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1, moving: float = MOVING
+    bench: Plant, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1, moving: float = MOVING
 ) -> Trial:
     """Move between the ends of a `stroke` [rad] at a constant `bend` [rad] for so long, then rest in its middle."""
     low, high = stroke
@@ -71,7 +60,7 @@ def run_trial(
         duration=end,
         bend=constant_bend(bend),
         seed=seed,
-        initial_motor=(low - bench.cable.offset) / slope_at(bench, bend),
+        initial_motor=bench.resting_motor(low, bend),
     )
     error = trace.columns["joint"] - trace.columns["reference"]
     near = np.abs(error) <= abs(high - low)
@@ -82,11 +71,11 @@ def run_trial(
     if not trace.ended:
         return Trial(moving, False, None, None, None, None, visited)
     rest = error[trace.columns["time"] >= judged]
-    span = float(np.ptp(rest))
+    span, most = float(np.ptp(rest)), 2.0 * transmission(bench, bend, stroke).dead_zone + float(np.radians(1.0))
     commands = trace.columns["command"][-len(rest) :]
     return Trial(
         moving=moving,
-        bounded=lasted == len(error) and span <= 2.0 * dead_zone(bench, bend) + float(np.radians(1.0)),
+        bounded=lasted == len(error) and span <= most,
         swing=0.5 * span,
         period=_period(rest, bench.sample_time),
         peak=float(np.max(np.abs(error[trace.columns["time"] >= 2.0 * _HALF]))),

@@ -27,8 +27,8 @@ from bowden.design.evolution import Array, Population, Score
 from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, lack
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
-from bowden.plants.bench import Bench
 from bowden.plants.knowledge_of import knowledge_of
+from bowden.plants.plant import Plant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -125,7 +125,7 @@ class BrokenOff(KeyboardInterrupt):
 
 
 def tune(
-    bench: Bench,
+    bench: Plant,
     law: Law,
     *,
     bends: tuple[float, float] | None = None,

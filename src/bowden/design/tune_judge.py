@@ -12,7 +12,7 @@ from bowden.control.law import Law
 from bowden.design.check import Check, Estimates, check, linear_points, visited_estimates
 from bowden.design.trial import run_trial
 from bowden.design.tune_runs import Rig, Runs, course_of
-from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant, changed
 
 WANTED_DB, WANTED_DEG = 6.0, 45.0
 """Margins that tuned gains keep."""
@@ -65,7 +65,8 @@ def lack(task: Task) -> float:
     """The largest share of the wanted margins that is missing over all linear loops; 0 for none."""
     resolution = task.rig.bench.joint_encoder.resolution or 1e-6
     missing = 0.0
-    for point in linear_points(_thinned(task.rig.bench), task.law, task.rig.bends, task.estimates, resolution):
+    bench, rig = _thinned(task.rig.bench), task.rig
+    for point in linear_points(bench, task.law, rig.bends, task.estimates, resolution, rig.stroke):
         found = point.margins
         if not found.stable:
             missing = max(missing, _UNSTABLE + found.largest_pole)
@@ -76,13 +77,13 @@ def lack(task: Task) -> float:
     return missing
 
 
-def _thinned(bench: Bench) -> Bench:
+def _thinned(bench: Plant) -> Plant:
     """The bench with a slower clock where its delay is many cycles long: each is a state of the loop.
 
     A loop that such a delay lets live is slow enough for that, and the check of what is found keeps the true clock.
     """
     cycles = -(-bench.delay // _LONGEST_DELAY) or 1
-    return bench._replace(sample_time=cycles * bench.sample_time, delay=-(-bench.delay // cycles))
+    return changed(bench, sample_time=cycles * bench.sample_time, delay=-(-bench.delay // cycles))
 
 
 def _lack_on_the_way(task: Task) -> float:

@@ -4,18 +4,18 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant, changed
 
 
-def easier(bench: Bench, factor: float) -> Iterable[tuple[str, Bench]]:
+def easier(bench: Plant, factor: float) -> Iterable[tuple[str, Plant]]:
     """The bench with a shorter delay, with more damping, and with a faster servo, each as its key of rig.toml."""
     omega, damping = bench.servo.natural_frequency, bench.servo.damping
     if bench.delay:
         delay = int(bench.delay / factor)
-        yield f"delay_cycles = {delay}", bench._replace(delay=delay)
+        yield f"delay_cycles = {delay}", changed(bench, delay=delay)
     if damping < 1.0:
         more = min(factor * damping, 1.0)
-        yield f"damping = {more:.3g}", bench._replace(servo=bench.servo._replace(damping=more))
+        yield f"damping = {more:.3g}", changed(bench, servo=bench.servo._replace(damping=more))
     hertz = factor * omega / (2.0 * np.pi)
-    faster = bench._replace(servo=bench.servo._replace(natural_frequency=factor * omega))
+    faster = changed(bench, servo=bench.servo._replace(natural_frequency=factor * omega))
     yield f"natural_frequency_hz = {hertz:.3g}", faster

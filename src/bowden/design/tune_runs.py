@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
-from bowden.design.trial import Kept, slope_at
-from bowden.plants.bench import Bench
+from bowden.design.trial import Kept
+from bowden.plants.plant import Plant
 from bowden.sim.course import Course
 from bowden.sim.many import Case
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
@@ -44,7 +44,7 @@ class Runs(Protocol):
 class Rig(NamedTuple):
     """For what gains are sought."""
 
-    bench: Bench
+    bench: Plant
     bends: tuple[float, float]
     """Smallest and largest total bend [rad]."""
     stroke: tuple[float, float]
@@ -66,8 +66,8 @@ class NineRuns(NamedTuple):
         bench = self.rig.bench
         found = []
         for reference, path in runs_of(self.rig.bends, self.rig.stroke):
-            slope = slope_at(bench, float(path(np.zeros(1))[0]))
-            start = float(reference.sample(np.zeros(1))[0, 0] - bench.cable.offset) / slope
+            begin = float(reference.sample(np.zeros(1))[0, 0])
+            start = bench.resting_motor(begin, float(path(np.zeros(1))[0]))
             found.append(Case(bench, (), reference, path, 3, start))
         return found
 

@@ -11,9 +11,9 @@ from bowden.core.kernel import kernel
 from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
-from bowden.plants.bench import check_bouc_wen
+from bowden.plants.bench import Bench, check_bouc_wen
 from bowden.plants.cable_body import Seen
-from bowden.plants.cable_plant import Cable
+from bowden.plants.cable_plant import Cable, CablePlant
 
 
 class Stack(NamedTuple):
@@ -168,6 +168,34 @@ def identified(name: str, parameters: Mapping[str, float]) -> Cable:
             expected=f"one of {', '.join(_IDENTIFIED)} with all its parameters",
             do=f"{error.args[0]!r} is missing",
         ) from error
+
+
+def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> Bench | CablePlant:
+    """The plant that an identified model makes of a bench: its servo, motor, encoders, sheath and clock stay.
+
+    The plain Bouc–Wen cable is the bench itself, which has an exact step of its own; any other is a plant round its
+    cable. Each is turned round where it runs backwards, see `identified`.
+
+    Args:
+        name: the model's.
+        parameters: by name; radians.
+        bench: with everything but the cable.
+
+    Raises:
+        ParameterError: another name, or a parameter that is missing.
+    """
+    cable = identified(name, parameters)
+    if name == "bouc_wen":
+        return bench._replace(cable=cable.parameters.cable)
+    return as_cable_plant(bench)._replace(cable=cable)
+
+
+def as_cable_plant(bench: Bench | CablePlant) -> CablePlant:
+    """The bench as a plant round its own cable; the same motion, but for what the compiler calls it."""
+    if isinstance(bench, CablePlant):
+        return bench
+    parts = {name: part for name, part in bench._asdict().items() if name != "cable"}
+    return CablePlant(bouc_wen(bench.cable), **parts)
 
 
 def _play(given: Mapping[str, float]) -> Cable:

@@ -13,15 +13,18 @@ the joint's angle, the motor's angle and the speed of the motor's spool. A loop'
 `plant_rest` … `plant_look`, and `specialise` puts the plant's own kernels in their place.
 """
 
+import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.source import Heard
+from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.models.cable.sheath import Sheath
@@ -133,9 +136,26 @@ class Dynamics:
     """Further stand-ins that these kernels call, and what is put in their place."""
     normals: int = 2
     """Standard normal numbers that ``observe`` takes each cycle."""
+    file: str = ""
+    """Of a user's own kernels, for messages."""
     begins_at_reference: bool = False
     """Whether the motor is counted in the joint's coordinate: where no initial motor angle is given, a run then begins
     at its reference's first, and else at 0."""
+
+    @contextlib.contextmanager
+    def explained(self) -> Iterator[None]:
+        """Turn a compiler's message about a user's own kernels into one line, with the line of their file.
+
+        Raises:
+            ParameterError: they cannot be compiled.
+        """
+        try:
+            yield
+        except Exception as error:
+            if not (self.file and Path(self.file).name in str(error)):
+                raise
+            with user_file.explained(Path(self.file), f"the plant {self.name!r}"):
+                raise
 
     def kernels(self) -> dict[str, Callable[..., Any]]:
         """What stands for the stand-ins in a loop's source."""
@@ -200,6 +220,16 @@ class Plant(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """All that it is made of, as JSON values, for a trace's settings."""
+
+
+P = TypeVar("P", bound=Plant)
+
+
+def changed(plant: P, **changes: Any) -> P:
+    """The same plant with other parts: ``changed(plant, delay=3)``."""
+    made: Any = plant
+    other: P = made._replace(**changes)
+    return other
 
 
 def draw_for_encoders(encoders: tuple[Encoder, Encoder], seed: int, out: Array) -> None:

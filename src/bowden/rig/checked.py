@@ -3,7 +3,8 @@
 import math
 import numbers
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from functools import lru_cache
+from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 
 from bowden.core.errors import ParameterError, near
 from bowden.core.quantity import Quantity, optional
@@ -52,6 +53,16 @@ def checked(value: Any, kind: type[Value], name: str) -> Value:
         raise ParameterError(
             f"Rig: {name} is {shown(value)}", expected=f"a {kind.__name__}", do=f"make one: {_like(kind)}"
         )
+    wanted: Any = kind
+    try:
+        return cast(Value, _looked_at(value, wanted, name))
+    except TypeError:  # something in it is no number at all
+        return cast(Value, _looked_at.__wrapped__(value, wanted, name))
+
+
+@lru_cache(512)
+def _looked_at(value: Any, kind: Any, name: str) -> Any:
+    """The value with plain numbers; most of a rig's are those of the rig before."""
     changed = value
     for item in items_of(kind):
         given = at(value, item.path)
@@ -90,14 +101,19 @@ def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
             raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_WORDS[kind])
         return value
     needed = numbers.Integral if kind is int else numbers.Real
-    unit = "" if quantity.unit == "–" else f" in {quantity.unit}"
-    expected = f"{_WORDS[kind]}{f' {quantity.range}' if quantity.range else ''}{unit}"
     if isinstance(value, bool) or not isinstance(value, needed):
-        raise ParameterError(f"Rig: {name} is {shown(value)}", expected=expected)
+        raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_expected(kind, quantity))
     number = int(value) if isinstance(value, numbers.Integral) and kind is int else float(value)
     if not quantity.holds(number):
-        raise ParameterError(f"Rig: {name} is {number:g}", expected=expected, do=_in_degrees(number, quantity))
+        raise ParameterError(
+            f"Rig: {name} is {number:g}", expected=_expected(kind, quantity), do=_in_degrees(number, quantity)
+        )
     return value if type(value) is kind else number
+
+
+def _expected(kind: Any, quantity: Quantity) -> str:
+    unit = "" if quantity.unit == "–" else f" in {quantity.unit}"
+    return f"{_WORDS[kind]}{f' {quantity.range}' if quantity.range else ''}{unit}"
 
 
 def _in_degrees(number: float, quantity: Quantity) -> str:

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import tomllib
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,7 +19,7 @@ from bowden.identify.cable.model_file import load_cable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig import emg_setup
 from bowden.rig.checked import Gains
-from bowden.rig.declaration import value_of
+from bowden.rig.declaration import Section, value_of
 from bowden.rig.given_law import LawFile, law_file
 from bowden.rig.recorded import RecordedMotion, read_motion
 from bowden.rig.sections import (
@@ -104,6 +105,12 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
 def _part(file: Any, name: str) -> Any:
     side = name.removesuffix("_encoder")
     section = getattr(file, name) if side == name else getattr(file.encoder, side)
+    return _value(name, section)
+
+
+@lru_cache(512)
+def _value(name: str, section: Section) -> Any:
+    """The value of a section; in a study most are those of the run before."""
     return value_of(PARTS[name].kind, section.model_dump(), PARTS[name].default)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bowden.control import LAWS, Law, user_law
+from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_files
 from bowden.core.kernel_cache import cache_folder
@@ -28,7 +29,7 @@ class LawFile(NamedTuple):
         """
         path, attribute = Path(self.path), self.name.rpartition(".py")[2]
         if not (path.is_file() and path.read_bytes() == self.source):
-            home = cache_folder() / "laws" / user_law.fingerprint(self.source)
+            home = cache_folder() / "laws" / user_file.fingerprint(self.source)
             with whole_files(home) as stage:
                 (stage / path.name).write_bytes(self.source)
             path = home / path.name
@@ -42,7 +43,7 @@ def law_file(name: str, folder: Path | None = None) -> LawFile:
         ParameterError: it cannot be read, or has no such law.
     """
     path = Path(user_law.absolute(name, folder).rpartition(".py")[0] + ".py")
-    found = LawFile(name, str(path), user_law.source_of(path))
+    found = LawFile(name, str(path), user_file.source_of(path, "law"))
     found.load()
     return found
 

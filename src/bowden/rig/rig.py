@@ -20,13 +20,13 @@ from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.models.cable.sheath import Sheath, slope_factor
+from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
-from bowden.plants import cables
 from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
+from bowden.plants.cables import plant_of_model
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
@@ -372,8 +372,8 @@ class Rig:
         return suit_of(self.suit, self.wearer, self.bench, self.sheath.gap) if self.suit.worn else None
 
     @cached_property
-    def plant(self) -> Plant:
-        """What is moved: the suit where one is worn, and else the bench round its cable.
+    def cabled(self) -> Bench | CablePlant:
+        """What is moved where no suit is worn: the bench round its cable.
 
         The cable is the model that an identification recommends; a straight line is no cable with hysteresis, and the
         plain Bouc–Wen model stands for it.
@@ -381,12 +381,18 @@ class Rig:
         Raises:
             ParameterError: a part that cannot be.
         """
-        if self.worn is not None:
-            return self.worn
         if not isinstance(self.cable, IdentifiedCable) or self.cable.best in _AS_BENCH:
             return self.bench
-        parts = {name: value for name, value in self.bench._asdict().items() if name != "cable"}
-        return CablePlant(cables.identified(self.cable.best, self.cable.model().parameters), **parts)
+        return plant_of_model(self.cable.best, self.cable.model().parameters, self.bench)
+
+    @property
+    def plant(self) -> Bench | CablePlant | Suit:
+        """What is moved: the suit where one is worn, and else the bench round its cable.
+
+        Raises:
+            ParameterError: a part that cannot be.
+        """
+        return self.worn or self.cabled
 
     @property
     def simulated_plant(self) -> Plant:
@@ -439,12 +445,7 @@ class Rig:
             return (-1 if self.turned else 1) * self.initial_motor
         if self.suit.worn:  # the motor is counted in the joint's coordinate
             return self.begin
-        if self.plant is not self.bench:
-            return self.plant.resting_motor(self.begin, float(self.bend_path(np.zeros(1))[0]))
-        # where the joint is where the reference starts, with h = 0
-        bench = self.bench
-        slope = bench.cable.slope * float(slope_factor(float(self.bend_path(np.zeros(1))[0]), bench.sheath))
-        return (self.begin - bench.cable.offset) / slope
+        return self.cabled.resting_motor(self.begin, float(self.bend_path(np.zeros(1))[0]))
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.law import law_start, law_step
-from bowden.control.source import Heard, source_start, source_step
+from bowden.control.source import Heard
 from bowden.core.kernel import apart, kernel
 from bowden.core.metrics import LATE, SMALLEST_STROKE
 from bowden.core.nested import refilled
 from bowden.core.pairwise import pairwise_sum
 from bowden.core.signals import Reference, Sample
+from bowden.cycle.one_cycle import LAW, Plan, bare_settings, bare_start, one_cycle
 from bowden.plants.plant import (
     SheathPath,
     plant_advance,
@@ -128,17 +128,17 @@ def run_batch(
         spent = 0.0
         body = plant_rest(one.plant, one.initial_motor, sheath_at(sheath, 0))
         _, first = plant_observe(one.plant, body, normals[0])
-        state = law_start(one.gains, Sample(first.joint, first.motor))
-        asked = source_start(one.source, first)
+        settings = bare_settings(one.gains, one.source)
+        state = bare_start(settings, first)
         lasted = cycles
         for k in range(cycles):
             body, heard = plant_observe(one.plant, body, normals[k])
             sample = as_it_is(one.fault, Sample(heard.joint, heard.motor), scratch[4:6], k)
             heard = Heard(sample.joint, sample.motor, heard.current, heard.load)
             scheduled = Reference(references[0, k], references[1, k], references[2, k])
-            asked, reference, added = source_step(one.source, asked, heard, scheduled, one.dt)
-            state, command = law_step(one.gains, state, sample, reference, one.dt)
-            command, now, seen = command + added, sheath_at(sheath, k), plant_look(one.plant, body)
+            plan = Plan(LAW, one.initial_motor, scheduled)
+            state, reference, command, _ = one_cycle(settings, state, heard, plan, one.dt)
+            now, seen = sheath_at(sheath, k), plant_look(one.plant, body)
             scratch[0, k], scratch[1, k] = command, seen.joint
             scratch[6, k], scratch[7, k] = reference.position, reference.velocity
             amperes = plant_effort(one.plant, body, now)

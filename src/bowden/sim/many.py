@@ -211,9 +211,10 @@ class Given:
         found: Array,
     ) -> None:
         """`bowden.sim.batch.run_batch` for a law and a source; fills `found`."""
-        compiled_batch(self._dynamics, law, source, fails=self._fails)(
-            like, numbers, rows, self._inputs, limits, self.scratch, found
-        )
+        with self._dynamics.explained():
+            compiled_batch(self._dynamics, law, source, fails=self._fails)(
+                like, numbers, rows, self._inputs, limits, self.scratch, found
+            )
 
 
 def _noise(ready: Ready) -> tuple[Any, ...]:

@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
-from bowden.control.law import Law, law_start, law_step
+from bowden.control.law import Law
 from bowden.control.reference import Trajectory
-from bowden.control.source import TABLE, Heard, Source, source_start, source_step
+from bowden.control.source import TABLE, Heard, Source
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
+from bowden.cycle.one_cycle import BARE, LAW, Plan, bare_settings, bare_start, law_and_source, one_cycle
 from bowden.plants.plant import (
     Dynamics,
     Plant,
@@ -82,16 +83,15 @@ def run_loop(
     cycles = references.shape[1]
     body = plant_rest(plant, initial_motor, sheath_at(sheath, 0))
     _, first = plant_observe(plant, body, normals[0])
-    state, asked = law_start(gains, Sample(first.joint, first.motor)), source_start(source, first)
+    settings = bare_settings(gains, source)
+    state = bare_start(settings, first)
     for k in range(cycles):
         body, heard = plant_observe(plant, body, normals[k])
         sample = as_it_is(fault, Sample(heard.joint, heard.motor), kept, k)
         heard = Heard(sample.joint, sample.motor, heard.current, heard.load)
         scheduled = Reference(references[0, k], references[1, k], references[2, k])
-        asked, reference, added = source_step(source, asked, heard, scheduled, dt)
+        state, reference, command, _ = one_cycle(settings, state, heard, Plan(LAW, initial_motor, scheduled), dt)
         references[0, k], references[1, k], references[2, k] = reference
-        state, command = law_step(gains, state, sample, reference, dt)
-        command = command + added
         now = sheath_at(sheath, k)
         record[0, k] = sample.joint
         record[1, k] = sample.motor
@@ -100,7 +100,7 @@ def run_loop(
         columns = plant_look(plant, body)
         for j in range(len(columns)):
             record[4 + j, k] = columns[j]
-        numbers = flat((state, asked))
+        numbers = flat((state.law, state.source))
         for j in range(states.shape[0]):
             states[j, k] = numbers[j]
         if not abs(command) < RUNAWAY:
@@ -160,21 +160,22 @@ def simulate(
     # one block: a system hands out a large piece of memory far faster than many small ones
     rows = [*RECORDED, *dynamics.columns]
     block = np.empty((len(rows) + len(laws) + len(asked), len(inputs.time)))
-    lasted = compiled_loop(dynamics, law, source, fails=fault.kind > 0.0)(
-        law.gains,
-        source.settings,
-        dynamics.plant,
-        references,
-        inputs.sheath,
-        inputs.normals,
-        initial,
-        plant.sample_time,
-        plant.delay,
-        block[: len(rows)],
-        block[len(rows) :],
-        fault,
-        np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
-    )
+    with dynamics.explained():
+        lasted = compiled_loop(dynamics, law, source, fails=fault.kind > 0.0)(
+            law.gains,
+            source.settings,
+            dynamics.plant,
+            references,
+            inputs.sheath,
+            inputs.normals,
+            initial,
+            plant.sample_time,
+            plant.delay,
+            block[: len(rows)],
+            block[len(rows) :],
+            fault,
+            np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
+        )
     block[:, lasted:] = np.nan
     if source is not TABLE:
         references[:, lasted:] = np.nan
@@ -213,13 +214,7 @@ def compiled_loop(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fails
 
 def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> dict[str, Callable[..., Any]]:
     """What stands for the stand-ins in a loop's source; the arguments are `compiled_loop`'s."""
-    parts: dict[str, Callable[..., Any]] = {
-        "law_start": law.start_kernel,
-        "law_step": law.step_kernel,
-        "source_start": source.start_kernel,
-        "source_step": source.step_kernel,
-        **dynamics.kernels(),
-    }
+    parts = {**law_and_source(law, source), **BARE, **dynamics.kernels()}
     return parts | ({"as_it_is": faulty} if fails else {})
 
 

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bowden import __version__
-from bowden.control import Law, user_law
+from bowden.control import Law
 from bowden.control.knowledge import Knowledge
+from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_cache import source_hash
 from bowden.rig.bends import RandomBend
@@ -186,7 +187,7 @@ class Study:
     def identity(self) -> dict[str, Any]:
         """All that the results depend on, as JSON values: two studies with the same give the same rows."""
         files = {
-            Path(law.path).name: user_law.fingerprint(law.source) for law in self.given if isinstance(law, LawFile)
+            Path(law.path).name: user_file.fingerprint(law.source) for law in self.given if isinstance(law, LawFile)
         }
         return {
             "bowden": software(),

@@ -7,20 +7,19 @@ its spring is at rest, x' = (rest − x)/τ. The power stage is one thermal mass
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import compiled, kernel
-from bowden.models.cable.bouc_wen import advance_prepared
-from bowden.models.cable.sheath import joint_in_sheath
-from bowden.models.cable.sheath import slope_factor as slope_factor_at
-from bowden.models.cable.sheath import width as width_at
-from bowden.models.drive import motor as motor_model
+from bowden.core.kernel import kernel, specialise
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
-from bowden.plants.bench import Bench, BenchStep, prepare_bench
+from bowden.plants.bench import Bench
+from bowden.plants.cable_body import Moving, Seen, cable_advance, cable_look, cable_rest, lagged
+from bowden.plants.cable_plant import CablePlant
+from bowden.plants.cables import as_cable_plant
+from bowden.plants.plant import SheathState, sheath_state
 from bowden.sim.scenario import BendPath
 
 OFF, FOLLOW, BRAKE = 0, 1, 2
@@ -66,22 +65,33 @@ class Motion(NamedTuple):
     """[rad/s]"""
     acceleration: float
     """Mean of the last sub-step [rad/s²]."""
-    h: float
-    """The cable's hysteresis variable [–]."""
     end: float
     """Of the cable on the motor's side, in motor angle [rad]."""
+    memory: Any
+    """The cable's."""
+    seen: Seen
+    """The cable as it is."""
+    joint: float
+    """Joint angle, behind the load's lag [rad]."""
 
 
 class Sheathing(NamedTuple):
-    """Widths of the sheath's hysteresis at both ends of a stretch of time."""
+    """The sheath at both ends of a stretch of time."""
 
-    before: float
-    after: float
+    before: SheathState
+    after: SheathState
+
+
+@kernel
+def at_rest(plant: Moving, motor: float, sheath: SheathState) -> Motion:
+    """At rest at a motor angle [rad]."""
+    body = cable_rest(plant, motor, sheath)
+    return Motion(motor, 0.0, 0.0, motor, body.memory, body.seen, body.joint)
 
 
 @kernel
 def move(
-    bench: BenchStep,
+    plant: Moving,
     motion: Motion,
     doing: int,
     command: float,
@@ -94,7 +104,7 @@ def move(
     """`count` sub-steps on: as the simulation's closed loop has them, and with the motor's power off or braking.
 
     Args:
-        bench: prepared for one sub-step.
+        plant: prepared.
         motion: before.
         doing: `OFF`, `FOLLOW` or `BRAKE`.
         command: the target to follow [rad].
@@ -104,12 +114,13 @@ def move(
         braking: deceleration of the quick stop [rad/s²].
         slack: of the cable, at the spool [rad].
     """
-    position, velocity, h, end = motion.position, motion.velocity, motion.h, motion.end
-    before, travel, dt = velocity, 0.0, bench.servo.dt
+    position, velocity, end, memory = motion.position, motion.velocity, motion.end, motion.memory
+    servo, sheath, after = plant.servo.substep, sheathing.before, sheathing.after
+    before, turned, done, dt = velocity, end, 0, servo.dt
     for i in range(count):
         before = velocity
         if doing == FOLLOW:
-            offset, velocity = servo_approach(position - command, velocity, bench.servo)
+            offset, velocity = servo_approach(position - command, velocity, servo)
             position = command + offset
         else:
             if doing == BRAKE:
@@ -118,14 +129,17 @@ def move(
                 velocity = coast * velocity
             position += 0.5 * dt * (before + velocity)
         pulled = max(position - slack, min(position, end))
-        width = sheathing.before + (sheathing.after - sheathing.before) * (i + 1.0) / count
-        piece = (pulled - end) / width
-        if piece * travel < 0.0:
-            h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
-        travel += piece
+        if (pulled - end) * (end - turned) < 0.0:
+            part = i / count
+            width = sheath.width + part * (after.width - sheath.width)
+            factor = sheath.slope_factor + part * (after.slope_factor - sheath.slope_factor)
+            memory = cable_advance(plant.cable, memory, turned, end, width, factor, (i - done) * dt)
+            turned, done = end, i
         end = pulled
-    h = advance_prepared(h, travel, bench.hysteresis)
-    return Motion(position, velocity, (velocity - before) / dt, h, end)
+    memory = cable_advance(plant.cable, memory, turned, end, after.width, after.slope_factor, (count - done) * dt)
+    seen = cable_look(plant.cable, memory, end, after.width, after.slope_factor)
+    joint = lagged(motion.joint, motion.seen.joint, seen.joint, count * dt, plant.load_lag)
+    return Motion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
 
 
 def course_at(course: NDArray[np.float64], time: float, spacing: float) -> float:
@@ -143,7 +157,7 @@ class TwinBench:
     """The bench at a time that only goes forward.
 
     Args:
-        bench: of the rig.
+        bench: of the rig, or a plant round any cable.
         bend: the sheath's total bend over time, from when `start_scenario` was called; before that as at its start.
         duration: for how long the bend is known; it stays as it is then [s].
         seed: of the encoders' noise.
@@ -157,7 +171,7 @@ class TwinBench:
 
     def __init__(
         self,
-        bench: Bench,
+        bench: Bench | CablePlant,
         bend: BendPath,
         duration: float,
         seed: int,
@@ -165,21 +179,22 @@ class TwinBench:
         now: float,
         physics: Physics = Physics(),  # noqa: B008  # a tuple
     ) -> None:
-        self.bench, self.physics = bench, physics
-        self._step = prepare_bench(bench)
-        self._substep = self._step.servo.dt
-        self._move = compiled(move)
-        edges = np.arange(round(duration / bench.sample_time) + 1, dtype=np.float64) * bench.sample_time
-        angles = bend(edges)
-        self._widths = np.asarray(width_at(angles, bench.sheath), dtype=np.float64)  # type: ignore[arg-type]
-        self._slopes = np.asarray(slope_factor_at(angles, bench.sheath), dtype=np.float64)  # type: ignore[arg-type]
+        self.bench = plant = as_cable_plant(bench)
+        self.physics = physics
+        dynamics = plant.dynamics()
+        self._plant: Moving = dynamics.plant
+        self._substep = self._plant.servo.substep.dt
+        self._move = specialise(move, dynamics.name, **dynamics.parts)
+        edges = np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
+        self._bends = np.asarray(bend(edges), dtype=np.float64)
         self._coast = math.exp(-self._substep / physics.coasting)
         self._random = np.random.default_rng(seed)
         self._normals: NDArray[np.float64] = np.zeros((0, 2))
         self._used = 0
         self._time = now
         self._began = math.inf
-        self._motion = Motion(initial_motor, 0.0, 0.0, 0.0, initial_motor)
+        rest = specialise(at_rest, dynamics.name, **dynamics.parts)
+        self._motion = Motion(*rest(self._plant, float(initial_motor), self._sheath_at(now)))
         self._sag = math.nan  # the joint's angle while the cable is torn
         self.doing, self.command = OFF, initial_motor
         self.slack, self.torn = 0.0, False
@@ -199,11 +214,11 @@ class TwinBench:
         count = int(gap / self._substep)
         if count < 1:
             return
-        sheathing = Sheathing(self._at(self._widths, self._time), self._at(self._widths, self._time + gap))
+        sheathing = Sheathing(self._sheath_at(self._time), self._sheath_at(self._time + gap))
         self._time += count * self._substep
         self._motion = Motion(
             *self._move(
-                self._step,
+                self._plant,
                 self._motion,
                 self.doing,
                 self.command,
@@ -236,8 +251,9 @@ class TwinBench:
         """Of the drive [A]."""
         return self.bench.motor.current_limit
 
-    def _at(self, course: NDArray[np.float64], time: float) -> float:
-        return course_at(course, time - self._began, self.bench.sample_time)
+    def _sheath_at(self, time: float) -> SheathState:
+        bend = course_at(self._bends, time - self._began, self.bench.sample_time)
+        return sheath_state(self.bench.sheath, bend)
 
     @property
     def motor(self) -> float:
@@ -254,8 +270,7 @@ class TwinBench:
         """Joint angle [rad]."""
         if not math.isnan(self._sag):
             return self._sag
-        motion, width = self._motion, self._at(self._widths, self._time)
-        return joint_in_sheath(motion.end, motion.h, width, self._at(self._slopes, self._time), self._step.cable)
+        return self._motion.joint
 
     @property
     def taut(self) -> bool:
@@ -263,23 +278,29 @@ class TwinBench:
         return not self.torn and (self.slack == 0.0 or self._motion.position - self._motion.end >= self.slack - 1e-9)
 
     def _slope(self) -> float:
-        return abs(self.bench.cable.slope) * self._at(self._slopes, self._time)
+        return abs(self.bench.cable.slope) * self._sheath_at(self._time).slope_factor
 
-    @property
-    def tension(self) -> float:
-        """Of the cable at the spool: the spring's torque through the cable, over the spool's radius [N]."""
+    def _load(self) -> float:
+        """Torque of the cable on the spool: its own where it knows forces, and else the spring's through it [N·m]."""
         motor = self.bench.motor
         if not self.taut:
             return 0.0
-        return max(0.0, self._slope() * (motor.pretension + motor.spring * self.joint)) / self.physics.spool_radius
+        if self.bench.cable.physical:
+            return self._motion.seen.torque
+        return self._slope() * (motor.pretension + motor.spring * self.joint)
+
+    @property
+    def tension(self) -> float:
+        """Of the cable at the spool: its torque over the spool's radius [N]."""
+        return max(0.0, self._load()) / self.physics.spool_radius
 
     @property
     def current(self) -> float:
         """Of the motor; zero without torque [A]."""
         if self.doing == OFF:
             return 0.0
-        slope = self._slope() if self.taut else 0.0
-        return float(motor_model.current(self._motion.acceleration, self.joint, slope, self.bench.motor))
+        motor = self.bench.motor
+        return (motor.inertia * self._motion.acceleration + self._load()) / (motor.gear * motor.torque_constant)
 
     def read_encoders(self) -> tuple[float, float]:
         """What the joint's and the motor's encoder show now, with the noise of the next cycle [rad]."""

@@ -1,0 +1,268 @@
+"""A user's own plant, from a Python file.
+
+The file either defines a `UserPlant` object, or the parts of one: a NamedTuple ``Parameters`` with a default for every
+field, and two kernels,
+
+    rest(plant, motor, sheath) -> body
+    advance(plant, body, applied, sheath, next_sheath) -> body
+
+where `body` is a NamedTuple of floats that begins with ``joint``, ``motor`` and ``motor_velocity`` (the true angles and
+the speed of the spool), and `plant` has ``parameters``, ``dt``, and the motor and the encoders that it is used with.
+``observe`` and ``effort`` (`bowden.plants.plant`) may be there too; without them each angle is read by an encoder, and
+the motor's current is not known.
+
+What it defines is tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the
+line and a compiler's rarely do.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.source import Heard
+from bowden.core import user_file
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel
+from bowden.models.cable.sheath import Sheath
+from bowden.models.drive.encoder import Encoder, reading
+from bowden.models.drive.motor import Motor
+from bowden.models.drive.servo import Servo
+from bowden.plants.plant import (
+    Dynamics,
+    SheathPath,
+    SheathState,
+    check_numbers,
+    draw_for_encoders,
+    motor_for,
+    plain,
+    sheath_state,
+)
+
+Array = NDArray[np.float64]
+
+_CORRECT = "correct the plant there"
+_TRIAL_CYCLES = 20
+_FIRST = ("joint", "motor", "motor_velocity")
+
+
+class UserParameters(NamedTuple):
+    """What a user's kernels are handed as `plant`."""
+
+    parameters: Any
+    """Their own."""
+    dt: float
+    """One control cycle [s]."""
+    motor: Motor
+    joint_encoder: Encoder
+    motor_encoder: Encoder
+
+
+@kernel
+def read_both(plant: UserParameters, body: Any, normals: Array) -> tuple[Any, Heard]:
+    """The ``observe`` of a plant that has none: an encoder at the joint and one at the motor."""
+    joint = reading(body.joint, normals[0], plant.joint_encoder)
+    return body, Heard(joint, reading(body.motor, normals[1], plant.motor_encoder), np.nan, np.nan)
+
+
+@kernel
+def effort_unknown(plant: UserParameters, body: Any, sheath: SheathState) -> float:
+    """The ``effort`` of a plant that has none: no number, so that power and energy do not exist."""
+    return np.nan
+
+
+class UserPlant(NamedTuple):
+    """A plant of one's own; see the module."""
+
+    name: str
+    parameters: Any
+    """NamedTuple of numbers and arrays."""
+    rest: Callable[[Any, float, SheathState], Any]
+    advance: Callable[[Any, Any, float, SheathState, SheathState], Any]
+    observe: Callable[[Any, Any, Array], tuple[Any, Heard]] = read_both
+    effort: Callable[[Any, Any, SheathState], float] = effort_unknown
+    sheath: Sheath = Sheath()
+    servo: Servo = Servo()
+    """As linear analysis takes the motor under its position loop, and as a law is told of it."""
+    motor: Motor = Motor()
+    joint_encoder: Encoder = Encoder()
+    motor_encoder: Encoder = Encoder()
+    sample_time: float = 1e-3
+    """Ts, one control cycle [s]."""
+    delay: int = 1
+    """Cycles between a sample and the moment its command reaches the servo [–]."""
+
+    def dynamics(self) -> Dynamics:
+        """See `Plant.dynamics`.
+
+        Raises:
+            ParameterError: a number that is none, or a kernel that does not do what is asked of it, with its line.
+        """
+        check_numbers(self.parameters, f"plant {self.name}")
+        for part in ("servo", "motor", "joint_encoder", "motor_encoder", "sheath"):
+            check_numbers(getattr(self, part), f"plant {self.name}.{part}")
+        body = self._tried()
+        return Dynamics(
+            self.name,
+            self._handed,
+            self.rest,
+            self.advance,
+            self.observe,
+            self.effort,
+            dict.fromkeys(body._fields, "1") | {"joint": "rad", "motor": "rad", "motor_velocity": "rad/s"},
+            file=str(self.path),
+        )
+
+    @property
+    def _handed(self) -> UserParameters:
+        dt = float(self.sample_time)
+        return UserParameters(self.parameters, dt, self.motor, self.joint_encoder, self.motor_encoder)
+
+    @property
+    def path(self) -> Path:
+        """Of the file in which its motion stands."""
+        return Path(self.advance.__code__.co_filename)
+
+    def draw(self, seed: int, out: Array) -> None:
+        """See `Plant.draw`."""
+        draw_for_encoders((self.joint_encoder, self.motor_encoder), seed, out)
+
+    def sheath_columns(self, joint: Array, path: SheathPath) -> dict[str, Array]:
+        """See `Plant.sheath_columns`: of the slope only the sheath's factor is known."""
+        return {"width": path.widths[:-1], "slope": path.slope_factors[:-1].copy()}
+
+    def resting_motor(self, joint: float, bend: float | None = None) -> float:
+        """See `Plant.resting_motor`.
+
+        Raises:
+            ParameterError: it has its joint there at no motor angle.
+        """
+        sheath = sheath_state(self.sheath, self.sheath.bend if bend is None else bend)
+        handed = self._handed
+        return motor_for(joint, lambda motor: float(self.rest(handed, motor, sheath).joint), joint + 1e-3, self.name)
+
+    def describe(self) -> dict[str, Any]:
+        """See `Plant.describe`."""
+        parts = ("sheath", "servo", "motor", "joint_encoder", "motor_encoder", "sample_time", "delay")
+        return {
+            "kind": self.name,
+            "file": self.path.name,
+            "parameters": plain(self.parameters),
+            **{name: plain(getattr(self, name)) for name in parts},
+        }
+
+    def _tried(self) -> Any:
+        """The body after a few cycles, interpreted, as the loop will call the kernels.
+
+        Raises:
+            ParameterError: what is wrong, with file and line.
+        """
+        path, handed = self.path, self._handed
+        user_file.check_kernels((self.rest, self.advance, self.observe, self.effort), path)
+        still, moved = sheath_state(self.sheath, self.sheath.bend), sheath_state(self.sheath, 1.1 * self.sheath.bend)
+        try:
+            body = self.rest(handed, 0.1, still)
+            where = user_file.line(self.rest, path)
+            _check_body(body, "rest", where)
+            kind = _form(body)
+            for k in range(_TRIAL_CYCLES):
+                where = user_file.line(self.observe, path)
+                answer = self.observe(handed, body, np.zeros(2))
+                if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Heard)):
+                    raise ParameterError(
+                        f"{where}: observe returns {answer!r}", expected="a pair, body and Heard", do=_CORRECT
+                    )
+                body, heard = answer
+                _check_number(heard.joint, "the joint's reading", where)
+                _check_number(heard.motor, "the motor's reading", where)
+                effort = self.effort(handed, body, still)
+                if not isinstance(effort, float):
+                    line = user_file.line(self.effort, path)
+                    raise ParameterError(f"{line}: effort returns {effort!r}", expected="a float", do=_CORRECT)
+                where = user_file.line(self.advance, path)
+                body = self.advance(handed, body, 0.1 + 0.01 * k, still, moved if k % 2 else still)
+                _check_body(body, "advance", where)
+                if _form(body) != kind:
+                    raise ParameterError(
+                        f"{where}: advance changes the body's shape to {_form(body)}",
+                        expected=f"{kind}, as from rest",
+                        do=_CORRECT,
+                    )
+        except ParameterError:
+            raise
+        except Exception as error:
+            raise user_file.mistake(error, path) from error
+        return body
+
+
+def load(name: str, folder: Path | None = None) -> UserPlant:
+    """The plant that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
+
+    Args:
+        name: the file and, after a colon, the plant's name in it.
+        folder: where a relative file is looked for; the current one where it is not given.
+
+    Raises:
+        ParameterError: no such file or name, a mistake in the file (with its line), or something that is no plant.
+    """
+    file, attribute = user_file.split(name)
+    path = ((folder or Path()) / file).absolute()
+    plant = _find(user_file.run(path, "plant"), attribute, path)
+    plant.dynamics()
+    return plant
+
+
+def _find(module: ModuleType, attribute: str, path: Path) -> UserPlant:
+    names = vars(module)
+    own = [name for name, value in names.items() if isinstance(value, UserPlant)]
+    if attribute:
+        if not isinstance(names.get(attribute), UserPlant):
+            raise ParameterError(
+                f"{path} has no plant {attribute!r}", expected=f"one of {', '.join(own) or 'its plants'}", do="name one"
+            )
+        found: UserPlant = names[attribute]
+        return found
+    if len(own) == 1:
+        single: UserPlant = names[own[0]]
+        return single
+    missing = [part for part in ("Parameters", "rest", "advance") if part not in names]
+    if own or missing:
+        what = f"the plants {', '.join(own)}" if own else f"no UserPlant and no {', '.join(missing)}"
+        do = f"say which: {path.name}:NAME" if own else "write them (docs/kernels.md)"
+        raise ParameterError(f"{path} has {what}", expected="one UserPlant, or Parameters, rest and advance", do=do)
+    try:
+        parameters = names["Parameters"]()
+    except Exception as error:
+        raise user_file.mistake(error, path) from error
+    others = {part: names[part] for part in ("observe", "effort") if part in names}
+    return UserPlant(path.stem, parameters, names["rest"], names["advance"], **others)
+
+
+def _form(body: Any) -> str:
+    """Type and fields of a body."""
+    if hasattr(body, "_asdict"):
+        parts = ", ".join(f"{name}: {_form(value)}" for name, value in body._asdict().items())
+        return f"{type(body).__name__}({parts})"
+    return "float" if isinstance(body, float) else type(body).__name__
+
+
+def _check_body(body: Any, kernel_name: str, where: str) -> None:
+    if not hasattr(body, "_asdict") or body._fields[:3] != _FIRST:
+        raise ParameterError(
+            f"{where}: {kernel_name} returns {body!r}",
+            expected=f"a NamedTuple of floats that begins with {', '.join(_FIRST)}",
+            do=_CORRECT,
+        )
+    for name, value in body._asdict().items():
+        _check_number(value, f"{name} from {kernel_name}", where)
+
+
+def _check_number(value: Any, what: str, where: str) -> None:
+    if not isinstance(value, float):
+        raise ParameterError(f"{where}: {what} is {value!r}", expected="a float, such as 0.0", do=_CORRECT)
+    if not math.isfinite(value):
+        raise ParameterError(f"{where}: {what} is {value}", expected="a finite number", do=_CORRECT)
