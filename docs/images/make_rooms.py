@@ -9,15 +9,15 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from bowden.report import style
+from bowden.core import style
 
 FLOORS: list[list[tuple[str, str]]] = [
-    [("core", "kernels, signals, traces, errors, files")],
-    [("models", "cable/ drive/ suit/ geometry, minimum jerk")],
+    [("core", "kernels, nested states, signals, quantities, traces, errors, files")],
+    [("models", "equations: cable/ drive/ suit/")],
     [("sensing", "filters, EMG envelope, onset, intent"), ("safety", "limits, faults, supervisor")],
-    [("control", "Law, knowledge, references, laws/, our_law/, admittance/")],
+    [("control", "Law, Knowledge, references, laws/, our_law/, admittance/")],
     [("cycle", "sense → reference → law → supervisor: one kernel")],
-    [("plants", "bench, any cable, suit, your own file: one protocol")],
+    [("plants", "Plant; bench, any cable, suit, your own file")],
     [("sim", "run one, run many, inject faults"), ("identify", "log → cable/ servo/ emg/")],
     [("hardware", "drives/ buses/ emg/ twin/"), ("rig", "rig.toml ↔ the frozen Rig; presets")],
     [("design", "check, tune, league"), ("export", "C99"), ("study", "campaigns")],
