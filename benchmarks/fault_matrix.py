@@ -8,11 +8,11 @@ import numpy as np
 
 from bowden.control import LAWS
 from bowden.rig.presets.bench import default_bench
-from bowden.sim.adversary import attack
-from bowden.sim.fault_matrix import MEASURED, ROWS, begins, complaints, pair_complaints, run_row
 from bowden.sim.injected import Injected
 from kept import Kept
 from measure import Figure
+from support.adversary import attack
+from support.fault_matrix import MEASURED, ROWS, begins, complaints, pair_complaints, run_row
 
 LAW_NAMES, ONSETS, SEEDS, PAIR_SEEDS = ("adaptive", "bowden"), 5, 100, 5
 CYCLES, PIECES = 10_000_000, 10

@@ -32,7 +32,6 @@ from bowden.core.signals import DriveReading
 from bowden.models import plausible
 from bowden.models.drive import servo, thermal
 from bowden.safety import supervisor
-from bowden.safety.faults import Fault
 from kept import FOLDER, Kept
 
 ROOT = Path(__file__).parents[1]
@@ -41,6 +40,7 @@ KERNELS: list[FunctionType] = [
     *(supervisor.begin, supervisor.most_step, supervisor.look, supervisor.supervise),
     *(plausible.outside, plausible.beyond, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),
 ]
+STATES = ("SupervisorState", "Decided", "Servo", "Anchor", "Sums", "Followed", "Verdict", "ThermalState")
 KERNEL_NAMES = {kernel.__name__ for kernel in KERNELS}
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 TURNED = {ast.Gt: ast.Lt, ast.Lt: ast.Gt, ast.GtE: ast.LtE, ast.LtE: ast.GtE}
@@ -50,6 +50,7 @@ REQUESTS = [request.name for request in supervisor.Request][1:]
 NAMED = {"fmax": "fmin", "fmin": "fmax", "abs": "negative", "floor": "ceil"}
 LOCALS = {"reading": DriveReading, "motor": plausible.Followed, "joint": plausible.Followed}
 LOCALS |= {"heat": thermal.ThermalState, "seen": supervisor.SupervisorState, "thermal": thermal.Thermal}
+LOCALS |= {"last": supervisor.Decided, "servo": supervisor.Servo, "sums": supervisor.Sums, "anchor": supervisor.Anchor}
 Change = tuple[str, Callable[[Any], None]]
 Mutant = tuple[FunctionType, str, Callable[[], CodeType]]
 
@@ -99,6 +100,12 @@ def called(node: ast.Call) -> Iterator[Change]:
         yield "without high", argument(2, math.inf)
     elif name == "lasting":
         yield "lasting→what", lambda n: become(n, n.args[0])
+    elif name == "Found":
+        for i, (one, after) in enumerate(pairwise([*node.keywords, node.keywords[0]])):
+            yield f"without {one.arg}", lambda n, i=i: setattr(n.keywords[i], "value", ast.Constant(0.0))  # type: ignore[misc]
+            yield f"{one.arg}→{after.arg}", lambda n, i=i, v=after.value: setattr(n.keywords[i], "value", v)  # type: ignore[misc]
+    elif name in STATES:
+        yield from neighbours("args", node.args)
     if name in KERNEL_NAMES:
         yield from neighbours("args", node.args)
 
@@ -135,8 +142,6 @@ def changes(node: ast.AST, kinds: dict[str, Any]) -> Iterator[Change]:
         yield "−→+", lambda n: setattr(n, "op", ast.UAdd())
     elif isinstance(node, ast.Tuple) and isinstance(node.ctx, ast.Load):
         yield from neighbours("elts", node.elts)
-        for fault in Fault if len(node.elts) == len(Fault) else ():
-            yield f"without {fault.name}", lambda n, k=int(fault): n.elts.__setitem__(k, ast.Constant(0.0))  # type: ignore[misc]
 
 
 def mutants() -> Iterator[Mutant]:

@@ -11,11 +11,15 @@ whole matrix of faults, every two of them, and ten million inputs of every kind.
 """
 
 import argparse
+import sys
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 
 import results
 from measure import Figure, table
+
+sys.path.append(str(Path(__file__).parents[1] / "tests"))  # where the fault matrix is
 
 Found = tuple[list[Figure], str]
 

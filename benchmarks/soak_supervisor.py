@@ -16,10 +16,10 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.safety.faults import of
 from bowden.safety.limits import Limits
-from bowden.sim.fault_matrix import MEASURED
-from bowden.sim.supervised import supervised
 from kept import Kept
 from measure import Figure
+from support.fault_matrix import MEASURED
+from support.supervised import supervised
 
 HOURS = 10.0
 

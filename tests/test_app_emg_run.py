@@ -145,10 +145,10 @@ def test_the_suits_rig_that_init_writes_can_run(tmp_path: Path, capsys: pytest.C
     assert run(["init", str(path), "--suit"]) == 0
     assert f"bowden run {path} --twin" in capsys.readouterr().out
     live = live_of(path, "lsl:EMG")
-    require(live.limits, live.drive.sample_time, "little_margin")
+    require(live.limits, live.rig.sample_time, "little_margin")
     assert live.rig.worn is not None
-    assert live.drive.spool is not None
-    assert live.drive.gear == live.rig.worn.motor.gear == 25.0
+    assert live.needs.spool is not None
+    assert live.needs.gear == live.rig.worn.motor.gear == 25.0
     assert live.rig.worn.motor.integral == 40.0
     assert live.script()._checks.noise > Preflight().noise
     assert run(["init", str(path), "--suit"]) == 2

@@ -18,7 +18,7 @@ from bowden.hardware.twin.bus import TwinBus
 from bowden.live.preflight import contradictions
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
-from bowden.rig.sections import PARTS
+from bowden.rig.sections import drive_part
 from bowden.sim.scenario import constant_bend
 
 BENCH = default_bench()
@@ -56,7 +56,7 @@ LIKELY = {
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.dictionaries(st.sampled_from(sorted(PARTS["drive"].section.model_fields)), VALUES, max_size=4))
+@given(st.dictionaries(st.sampled_from(sorted(drive_part("cia402").section.model_fields)), VALUES, max_size=4))
 def test_any_values_give_a_drive_or_a_line(tmp_path: Path, given_: dict[str, object]) -> None:
     text = "[drive]\n" + "".join(f"{name} = {toml(value)}\n" for name, value in given_.items())
     with contextlib.suppress(BowdenError):
@@ -123,7 +123,7 @@ def test_slow_cycles_need_a_longer_watch(tmp_path: Path) -> None:
 def test_another_bus_is_taken_or_refused() -> None:
     rig = Rig()
     assert rig.on_bus(None) is rig
-    assert rig.on_bus("can1", "socketcan").drive_parameters[:2] == ("socketcan", "can1")
+    assert rig.on_bus("can1", "socketcan").drive_parameters[1:3] == ("socketcan", "can1")
     with pytest.raises(ParameterError, match="channel"):
         _ = rig.on_bus("").drive_parameters
 

@@ -11,7 +11,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Recorded
-from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.errors import BowdenError, OutputError, ParameterError
 from bowden.core.quantity import in_unit
 from bowden.core.units import DEGREES, HERTZ, RADIANS
 from bowden.identify.cable.model import CableModel
@@ -141,6 +141,19 @@ def test_what_a_file_names_is_part_of_the_rig(folder: Path) -> None:
     assert trace["joint"][0] == pytest.approx(rig.begin)
 
 
+def test_a_rig_is_written_with_all_that_it_was_made_of(folder: Path) -> None:
+    rig = Rig.read(whole(folder))
+    (folder / "new").mkdir()
+    rig.write("new/rig.toml")
+    assert {path.name for path in (folder / "new").iterdir()} == {"rig.toml", "model.toml", "motion.csv", "my_law.py"}
+    assert Rig.read("new/rig.toml").hash == rig.hash
+    rig.write("new/rig.toml")
+    with pytest.raises(OutputError, match=r"rig\.toml is there already"):
+        rig.replace(delay=3).write("new/rig.toml")
+    with pytest.raises(ParameterError, match=r"servo\.acceleration_limit is 9, which has no key"):
+        Rig(servo=Servo(20.0, 1.0, 10.0, 9.0)).to_toml()
+
+
 def test_the_same_contents_elsewhere_make_the_same_hash_and_others_another(folder: Path) -> None:
     rig = Rig.read(whole(folder))
     shutil.copytree(folder, folder / "copy")
@@ -168,7 +181,7 @@ def test_a_file_that_changes_after_the_check_changes_nothing(folder: Path) -> No
     loop = live_run(Rig.unpack(handed))
     assert loop.law.gains == live.law.gains
     assert loop.law.gains.feedback_gain == 4.0
-    assert loop.drive == live.drive
+    assert loop.needs == live.needs
     assert loop.limits == live.limits
     assert np.array_equal(loop.table, live.table)
     assert live.told()["rig"]["gains"] == {"feedback_gain": 4.0}
@@ -235,6 +248,10 @@ def test_an_angle_in_degrees_is_said_to_look_like_it() -> None:
 def test_an_unknown_field_gets_the_one_that_was_meant() -> None:
     with pytest.raises(ParameterError, match=r"a rig has no 'servos'; expected servo \(did you mean this\?\)"):
         Rig().replace(servos=Servo())
+    with pytest.raises(ParameterError, match=r"a rig has no 'dely'; expected delay \(did you mean this\?\)"):
+        Rig(dely=3)  # type: ignore[call-arg]
+    with pytest.raises(ParameterError, match="3 has no name"):
+        Rig(3)  # type: ignore[misc]
 
 
 def test_whole_numbers_and_numpys_become_plain_ones() -> None:

@@ -10,14 +10,17 @@ from bowden.control.knowledge import informed
 from bowden.design.league_cells import plants, scenarios
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench, moved_sheath
+from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.sim.adversary import attack
-from bowden.sim.fault_matrix import MEASURED, ROWS, complaints, pair_complaints, run_row
 from bowden.sim.injected import Injected
-from bowden.sim.supervised import supervised
+from support.adversary import attack
+from support.fault_matrix import MEASURED, REFERENCE, ROWS, complaints, pair_complaints, run_row
+from support.supervised import supervised
 
 BENCH = default_bench()
 LAW = LAWS["adaptive"]
+DELAYS = (0, 1, 20, 100)
+"""[cycles]"""
 
 
 def test_every_fault_that_can_be_injected_has_a_row() -> None:
@@ -63,6 +66,17 @@ def test_a_run_in_order_is_never_touched(limits: Limits) -> None:
             initial_motor=start,
         )
         assert (outcome.differs, outcome.faults, outcome.bad) == (0.0, 0.0, 0.0), (name, scenario.name)
+
+
+def test_the_plants_delay_is_the_loops() -> None:
+    """Twenty cycles are not one; what the motor does a tenth of a second late does not follow the servo's model."""
+    late = {delay: supervised(BENCH._replace(delay=delay), LAW, REFERENCE, MEASURED, duration=3.0) for delay in DELAYS}
+    for delay, other in itertools.pairwise(DELAYS):
+        assert not np.array_equal(late[delay][1], late[other][1], equal_nan=True)
+    for delay in (0, 1):
+        assert (late[delay][0].differs, late[delay][0].faults) == (0.0, 0.0)
+    assert late[100][0].reaction == 3.0
+    assert Fault.NOT_FOLLOWING in of(late[100][0].stopping)
 
 
 def test_whatever_comes_in_the_target_is_finite_and_within_limits_and_rate() -> None:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bowden.app.console import print_json, progress_bar
-from bowden.app.emg_command import ChannelOption, JsonOption, RateOption, checked_rate, warn
+from bowden.app.emg_command import ChannelOption, DetectorOption, JsonOption, RateOption, checked_rate, warn
 
 if TYPE_CHECKING:
     from bowden.rig.wearer_file import Wearer
+    from bowden.sensing.detector import Detector
 
 _READY = 1.0
 """Time to make ready for what comes next [s]."""
@@ -29,6 +30,7 @@ def calibrate(
     lasting: Annotated[float, typer.Option("--seconds", help="Of a stream: of rest, and of contraction.")] = 5.0,
     channel: ChannelOption = None,
     rate: RateOption = None,
+    detector: DetectorOption = "onset",
     mains: Annotated[float, typer.Option(help="Hum to take out of the envelope: 50 or 60 Hz; 0 for none.")] = 50.0,
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("wearer.toml"),
     json: JsonOption = False,
@@ -41,7 +43,9 @@ def calibrate(
     """
     from bowden.core.errors import ParameterError
     from bowden.rig import wearer_file
+    from bowden.sensing.detectors import detector_named
 
+    kind = detector_named(detector)
     if (recording is None) == (source is None):
         raise ParameterError(
             "there are a recording and a --source" if source else "there is no recording and no --source",
@@ -51,10 +55,10 @@ def calibrate(
     if source is not None:
         if rest is not None or rate is not None:
             raise ParameterError("--rest and --rate are of recordings", do="leave them out with --source")
-        wearer, left_out = _from_stream(source, channel, lasting, mains, json)
+        wearer, left_out = _from_stream(source, channel, lasting, mains, kind, json)
     else:
         assert recording is not None
-        wearer, left_out = _from_recordings(recording, rest, channel, rate, mains, json)
+        wearer, left_out = _from_recordings(recording, rest, channel, rate, mains, kind, json)
     wearer_file.write(out, wearer_file.check(wearer, wearer.source))
     if json:
         document = {"rest": wearer.rest, "mvc": wearer.mvc, "channel": wearer.channel, "left_out_s": left_out}
@@ -64,7 +68,13 @@ def calibrate(
 
 
 def _from_recordings(
-    recording: Path, rest: Path | None, channel: str | None, rate: float | None, mains: float, quiet: bool
+    recording: Path,
+    rest: Path | None,
+    channel: str | None,
+    rate: float | None,
+    mains: float,
+    kind: "Detector",
+    quiet: bool,
 ) -> "tuple[Wearer, float]":
     """The wearer, and how much was left out [s]."""
     from bowden.identify.emg.levels import envelope_levels
@@ -74,18 +84,20 @@ def _from_recordings(
     log = read_emg(recording, channel, checked_rate(rate))
     if not quiet:
         warn(log)
-    levels = envelope_levels(log.values, log.rate, str(recording), mains)
+    levels = envelope_levels(log.values, log.rate, str(recording), mains, kind)
     left_out = _told(levels.left_out, str(recording), quiet)
     if rest is None:
         return Wearer(levels.low, levels.high, log.channel, recording.name, mains), left_out
     calm = read_emg(rest, log.channel, rate)
-    resting = envelope_levels(calm.values, calm.rate, str(rest), mains)
+    resting = envelope_levels(calm.values, calm.rate, str(rest), mains, kind)
     left_out += _told(resting.left_out, str(rest), quiet)
     wearer = Wearer(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}", mains)
     return wearer, left_out
 
 
-def _from_stream(source: str, channel: str | None, lasting: float, mains: float, quiet: bool) -> "tuple[Wearer, float]":
+def _from_stream(
+    source: str, channel: str | None, lasting: float, mains: float, kind: "Detector", quiet: bool
+) -> "tuple[Wearer, float]":
     """The wearer, and how much was left out [s]."""
     from bowden.app.emg_listen import listen
     from bowden.core.errors import ParameterError
@@ -111,8 +123,8 @@ def _from_stream(source: str, channel: str | None, lasting: float, mains: float,
             _tell("done, let go")
     finally:
         stream.close()
-    rest = envelope_levels(calm, stream.rate, "rest", mains)
-    contraction = envelope_levels(hard, stream.rate, "the contraction", mains)
+    rest = envelope_levels(calm, stream.rate, "rest", mains, kind)
+    contraction = envelope_levels(hard, stream.rate, "the contraction", mains, kind)
     left_out = _told(rest.left_out, "rest", quiet)
     left_out += _told(contraction.left_out, "the contraction", quiet)
     return Wearer(rest.middle, contraction.high, with_unit(name, stream.unit), source, mains), left_out

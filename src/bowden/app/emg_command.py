@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from bowden.identify.emg.score import Findings, Score
 
 ChannelOption = Annotated[str | None, typer.Option(help="Column of the signal; the first one by default.")]
+DetectorOption = Annotated[str, typer.Option(help="What finds contractions in the signal.")]
 RateOption = Annotated[
     float | None, typer.Option(help="Samples a second, where the recording has no times, or to check those it has.")
 ]
@@ -27,6 +28,7 @@ def score(
     wearer: Annotated[Path | None, typer.Option(help="Of bowden emg calibrate: rest and MVC.")] = None,
     channel: ChannelOption = None,
     rate: RateOption = None,
+    detector: DetectorOption = "onset",
     shortest_ms: Annotated[
         float, typer.Option(help="Do not tell contractions shorter than this; all others are told so much later.")
     ] = 0.0,
@@ -46,10 +48,11 @@ def score(
     from bowden.identify.emg.score import find
     from bowden.report.emg_page import emg_page
     from bowden.rig import wearer_file
-    from bowden.sensing.onset_settings import DEFAULTS, of_wearer
+    from bowden.sensing.detectors import detector_named
 
     if not 0.0 <= shortest_ms <= 5000.0:
         raise ParameterError(f"--shortest-ms is {shortest_ms:g}", expected="a number from 0 to 5000")
+    kind = detector_named(detector)
     log = read_emg(recording, channel, checked_rate(rate))
     known = None if labels is None else read_labels(labels)
     _check_labels(known, log, labels)
@@ -61,10 +64,10 @@ def score(
         log = replace(log, warnings=(*log.warnings, said))
     output_folder(out)
     moved = None if known is None else [(on - log.start, off - log.start) for on, off in known]
-    by = DEFAULTS if of is None or of.channel != log.channel else of_wearer(of.rest)
+    by = kind.settings if of is None or of.channel != log.channel else kind.of_wearer(of.rest)
     by = by._replace(shortest=1e-3 * shortest_ms)
     mvc, mains = (None, 0.0) if of is None else (of.mvc, of.mains)
-    found = find(log.values, log.rate, moved, mvc, by, mains)
+    found = find(log.values, log.rate, moved, mvc, by, mains, kind)
     page = emg_page(recording.name, log, known, found)
     with whole_files(out) as folder:
         page.write(folder / "emg.html")

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from bowden.export.module import Module
     from bowden.rig.rig import Rig
     from bowden.safety.limits import Limits
+    from bowden.sensing.detector import Detector
 
 RECORDED = 5.0
 """Length of the run that goes with the code, at most [s]."""
@@ -49,13 +50,16 @@ def export(
     """
     from bowden.core.files import whole_files
     from bowden.design.verdict import verdicts
+    from bowden.sensing.detectors import detector_named
 
     given = read_given(rig).with_law(law, preset)
     chosen = given.fitted()
     output_folder(to, "--to")
     with progress_bar(quiet=json) as progress:
         progress("tracing the kernels", 0.0)
-        modules = _modules(chosen, emg_rate if emg else None, _limits(given) if safety else None)
+        modules = _modules(
+            chosen, emg_rate if emg else None, detector_named(given.emg.detector), _limits(given) if safety else None
+        )
         said = _said(rig.name, chosen, preset, float32=float32, turned=given.turned)
         texts = _texts(modules, chosen, given.sample_time, said, float32=float32)
         _only_ours(to, set(texts) | {"recording.csv", "replay"})
@@ -87,7 +91,7 @@ def export(
         _print(document, to)
 
 
-def _modules(law: "Law", emg_rate: float | None, limits: "Limits | None") -> "list[Module]":
+def _modules(law: "Law", emg_rate: float | None, kind: "Detector", limits: "Limits | None") -> "list[Module]":
     """The law's module first.
 
     Raises:
@@ -99,7 +103,7 @@ def _modules(law: "Law", emg_rate: float | None, limits: "Limits | None") -> "li
 
     modules = [law_module(law)]
     if emg_rate is not None:
-        modules += emg_modules(emg_rate)
+        modules += emg_modules(emg_rate, kind)
     if limits is not None:
         modules.append(safety_module(limits))
     names = [module.prefix for module in modules]

@@ -41,7 +41,7 @@ def measure(
     refuse_without_keys(auto, json)
     given = read_given(rig).on_bus(channel)
     live = live_run(given, measure=True)
-    require(live.limits, live.drive.sample_time, "holds")  # no gains take part
+    require(live.limits, live.rig.sample_time, "holds")  # no gains take part
     for note in live.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     with contextlib.ExitStack() as stack:
@@ -75,7 +75,7 @@ def _write(session: "Session", folder: Path) -> list[Path]:
     from bowden.live.measured import HEADER, NEEDED, motions
 
     live = session.live
-    parts = motions(read(session.log, NEEDED), live.table[:, 0], live.servo_from, live.drive.sample_time)
+    parts = motions(read(session.log, NEEDED), live.table[:, 0], live.servo_from, live.rig.sample_time)
     with whole_files(folder) as stage:
         for name, table in parts.items():
             np.savetxt(stage / name, table, "%.9g", ",", header=HEADER, comments="")

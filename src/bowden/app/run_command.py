@@ -38,7 +38,7 @@ def run(
     Exit code 0 when the run ended as asked, 1 when a fault or an error ended it, 2 when it could not begin.
     """
     from bowden.design.verdict import verdicts
-    from bowden.hardware.buses.opening import claim
+    from bowden.hardware.drives.family import family_of
     from bowden.live.emg_ear import Ear
     from bowden.live.live_run import live_run
     from bowden.live.operator import ending_signals, operate, refuse_without_keys
@@ -51,7 +51,7 @@ def run(
     given = given if emg is None else given.with_emg(emg)
     live = live_run(given)
     if not twin:  # another run's bus is told at once; the drive claims it for good
-        claim(live.drive.interface, live.drive.channel, "host").release()
+        family_of(given.drive).claim(given.drive)()
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         ear = None if live.emg is None else stack.enter_context(contextlib.closing(Ear(given)))
@@ -59,7 +59,7 @@ def run(
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
         for note in (*live.notes, *pushing, *(verdict.note for verdict in checked if verdict.note)):
             print(f"bowden: note: {note}", file=sys.stderr)
-        require(live.limits, live.drive.sample_time, "little_margin" if force else checked[0].name or "little_margin")
+        require(live.limits, live.rig.sample_time, "little_margin" if force else checked[0].name or "little_margin")
         if ear is not None:
             ear.await_ready()  # a stream that cannot be used is told before anything else is started
         if twin:

@@ -15,8 +15,7 @@ from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from bowden.hardware.drives.parameters import DriveParameters
-    from bowden.hardware.twin.twin import Twin
+    from bowden.hardware.drives.family import Twin
     from bowden.rig.rig import Rig
 
 _AFTER_PARENT = 5.0
@@ -44,19 +43,18 @@ def twin(
 ) -> None:
     """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
     given = shortened(_given(rig), duration).on_bus(channel, interface)
-    drive = given.drive_parameters
+    _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
     if inject or clear or status:
-        _talk(drive, inject, after, lasting, clear, json)
+        _talk(given, inject, after, lasting, clear, json)
     else:
         _run(given, object_ or [], json, until_orphaned)
 
 
-def _talk(
-    drive: "DriveParameters", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool
-) -> None:
-    from bowden.hardware.twin.control import TwinControl, control_path
+def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
+    from bowden.hardware.drives.family import family_of
+    from bowden.hardware.twin.control import TwinControl
     from bowden.hardware.twin.injection import KINDS
 
     if inject == "list":
@@ -65,7 +63,7 @@ def _talk(
             amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
             print(f"{name + side + amount:36} {kind.meaning}")
         return
-    with TwinControl(control_path(drive.interface, drive.channel, drive.node_id)) as running:
+    with TwinControl(family_of(rig.drive).control(rig.drive)) as running:
         if clear:
             running.clear()
         if inject:
@@ -87,33 +85,31 @@ def _given(rig: Path) -> "Rig":
 
 def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> None:
     from bowden.core.clock import SECOND, MonotonicClock
+    from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.bench import TwinBench
     from bowden.hardware.twin.suit import TwinSuit
-    from bowden.hardware.twin.twin import Twin, raise_priority
+    from bowden.hardware.twin.twin import raise_priority
 
     monotonic = MonotonicClock()
 
     def clock() -> float:
         return monotonic.now() / SECOND
 
-    overrides = dict(_override(text) for text in objects)
     drive = rig.drive_parameters
+    family = family_of(drive)
     rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, clock())
     plant = TwinBench(rig.cabled, *rest) if rig.worn is None else TwinSuit(rig.worn, *rest)
-    running = Twin(drive, plant, clock, overrides)
+    running = family.twin(drive, plant, clock, objects)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
     if until_orphaned:
         threading.Thread(target=_watch_parent, args=(os.getppid(), running), daemon=True).start()
     realtime = raise_priority()
-    where = {"interface": drive.interface, "channel": drive.channel, "node": drive.node_id, "control": running.path}
+    where = {**family.address(drive), "control": str(running.path)}
     if json:
-        print_json(
-            {key: str(value) for key, value in where.items()}
-            | {"rig": rig.hash, "realtime": realtime, "seconds": seconds()}
-        )
+        print_json(where | {"rig": rig.hash, "realtime": realtime, "seconds": seconds()})
     else:
-        print(f"twin: node {drive.node_id} on {drive.channel} ({drive.interface}), control {running.path}")
+        print(f"twin: {', '.join(f'{key} {value}' for key, value in where.items())}")
         if not realtime:
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
@@ -127,13 +123,3 @@ def _watch_parent(parent: int, running: "Twin") -> None:
         forever.wait(0.5)
     forever.wait(_AFTER_PARENT)
     running.stop()
-
-
-def _override(text: str) -> tuple[tuple[int, int], int | None]:
-    """``INDEX:SUB=VALUE`` with a hexadecimal index."""
-    try:
-        key, value = text.split("=")
-        index, sub = key.split(":")
-        return (int(index, 16), int(sub)), None if value == "none" else int(value, 0)
-    except ValueError as error:
-        raise ParameterError(f"--object is {text!r}", expected="like 6502:0=0x25, or 6502:0=none") from error

@@ -27,10 +27,9 @@ from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat, restored
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
-from bowden.models.plausible import Followed, follow
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import POWER_ON, RUNNING, Observed, Verdict, begin, supervise
-from bowden.sensing.filters import last_valid, low_pass
+from bowden.safety.supervisor import POWER_ON, RUNNING, Observed, Verdict, begin, see, supervise
+from bowden.sensing.filters import low_pass
 
 Array = NDArray[np.float64]
 
@@ -188,32 +187,24 @@ def bare_start(settings: CycleSettings, heard: Heard) -> CycleState:
 
 
 @kernel
-def filtered(settings: CycleSettings, state: CycleState, observed: Observed, dt: float) -> tuple[Sample, Heard]:
-    """`cycle_sense` under the supervisor: each angle's last number, behind its low-pass.
+def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt: float) -> tuple[Sample, Heard]:
+    """`cycle_sense` under the supervisor: the angles that the supervisor itself goes by, each behind its low-pass.
 
-    The source hears what the law sees, but an angle that is missing or not credible as missing: a push is not guessed.
+    While an angle is missing or not credible the law has the last one that was, so that what the supervisor bridges
+    leaves no trace in it. The source hears such an angle as missing: a push is not guessed.
     """
-    reading, filters, limits, watched = observed.reading, settings.filters, settings.limits, state.supervisor
-    joint = last_valid(state.sample.joint, reading.joint)
-    motor = last_valid(state.sample.motor, reading.motor)
+    filters, seen = settings.filters, see(settings.limits, state.supervisor, observed, dt)
     sample = Sample(
-        low_pass(state.sample.joint, joint, filters.joint, dt), low_pass(state.sample.motor, motor, filters.motor, dt)
+        low_pass(state.sample.joint, seen.joint.value, filters.joint, dt),
+        low_pass(state.sample.motor, seen.motor.value, filters.motor, dt),
     )
-    time = np.fmax(dt, observed.elapsed)
     heard = Heard(
-        sample.joint if credible(limits, watched.joint, reading.joint, limits.joint_speed, time) else math.nan,
-        sample.motor if credible(limits, watched.motor, reading.motor, limits.motor_speed, time) else math.nan,
-        reading.current,
+        sample.joint if seen.joint_lost + seen.joint_jump == 0.0 else math.nan,
+        sample.motor if seen.motor_lost + seen.motor_jump == 0.0 else math.nan,
+        observed.reading.current,
         math.nan,
     )
     return sample, heard
-
-
-@kernel
-def credible(limits: Limits, before: Followed, angle: float, fastest: float, time: float) -> bool:
-    """Whether the supervisor will take an angle for true: it can be, and motion explains it."""
-    _, lost, jumped = follow(before, angle, time, limits.sensor_span, limits.jump, fastest, limits.speed_filter)
-    return lost + jumped == 0.0
 
 
 @kernel
@@ -235,7 +226,7 @@ def led(limits: Limits, command: float, added: float) -> float:
     return wish
 
 
-SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": filtered, "cycle_lead": led, "cycle_watch": supervise}
+SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": believed, "cycle_lead": led, "cycle_watch": supervise}
 """A law as it runs live: `Observed` in, and the supervisor's last word out."""
 
 

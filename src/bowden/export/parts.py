@@ -3,31 +3,35 @@
 from bowden.core.errors import ParameterError
 from bowden.core.signals import DriveReading
 from bowden.export.checked import Argument, Function
+from bowden.export.layout import identifier
 from bowden.export.module import Module
 from bowden.models.drive.thermal import ThermalState, cold
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Observed, begin, supervise
+from bowden.sensing.detector import Detector
+from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
-from bowden.sensing.onset import onset_start, onset_step, prepare_onset
-from bowden.sensing.onset_settings import QUICKEST, SAFE
 
 
-def emg_modules(rate: float) -> tuple[Module, Module]:
+def emg_modules(rate: float, kind: Detector = DEFAULT) -> tuple[Module, Module]:
     """The envelope of an EMG signal, and the detector of contractions in it.
 
     Args:
         rate: samples a second [Hz].
+        kind: the detector.
 
     Raises:
         ParameterError: a rate that the detector does not take.
     """
-    if not SAFE <= rate <= QUICKEST:
+    if not kind.safe <= rate <= kind.quickest:
         raise ParameterError(
-            f"the EMG's rate is {rate:g} Hz", expected=f"from {SAFE:g} to {QUICKEST:g} Hz", do="change --emg-rate"
+            f"the EMG's rate is {rate:g} Hz",
+            expected=f"from {kind.safe:g} to {kind.quickest:g} Hz",
+            do="change --emg-rate",
         )
     value, first = Argument("value", 0.0), Argument("first", 0.0)
     chain = Argument("chain", prepare_envelope(rate), constant=True)
-    detector = Argument("detector", prepare_onset(rate), constant=True)
+    detector = Argument("detector", kind.prepared(rate), constant=True)
     envelope = Module(
         "envelope",
         f"The envelope of an EMG signal of {rate:g} samples a second.",
@@ -44,14 +48,14 @@ def emg_modules(rate: float) -> tuple[Module, Module]:
         structs={"state": "state"},
     )
     onset = Module(
-        "onset",
+        identifier(kind.name),
         f"Contractions in an EMG signal of {rate:g} samples a second.",
         (
-            Function("start", onset_start, (detector, first), ("state",), "Before the first sample, NAN if missing."),
+            Function("start", kind.start, (detector, first), ("state",), "Before the first sample, NAN if missing."),
             Function(
                 "step",
-                onset_step,
-                (detector, Argument("state", onset_start(detector.example, 0.0)), value),
+                kind.step,
+                (detector, Argument("state", kind.start(detector.example, 0.0)), value),
                 ("state", "return", "trouble"),
                 "One sample, NAN if missing: 1 in a contraction; trouble is 1 for flat, 2 for movement or mains.",
             ),

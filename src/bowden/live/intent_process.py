@@ -57,9 +57,10 @@ def _run(given: dict[str, Any]) -> int:
     try:
         what = stream.open()
         flexor, extensor = columns(run, stream)
-        heard = Listener(stream.rate, flexor, extensor, levels(run))
+        heard = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
         heard.take(EmgChunk(np.zeros((2, len(stream.channels))), np.zeros(2)), 0.0)  # compiles
-        heard, block = Listener(stream.rate, flexor, extensor, levels(run)), IntentWriter(Path(given["block"]))
+        heard = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
+        block = IntentWriter(Path(given["block"]))
         lasts, lost = _lasts(run), ""
         _raise_priority()
         _say("ready", {"stream": what, "unit": stream.unit, "channel": stream.channels[flexor]})

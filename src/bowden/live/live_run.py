@@ -15,7 +15,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
-from bowden.hardware.drives.parameters import DriveParameters, most_push
+from bowden.hardware.drives.family import DriveNeeds
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader
 from bowden.live import excitation
@@ -25,6 +25,7 @@ from bowden.live.run_settings import plain
 from bowden.live.script import Script
 from bowden.live.suit_preflight import on_suit
 from bowden.rig.compose_admittance import Pushing
+from bowden.rig.drive import most_push
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.rig import Rig
@@ -60,9 +61,9 @@ class Live:
     """What the user should know."""
 
     @property
-    def drive(self) -> DriveParameters:
-        """All that is to be known of the drive."""
-        return self.rig.drive_parameters
+    def needs(self) -> DriveNeeds:
+        """What is asked of the drive."""
+        return self.rig.drive_needs
 
     @property
     def emg(self) -> EmgRun | None:
@@ -71,7 +72,7 @@ class Live:
 
     def cycle(self) -> Cycle:
         """Law under supervisor."""
-        return Cycle(self.law, self.limits, self.rig.filters, self.drive.sample_time, self.source())
+        return Cycle(self.law, self.limits, self.rig.filters, self.rig.sample_time, self.source())
 
     def source(self) -> Source:
         """Of the reference: the wearer's push, or else the script's."""
@@ -85,12 +86,12 @@ class Live:
 
     def push(self) -> TorqueOffset | None:
         """The torque offset of a drive that takes one."""
-        torque, spool, substeps = self.drive.torque_offset, self.drive.spool, self.rig.substeps
+        torque, spool, substeps = self.needs.torque_offset, self.needs.spool, self.rig.substeps
         return None if spool is None or torque == 0.0 else TorqueOffset(torque, substeps, spool)
 
     def _told_push(self) -> Mapping[str, Any]:
-        spool = plain(self.drive.spool)
-        return {"torque": self.drive.torque_offset, "substeps": self.rig.substeps, "spool": spool}
+        spool = plain(self.needs.spool)
+        return {"torque": self.needs.torque_offset, "substeps": self.rig.substeps, "spool": spool}
 
     def script(self, course: EmgCourse | None = None) -> Script:
         """The run's plan."""
@@ -99,7 +100,7 @@ class Live:
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
         slope = 1.0 if suit is not None else self.rig.bench.cable.slope
-        return Script(self.table, self.start, speed, checks, self.drive.sample_time, course, slope)
+        return Script(self.table, self.start, speed, checks, self.rig.sample_time, course, slope)
 
     def told(self) -> Mapping[str, Any]:
         """What the log keeps of the run, beside the law and the limits: all of the rig, so that a log is enough."""
@@ -110,7 +111,7 @@ class Live:
             "rig": self.rig.document(),
             **({"law_file": _where(law)} if isinstance(law, LawFile) and not self.measure else {}),
             **({"emg": self.emg.told()} if self.emg else {}),
-            **({"push": self._told_push()} if self.drive.torque_offset > 0.0 else {}),
+            **({"push": self._told_push()} if self.needs.torque_offset > 0.0 else {}),
             **({} if self.pushing is None else {"admittance": plain(self.source().settings)}),
         }
 
@@ -136,21 +137,22 @@ def live_run(rig: Rig, *, measure: bool = False) -> Live:
             expected="a joint angle that grows with the motor's",
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
-    drive, limits, notes = rig.drive_parameters, rig.supervisor_limits, rig.notes
+    _ = rig.drive_parameters  # which refuses what makes no sense together
+    limits, notes = rig.supervisor_limits, rig.notes
     emg = None if measure else rig.emg_run
     pushing = None if measure else rig.pushing
     if pushing is not None:
-        pushing, more = live_pushing(pushing, limits, most_push(drive), by_emg=emg is not None)
+        pushing, more = live_pushing(pushing, limits, most_push(rig.drive, rig.drive_needs), by_emg=emg is not None)
         notes = (*notes, *more)
     if emg is not None:
         _check_range(emg, limits)
         _check_duration(emg, limits)
         limits = limits._replace(uses_emg=1.0)
     if measure:
-        moved = excitation.excitation(limits, drive.sample_time)
+        moved = excitation.excitation(limits, rig.sample_time)
         table, start = moved.motor[:, None], float(moved.motor[0])
         return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes)
-    time = np.arange(round(rig.duration / drive.sample_time), dtype=np.float64) * drive.sample_time
+    time = np.arange(round(rig.duration / rig.sample_time), dtype=np.float64) * rig.sample_time
     table = rig.trajectory.sample(time)
     return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes)
 

@@ -91,7 +91,7 @@ class Loop:
 
             # what is asked for
             age = block.age(woke)
-            ending = self._quit or block.quitting or not age < patience
+            ending = self._quit or block.quitting or not age <= patience
             request = float(block.take())
             if ending or (script.done and mode == _RUNNING and request == 0.0):
                 request = _STOP

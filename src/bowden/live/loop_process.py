@@ -29,7 +29,7 @@ def main() -> int:
 
 def _run(given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
-    from bowden.hardware.drives.canopen_drive import CanopenDrive
+    from bowden.hardware.drives.family import family_of
     from bowden.hardware.realtime import become_realtime
     from bowden.live.control_block import ControlBlock
     from bowden.live.live_run import live_run
@@ -46,7 +46,8 @@ def _run(given: dict[str, Any]) -> int:
     cycle, script, push = live.cycle(), live.script(course), live.push()
     cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]))
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
-    drive = CanopenDrive(live.drive)
+    parameters = live.rig.drive_parameters
+    drive = family_of(parameters).open(parameters)
     loop = Loop(drive, cycle, script, ring, block, MonotonicClock(), given["start_ns"], course, push)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: loop.quit())

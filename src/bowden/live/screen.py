@@ -8,7 +8,7 @@ from rich.table import Table
 
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.drives.emergencies import emergency_text
+from bowden.hardware.drives.family import family_of
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
 from bowden.safety import faults
@@ -42,7 +42,8 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     for fault in shown:  # all that must be seen stands above: a low terminal cuts the end off
         table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
     if not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
-        code = emergency_text(session.emergency) if session.emergency else session.ready["drive"]
+        explain = family_of(session.live.rig.drive).explain
+        code = explain(session.emergency) if session.emergency else session.ready["drive"]
         table.add_row("[red]drive[/red]", escape(code))
     if row["preflight_reason"]:
         table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])

@@ -88,7 +88,7 @@ class Session:
     def _begin(self) -> None:
         live, now = self.live, self.clock.now()
         _sweep()
-        settings = run_settings(live.law, live.limits, live.cycle().filters, live.drive.sample_time)
+        settings = run_settings(live.law, live.limits, live.cycle().filters, live.rig.sample_time)
         by_emg, pushed, wall = self.ear is not None, live.push() is not None, round(unix_seconds() * SECOND)
         told = description(
             *(live.law, {**settings, **live.told()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
@@ -96,13 +96,13 @@ class Session:
         create(self._ring, told)
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
-        self._scenario = TwinScenario(live.drive, now / SECOND)
+        self._scenario = TwinScenario(live.rig.drive_parameters, now / SECOND)
         self.block.beat(now)
         threading.Thread(target=self._beat, daemon=True).start()
         revision = rig_revision(Path(live.rig.origin).parent)
         self._recorder = self._start(["bowden.live.recorder", str(self._ring), str(self.log), "--rig", revision])
         warmth = live.limits.thermal
-        thermal = thermal_file.read(live.drive, warmth) if self._remembers else cold(warmth)
+        thermal = thermal_file.read(live.rig.drive_parameters, warmth) if self._remembers else cold(warmth)
         given = {
             "rig": live.rig.document(),
             "measure": live.measure,
@@ -230,7 +230,7 @@ class Session:
         """Keep how warm the motor is, for the next run."""
         row = self.last()
         if row is not None and self._remembers:
-            self._not_kept = thermal_file.write(self.live.drive, row)
+            self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row)
 
     def wait(self, seconds: float) -> None:
         """Let time pass [s]."""

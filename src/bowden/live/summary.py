@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.drives.emergencies import emergency_text
+from bowden.hardware.drives.family import family_of
 from bowden.live import emg_summary, push_summary
 from bowden.live.lateness import figures
 from bowden.live.mcap_read import read
@@ -31,7 +31,7 @@ def document(session: "Session") -> dict[str, Any]:
     error = error[np.isfinite(error)]
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
-    codes = log["emergency"]
+    codes, explain = log["emergency"], family_of(session.live.rig.drive).explain
     return {
         "law": session.live.law.name,
         "rig": session.live.rig.hash,
@@ -41,18 +41,18 @@ def document(session: "Session") -> dict[str, Any]:
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
         "preflight": ended.get("reason") or None,
-        "emergencies": [emergency_text(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+        "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
         "error": session.error or None,
         "cycles": ended.get("cycles"),
         "cycles_logged": len(log.rows),
-        "seconds_led": round(len(error) * session.live.drive.sample_time, 6),
+        "seconds_led": round(len(error) * session.live.rig.sample_time, 6),
         "rmse_deg": float(np.sqrt(np.mean(error**2)) / RADIANS) if len(error) else None,
         "peak_deg": float(np.abs(error).max() / RADIANS) if len(error) else None,
         "lateness": asdict(figures(log["lateness"])) if len(log.rows) else None,
         "run_time_median_us": _median_us(log["run_time"]),
         "overruns": ended.get("overruns"),
         "emg": None if emg is None or ear is None else emg_summary.figures(log, emg, ear),
-        "interaction": None if pushing is None else push_summary.figures(log, pushing, session.live.drive.sample_time),
+        "interaction": None if pushing is None else push_summary.figures(log, pushing, session.live.rig.sample_time),
         "grants": session.ready["grants"],
         "log": str(session.log),
         "log_whole": log.whole,

@@ -7,21 +7,22 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from bowden.core.clock import unix_seconds
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.family import family_of
 from bowden.live.row import thermal_of
 from bowden.models.drive.thermal import Thermal, ThermalState, cold, rested
 
 
-def _path(drive: DriveParameters) -> Path:
-    """One file for a drive: its bus and its number."""
+def _path(drive: Any) -> Path:
+    """One file for a drive, wherever it is."""
     root = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    name = hashlib.sha256(f"{drive.interface}:{drive.channel}:{drive.node_id}".encode()).hexdigest()[:16]
+    name = hashlib.sha256(":".join(family_of(drive).address(drive).values()).encode()).hexdigest()[:16]
     return root / "bowden" / f"thermal-{name}.json"
 
 
-def read(drive: DriveParameters, thermal: Thermal) -> ThermalState:
+def read(drive: Any, thermal: Thermal) -> ThermalState:
     """The motor as it is now, after the time since the last run; cold where nothing is known of it.
 
     What was kept but cannot be used is told on standard error. Nothing is colder than its surroundings.
@@ -41,7 +42,7 @@ def read(drive: DriveParameters, thermal: Thermal) -> ThermalState:
     return cold(thermal)
 
 
-def write(drive: DriveParameters, row: Mapping[str, float]) -> str:
+def write(drive: Any, row: Mapping[str, float]) -> str:
     """Keep what a row of the run says; why it cannot be kept, or nothing. The next run then begins cold."""
     text = json.dumps(thermal_of(row)._asdict() | {"unix_s": unix_seconds()})
     try:

@@ -2,14 +2,15 @@
 
 import contextlib
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import DriveError
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.drives.parameters import DriveParameters
-from bowden.hardware.twin.control import TwinControl, control_path
+from bowden.hardware.drives.family import family_of
+from bowden.hardware.twin.control import TwinControl
 from bowden.live.row import AT
 
 _PATIENCE = 0.5
@@ -22,12 +23,12 @@ class TwinScenario:
     Until then the sheath stays as it is at the scenario's start.
 
     Args:
-        drive: whose twin it may be.
+        drive: parameters of the drive whose twin it may be.
         start: the monotonic clock where the column ``time`` is zero [s].
     """
 
-    def __init__(self, drive: DriveParameters, start: float) -> None:
-        self._path = control_path(drive.interface, drive.channel, drive.node_id)
+    def __init__(self, drive: Any, start: float) -> None:
+        self._path = family_of(drive).control(drive)
         self._start, self._begun = start, False
         self._tell(math.inf)
 

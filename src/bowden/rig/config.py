@@ -33,6 +33,7 @@ from bowden.rig.sections import (
     RecordedFile,
     RigFile,
     Scenario,
+    drive_part,
 )
 from bowden.rig.settings import EmgSettings
 
@@ -64,6 +65,8 @@ def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | Non
     file = checked_file(tree, path)
     kept = keep or {}
     values: dict[str, Any] = {name: _part(file, name) for name in PARTS}
+    drive = drive_part(file.drive.family)
+    values["drive"] = value_of(drive.kind, file.drive.model_dump(), drive.default)
     flat: tuple[tuple[str, Any], ...] = (("bench", Clock), ("scenario", Scenario), ("control", Control))
     for title, kind in flat:
         values |= value_of(kind, getattr(file, title).model_dump())._asdict()

@@ -1,9 +1,11 @@
 """The drive, the supervisor's limits and the loop's settings as a rig has them."""
 
+from typing import Any
+
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push
+from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.bench import Bench
@@ -12,7 +14,7 @@ from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
 
 
-def limits(given: Limits, bench: Bench, drive: DriveParameters) -> Limits:
+def limits(given: Limits, bench: Bench, drive: Any) -> Limits:
     """A rig's limits, with the servo's model, the motor's currents and what is measured from its other parts."""
     return given._replace(
         servo_frequency=bench.servo.natural_frequency,
@@ -20,25 +22,22 @@ def limits(given: Limits, bench: Bench, drive: DriveParameters) -> Limits:
         current_peak=bench.motor.current_limit,
         thermal=given.thermal._replace(resistance=bench.motor.resistance),
         measures_current=1.0,
-        measures_tension=float(drive.tension_scale != 0.0),
+        measures_tension=float(family_of(drive).measures_tension(drive)),
     )
 
 
-def drive_parameters(
-    given: DriveParameters, allowed: Limits, bench: Bench, suit: Suit | None = None
-) -> DriveParameters:
-    """A rig's drive, with gear, torque constant and cycle from the bench, and what the rig asks for from its limits.
+def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> DriveNeeds:
+    """What a rig asks of its drive: gear, torque constant and cycle from the bench, and the rest from its limits.
 
     On a suit the gear is its own, and motor angles are in the joint's coordinate.
 
     Args:
-        given: what the rig says of the drive itself.
         allowed: of `limits`.
         bench: of the rig.
         suit: where one is worn.
 
     Raises:
-        ParameterError: values that make no sense together.
+        ParameterError: limits that contradict one another.
     """
     if not allowed.motor_low < allowed.motor_high:
         low, high = (f"{angle / RADIANS:g}" for angle in (allowed.motor_low, allowed.motor_high))
@@ -47,7 +46,7 @@ def drive_parameters(
             expected="motor_low_deg below motor_high_deg",
             do="correct them in rig.toml",
         )
-    parameters = given._replace(
+    return DriveNeeds(
         gear=bench.motor.gear if suit is None else suit.motor.gear,
         torque_constant=bench.motor.torque_constant,
         sample_time=bench.sample_time,
@@ -58,22 +57,33 @@ def drive_parameters(
         current_limit=allowed.current_peak,
         torque_offset=0.0 if suit is None else suit.motor.friction_feedforward,
         spool=None if suit is None else spool_map(suit.geometry, suit.spool_radius),
+        heartbeat_age=allowed.heartbeat_age,
     )
-    if parameters.torque_offset > most_push(parameters):
+
+
+def drive_parameters(given: Any, needs: DriveNeeds) -> Any:
+    """A rig's drive with what the rig asks of it.
+
+    Args:
+        given: what the rig says of the drive itself, parameters of a family.
+        needs: of `drive_needs`.
+
+    Raises:
+        ParameterError: values that make no sense together.
+    """
+    most = most_push(given, needs)
+    if needs.torque_offset > most:
         raise ParameterError(
-            f"suit.friction_feedforward_nm is {parameters.torque_offset:g}",
-            expected=f"at most {most_push(parameters):.4g}, half of what the largest current gives at the spool",
+            f"suit.friction_feedforward_nm is {needs.torque_offset:g}",
+            expected=f"at most {most:.4g}, half of what the largest current gives at the spool",
             do="correct it, or the current's limit in [limits]",
         )
-    check_parameters(parameters)
-    if 2.0 * parameters.drive_heartbeat_time > allowed.heartbeat_age:
-        raise ParameterError(
-            f"drive.drive_heartbeat_ms is {1e3 * given.drive_heartbeat_time:g}, and limits.heartbeat_age_s is "
-            f"{allowed.heartbeat_age:g}",
-            expected="two of the drive's heartbeats within that age, so that one lost frame is none",
-            do="correct one of them",
-        )
-    return parameters
+    return family_of(given).completed(given, needs)
+
+
+def most_push(given: Any, needs: DriveNeeds) -> float:
+    """Largest torque offset that the drive takes, at the spool [N·m]."""
+    return family_of(given).most_push(given, needs)
 
 
 def settings(live: LiveSettings) -> Settings:

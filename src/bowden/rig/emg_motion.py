@@ -43,12 +43,12 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     found = read_channels(Path(path), stream.channels)
     of = levels(run)
     signal = found.values[:, flexor]
-    settings, chain = filters_of(of)
-    told = OnsetDetector(found.rate, settings).feed(signal)
+    settings, chain = filters_of(of, run.detector)
+    told = OnsetDetector(found.rate, settings, run.detector).feed(signal)
     share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, of)
     trouble, extends = told.trouble, np.zeros(len(signal))
     if extensor is not None:
-        other = OnsetDetector(found.rate).feed(found.values[:, extensor])
+        other = OnsetDetector(found.rate, None, run.detector).feed(found.values[:, extensor])
         trouble, extends = np.maximum(trouble, other.trouble), other.active
     share[trouble > 0.0] = np.nan
     at = np.minimum((np.arange(int(len(signal) / found.rate / dt)) * dt * found.rate).astype(int), len(signal) - 1)

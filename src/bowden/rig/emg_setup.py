@@ -16,6 +16,8 @@ from bowden.hardware.ports import EmgStream
 from bowden.rig import wearer_file
 from bowden.rig.settings import EmgSettings
 from bowden.rig.wearer_file import Wearer
+from bowden.sensing.detector import Detector
+from bowden.sensing.detectors import DEFAULT, detector_named
 from bowden.sensing.intent import IntentSettings
 
 _UNIT = re.compile(r"[_\s(\[]+([mµu]?V)[)\]]?$")
@@ -36,6 +38,8 @@ class EmgRun:
     course: CourseSettings
     recording: str = ""
     """SHA-256 of the recording that is the source."""
+    detector: Detector = DEFAULT
+    """Of contractions."""
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -47,7 +51,8 @@ class EmgRun:
         levels = None if self.wearer is None else self.wearer._asdict()
         course = self.course._asdict() | {"intent": self.course.intent._asdict()}
         return {"source": self.source, "flexor": self.flexor, "extensor": self.extensor, "course": course} | {
-            "wearer": levels
+            "wearer": levels,
+            "detector": self.detector.name,
         }
 
 
@@ -89,6 +94,7 @@ def emg_run(given: EmgSettings) -> EmgRun | None:
         given.wearer or "",
         CourseSettings(intent, float(given.mode == "proportional"), given.full),
         given.recording,
+        detector_named(given.detector),
     )
 
 

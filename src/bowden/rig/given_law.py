@@ -1,6 +1,7 @@
 """The law that a rig names: one of ours, a user's file with its bytes, or a `Law` of Python's."""
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,13 +28,19 @@ class LawFile(NamedTuple):
         Raises:
             ParameterError: something that is not a law, with the line.
         """
-        path, attribute = Path(self.path), self.name.rpartition(".py")[2]
-        if not (path.is_file() and path.read_bytes() == self.source):
-            home = cache_folder() / "laws" / user_file.fingerprint(self.source)
-            with whole_files(home) as stage:
-                (stage / path.name).write_bytes(self.source)
-            path = home / path.name
-        return user_law.load(f"{path}{attribute}")
+        return _load(self)
+
+
+@lru_cache(64)
+def _load(file: LawFile) -> Law:
+    """The law, made once in a process: what a file prints is printed once."""
+    path, attribute = Path(file.path), file.name.rpartition(".py")[2]
+    if not (path.is_file() and path.read_bytes() == file.source):
+        home = cache_folder() / "laws" / user_file.fingerprint(file.source)
+        with whole_files(home) as stage:
+            (stage / path.name).write_bytes(file.source)
+        path = home / path.name
+    return user_law.load(f"{path}{attribute}")
 
 
 def law_file(name: str, folder: Path | None = None) -> LawFile:

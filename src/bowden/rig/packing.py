@@ -23,7 +23,7 @@ from bowden.rig.declaration import items_of
 from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.given_law import LawFile, packable
 from bowden.rig.recorded import RecordedMotion
-from bowden.rig.sections import BENDS, PARTS, REFERENCES, RecordedFile
+from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, RecordedFile, drive_part
 
 FORMAT = 1
 """Of the document."""
@@ -199,6 +199,9 @@ def _read(pack: bytes) -> Mapping[str, Any]:
 def _value(name: str, given: Any, remarks: list[str]) -> Any:
     if name in PARTS:
         return _made(PARTS[name].kind, given, PARTS[name].default, name, remarks)
+    if name == "drive":
+        part = drive_part(given.get("family", DEFAULT_FAMILY))
+        return _made(part.kind, given, part.default, name, remarks)
     if name == "cable":
         if "best" in given:
             return IdentifiedCable(given["best"], given["models"], given.get("file", ""))

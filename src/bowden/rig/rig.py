@@ -12,10 +12,11 @@ import numpy as np
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
-from bowden.core.errors import ParameterError, near
+from bowden.core.errors import OutputError, ParameterError, near
+from bowden.core.files import whole_file
 from bowden.core.quantity import Quantity, declared
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.model import CableModel, IdentifiedCable
@@ -39,7 +40,20 @@ from bowden.rig.compose_suit import suit_of
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.recorded import held
-from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH, PARTS, REFERENCES, WIDTH, Clock, Control, Scenario
+from bowden.rig.sections import (
+    DEFAULT_CABLE,
+    DEFAULT_FAMILY,
+    DEFAULT_WIDTH,
+    DRIVE,
+    PARTS,
+    REFERENCES,
+    WIDTH,
+    Clock,
+    Control,
+    Part,
+    Scenario,
+    drive_part,
+)
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
 from bowden.sim.scenario import BendPath
@@ -109,8 +123,8 @@ class Rig:
     """Of the encoders' noise and of a random bend."""
     initial_motor: float | None = _SCENARIO.initial_motor
     """Motor angle before the start; None: the joint is where the reference starts [rad]."""
-    drive: DriveParameters = PARTS["drive"].default
-    """What only the rig itself says of it; `drive_parameters` is the whole."""
+    drive: Any = DRIVE
+    """Parameters of a family of drives. What only the rig itself says of it; `drive_parameters` is the whole."""
     limits: Limits = PARTS["limits"].default
     """What only the rig itself says of them; `supervisor_limits` is the whole."""
     live: LiveSettings = PARTS["live"].default
@@ -122,13 +136,23 @@ class Rig:
     stands_for: str = field(default="", compare=False)
     """Hash of the rig of which this one is only another form, `offline`."""
 
+    def __new__(cls, *given: Any, **named: Any) -> "Rig":
+        """Refuse what is no field before Python does, and say what was meant."""
+        if given:
+            raise ParameterError(
+                f"Rig: {shown(given[0])} has no name", expected="every part by its name", do="Rig(cable=…, servo=…)"
+            )
+        for name in named:
+            _check_name(name)
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         self._check_clock()
         for kind in (Clock, Scenario):
             for one in declared(kind):
                 value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
                 object.__setattr__(self, one.name, value)
-        for name, part in PARTS.items():
+        for name, part in {**PARTS, "drive": self._drive_part()}.items():
             object.__setattr__(self, name, checked(getattr(self, name), part.kind, name))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
@@ -150,6 +174,10 @@ class Rig:
                     expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
                     do="change scenario.duration_s or --duration",
                 )
+
+    def _drive_part(self) -> Part:
+        """What [drive] is of its family."""
+        return drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
 
     def _made(self) -> dict[str, Any]:
         """The fields that may be given in several forms, in the one in which a rig holds them."""
@@ -219,6 +247,25 @@ class Rig:
         """
         return toml_text.written(self.tree())
 
+    def write(self, path: Path | str) -> None:
+        """Write the rig as a rig.toml, and what it was made of beside it: model, motion, law and wearer.
+
+        Raises:
+            ParameterError: see `tree`.
+            OutputError: a file cannot be written, or another one of its name is there.
+        """
+        target = Path(path)
+        tree, files = toml_text.files_of(self._fields)
+        contents = {target: toml_text.written(tree).encode()} | {
+            target.parent / name: text for name, text in files.items()
+        }
+        for file, content in contents.items():
+            if file.exists() and file.read_bytes() != content:
+                raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
+        for file, content in contents.items():
+            with whole_file(file) as part:
+                part.write_bytes(content)
+
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields.
 
@@ -226,8 +273,7 @@ class Rig:
             ParameterError: a field that there is not, or a value that it cannot have.
         """
         for name in changes:
-            if name not in self._fields:
-                raise ParameterError(f"a rig has no {name!r}", expected=near(name, self._fields))
+            _check_name(name)
         return dataclasses.replace(self, **({"stands_for": ""} | changes))
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
@@ -504,13 +550,22 @@ class Rig:
         return live_parts.limits(self.limits, self.bench, self.drive)
 
     @cached_property
-    def drive_parameters(self) -> DriveParameters:
-        """All that is to be known of the drive.
+    def drive_needs(self) -> DriveNeeds:
+        """What is asked of the drive, whatever it is.
+
+        Raises:
+            ParameterError: limits that contradict one another.
+        """
+        return live_parts.drive_needs(self.supervisor_limits, self.bench, self.worn)
+
+    @cached_property
+    def drive_parameters(self) -> Any:
+        """All that is to be known of the drive, as its family has it.
 
         Raises:
             ParameterError: values that make no sense together.
         """
-        return live_parts.drive_parameters(self.drive, self.supervisor_limits, self.bench, self.worn)
+        return live_parts.drive_parameters(self.drive, self.drive_needs)
 
     def on_bus(self, channel: str | None, interface: str | None = None) -> "Rig":
         """The rig with its drive on another bus, where one is given.
@@ -518,10 +573,7 @@ class Rig:
         Raises:
             ParameterError: a channel that is none.
         """
-        moved = self.drive._replace(
-            channel=self.drive.channel if channel is None else channel,
-            interface=self.drive.interface if interface is None else interface,
-        )
+        moved = family_of(self.drive).moved(self.drive, channel, interface)
         return self if moved == self.drive else self.replace(drive=moved)
 
     @property
@@ -537,6 +589,12 @@ class Rig:
             ParameterError: a cut-off that the cycle is too slow for.
         """
         return live_parts.filters(self.live, self.sample_time)
+
+
+def _check_name(name: str) -> None:
+    fields = [one.name for one in dataclasses.fields(Rig)]
+    if name not in fields:
+        raise ParameterError(f"a rig has no {name!r}", expected=near(name, fields))
 
 
 def _loaded(given: GivenLaw) -> Law:

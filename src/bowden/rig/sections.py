@@ -5,14 +5,17 @@ from the values' own declarations (`bowden.core.quantity`).
 """
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, create_model
+from pydantic import Field, WrapValidator, create_model
+from pydantic_core import PydanticCustomError
 
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint
+from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
-from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.drives import family as drive_families
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.declaration import Section, key_of, rounded, section_of
@@ -112,7 +115,6 @@ PARTS: Mapping[str, Part] = {
     "suit": _part("SuitSection", SuitSettings.__doc__ or "", rounded(SuitSettings(), 10)),
     "wearer": _part("WearerSection", WearerSettings.__doc__ or "", WearerSettings()),
     "admittance": _part("AdmittanceSection", AdmittanceSettings.__doc__ or "", rounded(AdmittanceSettings(), 10)),
-    "drive": _part("DriveSection", "The CiA 402 drive on its CANopen bus; `bowden twin` plays it.", DriveParameters()),
     "limits": _part(
         "LimitsSection",
         "What the supervisor allows, and the motor's thermal model; see docs/safety.md.",
@@ -166,6 +168,36 @@ REFERENCE_KINDS = {name: part.section for name, part in REFERENCES.items()}
 BEND_KINDS = {name: part.section for name, part in BENDS.items()}
 
 
+DEFAULT_FAMILY = drive_families.DEFAULT
+
+
+@cache
+def drive_part(name: str) -> Part:
+    """What [drive] is of a family.
+
+    Raises:
+        ParameterError: there is no such family.
+    """
+    family = drive_families.family_named(name)
+    title = "DriveSection" if name == DEFAULT_FAMILY else f"{name.capitalize()}DriveSection"
+    return _part(title, family.title, family.parameters)
+
+
+DRIVE: Any = drive_part(DEFAULT_FAMILY).default
+"""Parameters of the drive of a rig that says nothing of it."""
+
+
+def _drive_section(given: Any, default: Any) -> Any:
+    """[drive] of the family that it names; the default family's is checked as any section is."""
+    named = given.get("family", DEFAULT_FAMILY) if isinstance(given, Mapping) else DEFAULT_FAMILY
+    if not isinstance(named, str) or named == DEFAULT_FAMILY:
+        return default(given)
+    try:
+        return drive_part(named).section.model_validate(given)
+    except ParameterError as error:
+        raise PydanticCustomError("drive_family", "{what}", {"what": str(error)}) from error
+
+
 def _one_of(kinds: Mapping[str, type[Section]]) -> Any:
     first, *others = kinds.values()
     union: Any = first
@@ -210,6 +242,11 @@ def _section(kind: type[Section]) -> tuple[Any, Section]:
     return kind, kind()
 
 
+_DRIVE_SECTION: Any = (
+    Annotated[drive_part(DEFAULT_FAMILY).section, WrapValidator(_drive_section)],
+    drive_part(DEFAULT_FAMILY).section(),
+)
+
 RigFile: type[Section] = create_model(
     "Rig",
     __base__=Section,
@@ -226,7 +263,7 @@ RigFile: type[Section] = create_model(
     control=_section(_ControlSection),
     reference=(_one_of(REFERENCE_KINDS), REFERENCE_KINDS["periodic_minimum_jerk"]()),
     scenario=_section(_ScenarioSection),
-    drive=_section(PARTS["drive"].section),
+    drive=_DRIVE_SECTION,
     limits=_section(PARTS["limits"].section),
     live=_section(PARTS["live"].section),
     emg=_section(PARTS["emg"].section),

@@ -200,6 +200,7 @@ class EmgSettings(NamedTuple):
         Literal["trigger", "proportional"],
         Quantity("trigger: a contraction begins a motion; proportional: the joint follows the envelope"),
     ] = "trigger"
+    detector: Annotated[str, Quantity("what finds contractions in the signal")] = "onset"
     low: Annotated[float, Quantity("joint angle at rest", "rad", ge=-720.0, le=720.0)] = _COURSE.intent.low
     high: Annotated[float, Quantity("joint angle flexed", "rad", ge=-720.0, le=720.0)] = _COURSE.intent.high
     duration: Annotated[float, Quantity("of the whole motion", "s", gt=0.0, le=60.0)] = _COURSE.intent.duration

@@ -9,7 +9,9 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import declared
 from bowden.core.toml_text import quoted
 from bowden.identify.cable.model import IdentifiedCable
-from bowden.rig.declaration import in_file
+from bowden.identify.cable.model_file import cable_text
+from bowden.rig import wearer_file
+from bowden.rig.declaration import in_file, items_of
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.given_law import LawFile, packable
 from bowden.rig.recorded import RecordedMotion
@@ -30,6 +32,7 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
         _refuse_unnamed(values[name], part.default, name)
         target = found[section].setdefault(side[0], {}) if side else found[section]
         target |= section_tree(values[name])
+    found["drive"] = section_tree(values["drive"])
     for title, kind in (("bench", Clock), ("scenario", Scenario)):
         for one in declared(kind):
             if values[one.name] is not None:
@@ -46,11 +49,12 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _refuse_unnamed(value: Any, default: Any, name: str) -> None:
-    """Refuse a value whose fields without a key differ from the default's, since a file could not say it."""
-    for field in ("acceleration_limit",):
-        if hasattr(value, field) and getattr(value, field) != getattr(default, field):
+    """Refuse numbers without a key in a file that differ from the default's, since a file could not say them."""
+    named = {item.path[0] for item in items_of(type(value))}
+    for field, given in value._asdict().items():
+        if field not in named and isinstance(given, float) and given != getattr(default, field):
             raise ParameterError(
-                f"{name}.{field} is {getattr(value, field):g}, which has no key in rig.toml",
+                f"{name}.{field} is {given:g}, which has no key in rig.toml",
                 expected=f"{getattr(default, field):g}, as it is without a file",
                 do="hand the rig on with pack()",
             )
@@ -77,6 +81,40 @@ def _control(values: Mapping[str, Any]) -> dict[str, Any]:
     name = law.name if isinstance(law, LawFile) else law
     preset = {} if values["preset"] is None else {"preset": values["preset"]}
     return {"law": name} | preset | ({"gains": own} if own else {})
+
+
+def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The sections of a rig, with the names of files that lie beside it, and what stands in these.
+
+    A recording of EMG is not among them: it stays where it is.
+
+    Raises:
+        ParameterError: see `tree_of`.
+    """
+    tree, files = tree_of(values), {}
+    cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
+    if isinstance(cable, IdentifiedCable):
+        tree["cable"] = {"model": Path(tree["cable"]["model"]).name}
+        files[tree["cable"]["model"]] = cable_text(cable).encode()
+    if isinstance(reference, RecordedMotion):
+        name = f"{Path(reference.said.file).name.partition('.')[0]}.csv"
+        columns = {"time_column": "time_s", "position_column": "joint_rad", "unit": "rad"}
+        tree["reference"] |= {"file": name} | columns
+        pairs = zip(reference.time.tolist(), reference.position.tolist(), strict=True)
+        files[name] = "\n".join(["time_s,joint_rad", *(f"{t!r},{x!r}" for t, x in pairs), ""]).encode()
+    if isinstance(law, Law):
+        law, _ = packable(law)
+    if isinstance(law, LawFile):
+        name = Path(law.path).name
+        tree["control"]["law"] = name + law.name.rpartition(".py")[2]
+        files[name] = law.source
+    if emg.levels is not None:
+        tree["emg"]["wearer"] = Path(emg.wearer or "wearer.toml").name
+        files[tree["emg"]["wearer"]] = wearer_file.text_of(emg.levels).encode()
+    if emg.place:
+        kind, _, place = emg.place.partition(":")
+        tree["emg"]["source"] = f"{kind}:{Path(place).absolute()}"
+    return tree, files
 
 
 def written(tree: Mapping[str, Any]) -> str:

@@ -64,13 +64,17 @@ def write(path: Path, wearer: Wearer) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    text = (
+    with whole_file(path) as part:
+        part.write_text(text_of(wearer), encoding="utf-8")
+
+
+def text_of(wearer: Wearer) -> str:
+    """What stands in the file."""
+    return (
         "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
         f"channel = {quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
         f"source = {quoted(wearer.source)}\nmains_hz = {wearer.mains:g}\n"
     )
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def read(path: Path) -> Wearer:

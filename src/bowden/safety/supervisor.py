@@ -186,6 +186,33 @@ def most_step(limits: Limits, time: float, dt: float) -> float:
     return limits.target_speed * np.fmax(dt, np.fmin(time, 5.0 * dt))
 
 
+class Seen(NamedTuple):
+    """What becomes of a cycle's angles: each is taken as it is, or not at all."""
+
+    clock: float
+    """1 where the clock cannot be right, else 0."""
+    time: float
+    """Since the cycle before; the length of a cycle where the clock cannot be right [s]."""
+    motor: Followed
+    motor_lost: float
+    motor_jump: float
+    joint: Followed
+    joint_lost: float
+    joint_jump: float
+
+
+@kernel
+def see(limits: Limits, state: SupervisorState, observed: Observed, dt: float) -> Seen:
+    """The angles that are taken for true; without power the motor and the limb may be moved by hand."""
+    reading, powered = observed.reading, 1.0 - outside(state.decided.mode, PREFLIGHT, RELEASING)
+    clock = np.fmax(outside(observed.elapsed, 0.05 * dt, limits.clock_gap), outside(observed.lateness, -dt, BIG))
+    time = sel(clock > 0.0, dt, observed.elapsed)
+    span, jump, filtered = limits.sensor_span, sel(powered > 0.0, limits.jump, BIG), limits.speed_filter
+    motor, motor_lost, motor_jump = follow(state.motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
+    joint, joint_lost, joint_jump = follow(state.joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
+    return Seen(clock, time, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump)
+
+
 @kernel
 def look(
     limits: Limits, state: SupervisorState, observed: Observed, wish: float, dt: float
@@ -194,13 +221,9 @@ def look(
     reading, omega, zeta, peak = observed.reading, limits.servo_frequency, limits.servo_damping, limits.current_peak
     last, servo, sums = state.decided, state.servo, state.sums
     powered = 1.0 - outside(last.mode, PREFLIGHT, RELEASING)
-    clock = np.fmax(outside(observed.elapsed, 0.05 * dt, limits.clock_gap), outside(observed.lateness, -dt, BIG))
-    time = sel(clock > 0.0, dt, observed.elapsed)
 
-    # angles; without power the motor and the limb may be moved by hand
-    span, jump, filtered = limits.sensor_span, sel(powered > 0.0, limits.jump, BIG), limits.speed_filter
-    motor, motor_lost, motor_jump = follow(state.motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
-    joint, joint_lost, joint_jump = follow(state.joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
+    # angles
+    clock, time, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump = see(limits, state, observed, dt)
     alive = (powered == 0.0) + (np.abs(joint.value - state.anchor.joint) > limits.joint_still) > 0.0
     anchor = Anchor(sel(alive, motor.value, state.anchor.motor), sel(alive, joint.value, state.anchor.joint))
     flat, steep, margin = limits.slope_low * motor.value, limits.slope_high * motor.value, limits.motor_margin

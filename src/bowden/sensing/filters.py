@@ -24,9 +24,3 @@ def low_pass(before: float, value: float, cutoff: float, dt: float) -> float:
     """
     last = sel(np.abs(before) < np.inf, before, value)
     return sel(cutoff > 0.0, last + (1.0 - exp(-cutoff * dt)) * (value - last), value)
-
-
-@kernel
-def last_valid(before: float, value: float) -> float:
-    """`value`, or what there was `before` where it is not finite: a law that once saw a NaN never forgets it."""
-    return sel(np.abs(value) < np.inf, value, before)

@@ -27,7 +27,8 @@ import numpy as np
 
 from bowden.core.kernel import kernel, sel
 from bowden.sensing.biquad import EMPTY, Biquad, Memory, biquad, butterworth, critical_high_pass
-from bowden.sensing.onset_settings import DEFAULTS, QUICKEST, SLOWEST, OnsetSettings
+from bowden.sensing.detector import Detector
+from bowden.sensing.onset_settings import DEFAULTS, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
 
 MAINS = (50.0, 60.0)
 """[Hz]; both are looked for."""
@@ -251,3 +252,24 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         held,
     )
     return after, told, trouble
+
+
+@kernel
+def onset_rest(state: OnsetState) -> float:
+    """σ, in the signal's unit."""
+    return state.rest
+
+
+ONSET = Detector(
+    name="onset",
+    settings=DEFAULTS,
+    prepare=prepare_onset,
+    start=onset_start,
+    step=onset_step,
+    rest=onset_rest,
+    of_wearer=of_wearer,
+    slowest=SLOWEST,
+    safe=SAFE,
+    quickest=QUICKEST,
+    source="this project; thresholds on amplitude and time after Bonato (1998), evidence after Page (1954)",
+)

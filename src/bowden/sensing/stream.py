@@ -1,12 +1,14 @@
-"""Envelope and onsets of a signal that comes in pieces, or whole; any cut into pieces gives the same numbers."""
+"""Envelope and contractions of a signal that comes in pieces, or whole; any cut into pieces gives the same numbers."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowden.core.kernel import compiled, kernel
-from bowden.sensing import envelope, onset_settings
+from bowden.core.kernel import compiled, kernel, specialise
+from bowden.sensing import envelope
+from bowden.sensing.detector import Detector, detector_rest, detector_step
+from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import (
     Envelope,
     EnvelopeSettings,
@@ -15,8 +17,6 @@ from bowden.sensing.envelope import (
     envelope_step,
     prepare_envelope,
 )
-from bowden.sensing.onset import Onset, OnsetState, onset_start, onset_step, prepare_onset
-from bowden.sensing.onset_settings import OnsetSettings
 
 Array = NDArray[np.float64]
 
@@ -63,11 +63,21 @@ class EnvelopeFilter:
 
 
 class OnsetDetector:
-    """Contractions in a signal of `rate` samples a second, 400 to 5000 Hz; NaN stands for a sample that is missing."""
+    """Contractions in a signal of `rate` samples a second; NaN stands for a sample that is missing.
 
-    def __init__(self, rate: float, settings: OnsetSettings = onset_settings.DEFAULTS) -> None:
-        self._onset = prepare_onset(rate, settings)
-        self._state: OnsetState | None = None
+    Args:
+        rate: that the detector takes [Hz].
+        settings: of the detector; its own by default.
+        detector: which.
+
+    Raises:
+        ParameterError: a rate that the detector does not take.
+    """
+
+    def __init__(self, rate: float, settings: Any = None, detector: Detector = DEFAULT) -> None:
+        self._detector, self._prepared = detector, detector.prepared(rate, settings)
+        self._run = specialise(_detect, detector.name, detector_step=detector.step, detector_rest=detector.rest)
+        self._state: Any = None
 
     def feed(self, values: ArrayLike) -> Detected:
         """The next samples, (n,)."""
@@ -75,8 +85,8 @@ class OnsetDetector:
         out = np.empty((3, len(piece)))
         if len(piece):
             first = float(piece[0])
-            state = onset_start(self._onset, first) if self._state is None else self._state
-            self._state = compiled(_onset)(self._onset, state, piece, out)
+            state = self._detector.start(self._prepared, first) if self._state is None else self._state
+            self._state = self._run(self._prepared, state, piece, out)
         return Detected(*out)
 
 
@@ -88,8 +98,8 @@ def _envelope(chain: Envelope, state: EnvelopeState, values: Array, out: Array) 
 
 
 @kernel
-def _onset(onset: Onset, state: OnsetState, values: Array, out: Array) -> OnsetState:
+def _detect(prepared: Any, state: Any, values: Array, out: Array) -> Any:
     for k in range(len(values)):
-        state, out[0, k], out[1, k] = onset_step(onset, state, values[k])
-        out[2, k] = state.rest
+        state, out[0, k], out[1, k] = detector_step(prepared, state, values[k])
+        out[2, k] = detector_rest(state)
     return state

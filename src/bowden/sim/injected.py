@@ -1,7 +1,7 @@
 """Faults that can be injected into a cycle while it runs: at the sensors, the bus, the drive, the clock, the law.
 
-One table for all loops: the fault matrix, the live loop on a simulated drive, and the sensors of a simulation
-(`bowden.sim.faulty`). What breaks in drive and cable themselves is in `bowden.sim.injected_drive`.
+One table for all loops: the sensors of a simulation (`bowden.sim.faulty`), the fault matrix, and the live loop on a
+simulated drive. What breaks in drive and cable themselves is done by the drive of those two (`tests/support`).
 """
 
 from enum import IntEnum
@@ -18,6 +18,8 @@ NOT_READY, DISABLED, SWITCHED_ON, ENABLED, FAULT = 0.0, 1.0, 3.0, 4.0, 7.0
 """States of CiA 402, numbers of `hardware.drives.cia402.State`, which this floor cannot see."""
 CONSUMER = 50
 """Cycles without the host's heartbeat after which the drive stops by itself."""
+NANOSECOND = 1e-9
+"""[s]"""
 HOUR = 3600.0
 """By which a clock steps [s]."""
 
@@ -186,6 +188,18 @@ def misread(
 
 
 @kernel
+def aged(age: float, cycles: int, dt: float) -> float:
+    """An age so many cycles later [s], by a clock that counts nanoseconds."""
+    return in_seconds(np.floor(age / NANOSECOND + 0.5) + cycles * np.floor(dt / NANOSECOND + 0.5))
+
+
+@kernel
+def in_seconds(nanoseconds: float) -> float:
+    """As the live loop makes seconds of its clock [s]."""
+    return nanoseconds * NANOSECOND
+
+
+@kernel
 def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
     """What a cycle observes of clock, operator, recorder and EMG with a fault that began `since` cycles ago.
 
@@ -199,14 +213,15 @@ def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
         elapsed += HOUR if since == 1 else 0.0
     elif kind == Injected.CLOCK_FORWARD:
         step = HOUR if since == 0 else 0.0
+        recorder = 0.0 if since == 0 else recorder  # an hour without a sign of life
     elif kind == Injected.OPERATOR_LOST:
-        operator_age += since * dt
+        operator_age = aged(operator_age, since, dt)
     elif kind == Injected.RECORDER_LOST:
         recorder = 0.0
     elif kind == Injected.STOP:
         request = STOP if since == 0 else request
     elif kind == Injected.EMG_SILENT:
-        emg_age += since * dt
+        emg_age = aged(emg_age, since, dt)
     elif kind == Injected.EMG_TIMELESS:
         emg_age = np.nan
     return Observed(

@@ -18,6 +18,7 @@ class DriveParameters(NamedTuple):
     stands above the drive knows the joint's coordinate alone.
     """
 
+    family: Annotated[Literal["cia402"], Quantity("how the drive is spoken to: its family")] = "cia402"
     interface: Annotated[
         str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig")
     ] = "bowden_unix"

@@ -1,7 +1,7 @@
 """From a stream of EMG to what it says: each sample through envelope and detector, as it comes."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from bowden.core.clock import SECOND
 from bowden.hardware.emg.intent_block import Heard
 from bowden.hardware.ports import EmgChunk
+from bowden.sensing.detector import Detector
+from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import EnvelopeSettings
-from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings, of_wearer
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -28,11 +29,11 @@ class Levels(NamedTuple):
     """What is taken out of the envelopes [Hz]."""
 
 
-def filters_of(levels: Levels | None) -> tuple[OnsetSettings, EnvelopeSettings]:
-    """What a wearer's flexor is heard with; the defaults where they are not known."""
+def filters_of(levels: Levels | None, detector: Detector = DEFAULT) -> tuple[Any, EnvelopeSettings]:
+    """What a wearer's flexor is heard with: settings of detector and envelope; the defaults without levels."""
     if levels is None:
-        return DEFAULTS, CLEANED
-    return of_wearer(levels.rest), CLEANED._replace(mains_hz=levels.mains)
+        return detector.settings, CLEANED
+    return detector.of_wearer(levels.rest), CLEANED._replace(mains_hz=levels.mains)
 
 
 def share_of(envelope: Array, levels: Levels | None) -> Array:
@@ -45,8 +46,9 @@ def share_of(envelope: Array, levels: Levels | None) -> Array:
 class _Muscle:
     """One channel through its filters."""
 
-    def __init__(self, column: int, rate: float, settings: OnsetSettings, chain: EnvelopeSettings) -> None:
-        self.column, self._envelope, self._onset = column, EnvelopeFilter(rate, chain), OnsetDetector(rate, settings)
+    def __init__(self, column: int, rate: float, settings: Any, chain: EnvelopeSettings, detector: Detector) -> None:
+        self.column, self._envelope = column, EnvelopeFilter(rate, chain)
+        self._onset = OnsetDetector(rate, settings, detector)
         self._last = math.nan
         self.active = self.level = self.trouble = 0.0
 
@@ -74,12 +76,20 @@ class Listener:
         flexor: column of the muscle that flexes.
         extensor: column of the one that extends, where there is one.
         levels: of the wearer; the envelope's share of MVC is unknown without.
+        detector: of contractions.
     """
 
-    def __init__(self, rate: float, flexor: int, extensor: int | None = None, levels: Levels | None = None) -> None:
-        settings, chain = filters_of(levels)
-        self._flexor = _Muscle(flexor, rate, settings, chain)
-        self._extensor = None if extensor is None else _Muscle(extensor, rate, DEFAULTS, chain)
+    def __init__(
+        self,
+        rate: float,
+        flexor: int,
+        extensor: int | None = None,
+        levels: Levels | None = None,
+        detector: Detector = DEFAULT,
+    ) -> None:
+        settings, chain = filters_of(levels, detector)
+        self._flexor = _Muscle(flexor, rate, settings, chain, detector)
+        self._extensor = None if extensor is None else _Muscle(extensor, rate, None, chain, detector)
         self._levels = levels
         self.heard = Heard()
 

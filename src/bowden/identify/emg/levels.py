@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
+from bowden.sensing.detector import Detector
+from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import EnvelopeSettings
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
@@ -47,7 +49,11 @@ class Levels(NamedTuple):
 
 
 def envelope_levels(
-    values: Array, rate: float, where: str = "the recording", mains: float = CLEANED.mains_hz
+    values: Array,
+    rate: float,
+    where: str = "the recording",
+    mains: float = CLEANED.mains_hz,
+    detector: Detector = DEFAULT,
 ) -> Levels:
     """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
 
@@ -59,13 +65,14 @@ def envelope_levels(
         rate: samples a second [Hz].
         where: the recording or stream, for messages.
         mains: that is taken out; 0 for none [Hz].
+        detector: that says what is dead, movement or mains.
 
     Raises:
         LogError: too little is left.
     """
     begin, parts = round(SETTLES * rate), [np.empty(0)]
     chain = CLEANED._replace(mains_hz=mains)
-    for first, end in _stretches(~_artefacts(values, rate, chain)):
+    for first, end in _stretches(~_artefacts(values, rate, chain, detector)):
         parts.append(EnvelopeFilter(rate, chain).feed(values[first:end]).envelope[begin:])
     envelope = np.concatenate(parts)
     if len(envelope) < max(_LEAST * rate, _LEFT * len(values)):
@@ -79,19 +86,19 @@ def envelope_levels(
     return Levels(low, middle, high, (len(values) - begin - len(envelope)) / rate)
 
 
-def _artefacts(values: Array, rate: float, chain: EnvelopeSettings) -> Flags:
+def _artefacts(values: Array, rate: float, chain: EnvelopeSettings, detector: Detector) -> Flags:
     """Samples of dead electrodes, movement, mains and clicks, each with what is around it (n,)."""
     from scipy.ndimage import percentile_filter
 
     cleaned = EnvelopeFilter(rate, chain).feed(values)
     muscle = EnvelopeFilter(rate, chain._replace(offset_hz=_MUSCLE_HZ)).feed(values).envelope
-    dead = OnsetDetector(rate).feed(values).trouble == 1.0
+    dead = OnsetDetector(rate, None, detector).feed(values).trouble == 1.0
     if dead.all():
         return dead
     calm, strong = float(np.quantile(cleaned.envelope[~dead], 0.1)), float(np.quantile(muscle[~dead], 0.99))
     large = cleaned.envelope > max(_CALM * calm, _STRONG * strong)
     moved = large & (muscle < _MUSCLE * cleaned.envelope)
-    odd = OnsetDetector(rate).feed(cleaned.signal).trouble == 2.0
+    odd = OnsetDetector(rate, None, detector).feed(cleaned.signal).trouble == 2.0
     for first, end in _stretches(~odd):
         odd[first:end] |= end - first <= _CLOSE * rate
     for first, end in _stretches(odd):

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.sensing.detector import Detector
+from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import PLAIN_THRESHOLD, EnvelopeSettings
-from bowden.sensing.onset_settings import DEFAULTS, OnsetSettings
 from bowden.sensing.stream import Detected, EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
@@ -106,8 +108,9 @@ def find(
     rate: float,
     labels: Sequence[tuple[float, float]] | None = None,
     mvc: float | None = None,
-    settings: OnsetSettings = DEFAULTS,
+    settings: Any = None,
     mains: float = CLEANED.mains_hz,
+    detector: Detector = DEFAULT,
 ) -> Findings:
     """Find contractions, causally, with the detector and with the plain threshold.
 
@@ -117,10 +120,12 @@ def find(
         labels: contractions as they are known [s].
         mvc: of `bowden.identify.emg.levels`, with whose envelope the plain threshold then goes; where it is not given,
             with the paper's and its largest.
-        settings: the detector's.
+        settings: the detector's; its own by default.
         mains: taken out of the envelope that is compared with `mvc` [Hz].
+        detector: which.
     """
-    detected = OnsetDetector(rate, settings).feed(values)
+    settings = detector.settings if settings is None else settings
+    detected = OnsetDetector(rate, settings, detector).feed(values)
     envelope = EnvelopeFilter(rate, PAPERS if mvc is None else CLEANED._replace(mains_hz=mains)).feed(values).envelope
     most = float(envelope.max()) if mvc is None else mvc
     found, plain = spans(detected.active, rate), spans(np.where(envelope > PLAIN_THRESHOLD * most, 1.0, 0.0), rate)

@@ -2,13 +2,11 @@
 
     drive = drive_start(settings, motor, sheath)
     in each cycle:
-        drive = drive_heard(drive, power)             the state that it goes to, as it was told
-        reading = drive_reading(settings, drive, …)   what it says
-        drive = drive_damaged(settings, drive, …)     what breaks now
-        drive = drive_told(drive, target)             the target that it follows from here on
-        drive = drive_moved(settings, drive, …)       one cycle later
+        drive, reading = drive_read(settings, drive, power, …)      with what is wrong at sensors, bus, drive and cable
+        drive = drive_moved(settings, drive, target, …)             one cycle later
 
-Both the fault matrix (`bowden.sim.supervised`, compiled) and the tests' drive for the live loop are made of these.
+Both the fault matrix (`support.supervised`, compiled) and the drive of the live loop (`support.injected_loop`) are made
+of these.
 """
 
 from typing import NamedTuple
@@ -25,7 +23,7 @@ from bowden.models.drive.servo import ServoState, servo_step
 from bowden.plants.bench import BenchState, BenchStep, bench_at, bench_rest
 from bowden.plants.plant import SheathState
 from bowden.safety.supervisor import POWER_ON
-from bowden.sim.injected import CONSUMER, DISABLED, ENABLED, Injected
+from bowden.sim.injected import CONSUMER, DISABLED, ENABLED, Injected, misread
 
 SPOOL_RADIUS = 0.02
 """Of the tension that is simulated [m]."""
@@ -157,26 +155,54 @@ def drive_damaged(settings: DriveSettings, drive: DriveState, kind: int, since: 
 
 
 @kernel
-def drive_told(drive: DriveState, target: float) -> DriveState:
-    """The drive with the target that has reached it [rad]; nothing reaches one that is deaf."""
-    return DriveState(
-        drive.body, drive.state, drive.power, drive.applied if drive.damage.deaf > 0.0 else target, drive.damage
-    )
+def drive_read(
+    settings: DriveSettings,
+    drive: DriveState,
+    power: float,
+    k: int,
+    normals: NDArray[np.float64],
+    kinds: NDArray[np.int64],
+    onsets: NDArray[np.int64],
+    joints: NDArray[np.float64],
+    motors: NDArray[np.float64],
+) -> tuple[DriveState, DriveReading]:
+    """The drive in cycle k under the `power` that has reached it, and what comes of its reading.
+
+    Args:
+        settings: of the drive.
+        drive: as the plant left it.
+        power: 0 or 3.
+        k: the cycle.
+        normals: of the encoders (n, 2).
+        kinds: of what is injected (m,).
+        onsets: from which cycles on (m,).
+        joints: what the joint's encoder said in each cycle, before faults (n,); this cycle's is written.
+        motors: likewise.
+    """
+    drive = drive_heard(drive, power)
+    told = drive_reading(settings, drive, normals[k])
+    joints[k], motors[k] = told.joint, told.motor
+    for i in range(len(kinds)):
+        if k >= onsets[i]:
+            told = misread(kinds[i], k - onsets[i], told, joints, motors, k)
+            drive = drive_damaged(settings, drive, kinds[i], k - onsets[i])
+    return drive, told
 
 
 @kernel
 def drive_moved(
-    settings: DriveSettings, drive: DriveState, sheath: SheathState, next_sheath: SheathState
+    settings: DriveSettings, drive: DriveState, target: float, sheath: SheathState, next_sheath: SheathState
 ) -> DriveState:
-    """One cycle later, in a sheath of the width of the cycle's beginning, and of the next state at its end.
+    """One cycle later under a `target` [rad], in a sheath that is so at the cycle's beginning and at its end.
 
-    A motor without torque coasts to a stop; the servo of one that runs away is drawn on, and one that is jammed stands.
-    In sub-steps, since none of these has an exact step.
+    A motor without torque coasts to a stop; the servo of one that runs away is drawn on, one that is jammed stands, and
+    nothing reaches one that is deaf. In sub-steps, since none of these has an exact step.
     """
     bench, damage, h, travel = settings.bench, drive.damage, drive.body.h, 0.0
     servo, spool = bench.servo, drive.body.motor
+    applied = drive.applied if damage.deaf > 0.0 else target
     for _ in range(bench.substeps):
-        aim = drive.applied
+        aim = applied
         if not drive_turns(drive):
             aim = spool.position * (1.0 - settings.dt / 0.1)
         elif damage.runs_away > 0.0:
@@ -191,4 +217,4 @@ def drive_moved(
         travel += piece
     h = advance_prepared(h, travel, bench.hysteresis)
     body = bench_at(bench, spool, h, next_sheath.width, next_sheath.slope_factor)
-    return DriveState(body, drive.state, drive.power, drive.applied, damage)
+    return DriveState(body, drive.state, drive.power, applied, damage)

@@ -12,7 +12,7 @@ from bowden.plants.bench import Bench
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.sim.injected import Injected
-from bowden.sim.supervised import Outcome, supervised
+from support.supervised import Outcome, supervised
 
 MEASURED = Limits(measures_tension=1.0, measures_temperature=1.0, uses_emg=1.0)
 """Limits of a rig that measures all there is to measure, in a run by EMG."""

@@ -45,19 +45,20 @@ from bowden.safety.supervisor import (
     Verdict,
     begin,
 )
-from bowden.sim.injected import FAULT, Injected, Misled, asleep, disturbed, misled_start, misled_step, misread
-from bowden.sim.injected_drive import (
-    DriveSettings,
-    drive_damaged,
-    drive_heard,
-    drive_moved,
-    drive_reading,
-    drive_start,
-    drive_told,
-    true_joint,
+from bowden.sim.injected import (
+    FAULT,
+    NANOSECOND,
+    Injected,
+    Misled,
+    asleep,
+    disturbed,
+    in_seconds,
+    misled_start,
+    misled_step,
 )
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
+from support.injected_drive import DriveSettings, drive_moved, drive_read, drive_reading, drive_start, true_joint
 
 
 class Outcome(NamedTuple):
@@ -139,25 +140,21 @@ def run_supervised(
         begin(limits, first, thermal),
     )
     record[:, :] = math.nan
+    period = np.floor(dt / NANOSECOND + 0.5)
     out[:6] = -1.0
     out[6:] = 0.0
     out[0] = 0.0
     target, mode, ran, k, missed = initial_motor, 0.0, -1, 0, 0
     while k < cycles:
         # the drive, and what is wrong with what it says
-        drive = drive_heard(drive, record[2, k - max(delay, 1)] if k >= max(delay, 1) else POWER_OFF)
-        true = drive_reading(drive_settings, drive, normals[k])
-        joints[k], motors[k] = true.joint, true.motor
-        joint, told = true_joint(drive), true
-        for i in range(len(kinds)):
-            if k >= onsets[i]:
-                told = misread(kinds[i], k - onsets[i], told, joints, motors, k)
-                drive = drive_damaged(drive_settings, drive, kinds[i], k - onsets[i])
+        power = record[2, k - max(delay, 1)] if k >= max(delay, 1) else POWER_OFF
+        drive, told = drive_read(drive_settings, drive, power, k, normals, kinds, onsets, joints, motors)
 
         # the clock and all else that the loop observes
         request = ARM if k == 0 else RUN if ran < 0 else NONE
-        late = missed * dt
-        observed = Observed(told, late, late + dt, request, OPERATOR_AGE, 1.0, 1.0, EMG_AGE)
+        due = k - missed  # the reference is that of the deadline
+        late, elapsed = in_seconds(missed * period), in_seconds((missed + 1) * period)
+        observed = Observed(told, late, elapsed, request, OPERATOR_AGE, 1.0, 1.0, EMG_AGE)
         missed = 0
         for i in range(len(kinds)):
             if k >= onsets[i]:
@@ -167,7 +164,7 @@ def run_supervised(
         # the cycle
         plan = Plan(HOLD, 0.0, Reference(math.nan, math.nan, math.nan))
         if ran >= 0 and mode in (RUNNING, BRIDGING):
-            j = k - ran
+            j = due - ran
             reference = Reference(references[0, j], references[1, j], references[2, j])
             plan = Plan(LAW_BEGINS if j == 0 else LAW, 0.0, reference)
         now[0] = k
@@ -178,7 +175,7 @@ def run_supervised(
 
         # what came of it
         if out[2] < 0.0 and k >= onsets[0]:
-            off_joint, off_motor = abs(told.joint - joint), abs(told.motor - drive.body.motor.position)
+            off_joint, off_motor = abs(told.joint - true_joint(drive)), abs(told.motor - drive.body.motor.position)
             gone = motors[k] - motors[onsets[0]]
             if shows(kinds[0], off_joint, off_motor, drive.body.motor, gone, told, drive.applied, observed.lateness):
                 out[2] = k
@@ -209,9 +206,9 @@ def run_supervised(
             if k < onsets[i] <= k + missed:
                 onsets[i] = k + missed + 1  # what happens meanwhile is seen then
         for j in range(k, k + missed + 1):
-            joints[j], motors[j] = true.joint, true.motor
-            drive = drive_told(drive, record[1, j - delay] if j >= delay else initial_motor)
-            drive = drive_moved(drive_settings, drive, sheath_at(sheath, j), sheath_at(sheath, j + 1))
+            joints[j], motors[j] = joints[k], motors[k]
+            reached = record[1, j - delay] if j >= delay else initial_motor
+            drive = drive_moved(drive_settings, drive, reached, sheath_at(sheath, j), sheath_at(sheath, j + 1))
         k += missed + 1
     out[1] = ran
 

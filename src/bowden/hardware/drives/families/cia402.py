@@ -1,0 +1,126 @@
+"""CiA 402 over CANopen: the drive of `bowden.hardware.drives.canopen_drive`, played by `bowden.hardware.twin`."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.core.errors import ParameterError
+from bowden.hardware.drives.emergencies import emergency_text
+from bowden.hardware.drives.family import DriveNeeds, Family, Twin
+from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push
+from bowden.hardware.ports import Drive
+
+if TYPE_CHECKING:
+    from bowden.hardware.twin.plant import TwinPlant
+
+
+def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
+    """The parameters with what the rig asks for.
+
+    Raises:
+        ParameterError: values that make no sense together.
+    """
+    asked = {name: value for name, value in needs._asdict().items() if name in DriveParameters._fields}
+    parameters = given._replace(**asked)
+    check_parameters(parameters)
+    if 2.0 * parameters.drive_heartbeat_time > needs.heartbeat_age:
+        raise ParameterError(
+            f"drive.drive_heartbeat_ms is {1e3 * given.drive_heartbeat_time:g}, and limits.heartbeat_age_s is "
+            f"{needs.heartbeat_age:g}",
+            expected="two of the drive's heartbeats within that age, so that one lost frame is none",
+            do="correct one of them",
+        )
+    return parameters
+
+
+def open_drive(parameters: DriveParameters) -> Drive:
+    """The drive on its bus."""
+    from bowden.hardware.drives.canopen_drive import CanopenDrive  # with python-can and canopen
+
+    return CanopenDrive(parameters)
+
+
+def twin(parameters: DriveParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]) -> Twin:
+    """The digital twin; an option is an object of its dictionary that is otherwise, as ``6502:0=0x25``.
+
+    Raises:
+        ParameterError: an option that is none.
+        DriveError: the bus cannot be used, or has a twin already.
+    """
+    from bowden.hardware.twin.twin import Twin as CanopenTwin
+
+    return CanopenTwin(parameters, plant, clock, dict(_override(text) for text in options))
+
+
+def _override(text: str) -> tuple[tuple[int, int], int | None]:
+    """``INDEX:SUB=VALUE`` with a hexadecimal index."""
+    try:
+        key, value = text.split("=")
+        index, sub = key.split(":")
+        return (int(index, 16), int(sub)), None if value == "none" else int(value, 0)
+    except ValueError as error:
+        raise ParameterError(f"--object is {text!r}", expected="like 6502:0=0x25, or 6502:0=none") from error
+
+
+def moved(parameters: DriveParameters, channel: str | None, interface: str | None) -> DriveParameters:
+    """The same drive on another bus."""
+    return parameters._replace(
+        channel=parameters.channel if channel is None else channel,
+        interface=parameters.interface if interface is None else interface,
+    )
+
+
+def address(parameters: DriveParameters) -> Mapping[str, str]:
+    """Bus and number."""
+    return {
+        "interface": parameters.interface,
+        "channel": parameters.channel,
+        "node": str(parameters.node_id),
+    }
+
+
+def control(parameters: DriveParameters) -> Path:
+    """Socket of the twin of this node."""
+    from bowden.hardware.twin.control import control_path  # with python-can
+
+    return control_path(parameters.interface, parameters.channel, parameters.node_id)
+
+
+def claim_host(parameters: DriveParameters) -> Callable[[], None]:
+    """Be the bus' one master.
+
+    Raises:
+        DriveError: there is one.
+    """
+    from bowden.hardware.buses.opening import claim
+
+    return claim(parameters.interface, parameters.channel, "host").release
+
+
+def largest_push(parameters: DriveParameters, needs: DriveNeeds) -> float:
+    """Half of what the largest current gives [N·m]."""
+    return most_push(
+        parameters._replace(gear=needs.gear, torque_constant=needs.torque_constant, current_limit=needs.current_limit)
+    )
+
+
+def measures_tension(parameters: DriveParameters) -> bool:
+    """Whether a sensor hangs on the drive's analog input."""
+    return parameters.tension_scale != 0.0
+
+
+FAMILY = Family(
+    name="cia402",
+    title="The CiA 402 drive on its CANopen bus; `bowden twin` plays it.",
+    parameters=DriveParameters(),
+    completed=completed,
+    open=open_drive,
+    twin=twin,
+    moved=moved,
+    address=address,
+    control=control,
+    claim=claim_host,
+    most_push=largest_push,
+    measures_tension=measures_tension,
+    explain=emergency_text,
+)

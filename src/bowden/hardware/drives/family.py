@@ -1,0 +1,128 @@
+"""What a family of drives offers, and how one is found by its name."""
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from bowden.core.errors import ParameterError, near
+from bowden.hardware.drives import families
+from bowden.hardware.ports import Drive
+from bowden.models.suit.suit_angle import SpoolMap
+
+if TYPE_CHECKING:
+    from bowden.hardware.twin.plant import TwinPlant
+
+DEFAULT = "cia402"
+"""The family of a rig that names none."""
+
+
+class DriveNeeds(NamedTuple):
+    """What a rig asks of its drive, whatever that is; in SI and radians at the spool and the joint."""
+
+    gear: float
+    """Motor turns per spool turn [–]."""
+    torque_constant: float
+    """Torque per ampere at the motor's shaft [N·m/A]."""
+    sample_time: float
+    """One cycle [s]."""
+    lowest_motor: float
+    """Spool angle below which the rig never goes [rad]."""
+    highest_motor: float
+    """Spool angle above which the rig never goes [rad]."""
+    speed_limit: float
+    """Largest speed of the spool [rad/s]."""
+    following_error: float
+    """Largest lag behind the target, at the spool [rad]."""
+    current_limit: float
+    """Largest current [A]."""
+    torque_offset: float
+    """Largest torque offset beside the target, at the spool; 0 where none is sent [N·m]."""
+    spool: SpoolMap | None
+    """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says."""
+    heartbeat_age: float
+    """Age of the drive's sign of life from which the supervisor stops [s]."""
+
+
+class Twin(Protocol):
+    """A drive that is played, in a process of its own."""
+
+    path: Path
+    """Socket at which `TwinControl` reaches it."""
+
+    def run(self) -> None:
+        """Be a drive until `stop`."""
+        ...
+
+    def stop(self) -> None:
+        """Let `run` end; for signal handlers."""
+        ...
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of drives. `parameters` stands for any value of the NamedTuple of which the default is one."""
+
+    name: str
+    """``[drive] family``."""
+    title: str
+    """What it is, in a sentence."""
+    parameters: Any
+    """Default of its NamedTuple, whose declared fields are the keys of [drive]; ``family`` is one of them."""
+    completed: Callable[[Any, DriveNeeds], Any]
+    """``completed(parameters, needs)``: the parameters with what the rig asks for; raises a ParameterError for values
+    that make no sense together, before anything is opened."""
+    open: Callable[[Any], Drive]
+    """``open(parameters)``: the drive; nothing is sent before `bring_up`."""
+    twin: Callable[[Any, "TwinPlant", Callable[[], float], Sequence[str]], Twin]
+    """``twin(parameters, plant, clock, options)``: who plays the drive; the options are the command line's --object."""
+    moved: Callable[[Any, str | None, str | None], Any]
+    """``moved(parameters, channel, interface)``: the same drive on another bus, where one is given."""
+    address: Callable[[Any], Mapping[str, str]]
+    """Which drive it is: what tells it from others on this computer."""
+    control: Callable[[Any], Path]
+    """Socket of its twin."""
+    claim: Callable[[Any], Callable[[], None]]
+    """Claim the host's part on the bus, and how to let go of it; raises a DriveError where another run has it."""
+    most_push: Callable[[Any, DriveNeeds], float]
+    """``most_push(parameters, needs)``: largest torque offset that it takes, at the spool [N·m]."""
+    measures_tension: Callable[[Any], bool]
+    """Whether it tells the cable's tension."""
+    explain: Callable[[int], str]
+    """What the code of an emergency means."""
+
+
+_REGISTERED: dict[str, Family] = {}
+
+
+def register(family: Family) -> Family:
+    """Add a family that is not one of the package's files, before a rig that names it is read."""
+    _REGISTERED[family.name] = family
+    return family
+
+
+def names() -> tuple[str, ...]:
+    """The families that there are; none of them is imported for it."""
+    found = (module.name for module in pkgutil.iter_modules(families.__path__))
+    return tuple(dict.fromkeys((DEFAULT, *found, *_REGISTERED)))
+
+
+def family_named(name: str) -> Family:
+    """The family of a name.
+
+    Raises:
+        ParameterError: there is none.
+    """
+    if name in _REGISTERED:
+        return _REGISTERED[name]
+    if name not in names():
+        raise ParameterError(f"drive.family is {name!r}", expected=near(name, names()), do="correct it in rig.toml")
+    family: Family = importlib.import_module(f"{families.__name__}.{name}").FAMILY
+    return family
+
+
+def family_of(parameters: Any) -> Family:
+    """The family whose parameters these are."""
+    return family_named(parameters.family)

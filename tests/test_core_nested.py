@@ -1,0 +1,86 @@
+"""Nested states and their flat columns: names, order, units, and the way there and back, interpreted and compiled."""
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.core.kernel import compiled, kernel
+from bowden.core.nested import columns, flat, from_columns, names, refilled, restored
+from bowden.core.signals import Sample
+from bowden.live.old_names import _renamed, names_of_today
+from bowden.live.row import STOPPED, SUPERVISOR
+
+STATES = [STOPPED, *(law.start(Sample(0.1, 0.2)) for law in LAWS.values())]
+SOURCE = Path(__file__).parents[1] / "src" / "bowden"
+
+
+@kernel
+def there(state: Any, out: Any) -> None:
+    numbers = flat(state)
+    for i in range(len(numbers)):
+        out[i] = numbers[i]
+
+
+@kernel
+def back(like: Any, row: Any) -> Any:
+    return restored(like, row)
+
+
+@pytest.mark.parametrize("state", STATES, ids=lambda state: type(state).__name__)
+def test_a_state_comes_back_from_its_columns(state: Any) -> None:
+    own = names(state)
+    assert len(set(own)) == len(own) == len(flat(state))
+    row = np.arange(1.0, len(own) + 1.0)
+    filled = refilled(state, row)
+    assert type(filled) is type(state)
+    assert flat(filled) == tuple(row)
+    assert from_columns(state, dict(zip(own, row, strict=True))) == filled
+    assert list(columns(state, "law")) == [f"law.{name}" for name in own]
+    out = np.empty(len(own))
+    compiled(there)(filled, out)
+    assert np.array_equal(out, row)
+    assert compiled(back)(state, row) == filled
+
+
+def test_units_are_those_of_the_types() -> None:
+    assert SUPERVISOR["supervisor.motor.speed"] == "rad/s"
+    assert SUPERVISOR["supervisor.heat.winding"] == "°C"
+    assert SUPERVISOR["supervisor.decided.mode"] == "1"
+    units = LAWS["bowden"].columns()
+    assert units["law.crossing.width"] == "rad"
+    assert units["law.slopes.lag"] == "s"
+    assert LAWS["adaptive"].columns()["law.joint_rate"] == "rad/s"
+
+
+def test_old_names_are_those_of_today_where_a_log_has_them_all() -> None:
+    supervisor, push, law = _renamed()
+    assert set(supervisor.values()) | {"supervisor.target"} == set(SUPERVISOR)
+    assert len(push) == 17
+    assert set(law.values()) | {"law.origin"} == set(LAWS["bowden"].columns())
+    assert names_of_today(("time", *supervisor, "law.width")) == ("time", *supervisor.values(), "law.width")
+    assert names_of_today((*supervisor, *law)) == (*supervisor.values(), *law.values())
+    assert names_of_today(tuple(SUPERVISOR)) == tuple(SUPERVISOR)
+
+
+def sliced_states(source: str) -> list[int]:
+    """Lines that take a part of a state by numbers."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice):
+            ends = (node.slice.lower, node.slice.upper)
+            counted = all(end is None or isinstance(end, ast.Constant) for end in ends)
+            told = ast.unparse(node.value)
+            if counted and any(told.endswith(word) for word in ("state", "watched", "supervisor", "thermal", "heat")):
+                found.append(node.lineno)
+    return found
+
+
+def test_no_state_is_sliced_by_number() -> None:
+    assert sliced_states("a = Followed(*state[12:15])") == [1]
+    assert sliced_states("a = b + thermal[:]") == [1]
+    for path in SOURCE.rglob("*.py"):
+        assert not sliced_states(path.read_text()), path

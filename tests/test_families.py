@@ -1,0 +1,174 @@
+"""A new family of drives, and a new detector of contractions: what each needs, done from this file."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+import pytest
+
+from bowden.core.errors import ParameterError
+from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
+from bowden.export.parts import emg_modules
+from bowden.hardware.drives import family as drive_families
+from bowden.hardware.drives.family import DriveNeeds, Family, family_named, family_of, names
+from bowden.hardware.drives.simulated import SimulatedDrive
+from bowden.hardware.emg.listener import Listener
+from bowden.hardware.ports import Drive, EmgChunk, Power
+from bowden.hardware.twin.bench import TwinBench
+from bowden.identify.emg.score import find
+from bowden.rig.rig import Rig
+from bowden.sensing.detector import Detector
+from bowden.sensing.detectors import DETECTORS, detector_named
+from bowden.sensing.stream import OnsetDetector
+
+
+class ToyParameters(NamedTuple):
+    """A drive at the end of a piece of string."""
+
+    family: Annotated[Literal["toy"], Quantity("how the drive is spoken to: its family")] = "toy"
+    string: Annotated[str, Quantity("which piece of string")] = "red"
+    length: Annotated[float, Quantity("of the string", "m", shown="mm", gt=0.0)] = 0.5
+    speed_limit: float = 0.0
+    """Largest speed that the rig asks for [rad/s]."""
+
+
+def toy_completed(given: ToyParameters, needs: DriveNeeds) -> ToyParameters:
+    return given._replace(speed_limit=needs.speed_limit)
+
+
+def toy_twin(given: ToyParameters, plant: Any, clock: Callable[[], float], options: Any) -> Any:
+    return SimulatedDrive(plant)
+
+
+PLAYED: dict[str, Any] = {}
+"""The twin at the end of each string."""
+
+
+def toy_open(given: ToyParameters) -> Drive:
+    drive: Drive = PLAYED[given.string]
+    return drive
+
+
+TOY = Family(
+    name="toy",
+    title="A drive at the end of a piece of string.",
+    parameters=ToyParameters(),
+    completed=toy_completed,
+    open=toy_open,
+    twin=toy_twin,
+    moved=lambda given, channel, interface: given._replace(string=channel or given.string),
+    address=lambda given: {"string": given.string},
+    control=lambda given: Path(f"toy-{given.string}"),
+    claim=lambda given: lambda: None,
+    most_push=lambda given, needs: 0.0,
+    measures_tension=lambda given: False,
+    explain=lambda code: f"the string says {code}",
+)
+
+
+@pytest.fixture
+def toy() -> Iterator[Family]:
+    drive_families.register(TOY)
+    yield TOY
+    del drive_families._REGISTERED["toy"]
+
+
+def test_a_rig_of_another_family_is_read_packed_written_and_run_against_its_twin(toy: Family, tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('[drive]\nfamily = "toy"\nstring = "blue"\nlength_mm = 250.0\n')
+    rig = Rig.read(path)
+    assert rig.drive == ToyParameters(string="blue", length=0.25)
+    assert rig.drive_parameters.speed_limit == rig.supervisor_limits.motor_speed
+    assert Rig.unpack(rig.pack()).drive == rig.drive
+    assert Rig.unpack(rig.pack()).hash == rig.hash != Rig().hash
+    assert 'family = "toy"' in rig.to_toml()
+    assert rig.on_bus("green").drive.string == "green"
+
+    family, parameters = family_of(rig.drive), rig.drive_parameters
+    plant = TwinBench(rig.bench, rig.bend_path, rig.duration, rig.seed, rig.start_motor, 0.0)
+    PLAYED["blue"] = family.twin(parameters, plant, lambda: 0.0, ())
+    drive = family.open(parameters)
+    start = drive.read(0.0).motor
+    for k in range(1, 400):
+        drive.write(start + 0.1, Power.ON, k * 1e-3)
+    assert drive.read(0.4).motor == pytest.approx(start + 0.1, abs=0.01)
+    assert family.explain(7) == "the string says 7"
+
+
+def test_a_family_that_there_is_not_is_named(tmp_path: Path) -> None:
+    assert names() == ("cia402",)
+    with pytest.raises(ParameterError, match="toy"):
+        family_named("toy")
+    path = tmp_path / "rig.toml"
+    path.write_text('[drive]\nfamily = "cia40"\n')
+    with pytest.raises(ParameterError, match="cia402"):
+        Rig.read(path)
+
+
+class ToySettings(NamedTuple):
+    """A threshold."""
+
+    threshold: float = 0.5
+    shortest: float = 0.0
+
+
+class ToyState(NamedTuple):
+    """The largest value so far."""
+
+    largest: float
+
+
+@kernel
+def toy_step(prepared: ToySettings, state: ToyState, value: float) -> tuple[ToyState, float, float]:
+    size = np.abs(value)
+    return ToyState(np.fmax(state.largest, size)), sel(size > prepared.threshold, 1.0, 0.0), 0.0
+
+
+@kernel
+def toy_rest(state: ToyState) -> float:
+    return state.largest
+
+
+TOY_DETECTOR = Detector(
+    name="toy",
+    settings=ToySettings(),
+    prepare=lambda rate, settings: settings,
+    start=lambda prepared, first: ToyState(0.0),
+    step=toy_step,
+    rest=toy_rest,
+    of_wearer=lambda rest: ToySettings(threshold=3.0 * rest),
+    slowest=100.0,
+    safe=200.0,
+    quickest=5000.0,
+    source="a test",
+)
+
+
+def test_a_new_detector_hears_scores_and_is_exported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(DETECTORS, "toy", TOY_DETECTOR)
+    kind = detector_named("toy")
+    signal = np.where(np.arange(2000) // 500 % 2 == 1, 1.0, 0.1) * np.where(np.arange(2000) % 2, 1.0, -1.0)
+    told = OnsetDetector(1000.0, None, kind).feed(signal)
+    assert np.array_equal(told.active, np.where(np.abs(signal) > 0.5, 1.0, 0.0))
+    assert told.rest[-1] == 1.0
+    found = find(signal, 1000.0, [(0.5, 1.0), (1.5, 2.0)], detector=kind)
+    assert (found.score.misses, found.score.false_activations) == (0, 0)
+    heard = Listener(1000.0, 0, detector=kind)
+    heard.take(EmgChunk(signal[:700, None], np.arange(700) / 1000.0), 0.7)
+    assert heard.heard.flexor == 1.0
+    _, module = emg_modules(1000.0, kind)
+    assert module.prefix == "toy"
+    with pytest.raises(ParameterError, match="toy"):
+        OnsetDetector(50.0, None, kind)
+
+
+def test_a_rig_names_its_detector() -> None:
+    from bowden.rig.settings import EmgSettings
+
+    rig = Rig(emg=EmgSettings(source="lsl:EMG"))
+    assert rig.emg_run is not None
+    assert rig.emg_run.detector is DETECTORS["onset"]
+    with pytest.raises(ParameterError, match="onset"):
+        Rig(emg=EmgSettings(source="lsl:EMG", detector="onsat"))
