@@ -46,7 +46,9 @@ def rooms() -> Figure:
         for i, (name, holds) in enumerate(floor):
             x, y = _LEFT + i * (width + 0.15), level * _STEP
             axes.add_patch(
-                FancyBboxPatch((x, y), width, _HEIGHT, boxstyle="round,pad=0.02", facecolor="#f2f4f6", edgecolor="#8a949d")
+                FancyBboxPatch(
+                    (x, y), width, _HEIGHT, boxstyle="round,pad=0.02", facecolor="#f2f4f6", edgecolor="#8a949d"
+                )
             )
             axes.text(x + 0.12, y + 0.4, name, fontsize=10.5, fontweight="bold", va="center")
             axes.text(x + 0.12, y + 0.16, holds, fontsize=8.0, va="center", color="#444444")
@@ -62,9 +64,8 @@ def rooms() -> Figure:
                     va="center",
                     bbox={"boxstyle": "circle,pad=0.22", "facecolor": colour, "edgecolor": "none"},
                 )
-    axes.annotate(
-        "", xy=(10.45, 0.1), xytext=(10.45, len(FLOORS) * _STEP - 0.3), arrowprops={"arrowstyle": "->", "color": "#444444"}
-    )
+    arrow = {"arrowstyle": "->", "color": "#444444"}
+    axes.annotate("", xy=(10.45, 0.1), xytext=(10.45, len(FLOORS) * _STEP - 0.3), arrowprops=arrow)
     axes.text(10.6, len(FLOORS) * _STEP / 2, "imports\npoint down", fontsize=9.5, va="center", color="#444444")
     for i, (name, (colour, _)) in enumerate(_WAYS.items()):
         axes.text(

@@ -81,7 +81,7 @@ class DriveParameters(NamedTuple):
         float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)
     ] = 0.3
     spool: SpoolMap | None = None
-    """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says (`models.suit.suit_angle`)."""
+    """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
 
 
 MOST_PUSH = 0.5
