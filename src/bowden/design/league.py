@@ -13,7 +13,7 @@ from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
-from bowden.design.league_cells import LeaguePlant, Scenario
+from bowden.design.league_cells import LeaguePlant, LeagueScenario
 from bowden.design.league_exact import exact_travel
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.sim.many import Case, Shown, simulate_each
@@ -85,7 +85,7 @@ class Standing:
 def play(
     laws: Sequence[Law],
     plants: Sequence[Callable[[], LeaguePlant]],
-    scenarios: Sequence[Scenario],
+    scenarios: Sequence[LeagueScenario],
     progress: Callable[[str, float], None],
     guard: Callable[[Law], AbstractContextManager[None]],
     seed: int = 1,
@@ -122,7 +122,7 @@ def play(
                 done += 1
 
 
-def _judged(name: str, found: LeaguePlant, scenario: Scenario, run: Shown, travel: float) -> Played:
+def _judged(name: str, found: LeaguePlant, scenario: LeagueScenario, run: Shown, travel: float) -> Played:
     """The cell: no trace is made, since all that is drawn of it are the largest errors of its stretches."""
     outcome, late = run.outcome, run.outcome.rmse_after_10s * DEGREES
     if not (outcome.ended and outcome.peak * DEGREES <= found.stroke * DEGREES):
