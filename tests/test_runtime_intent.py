@@ -26,7 +26,7 @@ RATE, DT = 1000.0, 0.001
 WRITER = """
 import sys
 from pathlib import Path
-from bowden.hardware.emg.intent_block import StreamReading, IntentWriter
+from bowden.hardware.emg.intent_block import IntentWriter, StreamReading
 writer = IntentWriter(Path(sys.argv[1]))
 for k in range(1, 60_001):
     writer.write(StreamReading(k, k, k, k, k, float(k), float(k), float(k), float(k), float(k)))
