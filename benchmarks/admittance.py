@@ -14,12 +14,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from admittance_unseen import unseen, unseen_felt
 from bowden.control import LAWS
 from bowden.control.admittance.port import passive_to
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import FIRM, QUIET, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
-from bowden.design.admittance_unseen import unseen, unseen_felt
 from bowden.models.suit.arm import arm_of
 from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.suit import suit

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from bowden.design.study import Case, Study, study
 from bowden.rig.presets.bench import default_bench
 from kept import Kept
 from measure import Figure
+from study import Case, Study, study
 
 COUNT, SEED, SEED_OF_TRIES = 500, 20261122, 0
 
@@ -30,7 +30,7 @@ def figures(count: int = COUNT, seed: int = SEED) -> tuple[list[Figure], list[st
         ),
         Figure("stable in simulation without 6 dB and 30°", _percent(len(narrow) / len(verdicts)), "–"),
     ], [
-        f"{len(verdicts)} rigs of seed {seed}: servo, delay, slope and gains drawn as `bowden.design.study` says; "
+        f"{len(verdicts)} rigs of seed {seed}: servo, delay, slope and gains drawn as `study.py` says; "
         f"{len(stable)} stable in ten minutes of motion; verdicts: "
         + ", ".join(f"{verdicts.count(name)} `{name}`" for name in ("holds", "little_margin", "does_not_hold"))
         + "."

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.design.random_plants import run_random_plant, run_random_plants
+from drawn_plants import run_random_plant, run_random_plants
 from kept import Kept
 from measure import Figure
 
@@ -30,7 +30,7 @@ def figures(count: int = COUNT) -> tuple[list[Figure], list[str]]:
         Figure("peak error", _percentiles([row[3] for row in stable]), "–"),
     ], [
         "Plants: servo 2–20 Hz, of which the law knows the frequency to ± 20 %, delay 0–3 ms, slope 0.6–1.2, dead zone "
-        "0–15°, both drifting, encoders of 0.02–0.2°, load lag up to 30 ms (`bowden.design.random_plants`)."
+        "0–15°, both drifting, encoders of 0.02–0.2°, load lag up to 30 ms (`drawn_plants.py`)."
         + (f" Unstable: {', '.join(map(str, unstable[:20]))}." if unstable else "")
     ]
 

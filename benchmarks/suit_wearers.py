@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.design.wearers import Worn, wear
 from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.suit import DRIVE_INTEGRAL, FRICTION_FEEDFORWARD, suit, suit_adaptive_integral, suit_ours
 from kept import Kept
 from measure import Figure
+from wearers import Worn, wear
 
 COUNT, PROCESSES, CHUNK, BAND = 500, 2, 5, 5.0
 _SHARES = (50.0, 90.0, 99.0, 100.0)
@@ -31,7 +31,7 @@ def worn_suit() -> Suit:
 def figures(count: int = COUNT) -> tuple[list[Figure], list[str]]:
     """How many runs are unstable, how many stay within 5°, and the percentiles and the worst of the errors."""
     found: list[Figure] = []
-    notes = ["Wearers and sheaths: `bowden.design.wearers`; four flexions 0–90° of 25 s, the first two to learn in."]
+    notes = ["Wearers and sheaths: `wearers.py`; four flexions 0–90° of 25 s, the first two to learn in."]
     for law in (suit_ours(), suit_adaptive_integral()):
         kept = Kept(f"suit_wearers_{law.name}")
         there = {row[0] for row in kept.rows()}

@@ -11,8 +11,8 @@ stands here, compiled in simulation, and later as C. For that, write `sel(condit
 
 from typing import NamedTuple
 
-from bowden.core.kernel import kernel, tanh
-from bowden.core.signals import Reference, Sample
+from bowden import Reference, Sample, kernel
+from bowden.core.kernel import tanh
 
 
 class Gains(NamedTuple):

@@ -102,7 +102,7 @@ def test_little_margin_runs_with_a_note(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_a_law_that_cannot_be_checked_is_not_locked_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source = (ROOT / "examples" / "my_law.py").read_text().replace("import kernel", "import kernel, sel")
+    source = (ROOT / "examples" / "my_law.py").read_text().replace("Sample, kernel", "Sample, kernel, sel")
     still = "return State(integral), command + sel(reference.velocity == 0.0, 0.0, 1e-9 / reference.velocity)"
     (folder / "law.py").write_text(source.replace("return State(integral), command", still))
     assert main.run(["simulate", "rig.toml", "--law", "law.py", "--json"]) == 0

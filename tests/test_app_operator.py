@@ -90,7 +90,12 @@ def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin(
 def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -> str:
     ready = {"drive": "EPOS4, node 1"}
     session: Any = SimpleNamespace(
-        recorder=int(RecorderState.OK), log=Path(log), emergency=emergency, ready=ready, ear=None
+        live=SimpleNamespace(rig=SimpleNamespace(drive=DRIVE)),
+        recorder=int(RecorderState.OK),
+        log=Path(log),
+        emergency=emergency,
+        ready=ready,
+        ear=None,
     )
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(picture(session, values, auto=False))

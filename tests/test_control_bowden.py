@@ -12,7 +12,6 @@ from bowden.core.metrics import rmse
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
-from bowden.design.random_plants import run_random_plant
 from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
@@ -23,6 +22,7 @@ from bowden.plants.cables import bouc_wen, play
 from bowden.plants.friction_cables import lumped
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
+from drawn_plants import run_random_plant
 
 
 def error_deg(trace: Trace) -> float:

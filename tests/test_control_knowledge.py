@@ -23,7 +23,6 @@ from bowden.design import check as design_check
 from bowden.design import league, league_cells, processes, trial
 from bowden.design import tune as design_tune
 from bowden.design import verdict as design_verdict
-from bowden.design.random_plants import random_plant, run_random_plant
 from bowden.export import law as export_law
 from bowden.live.live_run import live_run
 from bowden.live.log_replay import law_of
@@ -37,6 +36,7 @@ from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.study.load import load
+from drawn_plants import random_plant, run_random_plant
 
 BENCH = default_bench()
 COMMANDS = get_command(main.app)

@@ -17,12 +17,12 @@ from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
 from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import describing_function, hysteresis_response
-from bowden.design.study import random_rigs
 from bowden.design.trial import run_trial
 from bowden.models.cable.bouc_wen import prepare_cable
 from bowden.plants.bench import Bench
 from bowden.plants.transmission import transmission
 from bowden.rig.presets.bench import default_bench
+from study import random_rigs
 
 BENCH = default_bench()
 BENDS = (np.pi, 2.0 * np.pi)

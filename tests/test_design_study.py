@@ -3,8 +3,8 @@
 import pytest
 
 from bowden.control import LAWS
-from bowden.design.study import Case, Study, is_stable, simulated_margin, study
 from bowden.rig.presets.bench import default_bench
+from study import Case, Study, is_stable, simulated_margin, study
 
 BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]

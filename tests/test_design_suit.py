@@ -10,7 +10,6 @@ from bowden.control.reference import PointToPoint
 from bowden.control.stability import StateSpace, margins
 from bowden.core.units import DEGREES, RADIANS
 from bowden.design.suit_linear import corners, suit_model, worst_margins
-from bowden.design.wearers import random_wearer, wear
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
 from bowden.paper.suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
@@ -25,6 +24,7 @@ from bowden.rig.presets.suit import (
     suit_ours,
 )
 from bowden.sim.run import simulate
+from wearers import random_wearer, wear
 
 
 def test_the_linear_suit_at_rest_is_its_statics() -> None:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,8 @@ def test_every_name_is_there_and_has_a_docstring_with_an_example(name: str) -> N
 
 
 def test_a_name_that_is_not_there_is_answered_with_the_likely_one() -> None:
-    with pytest.raises(AttributeError, match=r"identify \(did you mean this\?\)"):
-        _ = bowden.identfy  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match=r"simulate \(did you mean this\?\)"):
+        _ = bowden.simulat  # type: ignore[attr-defined]
     assert not hasattr(bowden, "__wrapped__")
 
 
@@ -171,6 +172,91 @@ def test_a_fit_comes_from_a_trace_a_log_and_a_file_alike(tmp_path: Path) -> None
     assert np.allclose(bowden.identify(time=T, motor=MOTOR, joint=JOINT).best.parameters["slope"], 0.9)
 
 
+# the four tasks
+
+
+def test_a_rig_is_simulated_with_one_law_or_several(recwarn: pytest.WarningsRecorder) -> None:
+    rig = bowden.Rig(duration=6.0)
+    trace = bowden.simulate(rig)
+    assert trace.settings["law"] == rig.law_name
+    assert trace.settings["rig"] == rig.hash
+    mine = replace(bowden.LAWS["adaptive"], name="mine")
+    several = bowden.simulate(rig, ["adaptive", mine, "adaptive"])
+    assert list(several) == ["adaptive", "mine", "adaptive-2"]
+    assert np.array_equal(several["adaptive"]["joint"], several["adaptive-2"]["joint"])
+    assert not recwarn.list
+
+
+def test_a_law_that_does_not_hold_is_refused_and_forced_with_a_warning() -> None:
+    rig = bowden.Rig(duration=6.0, law="adaptive", gains={"feedback_gain": 2000.0})
+    with pytest.raises(ParameterError, match=r"adaptive does not hold on this rig.*force=True"):
+        bowden.simulate(rig)
+    with pytest.warns(UserWarning, match="does not hold"):
+        trace = bowden.simulate(rig, force=True)
+    assert trace.metrics().rmse_deg > 10.0
+    assert bowden.check(rig).verdict == "does_not_hold"
+
+
+def test_a_cable_that_runs_backwards_is_turned_round_with_a_warning() -> None:
+    cable = bowden.BoucWen(slope=-0.938, hysteresis_gain=0.129)
+    with pytest.warns(UserWarning, match="counted the other way round"):
+        trace = bowden.simulate(bowden.Rig(cable=cable, duration=6.0), "adaptive")
+    assert trace.stable
+    assert trace.metrics().rmse_deg == bowden.simulate(bowden.Rig(duration=6.0), "adaptive").metrics().rmse_deg
+
+
+def test_a_check_and_a_tuning_say_what_the_commands_say() -> None:
+    found = bowden.check(bowden.Rig(), "adaptive")
+    assert repr(found).startswith("Check of adaptive")
+    assert len(repr(found).splitlines()) < 24
+    assert "<svg" in found._repr_html_()
+    (axes,) = found.plot()
+    assert axes.get_xlabel() == "gain margin [dB]"
+    tuning = bowden.tune(bowden.Rig(gains={"error_gain": 0.03}), generations=2)
+    assert tuning.rig.fitted().gains == tuning.law.gains
+    assert tuning.phase_margin_deg is not None
+    assert repr(tuning).startswith("Tuning of adaptive")
+    assert len(tuning.plot()) == 2
+    assert "<svg" in tuning._repr_html_()
+
+
+def test_a_rig_and_a_law_are_one_screen_each() -> None:
+    rig = bowden.Rig(law="bowden", bend=np.pi)
+    for text in (str(rig), *(repr(law) for law in bowden.LAWS.values())):
+        assert 3 <= len(text.splitlines()) < 30
+        assert max(map(len, text.splitlines())) <= 100
+    assert str(rig).startswith(f"Rig {rig.hash}")
+    assert repr(bowden.Rig()) == "Rig()"
+    assert "<svg" in rig._repr_html_()
+    assert "<table>" in bowden.LAWS["bowden"]._repr_html_()
+    assert [axes.get_ylabel() for axes in rig.plot()] == ["reference [°]", "bend [°]"]
+
+
+def test_a_fit_goes_into_a_rig_as_it_is() -> None:
+    lag = 0.05 * np.sign(np.gradient(MOTOR))
+    fit = bowden.identify(T, MOTOR, 0.9 * (MOTOR - lag))
+    assert fit.best.name != "line"
+    runs = [bowden.simulate(bowden.Rig(cable=cable, duration=4.0), "adaptive") for cable in (fit, fit.best)]
+    assert runs[0].stable
+    assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
+
+
+@pytest.mark.live
+def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None:
+    rig = bowden.Rig(
+        reference=bowden.MinimumJerk.periodic(0.0, 0.8, 4.0),
+        duration=4.0,
+        limits=bowden.Rig().limits._replace(reading_age=10.0),  # a computer shared with others stalls
+    )
+    with bowden.run(rig, twin=True, out=tmp_path) as session:
+        session.complete()
+    trace = session.trace()
+    assert session.log.parent == tmp_path
+    assert np.nanmax(trace.array("joint", "deg")) > 40.0
+    assert np.array_equal(bowden.read_trace(session.log)["joint"], trace["joint"], equal_nan=True)
+    assert "Run of adaptive" in repr(session)
+
+
 # errors
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
@@ -196,6 +282,24 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no period": (lambda: bowden.MinimumJerk.periodic(0.0, 1.0, 0.0), r"period is 0"),
     "one point": (lambda: bowden.MinimumJerk.point_to_point(0.0, 1.0), r"times is 0.0; expected a list"),  # type: ignore[arg-type]
     "degrees on the way": (lambda: bowden.MinimumJerk.point_to_point([0, 1], [0, 70]), r"positions\[1\] is 70 rad"),
+    "a rig that is not there": (lambda: bowden.simulate("rig.tom"), r"cannot read rig.tom: no such file"),
+    "the class of rigs": (lambda: bowden.simulate(bowden.Rig), r"rig is the class Rig.*make one of it: Rig\(\)"),  # type: ignore[call-overload]
+    "a rig of numbers": (lambda: bowden.check(3), r"check: rig is 3; expected a Rig or the path"),  # type: ignore[arg-type]
+    "another law": (lambda: bowden.simulate(bowden.Rig(), "adaptiv"), r"adaptive \(did you mean this\?\)"),
+    "a class for a law": (lambda: bowden.tune(bowden.Rig(), Path), r"tune: law is the class Path; expected a name"),  # type: ignore[arg-type]
+    "no laws": (lambda: bowden.simulate(bowden.Rig(), []), r"laws is empty"),
+    "a duration in text": (lambda: bowden.simulate(bowden.Rig(), duration="5"), r"duration is '5'; expected a number"),  # type: ignore[call-overload]
+    "a seed below 0": (lambda: bowden.simulate(bowden.Rig(), seed=-1), r"the seed is -1; expected a whole number"),
+    "a preset of numbers": (lambda: bowden.check(bowden.Rig(), preset=3), r"check: preset is 3; expected the name"),  # type: ignore[arg-type]
+    "an unknown preset": (lambda: bowden.check(bowden.Rig(), "adaptive", preset="no"), r"has no preset 'no'"),
+    "an unknown field": (lambda: bowden.Rig().replace(servos=1), r"a rig has no 'servos'; expected servo"),
+    "a cable of text": (lambda: bowden.Rig(cable="stiff"), r"cable is 'stiff'; expected"),  # type: ignore[arg-type]
+    "degrees in a rig": (lambda: bowden.Rig(initial_motor=70.0), r"initial_motor is 70.*looks like degrees"),
+    "generations": (lambda: bowden.tune(bowden.Rig(), generations=0), r"tune: generations is 0; expected a whole"),
+    "a folder of numbers": (lambda: bowden.export(bowden.Rig(), 3), r"export: folder is 3; expected the path"),  # type: ignore[arg-type]
+    "a study of numbers": (lambda: bowden.campaign(3), r"campaign: study is 3; expected the path"),  # type: ignore[arg-type]
+    "no workers": (lambda: bowden.campaign("s.toml", workers=0), r"workers is 0; expected a whole number from 1"),
+    "a bus of numbers": (lambda: bowden.run(bowden.Rig(), channel=3).__enter__(), r"run: channel is 3; expected text"),  # type: ignore[arg-type]
     "an unknown law": (lambda: bowden.LAWS["adaptiv"], r"adaptive \(did you mean this\?\)"),
 }
 

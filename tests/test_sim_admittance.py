@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from admittance_unseen import unseen, unseen_felt
 from bowden.control import LAWS
 from bowden.control.admittance.push import ROOM, push_source, stretched
 from bowden.control.admittance.virtual_elbow import Admittance
@@ -16,7 +17,6 @@ from bowden.core.nested import flat
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import MIDDLE, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
-from bowden.design.admittance_unseen import unseen, unseen_felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.rig.presets.suit import suit
 from bowden.sim.run import simulate

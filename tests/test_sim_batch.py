@@ -13,7 +13,6 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import numbers_of, refilled
 from bowden.core.pairwise import pairwise_sum
 from bowden.core.units import DEGREES, RADIANS
-from bowden.design.random_plants import random_plant, run_random_plants
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import PAPER_ENCODER, Bench
@@ -23,6 +22,7 @@ from bowden.sim.injected import Injected
 from bowden.sim.many import Case, Outcome, simulate_many
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, random_bend
+from drawn_plants import random_plant, run_random_plants
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 5.0)
 STILL = constant_bend(np.pi)

@@ -29,30 +29,54 @@ if TYPE_CHECKING:
     from bowden.core.signals import Reference as Reference
     from bowden.core.signals import Sample as Sample
     from bowden.core.trace import Trace as Trace
+    from bowden.face.campaign import campaign as campaign
+    from bowden.face.check import check as check
+    from bowden.face.export import export as export
     from bowden.face.identify import identify as identify
     from bowden.face.identify import read_log as read_log
     from bowden.face.motion import MinimumJerk as MinimumJerk
     from bowden.face.read_trace import read_trace as read_trace
+    from bowden.face.run import run as run
+    from bowden.face.simulate import simulate as simulate
+    from bowden.face.tune import tune as tune
+    from bowden.models.cable.bouc_wen import BoucWen as BoucWen
+    from bowden.models.cable.sheath import Sheath as Sheath
+    from bowden.models.drive.encoder import Encoder as Encoder
+    from bowden.models.drive.motor import Motor as Motor
+    from bowden.models.drive.servo import Servo as Servo
+    from bowden.rig.rig import Rig as Rig
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "BoucWen": "bowden.models.cable.bouc_wen",
     "BowdenError": "bowden.core.errors",
+    "Encoder": "bowden.models.drive.encoder",
     "LAWS": "bowden.control",
     "Law": "bowden.control.law",
     "MinimumJerk": "bowden.face.motion",
+    "Motor": "bowden.models.drive.motor",
     "Reference": "bowden.core.signals",
+    "Rig": "bowden.rig.rig",
     "Sample": "bowden.core.signals",
+    "Servo": "bowden.models.drive.servo",
+    "Sheath": "bowden.models.cable.sheath",
     "Trace": "bowden.core.trace",
+    "campaign": "bowden.face.campaign",
+    "check": "bowden.face.check",
+    "export": "bowden.face.export",
     "identify": "bowden.face.identify",
     "kernel": "bowden.core.kernel",
     "read_log": "bowden.face.identify",
     "read_trace": "bowden.face.read_trace",
+    "run": "bowden.face.run",
     "sel": "bowden.core.kernel",
+    "simulate": "bowden.face.simulate",
+    "tune": "bowden.face.tune",
 }
 """Each name that is offered, and the module that it is taken from when it is first asked for."""
 
-_ROOMS = ("identify",)
+_ROOMS = ("identify", "export")
 """Names that are a function here and a folder of the package as well: the folder can be called as the function."""
 
 __all__ = [*_HOMES, "__version__"]

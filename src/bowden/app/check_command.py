@@ -22,25 +22,23 @@ def check(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Say whether a rig's gains hold: margins, limit cycle, chatter, the paper's bounds, and what to change."""
-    from bowden.control import user_law
-    from bowden.design.advice import advise
-    from bowden.design.check import check as judge
-    from bowden.rig import ranges
+    from bowden.design.findings import check_rows
+    from bowden.face.check import checked
 
     given = read_given(rig).with_law(law, preset)
-    chosen = given.fitted()
-    bends, stroke = ranges.bends(given), ranges.stroke(given)
-    with progress_bar(quiet=json) as progress, user_law.explained(chosen):
-        progress(f"checking {chosen.name}", 0.0)
-        found = judge(given.cabled, chosen, bends=bends, stroke=stroke, seed=given.seed)
-        advice = advise(given.cabled, chosen, found, bends=bends, stroke=stroke)
+    with progress_bar(quiet=json) as progress:
+        progress(f"checking {given.law_name}", 0.0)
+        found = checked(given)
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
-    document = {"law": chosen.name, "rig": given.hash} | _document(found) | {"advice": advice, "seconds": seconds()}
     if json:
-        print_json(document)
-    else:
-        _print(document)
+        about = {"law": found.law, "rig": given.hash}
+        print_json(about | _document(found) | {"advice": found.advice, "seconds": seconds()})
+        return
+    for label, text in check_rows(found):
+        if text:
+            print(f"{label:<13} {text}")
+    print(f"({seconds():.1f} s)")
 
 
 def _document(found: "Check") -> dict[str, Any]:
@@ -85,33 +83,3 @@ def _deg(angle: float | None) -> float | None:
     from bowden.core.units import DEGREES
 
     return None if angle is None else float(angle * DEGREES)
-
-
-def _print(document: dict[str, Any]) -> None:
-    def shown(value: float | None, unit: str, factor: float = 1.0) -> str:
-        return "none" if value is None else f"{factor * value:.3g} {unit}"
-
-    cycle, chatter = document["limit_cycle"], document["chatter"]
-    said = {True: "confirmed in simulation", False: "refuted in simulation", None: "nothing to confirm"}
-    rows = [
-        ("verdict", f"{document['verdict']}: {document['reason']}"),
-        ("gain margin", shown(document["gain_margin_db"], "dB")),
-        ("phase margin", shown(document["phase_margin_deg"], "°")),
-        ("delay margin", shown(document["delay_margin_s"], "ms", 1e3)),
-        (
-            "limit cycle",
-            f"±{cycle['amplitude_deg']:.2g}° every {cycle['period_s']:.2g} s predicted, {said[cycle['confirmed']]}"
-            if cycle["predicted"]
-            else "none predicted",
-        ),
-        ("at rest", f"±{shown(cycle['simulated_amplitude_deg'], '°')} at the joint in simulation"),
-        ("chatter", f"{shown(chatter['command_per_count_deg'], '°')} of command for one count of the encoder"),
-        ("error", f"at most {shown(document['simulated_peak_deg'], '°')} in simulation"),
-    ]
-    if document["ultimate_bound_deg"] is not None:
-        rows.append(("proven bound", f"{document['ultimate_bound_deg']:.3g}° (the paper's Lyapunov bound)"))
-    if document["advice"]:
-        rows.append(("advice", document["advice"]))
-    for name, text in rows:
-        print(f"{name:<13} {text}")
-    print(f"({document['seconds']:.1f} s)")

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,14 +15,6 @@ from bowden.core.errors import OutputError
 def seconds() -> float:
     """Time since the command began, imports and compilation included [s]."""
     return round(time.perf_counter() - STARTED, 3)
-
-
-def clock_in(wait: float) -> str:
-    """What a clock on the wall shows after so many seconds, for a person who waits."""
-    from bowden.core.clock import unix_seconds
-
-    there = time.localtime(unix_seconds() + wait)
-    return time.strftime("%H:%M:%S" if wait < 600.0 else "%H:%M" if wait < 43_200.0 else "on %d %b, %H:%M", there)
 
 
 def print_json(document: dict[str, Any]) -> None:
@@ -61,30 +52,3 @@ def folder_argument(given: str | Path, option: str = "--out") -> Path:
             f"{option} is {str(given)!r}", expected="the name of a folder", do=f"use {option} . for this one"
         )
     return Path(given)
-
-
-def output_folder(path: Path, option: str = "--out") -> Path:
-    """`path`, known to be a folder that can be made and written; nothing is made yet.
-
-    Raises:
-        OutputError: something that is no folder stands in the way, it may not be written, or its name is too long.
-    """
-    do = f"choose another one with {option}"
-    try:
-        nearest = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
-        for part in path.parts:  # the system looks at a name's length only in a folder that is there
-            (nearest / part).exists()
-        is_folder, is_writable = nearest.is_dir(), os.access(nearest, os.W_OK)
-    except (OSError, ValueError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise OutputError(f"cannot write to {shortened(str(path))}: {reason}", do=do) from error
-    if not is_folder:
-        raise OutputError(f"cannot write to {path}: {nearest} is not a folder", do=do)
-    if not is_writable:
-        raise OutputError(f"cannot write to {path}: {nearest} is read-only", do=do)
-    return path
-
-
-def shortened(text: str, most: int = 80) -> str:
-    """A text for a message, cut where it is long."""
-    return text if len(text) <= most else text[: most - 1] + "…"

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import folder_argument, output_folder, print_json, seconds
+from bowden.app.console import folder_argument, print_json, seconds
+from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
     from bowden.identify.emg.log import EmgLog

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
-from bowden.core.files import whole_files
+from bowden.app.console import folder_argument, print_json, progress_bar, seconds
+from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit

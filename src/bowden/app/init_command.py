@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from bowden.app.console import print_json, seconds, shortened
+from bowden.app.console import print_json, seconds
 from bowden.core.errors import OutputError
+from bowden.core.files import shortened
 
 
 def init(

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.console import InterruptedPartway, folder_argument, output_folder, print_json, progress_bar, seconds
+from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
+from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
     from bowden.control.law import Law

@@ -31,7 +31,7 @@ def measure(
 
     No law takes part; the joint follows as the cable lets it. Everything is supervised as in bowden run.
     """
-    from bowden.app.run_command import new_log
+    from bowden.face.run import new_log
     from bowden.live.live_run import live_run
     from bowden.live.operator import ending_signals, operate, refuse_without_keys
     from bowden.live.preflight import require

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bowden.app.console import folder_argument, output_folder, print_json, progress_bar, seconds
-from bowden.core.files import whole_files
+from bowden.app.console import folder_argument, print_json, progress_bar, seconds
+from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
     from bowden.paper.reproduce import Reproduction

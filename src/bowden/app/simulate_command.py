@@ -1,26 +1,17 @@
 """``bowden simulate``: one law, or several side by side, on the bench of a rig.toml."""
 
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bowden.app.console import (
-    InterruptedPartway,
-    folder_argument,
-    output_folder,
-    print_json,
-    progress_bar,
-    seconds,
-)
+from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given, shortened
-from bowden.core.files import whole_files
+from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
-    from bowden.control.law import Law
     from bowden.core.metrics import Metrics
     from bowden.core.trace import Trace
     from bowden.rig.rig import Rig
@@ -47,17 +38,15 @@ def simulate(
     Before anything runs, every law is checked as bowden check does it; one that does not hold is refused. Interrupted
     between two laws, the command writes the traces and the page of those that are done.
     """
-    from bowden.design.verdict import verdicts
+    from bowden.face.simulate import simulated
 
     changed = shortened(read_given(rig), duration, seed)
     setup = changed.offline(whole=duration is not None)
     laws = [changed.with_law(name, preset).fitted() for name in law or (None,)]
     output_folder(out)
     with progress_bar(quiet=json) as progress:
-        progress(f"checking {', '.join(law.name for law in laws)} (compiled at first)", 0.0)
-        checked = verdicts(setup, laws, rig.name, force=force)
-        pushing = setup.pushing.notes(laws, force=force) if setup.pushing else []
-        traces, interrupted = _run(setup, laws, progress)
+        found = simulated(setup, laws, rig.name, force=force, progress=progress)
+    traces, interrupted = found.traces, found.interrupted
     metrics = {name: trace.metrics() for name, trace in traces.items()}
     if not (json or interrupted):
         _print_table(metrics)  # drawing takes longer than all that was before
@@ -66,14 +55,14 @@ def simulate(
         files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
-    for note in (*setup.notes, *pushing, *(verdict.note for verdict in checked if verdict.note)):
+    for note in found.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     if json:
         runs = [
             {"law": name, "check": verdict.name, "stable": traces[name].stable}
-            | asdict(found)
+            | asdict(figures)
             | {"interaction": _interaction(setup, traces[name])}
-            for (name, found), verdict in zip(metrics.items(), checked, strict=True)
+            for (name, figures), verdict in zip(metrics.items(), found.checked, strict=True)
         ]
         print_json({"rig": changed.hash, "runs": runs, "files": [str(file) for file in files], "seconds": seconds()})
     else:
@@ -81,30 +70,6 @@ def simulate(
             if found_torque := _interaction(setup, trace):
                 print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
-
-
-def _run(rig: "Rig", laws: list["Law"], progress: Callable[[str, float], None]) -> tuple[dict[str, "Trace"], bool]:
-    """A trace for each law, and whether an interruption ended them early; laws of one name are told apart by a number.
-
-    An interruption before the first is done passes through.
-    """
-    from bowden.control import user_law
-    from bowden.rig.one_run import run_of
-
-    traces: dict[str, Trace] = {}
-    for i, law in enumerate(laws):
-        name, again = law.name, 2
-        while name in traces:
-            name, again = f"{law.name}-{again}", again + 1
-        progress(f"simulating {name}", 0.1 + 0.7 * i / len(laws))
-        try:
-            with user_law.explained(law):
-                traces[name] = run_of(rig, law)
-        except KeyboardInterrupt:
-            if not traces:
-                raise
-            return traces, True
-    return traces, False
 
 
 def _interaction(rig: "Rig", trace: "Trace") -> dict[str, float | None] | None:

@@ -29,12 +29,11 @@ def tune(
 
     Interrupted, the command writes the best gains that it has, if they are better than those before.
     """
-    from bowden.control import user_law
     from bowden.core.units import DEGREES
-    from bowden.design.processes import two_workers
     from bowden.design.tune import BrokenOff
-    from bowden.rig import ranges
+    from bowden.face.tune import bends_of, tuned, workers_for
     from bowden.rig.rig import Rig
+    from bowden.study.tune_study import runs_of
 
     plants = None if study is None else _plants(study, rig)
     if plants is None:
@@ -42,16 +41,14 @@ def tune(
         law = given.fitted()
     else:
         given, law = plants.rig, plants.nominal[0]
-    low, high = ranges.bends(given)
-    bends = (low, high) if high > low else (low, 2.0 * low)  # a sheath that nobody moves in the file is moved in use
+    judges, fixed = (None, ()) if plants is None else (runs_of(plants), plants.told_apart)
     interrupted, others = False, None
     with (
         progress_bar(quiet=json) as report,
-        user_law.explained(law),
-        two_workers(given.law_name, rig.parent) as workers,
+        workers_for(given) as workers,
     ):
         try:
-            found = _search(plants, given, law, bends, seed, workers, report)
+            found = tuned(given, law, seed=seed, workers=workers, runs=judges, fixed=fixed, progress=report)
         except BrokenOff as broken:
             found, interrupted = broken.tuning, True
         try:
@@ -62,7 +59,7 @@ def tune(
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     runs = "nine runs of 20 s" if plants is None else f"{_count(plants)} plants of {plants.path.name}"
-    evidence = _evidence(found, bends, runs, interrupted=interrupted)
+    evidence = _evidence(found, bends_of(given), runs, interrupted=interrupted)
     evidence += [] if others is None else _said_of(others)
     files = [] if dry_run or not found.gains else [str(_written(rig, found, evidence))]
     if interrupted:
@@ -105,32 +102,6 @@ def _count(plants: "Study") -> int:
     from bowden.study.tune_study import runs_of
 
     return runs_of(plants).count
-
-
-def _search(
-    plants: "Study | None",
-    rig: Any,
-    law: "Law",
-    bends: tuple[float, float],
-    seed: int,
-    workers: "Mapper",
-    report: "Report",
-) -> "Tuning":
-    from bowden.design.tune import tune as search
-    from bowden.rig import ranges
-    from bowden.study.tune_study import runs_of
-
-    return search(
-        rig.cabled,
-        law,
-        bends=bends,
-        stroke=ranges.stroke(rig),
-        seed=seed,
-        runs=None if plants is None else runs_of(plants),
-        fixed=() if plants is None else plants.told_apart,
-        workers=workers,
-        report=report,
-    )
 
 
 def _judged(plants: "Study", before: "Law", after: "Law", workers: "Mapper", report: "Report") -> dict[str, Any]:

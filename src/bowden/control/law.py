@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from bowden.core import shown
 from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import kernel
 from bowden.core.nested import columns
@@ -39,7 +40,7 @@ def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: f
     raise NotImplementedError  # never compiled: always replaced
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Law:
     """A control law with its gains: usable alone, interpreted, with nothing else around it.
 
@@ -102,6 +103,18 @@ class Law:
     def columns(self) -> dict[str, str]:
         """Column → unit of its state, as traces and logs have it: ``law.<field>``, ``law.<part>.<field>``."""
         return columns(self.start(Sample(0.0, 0.0)), "law", self.state_units)
+
+    def __repr__(self) -> str:
+        """One screen: the name, the gains, what it takes from a rig, its presets and where it comes from."""
+        return shown.screen(f"Law {self.name}", self._rows())
+
+    def _repr_html_(self) -> str:
+        return shown.fragment(f"Law {self.name}", self._rows())
+
+    def _rows(self) -> list[tuple[str, str]]:
+        gains = ", ".join(f"{name} {value:.4g}" for name, value in zip(self.gains._fields, self.gains, strict=True))
+        rows = [("gains", gains), ("told", ", ".join(self.told)), ("presets", ", ".join(self.presets))]
+        return [*rows, ("source", self.source)]
 
     def start(self, sample: Sample) -> State:
         """The state with which the law begins at this sample."""

@@ -57,7 +57,7 @@ def load(name: str, folder: Path | None = None) -> Law:
     file, attribute = user_file.split(name)
     path = ((folder or Path()) / file).absolute()
     law = _find(user_file.run(path, "law"), attribute, path)
-    _check(law, path)
+    check_law(law, path)
     return law
 
 
@@ -107,8 +107,19 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
     return Law(path.stem, gains, names["start"], names["step"], source=str(path), told=told)
 
 
-def _check(law: Law, path: Path) -> None:
-    """Try the law for a few cycles, as the loop will call it."""
+def check_law(law: Law, path: Path | None = None) -> None:
+    """Try a law for a few cycles, as the loop will call it.
+
+    Args:
+        law: with its gains.
+        path: the file that it stands in; the one of its `step` where it is not given.
+
+    Raises:
+        ParameterError: it is no law of numbers and kernels, or its step fails; with the file and line.
+    """
+    if path is None:
+        code = getattr(law.step_kernel, "__code__", None)
+        path = Path(code.co_filename if code is not None else f"the law {law.name}")
     if not re.fullmatch(r"[A-Za-z0-9_.-]+", law.name):
         raise ParameterError(
             f"{path}: the law's name is {law.name!r}", expected="letters, digits, '_', '-' and '.'", do=_RENAME

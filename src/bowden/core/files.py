@@ -101,3 +101,30 @@ def _move(stage: Path, folder: Path) -> None:
 def _reason(error: Exception) -> str:
     """What the system says, without the path."""
     return (isinstance(error, OSError) and error.strerror) or str(error)
+
+
+def output_folder(path: Path, option: str = "--out") -> Path:
+    """`path`, known to be a folder that can be made and written; nothing is made yet.
+
+    Raises:
+        OutputError: something that is no folder stands in the way, it may not be written, or its name is too long.
+    """
+    do = f"choose another one with {option}"
+    try:
+        nearest = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
+        for part in path.parts:  # the system looks at a name's length only in a folder that is there
+            (nearest / part).exists()
+        is_folder, is_writable = nearest.is_dir(), os.access(nearest, os.W_OK)
+    except (OSError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise OutputError(f"cannot write to {shortened(str(path))}: {reason}", do=do) from error
+    if not is_folder:
+        raise OutputError(f"cannot write to {path}: {nearest} is not a folder", do=do)
+    if not is_writable:
+        raise OutputError(f"cannot write to {path}: {nearest} is read-only", do=do)
+    return path
+
+
+def shortened(text: str, most: int = 80) -> str:
+    """A text for a message, cut where it is long."""
+    return text if len(text) <= most else text[: most - 1] + "…"

@@ -29,6 +29,7 @@ from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
+from bowden.rig import rig as rigs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,6 +76,19 @@ class Tuning:
     """The same of the gains before [rad]; None where a run was unstable."""
     generations: int
     """After which the search was over, or broken off."""
+    given: rigs.Rig | None = None
+    """The rig whose law was tuned, with these gains; None where a bench alone was handed over."""
+
+    @property
+    def rig(self) -> rigs.Rig:
+        """The rig with these gains.
+
+        Raises:
+            ParameterError: gains were sought for a bench alone.
+        """
+        if self.given is None:
+            raise ParameterError("this tuning is of a bench alone", expected="one of a rig: bowden.tune(rig)")
+        return self.given
 
     @property
     def gain_margin_db(self) -> float | None:

@@ -1,1 +1,10 @@
-"""From kernels to C99: the same equations, traced as they run and written as code for a microcontroller."""
+"""From kernels to C99: the same equations, traced as they run and written as code for a microcontroller.
+
+Called, it is `bowden.face.export.export`:
+
+>>> import tempfile
+>>> import bowden
+>>> found = bowden.export(bowden.Rig(duration=2.0), tempfile.mkdtemp(), "uncompensated")
+>>> found.precision, found.check
+('double', 'holds')
+"""

@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from bowden.core.errors import ParameterError, SafetyError
-from bowden.safety import faults
-from bowden.safety.faults import Fault
-from bowden.safety.supervisor import Mode, Request
+from bowden.core.errors import ParameterError
+from bowden.live.automatic import automatic
+from bowden.safety.supervisor import Request
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
@@ -81,7 +80,7 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
     ending.only_noted()
     _tell_grants(session)
     with _keys() as key, _screen(session, auto, quiet) as show:
-        steps = _automatic(session) if auto else None
+        steps = automatic(session) if auto else None
         looks = 0
         while session.running and not ending.asked:
             row = session.last()
@@ -98,36 +97,6 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
             if looks % _REMEMBER == 0:
                 session.remember()
             session.wait(0.5 * _LOOK if auto else 0.0)
-
-
-def _automatic(session: "Session") -> Iterator[bool]:
-    """Arm, run and wait for the end, one look at a time; ends when the run has ended."""
-    begun = None
-    for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
-        while True:
-            row = session.last()
-            assert row is not None
-            begun = row["time"] if begun is None else begun
-            if request == Request.RUN and row["mode"] == Mode.PREFLIGHT and row["preflight"] == 0.0:
-                yield True
-                continue
-            if row["mode"] == wanted:
-                break
-            if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
-                return
-            if row["faults"] and row["mode"] == Mode.STOPPED and row["time"] - begun > _PATIENCE:
-                found = faults.of(row["faults"])
-                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in found)
-                do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
-                raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
-            session.ask(request)
-            yield True
-    while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
-        yield True
-
-
-_PATIENCE = 3.0
-"""Time that readings are given to come in before arming is given up [s]."""
 
 
 def _tell_grants(session: "Session") -> None:

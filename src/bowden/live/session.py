@@ -13,13 +13,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from bowden.core import shared_memory
+from bowden.core import shared_memory, shown
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
-from bowden.core.errors import DriveError, OutputError
+from bowden.core.errors import DriveError, LogError, OutputError
+from bowden.core.trace import Trace
 from bowden.live import control_block, thermal_file
+from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_ear import Ear
 from bowden.live.live_run import Live
+from bowden.live.mcap_read import read
 from bowden.live.provenance import rig_revision
 from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
@@ -28,7 +31,7 @@ from bowden.live.run_settings import run_settings
 from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
-from bowden.safety.supervisor import Request
+from bowden.safety.supervisor import Mode, Request
 
 _START = 900.0
 """A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
@@ -36,6 +39,8 @@ _TOLD_AFTER = 3.0
 """A wait of so long is explained [s]."""
 _END = 10.0
 """From the wish to end to the process' end [s]."""
+_LOOK = 0.05
+"""Between two looks at a run that is seen through [s]."""
 _BEAT = 0.1
 """Between two signs of life [s]."""
 
@@ -231,6 +236,44 @@ class Session:
         row = self.last()
         if row is not None and self._remembers:
             self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row)
+
+    def complete(self) -> None:
+        """Arm, run the law over the rig's whole reference, and come back when that has ended, well or by a fault.
+
+        Raises:
+            SafetyError: the supervisor or the preflight did not let it run.
+            DriveError: the loop's process has ended.
+        """
+        steps = automatic(self)
+        while self.running:
+            if self.last() is not None and next(steps, None) is None:
+                return
+            self.wait(_LOOK)
+        raise DriveError("the live loop has ended", do="begin another run")
+
+    def trace(self) -> Trace:
+        """The record of the run, from its log, once it has ended.
+
+        Raises:
+            LogError: nothing was recorded, or the run goes on.
+        """
+        if self.running:
+            raise LogError(f"the run goes on, and {self.log} is not closed", do="leave the with block first")
+        return read(self.log).trace()
+
+    def __repr__(self) -> str:
+        """One screen: law, rig, drive, where it stands, and the log."""
+        row = self._last
+        ready = getattr(self, "ready", None)
+        standing = "" if row is None else Mode(int(row[AT["mode"]])).name.lower()
+        rows = [
+            ("rig", self.live.rig.hash),
+            ("drive", "" if ready is None else str(ready["drive"])),
+            ("mode", standing or "not begun"),
+            ("error", self.error),
+            ("log", str(self.log)),
+        ]
+        return shown.screen(f"Run of {self.live.law.name}", rows)
 
     def wait(self, seconds: float) -> None:
         """Let time pass [s]."""

@@ -1,11 +1,11 @@
 """A rig: one frozen value with everything that a run needs."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from bowden.control.reference import Recorded, Trajectory
 from bowden.core.errors import OutputError, ParameterError, near
 from bowden.core.files import whole_file
 from bowden.core.quantity import Quantity, declared
+from bowden.core.shown import axes_for, fragment, screen
+from bowden.core.style import new_figure
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
@@ -32,7 +34,7 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
-from bowden.rig import config, emg_motion, emg_setup, given_law, given_plant, packing, toml_text
+from bowden.rig import config, display, emg_motion, emg_setup, given_law, given_plant, packing, toml_text
 from bowden.rig import drive as live_parts
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
@@ -59,6 +61,9 @@ from bowden.rig.sections import (
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
 from bowden.sim.scenario import BendPath
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
@@ -396,6 +401,31 @@ class Rig:
             if not _same(value, type(self).__dataclass_fields__[name].default)
         ]
         return f"Rig({', '.join(given)})"
+
+    def __str__(self) -> str:
+        """One screen: hash, law, cable, servo, encoders, clock, reference and scenario."""
+        return screen(f"Rig {self.hash}", display.rows(self))
+
+    def _repr_html_(self) -> str:
+        figure, axes = new_figure(2, 1, height=3.6, share_x=True)
+        display.draw(axes, self)
+        return fragment(f"Rig {self.hash}", display.rows(self), figure)
+
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw where the joint shall be over the run and, on second axes, how the sheath is bent.
+
+        Args:
+            axes: matplotlib's, one or two; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        found = axes_for(axes, 2, 1, 7.0, 3.6)
+        display.draw(found, self)
+        return found
 
     # what a run takes from it
 

@@ -1,4 +1,4 @@
-"""What a twin's drive needs of the plant behind it: a bench (`twin_bench`), a suit on an arm (`twin_suit`) or a user's own plant."""
+"""What a twin's drive needs of the plant behind it: a bench, a suit on an arm or a user's own plant."""
 
 from typing import Protocol
 
@@ -10,7 +10,7 @@ class TwinPlant(Protocol):
 
     physics: Physics
     doing: int
-    """`twin_bench.OFF`, `FOLLOW` or `BRAKE`."""
+    """`hardware.twin.bench.OFF`, `FOLLOW` or `BRAKE`."""
     command: float
     """The target to follow [rad]."""
     slack: float

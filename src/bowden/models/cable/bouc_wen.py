@@ -20,6 +20,9 @@ class BoucWen(NamedTuple):
     """Parameters of the cable; the defaults are the ones the paper fitted to its bench (Section 5.1.1).
 
     They make sense in radians only (erratum 5).
+
+    >>> BoucWen(slope=0.9).rate
+    9.256
     """
 
     slope: Annotated[

@@ -21,7 +21,11 @@ from bowden.models.cable.bouc_wen import BoucWen, advance
 
 
 class Sheath(NamedTuple):
-    """How the hysteresis depends on the sheath's bend."""
+    """How the hysteresis depends on the sheath's bend.
+
+    >>> Sheath(gap=1.5).loss
+    0.0
+    """
 
     bend: Annotated[
         float, Quantity("total bend at which the cable was identified", "rad", symbol="θ₀", gt=0.0, le=3600.0)

@@ -9,7 +9,11 @@ from bowden.core.quantity import Quantity
 
 
 class Encoder(NamedTuple):
-    """An incremental encoder."""
+    """An incremental encoder.
+
+    >>> Encoder(resolution=np.radians(0.022)).noise
+    0.0
+    """
 
     resolution: Annotated[float, Quantity("one count; 0 for an ideal encoder", "rad", ge=0.0, le=90.0)] = 0.0
     noise: Annotated[float, Quantity("standard deviation, before counting", "rad", ge=0.0, le=90.0)] = 0.0

@@ -7,7 +7,11 @@ from bowden.core.quantity import Quantity
 
 
 class Motor(NamedTuple):
-    """A geared motor with the bench's load; defaults: maxon EC-i 40, 70 W (Section 5.4) behind a 5:1 gear."""
+    """A geared motor with the bench's load; defaults: maxon EC-i 40, 70 W (Section 5.4) behind a 5:1 gear.
+
+    >>> Motor(gear=10.0).torque_constant
+    0.0167
+    """
 
     torque_constant: Annotated[float, Quantity("torque constant", "N·m/A", symbol="kτ", gt=0.0, le=100.0)] = 16.7e-3
     resistance: Annotated[float, Quantity("terminal resistance", "Ω", symbol="R", gt=0.0, le=1e4)] = 0.199

@@ -17,7 +17,11 @@ from bowden.core.quantity import Quantity
 
 
 class Servo(NamedTuple):
-    """What is to be known of a position-controlled motor."""
+    """What is to be known of a position-controlled motor.
+
+    >>> Servo(natural_frequency=20.0).damping
+    1.0
+    """
 
     natural_frequency: Annotated[
         float, Quantity("natural frequency", "rad/s", shown="Hz", symbol="ω/2π", gt=0.0, le=1000.0)

@@ -37,7 +37,7 @@ class FlexSensor(NamedTuple):
 
 PAPER_FLEX = FlexSensor(hysteresis=0.5 * RADIANS, drift=0.2 * RADIANS, noise=0.05 * RADIANS, resolution=0.05 * RADIANS)
 """±1° of accuracy: a loop of 0.5° (± 0.25°), a drift of 0.2°, and up to ± 0.4° of zero and scale, which each wearer has
-of their own (`bowden.design.wearers`); a stated division, the paper gives the sum."""
+of their own (``benchmarks/wearers.py``); a stated division, the paper gives the sum."""
 
 
 class FlexState(NamedTuple):

@@ -1,6 +1,6 @@
 """Wearers and suits that the admittance was not chosen on: what they feel, with a source that believes the usual suit.
 
-Each is drawn from its number alone: suit and body are those of `bowden.design.wearers` (45–120 kg, stiffness of cables
+Each is drawn from its number alone: suit and body are those of `wearers.py` (45–120 kg, stiffness of cables
 and fabric 0.7–1.4 times, friction 0.7–1.3 times, play 0.5–1.5 times, pretension of 15–35 N, flex sensor off by up to
 0.4° between zero and scale) in sheaths that are not moved; the wearer swings the elbow by ±15–30° about its middle at
 0.3–0.8 Hz, with 60–150 N·m/rad and 2–5 N·m·s/rad behind it.
@@ -12,9 +12,9 @@ import numpy as np
 
 from bowden.core.units import RADIANS
 from bowden.design.admittance_study import Felt, Pushed, felt, pushed, swinging
-from bowden.design.wearers import random_wearer
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit
+from wearers import random_wearer
 
 
 class Unseen(NamedTuple):

@@ -1,0 +1,44 @@
+"""`check`: does a law hold on a rig, before anything moves?"""
+
+from dataclasses import replace
+
+from bowden.control import user_law
+from bowden.design.advice import advise
+from bowden.design.check import Check
+from bowden.design.check import check as judge
+from bowden.face import given
+from bowden.face.given import GivenLaw, GivenRig
+from bowden.rig import ranges
+from bowden.rig.rig import Rig
+
+
+def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = None) -> Check:
+    """Judge a law on a rig: margins over all slopes of the sheath, limit cycle, chatter, trials; and what to change.
+
+    Args:
+        rig: a `Rig`, or the path of a rig.toml.
+        law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
+        preset: a named set of gains of that law.
+
+    Returns:
+        The check: ``verdict`` (``holds``, ``little_margin`` or ``does_not_hold``), ``reason``, ``advice``, margins.
+
+    Raises:
+        ParameterError: a rig, law or setting that cannot be used.
+
+    >>> found = check(Rig(), "adaptive")
+    >>> found.verdict, round(found.gain_margin_db)
+    ('holds', 19)
+    """
+    whole = given.under(given.rig_of(rig, "check"), law, preset, "check")
+    given.tell(whole.notes)
+    return checked(whole)
+
+
+def checked(rig: Rig) -> Check:
+    """The check of a rig's own law, with its advice."""
+    law = rig.fitted()
+    bends, stroke = ranges.bends(rig), ranges.stroke(rig)
+    with user_law.explained(law):
+        found = judge(rig.cabled, law, bends=bends, stroke=stroke, seed=rig.seed)
+        return replace(found, advice=advise(rig.cabled, law, found, bends=bends, stroke=stroke))

@@ -1,0 +1,133 @@
+"""`run`: a law live on a rig's drive, or on a twin of it, under the supervisor."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bowden.core.errors import OutputError, ParameterError
+from bowden.core.files import output_folder
+from bowden.face import arguments, given
+from bowden.face.given import GivenLaw, GivenRig
+from bowden.rig.rig import Rig
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
+
+
+@contextlib.contextmanager
+def run(
+    rig: GivenRig,
+    law: GivenLaw | None = None,
+    *,
+    preset: str | None = None,
+    duration: float | None = None,
+    twin: bool = False,
+    channel: str | None = None,
+    emg: str | None = None,
+    out: str | Path = "out/run",
+    force: bool = False,
+) -> Iterator["Session"]:
+    """Run a law live, with every cycle in a log; a context, whose end is the run's, in a controlled release.
+
+    The run starts stopped. ``session.complete()`` arms it and comes back when the reference has ended;
+    ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step. After the block
+    ``session.trace()`` is the record. Before anything starts, the law is checked as `bowden.check` does it.
+
+    Args:
+        rig: a `Rig`, or the path of a rig.toml.
+        law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law` that stands in a file; the rig's by default.
+        preset: a named set of gains of that law.
+        duration: of the run, in place of the rig's [s].
+        twin: run on a simulated drive of the same protocol, on a bus of its own, in place of the rig's drive.
+        channel: the bus, in place of the rig's.
+        emg: ``lsl:NAME``, ``trigno:HOST`` or ``file:PATH``: EMG moves the joint, from that source.
+        out: folder for the log.
+        force: run a law that does not hold on the rig.
+
+    Yields:
+        The session.
+
+    Raises:
+        ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
+        SafetyError: limits that contradict one another.
+        DriveError: a bus or drive that cannot be used.
+        OutputError: a folder that cannot be written.
+
+    >>> with run("rig.tom", twin=True) as session:
+    ...     session.complete()
+    Traceback (most recent call last):
+    ...
+    bowden.core.errors.ParameterError: cannot read rig.tom: no such file or directory; write one with: bowden init
+    """
+    whole = given.under(given.rig_of(rig, "run"), law, preset, "run")
+    whole = whole if duration is None else whole.replace(duration=duration)
+    for name, value in (("channel", channel), ("emg", emg)):
+        if value is not None and not isinstance(value, str):
+            raise ParameterError(f"run: {name} is {arguments.said(value)}", expected="text, as the command line has it")
+    whole = whole.on_bus(channel)
+    whole = whole if emg is None else whole.with_emg(emg)
+    folder = arguments.path_of(out, "run: out")
+    with (
+        given.in_words_of_python(),
+        live_session(
+            whole, given.name_of(whole), twin=twin, out=folder, force=force, tell=lambda note: given.tell([note])
+        ) as session,
+    ):
+        yield session
+
+
+@contextlib.contextmanager
+def live_session(
+    rig: Rig, name: str, *, twin: bool, out: Path, force: bool, tell: Callable[[str], None]
+) -> Iterator["Session"]:
+    """A session of a rig's own law, checked; see `run`.
+
+    Args:
+        rig: with the law and all else that is to run.
+        name: of the rig, for messages.
+        twin: whether on a twin.
+        out: folder for the log.
+        force: run a law that does not hold.
+        tell: called with each thing that the user should know.
+    """
+    from bowden.design.verdict import verdicts
+    from bowden.hardware.drives.family import family_of
+    from bowden.live.emg_ear import Ear
+    from bowden.live.live_run import live_run
+    from bowden.live.preflight import require
+    from bowden.live.session import Session, own_twin
+
+    live = live_run(rig)
+    if not twin:  # another run's bus is told at once; the drive claims it for good
+        family_of(rig.drive).claim(rig.drive)()
+    with contextlib.ExitStack() as stack:
+        ear = None if live.emg is None else stack.enter_context(contextlib.closing(Ear(rig)))
+        checked = verdicts(rig, [live.law], name, force=force)[0]
+        pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
+        for note in (*live.notes, *pushing, checked.note):
+            if note:
+                tell(note)
+        require(live.limits, live.rig.sample_time, "little_margin" if force else checked.name or "little_margin")
+        if ear is not None:
+            ear.await_ready()  # a stream that cannot be used is told before anything else is started
+        if twin:
+            live = live_run(stack.enter_context(own_twin(rig)))
+        yield stack.enter_context(Session(live, new_log(out, live.law.name), ear, remembers=not twin))
+
+
+def new_log(folder: Path, name: str) -> Path:
+    """A name for a log that is not taken yet, in a folder that is there.
+
+    Raises:
+        OutputError: the folder cannot be made or written.
+    """
+    output_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {folder}: {error.strerror}", do="choose another one") from error
+    number = 1
+    while (path := folder / f"{name}-{number}.mcap").exists():
+        number += 1
+    return path

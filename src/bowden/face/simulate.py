@@ -1,0 +1,135 @@
+"""`simulate`: laws on a rig, checked before they run."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, overload
+
+from bowden.control import Law, user_law
+from bowden.core.trace import Trace
+from bowden.design.verdict import Verdict, verdicts
+from bowden.face import given
+from bowden.face.given import GivenLaw, GivenRig
+from bowden.rig.one_run import run_of
+from bowden.rig.rig import Rig
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What came of some laws on one rig."""
+
+    traces: dict[str, Trace]
+    """Name of the law → its run; laws of one name are told apart by a number."""
+    checked: list[Verdict]
+    """What the check made of each law before."""
+    notes: tuple[str, ...]
+    """What the user should know."""
+    interrupted: bool
+    """Whether an interruption ended it before the last law was done."""
+
+
+def simulated(
+    rig: Rig, laws: Sequence[Law], name: str, *, force: bool, progress: Progress = lambda what, share: None
+) -> Simulated:
+    """Check every law on a rig, and run them one after the other.
+
+    An interruption before the first is done passes through.
+
+    Args:
+        rig: as it is to be simulated.
+        laws: with the gains that the rig gives them.
+        name: of the rig, for messages.
+        force: run laws that do not hold, too.
+        progress: called with what is being done and the share of the work that is behind.
+
+    Raises:
+        ParameterError: laws that do not hold, or fail; the message has the reasons and what to change.
+    """
+    progress(f"checking {', '.join(law.name for law in laws)} (compiled at first)", 0.0)
+    checked = verdicts(rig, laws, name, force=force)
+    pushing = rig.pushing.notes(list(laws), force=force) if rig.pushing else []
+    notes = (*rig.notes, *pushing, *(verdict.note for verdict in checked if verdict.note))
+    traces: dict[str, Trace] = {}
+    names = given.numbered([law.name for law in laws])
+    for i, (law, own) in enumerate(zip(laws, names, strict=True)):
+        progress(f"simulating {own}", 0.1 + 0.7 * i / len(laws))
+        try:
+            with user_law.explained(law):
+                traces[own] = run_of(rig, law)
+        except KeyboardInterrupt:
+            if not traces:
+                raise
+            return Simulated(traces, checked, notes, True)
+    return Simulated(traces, checked, notes, False)
+
+
+@overload
+def simulate(  # type: ignore[overload-overlap]
+    rig: GivenRig,
+    laws: GivenLaw | None = None,
+    *,
+    preset: str | None = None,
+    duration: float | None = None,
+    seed: int | None = None,
+    force: bool = False,
+) -> Trace: ...
+
+
+@overload
+def simulate(
+    rig: GivenRig,
+    laws: Sequence[GivenLaw],
+    *,
+    preset: str | None = None,
+    duration: float | None = None,
+    seed: int | None = None,
+    force: bool = False,
+) -> dict[str, Trace]: ...
+
+
+def simulate(
+    rig: GivenRig,
+    laws: Any = None,
+    *,
+    preset: str | None = None,
+    duration: float | None = None,
+    seed: int | None = None,
+    force: bool = False,
+) -> Trace | dict[str, Trace]:
+    """Run a law, or several side by side, on a rig's plant, reference and scenario.
+
+    Before anything runs, every law is checked as `bowden.check` does it; one that does not hold is refused.
+
+    Args:
+        rig: a `Rig`, or the path of a rig.toml.
+        laws: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; or a list of these. The rig's law by default.
+        preset: a named set of gains, for every law of this run.
+        duration: in place of the rig's [s].
+        seed: of the encoders' noise and of a random bend, in place of the rig's.
+        force: run laws that do not hold, too.
+
+    Returns:
+        The trace; of a list, name of the law → its trace.
+
+    Raises:
+        ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
+
+    >>> from bowden.rig.rig import Rig
+    >>> trace = simulate(Rig(duration=5.0), "uncompensated")
+    >>> trace.metrics().peak_deg > 1.0
+    True
+    >>> list(simulate(Rig(duration=5.0), ["uncompensated", "adaptive"]))
+    ['uncompensated', 'adaptive']
+    """
+    whole = given.rig_of(rig, "simulate")
+    changes = {"duration": duration, "seed": seed}
+    whole = whole.replace(**{name: value for name, value in changes.items() if value is not None})
+    listed = given.several(laws)
+    fitted = [given.under(whole, law, preset, "simulate").fitted() for law in (listed or [laws])]
+    with given.in_words_of_python():
+        found = simulated(whole.offline(whole=duration is not None), fitted, given.name_of(whole), force=force)
+    given.tell(found.notes)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return found.traces if listed is not None else next(iter(found.traces.values()))

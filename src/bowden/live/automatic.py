@@ -1,0 +1,50 @@
+"""A run without an operator's keys: armed, run, and watched to its end."""
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from bowden.core.errors import SafetyError
+from bowden.safety import faults
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode, Request
+
+_PATIENCE = 3.0
+"""Time that readings are given to come in before arming is given up [s]."""
+
+
+class Watched(Protocol):
+    """What is to be known of a session here."""
+
+    ready: dict[str, Any]
+
+    def last(self) -> dict[str, float] | None:
+        """The newest row by its columns."""
+
+    def ask(self, request: Request) -> None:
+        """Ask the supervisor for something."""
+
+
+def automatic(session: Watched) -> Iterator[bool]:
+    """Arm, run and wait for the end, one look at a time; ends when the run has ended."""
+    begun = None
+    for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
+        while True:
+            row = session.last()
+            assert row is not None
+            begun = row["time"] if begun is None else begun
+            if request == Request.RUN and row["mode"] == Mode.PREFLIGHT and row["preflight"] == 0.0:
+                yield True
+                continue
+            if row["mode"] == wanted:
+                break
+            if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
+                return
+            if row["faults"] and row["mode"] == Mode.STOPPED and row["time"] - begun > _PATIENCE:
+                found = faults.of(row["faults"])
+                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in found)
+                do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
+                raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
+            session.ask(request)
+            yield True
+    while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
+        yield True

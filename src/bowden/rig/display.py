@@ -1,0 +1,66 @@
+"""How a rig says what it is, and draws what it will do."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bowden.core.shown import listed, number
+from bowden.core.style import COLOURS, thin
+from bowden.core.units import DEGREES, HERTZ
+from bowden.models.cable.bouc_wen import BoucWen
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from bowden.rig.rig import Rig
+
+_INSTANTS = 2001
+
+
+def rows(rig: "Rig") -> list[tuple[str, str]]:
+    """What a rig is, a line for each part."""
+    cable = rig.cable
+    parts = [f"{name} {value:.4g}" for name, value in zip(BoucWen._fields, rig.bench.cable, strict=True)]
+    known = "by hand" if isinstance(cable, BoucWen) else f"identified as {cable.best}"  # type: ignore[union-attr]
+    servo, clock = rig.servo, f"{rig.sample_time * 1e3:g} ms, delay of {rig.delay} cycles"
+    encoders = [
+        f"{name} {number(one.resolution * DEGREES, '°')} a count, {number(one.noise * DEGREES, '°')} of noise"
+        for name, one in (("joint", rig.joint_encoder), ("motor", rig.motor_encoder))
+    ]
+    reference = rig.trajectory.describe()
+    moved = ", ".join(f"{name} {_said(value)}" for name, value in reference.items() if name != "kind")
+    gains = ", ".join(f"{name} {value:.4g}" for name, value in rig.gains.items())
+    return [
+        ("law", listed((rig.law_name, f"preset {rig.preset}" if rig.preset else "", gains))),
+        ("plant", "suit on an arm" if rig.worn is not None else "bench"),
+        ("cable", f"{known}: {', '.join(parts)}"),
+        ("servo", f"{servo.natural_frequency / HERTZ:.4g} Hz, damping {servo.damping:.4g}"),
+        ("encoders", "; ".join(encoders)),
+        ("clock", clock),
+        ("reference", f"{str(reference['kind']).replace('_', ' ')}: {moved}"),
+        ("sheath", f"bend from {' to '.join(f'{end * DEGREES:.4g}°' for end in _bends(rig))}"),
+        ("run", f"{rig.duration:g} s, seed {rig.seed}"),
+        *(("note", note) for note in rig.notes),
+    ]
+
+
+def draw(axes: "Sequence[Axes]", rig: "Rig") -> None:
+    """Where the joint shall be and, on second axes, the sheath's bend."""
+    time = np.linspace(0.0, rig.duration, _INSTANTS)
+    axes[0].plot(*thin(time, rig.trajectory.sample(time)[:, 0] * DEGREES), color=COLOURS["reference"])
+    axes[0].set_ylabel("reference [°]")
+    for below in axes[1:]:
+        below.plot(time, np.broadcast_to(rig.bend_path(time), time.shape) * DEGREES, color=COLOURS["data"])
+        below.set_ylabel("bend [°]")
+        below.set_ylim(bottom=0.0)
+    axes[-1].set_xlabel("time [s]")
+
+
+def _bends(rig: "Rig") -> tuple[float, float]:
+    path = rig.bend_path(np.linspace(0.0, rig.duration, _INSTANTS))
+    return float(np.min(path)), float(np.max(path))
+
+
+def _said(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
