@@ -266,7 +266,7 @@ def require(limits: Limits, dt: float, verdict: str) -> None:
 
 
 _QUICKEST = 1.0
-"""Shortest thermal time constant: `models.thermal.rested` goes in steps of a second, and none is so small [s]."""
+"""Shortest thermal time constant: `models.drive.thermal.rested` goes in steps of a second, and none is so small [s]."""
 
 _POSITIVE = (
     *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),

@@ -125,7 +125,7 @@ class Script:
 
     @property
     def reason(self) -> float:
-        """Number of the `preflight.Reason` for which the preflight failed; 0 where it has not."""
+        """Number of the `live.preflight.Reason` for which the preflight failed; 0 where it has not."""
         return self._checked.reason
 
 
