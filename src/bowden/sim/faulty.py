@@ -10,7 +10,7 @@ from bowden.core.signals import DriveReading, Sample
 from bowden.sim.injected import misread
 
 
-class Fault(NamedTuple):
+class SensorFault(NamedTuple):
     """What goes wrong, and when."""
 
     kind: float = 0.0
@@ -22,13 +22,13 @@ class Fault(NamedTuple):
 
 
 @stand_in
-def as_it_is(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+def as_it_is(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """The sample: where nothing goes wrong, this is compiled into the loop in place of `faulty`."""
     return sample
 
 
 @apart
-def faulty(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """What the law is shown in cycle k; `kept` (2, n) holds the true readings for faults that look back."""
     kept[0, k], kept[1, k] = sample.joint, sample.motor
     if not fault.begin <= k < fault.end:
