@@ -15,10 +15,11 @@ from bowden.control.reference import (
     PointToPoint,
     Recorded,
     Trajectory,
-    minimum_jerk,
 )
 from bowden.core.errors import ParameterError
+from bowden.core.signals import Reference
 from bowden.core.units import DEGREES, RADIANS
+from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_from, minimum_jerk_over, minimum_jerk_share
 
 
 def wave(count: int = 400, dt: float = 0.01) -> Recorded:
@@ -96,6 +97,18 @@ def test_minimum_jerk_has_the_least_jerk(amounts: list[float]) -> None:
     other = least + sum((a * x**3 * (1 - x) ** 3 * x**i for i, a in enumerate(amounts)), 0 * x)
     assert jerk(least) == pytest.approx(720.0)
     assert jerk(other) >= 720.0 - 1e-6
+
+
+def test_minimum_jerk_is_one_motion_in_all_its_forms() -> None:
+    time = np.linspace(-0.5, 4.5, 101)
+    table = np.stack(minimum_jerk_over(0.2, 1.4, 4.0, time), axis=1)
+    one_by_one = np.array([minimum_jerk(0.2, 1.4, 4.0, t) for t in time])
+    np.testing.assert_array_equal(table, one_by_one)
+    np.testing.assert_allclose(
+        0.2 + 1.2 * np.array([minimum_jerk_share(t / 4.0) for t in time]), table[:, 0], atol=1e-15
+    )
+    from_rest = np.array([minimum_jerk_from(Reference(0.2, 0.0, 0.0), 1.4, 4.0, max(t, 0.0)) for t in time])
+    np.testing.assert_allclose(from_rest, table, atol=1e-14)
 
 
 def test_periodic_motion_repeats_and_turns_at_its_ends() -> None:

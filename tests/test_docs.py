@@ -1,6 +1,7 @@
 """The written pages: their Python runs, their commands work and print what is shown, their links and figures hold."""
 
 import doctest
+import importlib
 import re
 import shlex
 from pathlib import Path
@@ -12,7 +13,10 @@ from bowden.paper.reproduce import reproduce
 
 ROOT = Path(__file__).parents[1]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PACKAGE = ROOT / "src" / "bowden"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+CURRENT = [page for page in PAGES if page.parent.name != "decisions"]
+"""A decision says what was so when it was made; every other page says what is so."""
 NUMBER = re.compile(r"(?<![\w.])[-−]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
@@ -65,6 +69,62 @@ def test_links_resolve(page: Path) -> None:
         assert goal.exists(), f"{page_id(page)} links to {target}"
         if anchor:
             assert anchor in headings(goal), f"{page_id(page)} links to {target}"
+
+
+ROOMS = sorted(folder.name for folder in PACKAGE.iterdir() if (folder / "__init__.py").exists())
+_ROOM = "|".join(ROOMS)
+DOTTED = re.compile(rf"(?<![\w./])(?:bowden\.(?:{_ROOM})|(?!control\.gains)(?:{_ROOM})\.[a-z_]\w*)(?:\.[A-Za-z_]\w*)+")
+"""A name of the package with its module, as ``bowden.control.law`` or ``control.law.Law``; no key of a rig's gains."""
+FILES = re.compile(r"(?<![\w/.~\-])(?:[\w\-]+/)+[\w\-]+\.(?:py|md|toml|csv|json|svg|png)\b")
+OURS = ("src", "tests", "docs", "benchmarks", "examples", "tools", *ROOMS)
+
+
+def is_there(name: str) -> bool:
+    """Whether a dotted name of the package is a module, or something in one."""
+    parts = name.split(".")
+    for i in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(parts[:i]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[i:]:
+            if part in getattr(found, "__annotations__", {}):  # a field without a default
+                return True
+            if not hasattr(found, part):
+                return False
+            found = getattr(found, part)
+        return True
+    return False
+
+
+def lost_names(text: str) -> list[str]:
+    """Dotted names of the package in a text that are not there."""
+    found = {f"bowden.{name.removeprefix('bowden.')}" for name in DOTTED.findall(text) if not name.endswith(".json")}
+    return sorted(name for name in found if not is_there(name))
+
+
+@pytest.mark.parametrize("page", CURRENT, ids=page_id)
+def test_names_and_files_on_a_page_are_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert not lost_names(text)
+    for file in FILES.findall(text):
+        if file.split("/")[0] in OURS:
+            places = (ROOT / file, PACKAGE / file, ROOT / "docs" / file, page.parent / file)
+            assert any(place.exists() for place in places), f"{page_id(page)} names {file}"
+
+
+def test_names_in_docstrings_and_comments_are_there() -> None:
+    lost = {
+        str(path.relative_to(PACKAGE)): names
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if (names := lost_names(" ".join(re.findall(r"`([a-z_.]+\.\w+)`", path.read_text(encoding="utf-8")))))
+    }
+    assert not lost
+
+
+@pytest.mark.parametrize(("text", "lost"), [("see `control.law.Law.told`", 0), ("`bowden.control.lore.Law`", 1)])
+def test_that_test_sees_what_it_should(text: str, lost: int) -> None:
+    assert len(lost_names(text)) == lost
 
 
 def commands(path: Path) -> list[str]:

@@ -37,6 +37,9 @@ FLOOR_OF = {room: i for i, rooms in enumerate(FLOORS) for room in rooms}
 PORTABLE_ROOMS = ("sensing", "safety", "control")
 """Whose kernels must run interpreted, compiled and exported."""
 
+PORTABLE_MODELS = (PACKAGE / "models" / "minimum_jerk.py",)
+"""Whose kernels the laws call."""
+
 FORBIDDEN_CALLS = {"np.where", "np.clip", "np.round", "np.isnan", "min", "max", "round"}
 
 
@@ -141,7 +144,8 @@ def portable_faults(source: str) -> list[str]:
 
 @pytest.mark.parametrize(
     "path",
-    [path for path in modules() if room_of(path) in PORTABLE_ROOMS] + sorted((ROOT / "examples").glob("*.py")),
+    [path for path in modules() if room_of(path) in PORTABLE_ROOMS or path in PORTABLE_MODELS]
+    + sorted((ROOT / "examples").glob("*.py")),
     ids=lambda path: path.name,
 )
 def test_laws_filters_and_limits_stay_in_the_portable_subset(path: Path) -> None:

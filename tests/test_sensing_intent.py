@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from bowden.core.kernel import compiled
 from bowden.core.signals import Reference
+from bowden.models.minimum_jerk import minimum_jerk_from
 from bowden.sensing.intent import (
     FOLLOWED_ACCELERATION,
     FOLLOWED_SPEED,
@@ -19,7 +20,6 @@ from bowden.sensing.intent import (
     IntentSettings,
     intent_start,
     intent_step,
-    least_jerk,
     proportional,
 )
 
@@ -159,10 +159,10 @@ def test_interpreted_and_compiled_agree_bit_for_bit(by: IntentSettings) -> None:
         assert (slow, a, level) == (fast, b, quick)
 
 
-def test_least_jerk_meets_both_ends() -> None:
+def test_minimum_jerk_from_a_motion_meets_both_ends() -> None:
     begin = Reference(0.3, -0.7, 2.0)
-    assert least_jerk(begin, 1.2, 1.5, 0.0) == pytest.approx(begin)
-    end = least_jerk(begin, 1.2, 1.5, 1.5 - 1e-9)
+    assert minimum_jerk_from(begin, 1.2, 1.5, 0.0) == pytest.approx(begin)
+    end = minimum_jerk_from(begin, 1.2, 1.5, 1.5 - 1e-9)
     assert end == pytest.approx((1.2, 0.0, 0.0), abs=1e-6)
 
 

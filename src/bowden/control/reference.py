@@ -4,17 +4,15 @@ Every trajectory here has a formula (a recorded one, the formula of its spline),
 differences. Angles in radians, times in seconds.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Protocol, cast
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
-from bowden.core.signals import Reference
+from bowden.models.minimum_jerk import minimum_jerk_over
 
 Array = NDArray[np.float64]
 
@@ -31,30 +29,9 @@ class Trajectory(Protocol):
         ...
 
 
-@kernel
-def minimum_jerk(start: float, end: float, duration: float, time: float) -> Reference:
-    """The point-to-point motion of least jerk, resting before and after it.
-
-        φ = start + (end − start)·(10x³ − 15x⁴ + 6x⁵),  x = time/duration
-
-    Source: Flash and Hogan, Journal of Neuroscience 5(7), 1985.
-
-    >>> [float(v) for v in minimum_jerk(0.0, 2.0, 4.0, 2.0)]
-    [1.0, 0.9375, 0.0]
-    """
-    x = np.fmax(0.0, np.fmin(1.0, time / duration))
-    span, speed = end - start, 1.0 / duration
-    return Reference(
-        start + span * x * x * x * (10.0 + x * (6.0 * x - 15.0)),
-        span * speed * 30.0 * x * x * (1.0 + x * (x - 2.0)),
-        span * speed * speed * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)),
-    )
-
-
 def _minimum_jerk(start: float | Array, end: float | Array, duration: float | Array, time: Array) -> Array:
-    """`minimum_jerk` over arrays, (n, 3)."""
-    spread = cast(Callable[..., Reference], minimum_jerk)  # made of ufuncs: arrays pass through
-    return np.stack(cast(tuple[Array, Array, Array], spread(start, end, duration, time))).T
+    """`minimum_jerk_over` as one table, (n, 3)."""
+    return np.stack(minimum_jerk_over(start, end, duration, time)).T
 
 
 def _positive(what: str, **values: float) -> None:

@@ -51,7 +51,7 @@ class DriveReading(NamedTuple):
     heartbeat_age: float
     """Time since the drive's last heartbeat [s]."""
     drive_state: float
-    """Number of the CiA 402 state, a `hardware.cia402.State` [–]."""
+    """Number of the CiA 402 state, a `hardware.drives.cia402.State` [–]."""
     emergency: float
     """Error code of an emergency frame that came in this cycle; 0 for none [–]."""
     bus_errors: float

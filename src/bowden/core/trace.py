@@ -283,7 +283,7 @@ class Trace:
         return metrics.power(self.columns["motor_velocity"], self.columns["current"], resistance, constant)
 
     def convergence_times(self, band: float = 0.05, period: float = 0.0) -> dict[str, float | None]:
-        """When each of the law's variables (columns ``law.*``) settles: see `metrics.convergence_time` [s].
+        """When each of the law's variables (columns ``law.*``) settles: see `core.metrics.convergence_time` [s].
 
         Raises:
             LogError: time is not even.

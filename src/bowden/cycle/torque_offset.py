@@ -1,8 +1,9 @@
 """Friction made up for ahead of any error: the torque offset that the drive takes beside its target, made in the loop.
 
-The push is that of `models.geared_motor`, on the target that the supervisor has let through, in the spool's angle. It
-acts while law, preflight or a planned motion have the motor and nothing is wrong; in a release, while a target is held
-for a reading that is missing, and without power it is none. The drive bounds it once more before the wire.
+The push is that of `models.drive.geared_motor`, on the target that the supervisor has let through, in the spool's
+angle. It acts while law, preflight or a planned motion have the motor and nothing is wrong; in a release, while a
+target is held for a reading that is missing, and without power it is none. The drive bounds it once more before the
+wire.
 """
 
 from collections.abc import Sequence

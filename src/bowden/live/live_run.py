@@ -50,7 +50,7 @@ class Live:
     law: Law
     limits: Limits
     table: NDArray[np.float64]
-    """See `runtime.script.Script`."""
+    """See `live.script.Script`."""
     servo_from: int
     """Row of an excitation from which on it is meant for the servo; 0 for a law."""
     start: float

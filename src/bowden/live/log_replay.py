@@ -73,8 +73,8 @@ def source_for(found: Recording, law: Law) -> Source:
     """What makes the reference of a recorded run for a law: of a wearer's push, with the lead that this law needs.
 
     How far the motor is sent ahead, and whether the reference has the give of the cables, is another thing for each
-    law (`control.push`). For another law than the record's it is made again of the rig that the log has; what the
-    wearer's push becomes, within which range, stays as recorded.
+    law (`control.admittance.push`). For another law than the record's it is made again of the rig that the log has;
+    what the wearer's push becomes, within which range, stays as recorded.
 
     Raises:
         LogError: the log has no rig, or one of which this version makes another source than the one that ran.

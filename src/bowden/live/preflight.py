@@ -8,6 +8,7 @@ import numpy as np
 from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading
 from bowden.core.units import DEGREES, RADIANS
+from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.safety.limits import Limits
 
 
@@ -157,8 +158,7 @@ def step(
         return _answer(state._replace(step=float(Step.OUT), since=0.0), state.motor)
 
     duration = state.amplitude / settings.speed
-    share = min(since / duration, 1.0)
-    way = share**3 * (10.0 - 15.0 * share + 6.0 * share * share)
+    way = float(minimum_jerk_share(since / duration))
     out = settings.pull_sign * state.amplitude
     wish = state.motor + out * (way if state.step == Step.OUT else 1.0 - way)
     if since < duration + settings.settle or not seen:
@@ -266,7 +266,7 @@ def require(limits: Limits, dt: float, verdict: str) -> None:
 
 
 _QUICKEST = 1.0
-"""Shortest thermal time constant: `models.thermal.rested` goes in steps of a second, and none is so small [s]."""
+"""Shortest thermal time constant: `models.drive.thermal.rested` goes in steps of a second, and none is so small [s]."""
 
 _POSITIVE = (
     *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),

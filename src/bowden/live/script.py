@@ -12,13 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.reference import minimum_jerk
 from bowden.core.signals import DriveReading, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, MOTION, NOWHERE, Plan
 from bowden.hardware.emg.course import EmgCourse
 from bowden.live import preflight
 from bowden.live.dead_zone import dead_zone
 from bowden.live.row import NOTHING_READ
+from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk
 from bowden.safety.supervisor import Mode
 
 _PREFLIGHT, _RUNNING, _BRIDGING = float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING)
@@ -120,12 +120,12 @@ class Script:
         if mode == _RUNNING:
             distance = abs(self._start - target)
             self._from, self._cycles, self._begun, self.done = target, -cycles, False, False
-            self._approach = math.ceil(_PEAK * distance / self._speed / self._period) * self._period
+            self._approach = math.ceil(PEAK_SPEED * distance / self._speed / self._period) * self._period
         self._mode = mode
 
     @property
     def reason(self) -> float:
-        """Number of the `preflight.Reason` for which the preflight failed; 0 where it has not."""
+        """Number of the `live.preflight.Reason` for which the preflight failed; 0 where it has not."""
         return self._checked.reason
 
 
@@ -134,6 +134,3 @@ _BLEND = 1.0
 
 _FURTHEST = 0.3
 """A joint further from the reference than this is not explained by play: the law is shown it as it is [rad]."""
-
-_PEAK = 1.875
-"""Largest speed of a minimum-jerk motion over its mean one."""

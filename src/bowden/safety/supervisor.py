@@ -50,7 +50,7 @@ class Verdict(NamedTuple):
     """What the drive is told, and why."""
 
     target: float  # motor angle; always finite, within the limits and within their speed of the one before [rad]
-    power: float  # number of a `runtime.ports.Power`, 0 or 3
+    power: float  # number of a `hardware.ports.Power`, 0 or 3
     mode: float  # number of a `Mode`
     reaction: float  # 0, or 1 to 3 for R1 to R3
     faults: float  # all that are active or latched, a sum of 2**fault
@@ -152,7 +152,7 @@ class Found(NamedTuple):
     EMG_LOST: float
 
 
-POWER_OFF, POWER_ON = 0.0, 3.0  # of `runtime.ports.Power`, which this floor cannot see
+POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
 STOPPED, PREFLIGHT, RUNNING, BRIDGING, RELEASING, LATCHED = (float(mode) for mode in Mode)
 ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
 BIG = 1e6  # what is larger is no number that anything here can mean
@@ -164,7 +164,7 @@ THEN = Found(**{fault.name: float(fault.then) for fault in Fault})
 
 @kernel
 def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> SupervisorState:
-    """Stopped, with the motor as warm as the last run left it (`models.thermal.rested`)."""
+    """Stopped, with the motor as warm as the last run left it (`models.drive.thermal.rested`)."""
     motor = sel(outside(reading.motor, -limits.sensor_span, limits.sensor_span) > 0.0, 0.0, reading.motor)
     joint = sel(outside(reading.joint, -limits.sensor_span, limits.sensor_span) > 0.0, 0.0, reading.joint)
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))

@@ -17,6 +17,7 @@ import numpy as np
 
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference
+from bowden.models.minimum_jerk import PEAK_SPEED, minimum_jerk_from
 
 
 class Intent(IntEnum):
@@ -67,7 +68,7 @@ REST, FLEX, HOLD, EXTEND = (float(intent) for intent in Intent)
 TURNED_SPEED, TURNED_ACCELERATION = 2.28, 20.2
 """Largest speed and acceleration of a motion that is turned round once, over range/duration and range/duration²; those
 of one that is not are 1.875 and 5.774 [–]."""
-FOLLOWED_SPEED, FOLLOWED_ACCELERATION = 1.875, 100.0
+FOLLOWED_SPEED, FOLLOWED_ACCELERATION = PEAK_SPEED, 100.0
 """The same of `proportional`."""
 _SHORTEST = 0.3
 """A motion takes at least this share of `duration`, however short its way [–]."""
@@ -88,27 +89,6 @@ def intent_start(position: float) -> IntentState:
 
 
 @kernel
-def least_jerk(begin: Reference, end: float, lasts: float, gone: float) -> Reference:
-    """The quintic from `begin` to rest at `end` [rad] in a time `lasts` > 0, after a time `gone`; at rest afterwards.
-
-    >>> [float(value) for value in least_jerk(Reference(0.0, 0.0, 0.0), 1.0, 2.0, 1.0)]
-    [0.5, 0.9375, 0.0]
-    """
-    s = np.fmax(0.0, np.fmin(1.0, gone / lasts))
-    way, speed, bend = begin.position - end, begin.velocity * lasts, begin.acceleration * lasts * lasts
-    third = -10.0 * way - 6.0 * speed - 1.5 * bend
-    fourth = 15.0 * way + 8.0 * speed + 1.5 * bend
-    fifth = -6.0 * way - 3.0 * speed - 0.5 * bend
-    position = end + way + s * (speed + s * (0.5 * bend + s * (third + s * (fourth + s * fifth))))
-    velocity = speed + s * (bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))
-    acceleration = bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))
-    there = gone >= lasts
-    return Reference(
-        sel(there, end, position), sel(there, 0.0, velocity / lasts), sel(there, 0.0, acceleration / (lasts * lasts))
-    )
-
-
-@kernel
 def longest(settings: IntentSettings, begin: Reference, end: float) -> float:
     """How long a motion takes [s]: as its way asks for, or less where it would swing out of the range before it turns.
 
@@ -123,7 +103,7 @@ def longest(settings: IntentSettings, begin: Reference, end: float) -> float:
     for i in range(_TRIES):
         tried, out = most * _LESS ** (_TRIES - 1 - i), 0.0
         for j in range(1, _POINTS):
-            there = least_jerk(begin, end, tried, tried * j / _POINTS).position
+            there = minimum_jerk_from(begin, end, tried, tried * j / _POINTS).position
             out = np.fmax(out, np.fmax(settings.low - there, there - settings.high))
         lasts = sel(out > 0.0, lasts, tried)
     return lasts
@@ -143,7 +123,7 @@ def intent_step(
         dt: length of the cycle [s].
     """
     gone = np.fmin(state.gone + dt, state.lasts)
-    now = least_jerk(state.begin, state.end, state.lasts, gone)
+    now = minimum_jerk_from(state.begin, state.end, state.lasts, gone)
     flexes, extends = flexor > 0.5, extensor > 0.5
     begins, other = flexes * (state.flexor <= 0.0), extends * (state.extensor <= 0.0)
     two, up = settings.muscles > 1.5, (state.mode == FLEX) + (state.mode == HOLD) > 0.0

@@ -33,7 +33,7 @@ class Agreement(NamedTuple):
 
     cables: Cables
     motions: list[Motion]
-    """Those of `arm_check.cases`, then the suit's runs."""
+    """Those of `sim.arm_check.cases`, then the suit's runs."""
     convergences: list[tuple[str, Convergence]]
     """Of which motion, and how its error goes with MuJoCo's step."""
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.units import RADIANS
+from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.models.suit.arm import Arm, gravity_torque, passive_torque, resting_angle
 from bowden.models.suit.geometry import (
     ELBOW_RANGE,
@@ -155,10 +156,10 @@ def cases(geometry: SuitGeometry, arm: Arm) -> list[Case]:
     extensor = max(surplus, 0.5) / geometry.joint_radius
 
     def lift(time: float) -> tuple[float, float]:
-        return flexor * (_smooth(time / 8.0) - _smooth((time - 10.0) / 6.0)), 0.0
+        return flexor * (minimum_jerk_share(time / 8.0) - minimum_jerk_share((time - 10.0) / 6.0)), 0.0
 
     def both(time: float) -> tuple[float, float]:
-        return flexor * _smooth(time / 6.0), extensor * _smooth((time - 7.0) / 2.0)
+        return flexor * minimum_jerk_share(time / 6.0), extensor * minimum_jerk_share((time - 7.0) / 2.0)
 
     return [
         Case("free swing", rest + 70.0 * RADIANS, lambda time: (0.0, 0.0), 8.0),
@@ -225,9 +226,3 @@ def convergence(geometry: SuitGeometry, arm: Arm, case: Case, motion: Motion, in
         theirs = MujocoArm(geometry, arm, step, integrator).move((case.start, 0.0), case.tensions, count)
         errors.append(float(np.abs(theirs - motion.ours[::every][: count + 1]).max()))
     return Convergence(integrator, STEPS, tuple(errors))
-
-
-def _smooth(share: float) -> float:
-    """Minimum-jerk course from 0 to 1."""
-    x = min(max(share, 0.0), 1.0)
-    return x**3 * (10.0 - 15.0 * x + 6.0 * x**2)

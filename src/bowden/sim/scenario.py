@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
+from bowden.models.minimum_jerk import minimum_jerk_over
 
 BendPath = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Time (n,) [s] → total bend angle of the sheath (n,) [rad]."""
@@ -37,8 +38,7 @@ def scripted_bend(times: Sequence[float], bends: Sequence[float]) -> BendPath:
     def path(time: NDArray[np.float64]) -> NDArray[np.float64]:
         t = np.clip(time, at[0], at[-1])
         i = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
-        x = (t - at[i]) / (at[i + 1] - at[i])
-        return np.asarray(to[i] + (to[i + 1] - to[i]) * x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+        return minimum_jerk_over(to[i], to[i + 1], at[i + 1] - at[i], t - at[i])[0]
 
     return path
 

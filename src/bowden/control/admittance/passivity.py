@@ -2,10 +2,10 @@
 
 Passive is the port φ̇ → τ if Re Z(jω) ≥ 0 up to the Nyquist frequency (Colgate and Hogan, Int. J. Control 48, 1988,
 65–88). Through a spring and with dead time it never is at all of them: with T = q/φ, Z = k_s·(1 − T)/(jω), and Re Z =
-−k_s·Im T/ω is below zero wherever the motor lags by more than half a turn. `admittance_port.passive_to` says from where
-on. What is asked for, then, is stability with every wearer of a range: springs, dampers and inertias, each on the suit
-as it is known and on those of `doubtful`, with the virtual inertia, damping and stiffness divided by `MARGIN`, which is
-the same as a torque read too large by that factor.
+−k_s·Im T/ω is below zero wherever the motor lags by more than half a turn. `control.admittance.port.passive_to` says
+from where on. What is asked for, then, is stability with every wearer of a range: springs, dampers and inertias, each
+on the suit as it is known and on those of `doubtful`, with the virtual inertia, damping and stiffness divided by
+`MARGIN`, which is the same as a torque read too large by that factor.
 """
 
 import itertools

@@ -13,6 +13,7 @@ from bowden.control.law_parts import bounded
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
+from bowden.models.minimum_jerk import minimum_jerk, minimum_jerk_share
 
 STEP_SPEED = 5.0
 """Speed at which a step of the reference is followed, beyond twice the speed that it tells [rad/s]."""
@@ -88,16 +89,6 @@ def heard_reference(plan: SlotPlan, reference: Reference, dt: float) -> Referenc
         sel(steps, np.sign(position - plan.reference) * STEP_SPEED, velocity),
         sel(steps, 0.0, bounded(reference.acceleration, -1e6, 1e6, 0.0)),
     )
-
-
-@kernel
-def minimum_jerk_share(phase: float) -> float:
-    """10x³ − 15x⁴ + 6x⁵.
-
-    >>> minimum_jerk_share(0.5)
-    0.5
-    """
-    return phase * phase * phase * (10.0 + phase * (6.0 * phase - 15.0))
 
 
 @kernel
@@ -252,8 +243,8 @@ def planned_motion(
 ) -> MotorMotion:
     """What the motor should do now: the reference `delay` + `lag` ahead, the jump `delay` ahead, and a `search`."""
     x, speed = plan.phase, 1.0 / duration
-    rate = plan.jump * 30.0 * x * x * (1.0 + x * (x - 2.0)) * speed
-    growth = plan.jump * 60.0 * x * (1.0 + x * (2.0 * x - 3.0)) * (speed * speed)
+    jump = minimum_jerk(0.0, plan.jump, 1.0, x)
+    rate, growth = jump.velocity * speed, jump.acceleration * (speed * speed)
     turns = sel(plan.side * reference.velocity > 0.0, 1.0 / slope, 0.0)
     steady, pick_up = reference.velocity * turns, reference.acceleration * turns
     ahead = delay + lag

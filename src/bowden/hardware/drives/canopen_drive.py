@@ -59,7 +59,7 @@ class CanopenDrive:
         self._heartbeat.data = bytearray((frames.OPERATIONAL,))
 
     def bring_up(self) -> str:
-        """See `runtime.ports.Drive.bring_up`; may be called again after a failure or a reboot of the drive."""
+        """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a reboot of the drive."""
         drive = self._drive
         if self._claim is None and self._given is None:
             self._claim = claim(drive.interface, drive.channel, "host")
@@ -87,7 +87,7 @@ class CanopenDrive:
         self._heartbeat_heard, self._heartbeat_sent = math.nan, -math.inf
 
     def read(self, now: float) -> DriveReading:
-        """See `runtime.ports.Drive.read`."""
+        """See `hardware.ports.Drive.read`."""
         values = self._values
         motor_age, joint_age, emergency = values.motor_age + 1.0, values.joint_age + 1.0, 0.0
         motor, joint, current = values.motor, values.joint, values.current
@@ -127,7 +127,7 @@ class CanopenDrive:
         return self._values
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """See `runtime.ports.Drive.write`.
+        """See `hardware.ports.Drive.write`.
 
         Until operation is enabled the target sent is the position itself, so that enabling moves nothing. A target
         that is no number, or beyond the drive's counts, is never sent: the torque goes off. There is none before the
@@ -167,7 +167,7 @@ class CanopenDrive:
         self._send(self._sync)
 
     def reset_fault(self) -> None:
-        """See `runtime.ports.Drive.reset_fault`; without effect where the drive has no fault."""
+        """See `hardware.ports.Drive.reset_fault`; without effect where the drive has no fault."""
         self._reset = True
 
     def zeroed(self, motor: float = 0.0, joint: float = 0.0) -> DriveParameters:
@@ -186,7 +186,7 @@ class CanopenDrive:
         )
 
     def close(self) -> None:
-        """See `runtime.ports.Drive.close`.
+        """See `hardware.ports.Drive.close`.
 
         The drive is told to watch our heartbeat no longer only once it has said that it has no torque.
         """

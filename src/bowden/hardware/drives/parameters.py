@@ -14,7 +14,7 @@ class DriveParameters(NamedTuple):
 
     angle = home + direction · 2π · (counts − counts at home) / counts per turn of the spool or the joint
 
-    On a suit that is the spool's angle, and the motor's is what `models.suit_angle.motor_of` makes of it: all that
+    On a suit that is the spool's angle, and the motor's is what `models.suit.suit_angle.motor_of` makes of it: all that
     stands above the drive knows the joint's coordinate alone.
     """
 
@@ -81,7 +81,7 @@ class DriveParameters(NamedTuple):
         float, Quantity("longest wait for an answer at bring-up", "s", shown="ms", gt=0.0, le=1e4)
     ] = 0.3
     spool: SpoolMap | None = None
-    """Of a suit: motor angles are in the joint's coordinate, and the spool turns as this says (`models.suit_angle`)."""
+    """Of a suit: motor angles are the joint's, and the spool turns as this says (`models.suit.suit_angle`)."""
 
 
 MOST_PUSH = 0.5

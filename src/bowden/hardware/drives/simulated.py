@@ -29,11 +29,11 @@ class SimulatedDrive:
         self._age = 0.0
 
     def bring_up(self) -> str:
-        """See `runtime.ports.Drive.bring_up`."""
+        """See `hardware.ports.Drive.bring_up`."""
         return "a simulated drive"
 
     def read(self, now: float) -> DriveReading:
-        """See `runtime.ports.Drive.read`."""
+        """See `hardware.ports.Drive.read`."""
         state, _ = _NEXT[self._power]
         bench, age = self._bench, self._age
         self._age += 1.0
@@ -43,7 +43,7 @@ class SimulatedDrive:
         )
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """See `runtime.ports.Drive.write`."""
+        """See `hardware.ports.Drive.write`."""
         self._bench.advance(now)
         self._joint, self._motor = self._bench.read_encoders()
         self._age, self._power = 0.0, power
@@ -52,8 +52,8 @@ class SimulatedDrive:
             self._bench.torque_offset = torque
 
     def reset_fault(self) -> None:
-        """See `runtime.ports.Drive.reset_fault`; it has none."""
+        """See `hardware.ports.Drive.reset_fault`; it has none."""
 
     def close(self) -> None:
-        """See `runtime.ports.Drive.close`."""
+        """See `hardware.ports.Drive.close`."""
         self._power, self._bench.doing = Power.OFF, OFF

@@ -144,7 +144,7 @@ class TwinControl:
         return list(self.ask(do="journal", since=since)["journal"])
 
     def inject(self, text: str, after: float = 0.0, lasting: float | None = None) -> Injection:
-        """Inject a fault, as `hardware.injection.parse` reads it.
+        """Inject a fault, as `hardware.twin.injection.parse` reads it.
 
         Args:
             text: name, side and amount.

@@ -10,7 +10,7 @@ class TwinPlant(Protocol):
 
     physics: Physics
     doing: int
-    """`twin_bench.OFF`, `FOLLOW` or `BRAKE`."""
+    """`hardware.twin.bench.OFF`, `FOLLOW` or `BRAKE`."""
     command: float
     """The target to follow [rad]."""
     slack: float
