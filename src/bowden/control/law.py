@@ -72,6 +72,9 @@ class Law:
     """The measured angles on which the command depends once the law has begun, by their names in `Sample`."""
     compensates_lag: bool = False
     """Whether it sends the motor ahead of the reference itself, by the lag of servo and delay."""
+    settling: Callable[[Any], float] | None = None
+    """Gains → how long the law moves until its estimates have settled [s]; the check tries it for as long. A law that
+    does not say is tried for as long as the check ever does."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)
