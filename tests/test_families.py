@@ -98,7 +98,7 @@ def test_a_rig_of_another_family_is_read_packed_written_and_run_against_its_twin
 
 
 def test_a_family_that_there_is_not_is_named(tmp_path: Path) -> None:
-    assert names() == ("cia402",)
+    assert "cia402" in names()
     with pytest.raises(ParameterError, match="toy"):
         family_named("toy")
     path = tmp_path / "rig.toml"
