@@ -30,9 +30,10 @@ def run(
 ) -> Iterator["Session"]:
     """Run a law live, with every cycle in a log; a context, whose end is the run's, in a controlled release.
 
-    The run starts stopped. ``session.complete()`` arms it and comes back when the reference or a fault has ended it;
+    The run starts stopped. ``session.complete()`` arms it and comes back when the reference, or a fault, has ended it;
     ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step. After the block
-    ``session.trace()`` is the record; what ended it otherwise than as asked is told as a warning. Before anything starts, the law is checked as `bowden.check` does it.
+    ``session.trace()`` is the record; what ended the run otherwise than as asked is told as a warning. Before anything
+    starts, the law is checked as `bowden.check` does it.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
