@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
 from bowden.design.check import STROKE, check
 from bowden.design.limit_cycle import describing_function, hysteresis_response
-from bowden.design.trial import run_trial
+from bowden.design.trial import LONGEST, MOVING, run_trial, settled_after
 from bowden.models.cable.bouc_wen import prepare_cable
 from bowden.plants.bench import Bench
 from bowden.plants.transmission import transmission
@@ -115,6 +116,25 @@ def test_estimates_that_drift_away_in_minutes_are_seen() -> None:
     law = ADAPTIVE.with_gains(error_gain=0.163, feedback_gain=5.0)
     assert run_trial(rig, law, np.pi, STROKE, moving=40.0).bounded
     assert check(rig, law).verdict == "does_not_hold"
+
+
+def test_a_law_is_tried_until_its_own_estimates_have_settled() -> None:
+    """The adaptive law's leakage takes 4/(δ·σ), all that the check ever gives; a trial is whole motions long."""
+    assert settled_after(ADAPTIVE) == LONGEST == 4.0 / (2.0 * 0.005)
+    assert settled_after(ADAPTIVE.with_gains(slope_leakage=0.0)) == LONGEST
+    assert settled_after(ADAPTIVE.with_gains(slope_leakage=0.03, bound_leakage=0.016)) == 126.0
+    assert settled_after(replace(LAWS["bowden"], settling=None)) == LONGEST
+    assert [trial.moving for trial in check(BENCH, ADAPTIVE).trials] == [LONGEST]
+    assert [trial.moving for trial in check(BENCH, LAWS["bowden"]).trials] == [MOVING]
+
+
+def test_our_law_has_learned_by_the_end_of_its_trial() -> None:
+    """What it believes then is what it believes after ten times as long."""
+    short, long = (
+        run_trial(BENCH, LAWS["bowden"], np.pi, STROKE, 1, moving).visited[-1] for moving in (MOVING, LONGEST)
+    )
+    for name in ("crossing.width", "slopes.up", "slopes.down"):
+        assert short[name] == pytest.approx(long[name], rel=0.01)
 
 
 def test_what_holds_must_stand_a_part_of_its_margin_with_the_play() -> None:

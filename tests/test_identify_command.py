@@ -17,6 +17,7 @@ from bowden.identify.cable.model import NAMES
 from bowden.identify.cable.model_file import load_model, model_text, write_model
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
+from bowden.report import identify_page as identify_page_module
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json"
 
@@ -87,6 +88,20 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed.err == ""
     assert "bouc_wen *" in printed.out
     assert "out/identify/model.toml" in printed.out.replace("\\", "/")
+
+
+def test_the_table_is_there_before_the_page_is_drawn(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drawn(fit: Fit) -> None:
+        shown.append(capsys.readouterr().out)
+        raise OutputError("the page cannot be drawn", expected="a page", do="nothing: this is a test")
+
+    shown: list[str] = []
+    monkeypatch.setattr(identify_page_module, "identify_page", drawn)
+    assert run(["identify", "log.csv"]) == 2
+    assert "* recommended" in shown[0]
+    assert not Path("out").exists()
 
 
 def test_the_same_log_writes_the_same_bytes(capsys: pytest.CaptureFixture[str]) -> None:

@@ -32,6 +32,7 @@ def identify(
     Five models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, and a
     Prandtl-Ishlinskii stack. The folder gets model.toml, with every parameter and its uncertainty, and a page.
     """
+    from bowden.app.quick_figures import import_figures
     from bowden.identify.cable.fit import identify_log
     from bowden.identify.log.read import read_log
 
@@ -39,7 +40,11 @@ def identify(
     output_folder(out)
     with progress_bar(quiet=json) as progress:
         fit = identify_log(checked, progress=progress)
-        progress("drawing the page", 1.0)
+    if not json:
+        _print_table(fit)  # drawing takes as long as all that was before
+    with progress_bar(quiet=json) as progress:
+        progress("drawing the page", 0.9)
+        import_figures()
         from bowden.identify.cable.model_file import write_model
         from bowden.report.identify_page import identify_page
 
@@ -50,7 +55,6 @@ def identify(
     if json:
         print_json(document(fit) | {"seconds": seconds()})
     else:
-        _print_table(fit)
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
 
 

@@ -84,6 +84,9 @@ def _interaction(rig: "Rig", trace: "Trace") -> dict[str, float | None] | None:
 
 def _write(traces: dict[str, "Trace"], folder: Path, title: str, *, csv: bool) -> list[Path]:
     """Write every trace and, last, the page: all or nothing."""
+    from bowden.app.quick_figures import import_figures
+
+    import_figures()
     from bowden.report.simulate_page import write_simulation
 
     names = []

@@ -20,7 +20,7 @@ from bowden.core.units import RADIANS
 from bowden.design import findings
 from bowden.design.limit_cycle import LimitCycle, describing_function, predict
 from bowden.design.linearise import find_estimates, linearise
-from bowden.design.trial import MOVING, SETTLED, Trial, run_trial
+from bowden.design.trial import MOVING, Trial, run_trial, settled_after
 from bowden.models.drive.servo import Servo
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
@@ -210,8 +210,11 @@ def check(
 def _tried(
     bench: Plant, law: Law, bends: tuple[float, ...], stroke: tuple[float, float], seed: int
 ) -> tuple[tuple[Trial, ...], list[Estimates]]:
-    """The trials and the estimates that they visit; where there are any, and short trials stay bounded, long ones."""
-    for moving in (MOVING, SETTLED):
+    """The trials and the estimates that they visit.
+
+    Where there are any that settle later, and the trials stay bounded, longer trials take their place.
+    """
+    for moving in dict.fromkeys((MOVING, max(MOVING, settled_after(law)))):
         trials = tuple(run_trial(bench, law, bend, stroke, seed, moving) for bend in bends)
         estimates = visited_estimates(law, trials, bench.sample_time)
         if not estimates[-1] or not all(trial.bounded for trial in trials):

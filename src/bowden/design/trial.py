@@ -1,5 +1,6 @@
 """A short closed-loop run that shows what a loop does: it moves, then rests."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -20,8 +21,8 @@ _HALF = 2.0
 """Time of one motion, up or down [s]."""
 MOVING = 40.0
 """How long it moves [s]; a whole number of motions."""
-SETTLED = 400.0
-"""Motion of a trial of a law with estimates [s]: four times 1/(δ·σ), with which the paper's leakage settles them."""
+LONGEST = 400.0
+"""The longest motion of a trial [s], for estimates that settle late or never; the adaptive law's take all of it."""
 _SETTLING, _JUDGED = 10.0, 10.0
 """Of the rest that follows: what is left to the loop, and what is judged [s]."""
 _SNAPSHOTS = 8
@@ -82,6 +83,12 @@ def run_trial(
         ripple=float(np.sqrt(np.mean(np.diff(commands) ** 2))),
         visited=visited,
     )
+
+
+def settled_after(law: Law) -> float:
+    """How long a trial moves until the law's estimates have settled [s]: `Law.settling` in whole motions."""
+    said = LONGEST if law.settling is None else law.settling(law.gains)
+    return LONGEST if not said < LONGEST else _HALF * math.ceil(said / _HALF)
 
 
 @lru_cache(4)

@@ -13,7 +13,7 @@ gone one way from `before` to `after` within `dt`; a cable that does not know ti
 
 from typing import Any, NamedTuple
 
-from bowden.core.kernel import exp, kernel
+from bowden.core.kernel import exp, kernel, stand_in
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor, current
 from bowden.models.drive.servo import (
@@ -39,24 +39,24 @@ class Seen(NamedTuple):
     """The internal variable of a cable that has just one, else NaN [–]."""
 
 
-@kernel
+@stand_in
 def cable_start(cable: Any, motor: float, width: float, slope_factor: float) -> Any:
     """Stand-in for the cable's ``start``; `specialise` puts the cable's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def cable_advance(
     cable: Any, memory: Any, before: float, after: float, width: float, slope_factor: float, dt: float
 ) -> Any:
     """Stand-in for the cable's ``advance``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def cable_look(cable: Any, memory: Any, motor: float, width: float, slope_factor: float) -> Seen:
     """Stand-in for the cable's ``look``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 class Moving(NamedTuple):

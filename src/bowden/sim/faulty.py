@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import apart, kernel
+from bowden.core.kernel import apart, stand_in
 from bowden.core.signals import DriveReading, Sample
 from bowden.sim.injected import misread
 
@@ -21,7 +21,7 @@ class SensorFault(NamedTuple):
     """The cycle after the last."""
 
 
-@kernel
+@stand_in
 def as_it_is(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """The sample: where nothing goes wrong, this is compiled into the loop in place of `faulty`."""
     return sample

@@ -18,6 +18,7 @@ Linearised, the law is a PID around the servo (gains κλ, κ and β̂λ); the p
 around any servo that is as fast as Fig. 16 implies (erratum 7). They are kept as the preset ``paper``.
 """
 
+import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
@@ -94,6 +95,12 @@ def step(
     return AdaptiveState(integral, slope_inverse, bound, sample.joint, joint_rate, s), command
 
 
+def settling(gains: AdaptiveGains) -> float:
+    """Four time constants 1/(δ·σ) of the slower leakage [s]: what an estimate began with is down to 2 %."""
+    slower = min(gains.slope_adaptation * gains.slope_leakage, gains.bound_adaptation * gains.bound_leakage)
+    return 4.0 / slower if slower > 0.0 else math.inf
+
+
 PRINTED = AdaptiveGains(error_gain=2.0, feedback_gain=10.0, derivative_time=0.0)
 """The gains of Section 5.1.2, as printed."""
 
@@ -109,6 +116,7 @@ LAW = Law(
     presets={"paper": PRINTED, "suit": SUIT},
     suit_preset="suit",
     feeds_back=frozenset({"joint"}),
+    settling=settling,
     limits={
         "error_gain": (0.0, 1e3),
         "feedback_gain": (0.0, 1e4),

@@ -171,6 +171,11 @@ def step(
     return after, command
 
 
+def settling(gains: BacklashInverseGains) -> float:
+    """Ten forgetting times [s]: they count while the cable is pushed, half of the time at least."""
+    return 10.0 * gains.forgetting_time
+
+
 LAW = Law(
     name="backlash_inverse",
     gains=BacklashInverseGains(),
@@ -179,6 +184,7 @@ LAW = Law(
     source="Tao, Kokotović, IEEE Transactions on Automatic Control 38(10), 1993, and their book of 1996",
     told=LAG,
     compensates_lag=True,
+    settling=settling,
     limits={
         "largest_crossing": (0.0, math.inf),
         "adaptation_gain": (0.0, 500.0),

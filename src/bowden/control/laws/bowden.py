@@ -7,6 +7,15 @@ from bowden.control.law import Law
 from bowden.control.our_law.gains import LIMITS, SUIT, BowdenGains
 from bowden.control.our_law.law import start, step
 
+
+def settling(gains: BowdenGains) -> float:
+    """Ten strokes [s]: nine full crossings teach all that the dead zone's filter weighs them by, and nothing is leaked.
+
+    A stroke of the check's trial takes 2 s; no gain sets how soon the law learns.
+    """
+    return 20.0
+
+
 LAW = Law(
     name="bowden",
     gains=BowdenGains(),
@@ -17,5 +26,6 @@ LAW = Law(
     suit_preset="suit",
     told={name: name for name in ("servo_frequency", "servo_damping", "delay", "slope", "width", "doubt")},
     compensates_lag=True,
+    settling=settling,
     limits=LIMITS,
 )
