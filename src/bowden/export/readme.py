@@ -98,7 +98,7 @@ _LOOP_WITH_GATE = """void timer_interrupt(void)
     const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
     const @NAME@_reference reference = next_reference();
     const safety_observed observed = observe(); /* reading, ages, lateness, the operator's request */
-    const int moves = gate.mode == 2 || gate.mode == 3; /* running, bridging */
+    const int moves = gate.decided.mode == 2 || gate.decided.mode == 3; /* running, bridging */
     safety_verdict verdict;
     double wish = gate.target; /* until the law may move the motor, it stays where the gate has it */
 
