@@ -329,6 +329,6 @@ def test_our_law_follows_on_other_servos_as_it_is(hertz: float, most_deg: float,
     path = tmp_path / "rig.toml"
     path.write_text(f"[servo]\nnatural_frequency_hz = {hertz}\n[control]\nlaw = 'bowden'\n")
     rig = Rig.read(path)
-    trace = simulate(rig.plant, rig.fitted(), rig.trajectory, duration=60.0, bend=rig.bend_path, seed=rig.seed)
+    trace = simulate(rig.moved, rig.fitted(), rig.trajectory, duration=60.0, bend=rig.bend_path, seed=rig.seed)
     rmse = float(np.sqrt(np.mean(trace.error**2))) / RADIANS
     assert rmse < most_deg

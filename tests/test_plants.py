@@ -161,8 +161,8 @@ def test_a_rig_simulates_the_model_that_identification_recommends(shared_data: P
     log = read_log(shared_data / "cable" / "L_Pitch_1_000.csv.gz")
     fit = identify_log(log)
     rig = Rig(cable=fit)
-    assert isinstance(rig.plant, CablePlant)
-    assert rig.plant.cable.name == "bouc_wen_static"
+    assert isinstance(rig.moved, CablePlant)
+    assert rig.moved.cable.name == "bouc_wen_static"
 
     def error(plant: CablePlant) -> float:
         """RMS in degrees of its cable under the log's own motor, which runs backwards."""
@@ -174,8 +174,8 @@ def test_a_rig_simulates_the_model_that_identification_recommends(shared_data: P
         half = len(joints) // 2
         return float(np.degrees(np.sqrt(np.mean((np.array(joints) - log.joint)[half:] ** 2))))
 
-    assert error(rig.plant) == pytest.approx(0.078, abs=0.003)
+    assert error(rig.moved) == pytest.approx(0.078, abs=0.003)
     assert error(round_its_cable(rig.bench)) == pytest.approx(0.139, abs=0.005)
-    trace = simulate(rig.plant, rig.fitted("bowden"), rig.trajectory, duration=5.0, initial_motor=rig.start_motor)
+    trace = simulate(rig.moved, rig.fitted("bowden"), rig.trajectory, duration=5.0, initial_motor=rig.start_motor)
     assert trace.settings["plant"]["cable"]["kind"] == "bouc_wen_static"
     assert trace["joint"][0] == pytest.approx(rig.begin, abs=1e-9)

@@ -134,8 +134,8 @@ def test_what_a_file_names_is_part_of_the_rig(folder: Path) -> None:
         assert one.fitted().gains.feedback_gain == 1.5
         assert one.cable.model("play").parameters["half_width"] == 0.05  # type: ignore[union-attr]
         assert np.array_equal(one.trajectory.sample(np.linspace(0.0, 3.0, 50)), before)
-    assert isinstance(rig.plant, CablePlant)
-    assert rig.plant.cable.name == "play"
+    assert isinstance(rig.moved, CablePlant)
+    assert rig.moved.cable.name == "play"
     trace = run_of(rig.replace(duration=0.2), rig.fitted())
     assert np.isfinite(trace["joint"]).all()
     assert trace["joint"][0] == pytest.approx(rig.begin)

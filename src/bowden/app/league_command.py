@@ -22,7 +22,7 @@ _Names = list[str] | None
 
 def league(
     laws: Annotated[_Names, typer.Option(help="Only these laws; commas between them, or repeat the option.")] = None,
-    plants: Annotated[_Names, typer.Option(help="Only these plants.")] = None,
+    plants: Annotated[_Names, typer.Option(help="Only these plants; FILE.py:NAME is one of your own.")] = None,
     scenarios: Annotated[_Names, typer.Option(help="Only these scenarios.")] = None,
     law: Annotated[_Names, typer.Option(help="FILE.py:NAME of your own law, to join the others.")] = None,
     data: Annotated[
@@ -45,6 +45,7 @@ def league(
 
     entered = _laws(laws, law or [])
     makers, notes = _plants(data)
+    makers |= _own_plants(plants)
     played_in, more = _scenarios(data)
     chosen = _chosen("plant", makers, plants)
     motions = _chosen("scenario", played_in, scenarios)
@@ -95,7 +96,7 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: _Names) -> list[Any]:
     """
     from bowden.core.errors import ParameterError, near
 
-    asked = [name.strip() for text in wanted or [] for name in text.split(",")]
+    asked = _asked(wanted)
     for name in asked:
         if name not in known:
             raise ParameterError(f"there is no {what} {name!r} in the league", expected=near(name, known))
@@ -116,6 +117,26 @@ def _plants(data: Path) -> tuple[dict[str, Callable[[], "LeaguePlant"]], list[st
     for name in league_identified.names(logs):
         makers[name] = partial(league_identified.identified_plant, base, name, logs)
     return makers, [] if logs else [f"no cable logs in {data / 'cable'}, so no plant that was identified from one"]
+
+
+def _own_plants(wanted: _Names) -> dict[str, Callable[[], "LeaguePlant"]]:
+    """The user's own plants among those that are wanted, by what they are called there."""
+    from bowden.control import user_law
+    from bowden.design.league_cells import LeaguePlant
+    from bowden.plants import user_plant
+    from bowden.sim.scenario import constant_bend
+
+    found: dict[str, Callable[[], LeaguePlant]] = {}
+    for name in _asked(wanted):
+        if user_law.is_file(name):
+            plant = user_plant.load(name)
+            what = f"a plant of your own, from {plant.path.name}"
+            found[name] = partial(_itself, LeaguePlant(plant.name, what, plant, constant_bend(plant.sheath.bend)))
+    return found
+
+
+def _asked(wanted: _Names) -> list[str]:
+    return [name.strip() for text in wanted or [] for name in text.split(",")]
 
 
 def _itself(plant: "LeaguePlant") -> "LeaguePlant":

@@ -87,8 +87,11 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.bench import TwinBench
+    from bowden.hardware.twin.plant import TwinPlant
     from bowden.hardware.twin.suit import TwinSuit
     from bowden.hardware.twin.twin import raise_priority
+    from bowden.hardware.twin.user import TwinUser
+    from bowden.plants.user_plant import UserPlant
 
     monotonic = MonotonicClock()
 
@@ -98,7 +101,13 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
     drive = rig.drive_parameters
     family = family_of(drive)
     rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, clock())
-    plant = TwinBench(rig.cabled, *rest) if rig.worn is None else TwinSuit(rig.worn, *rest)
+    plant: TwinPlant
+    if rig.worn is not None:
+        plant = TwinSuit(rig.worn, *rest)
+    elif isinstance(rig.cabled, UserPlant):
+        plant = TwinUser(rig.cabled, *rest)
+    else:
+        plant = TwinBench(rig.cabled, *rest)
     running = family.twin(drive, plant, clock, objects)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())

@@ -16,6 +16,8 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 from bowden.core.errors import ParameterError
+from bowden.core.files import whole_files
+from bowden.core.kernel_cache import cache_folder
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -89,6 +91,22 @@ def source_of(path: Path, what: str) -> bytes:
         raise ParameterError(
             f"cannot read the {what} {path}: {reason.lower()}", expected="a Python file", do="check the path"
         ) from error
+
+
+def restored(path: Path, source: bytes, folder: str) -> Path:
+    """A file as it once stood: itself where it still does, and else a copy under the same name.
+
+    Args:
+        path: where it was.
+        source: what was in it.
+        folder: for the copies, inside that of compiled code.
+    """
+    if path.is_file() and path.read_bytes() == source:
+        return path
+    home = cache_folder() / folder / fingerprint(source)
+    with whole_files(home) as stage:
+        (stage / path.name).write_bytes(source)
+    return home / path.name
 
 
 def run(path: Path, what: str) -> ModuleType:

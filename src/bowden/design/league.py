@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
+from bowden.control.reference import Trajectory
 from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, Scenario
 from bowden.design.league_exact import exact_travel
 from bowden.plants.knowledge_of import knowledge_of
+from bowden.plants.user_plant import UserPlant
 from bowden.sim.many import Case, Shown, simulate_each
 
 YARDSTICK = "adaptive"
@@ -109,9 +111,7 @@ def play(
             start = float(reference.sample(np.zeros(1))[0, 0])
             initial = found.plant.resting_motor(start, float(found.bend(np.zeros(1))[0]))
             progress(f"{found.name}, {scenario.name}", done / total)
-            travel = exact_travel(
-                found.plant, reference, duration=scenario.duration, bend=found.bend, initial_motor=initial
-            )
+            travel = _exact_travel(found, reference, scenario.duration, initial)
             knowing = tuple(configured(law, found.known or knowledge_of(found.plant)) for law in laws)
             runs = simulate_each(Case(found.plant, knowing, reference, found.bend, seed, initial), scenario.duration)
             for law in laws:
@@ -120,6 +120,13 @@ def play(
                     run = next(runs)
                 yield _judged(law.name, found, scenario, run, travel)
                 done += 1
+
+
+def _exact_travel(found: LeaguePlant, reference: Trajectory, duration: float, initial: float) -> float:
+    """`exact_travel`; NaN of a user's own plant, whose exact inverse nobody knows [rad]."""
+    if isinstance(found.plant, UserPlant):
+        return math.nan
+    return exact_travel(found.plant, reference, duration=duration, bend=found.bend, initial_motor=initial)
 
 
 def _judged(name: str, found: LeaguePlant, scenario: Scenario, run: Shown, travel: float) -> Played:

@@ -16,6 +16,7 @@ from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.cables import as_cable_plant, play
 from bowden.plants.friction_cables import lumped, sliding
+from bowden.plants.user_plant import UserPlant
 from bowden.sim.scenario import BendPath, constant_bend
 
 STROKE = 70.0 * RADIANS
@@ -30,7 +31,7 @@ class LeaguePlant:
     """As ``--plants`` has it."""
     what: str
     """One line for the page."""
-    plant: CablePlant
+    plant: CablePlant | UserPlant
     """Servo, cable, encoders, delay."""
     bend: BendPath
     """The sheath's bend while it runs."""

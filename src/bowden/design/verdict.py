@@ -55,7 +55,7 @@ def _check(rig: Rig, law: Law) -> "Check | str":
 
     with user_law.explained(law):
         try:
-            return check(rig.plant, law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
+            return check(rig.moved, law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
         except (ArithmeticError, ValueError) as error:  # the plain step divides by zero, or gives what is no number
             return f"{type(error).__name__}: {error}"
 
@@ -65,7 +65,7 @@ def _why(rig: Rig, law: Law, found: "Check") -> str:
     from bowden.design.advice import advise
 
     with user_law.explained(law):
-        advice = advise(rig.plant, law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
+        advice = advise(rig.moved, law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
     return f"{found.reason}; {advice}"
 
 

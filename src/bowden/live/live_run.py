@@ -99,7 +99,7 @@ class Live:
         checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
-        slope = 1.0 if suit is not None else self.rig.bench.cable.slope
+        slope = 1.0 if suit is not None else self.rig.slope
         return Script(self.table, self.start, speed, checks, self.rig.sample_time, course, slope)
 
     def told(self) -> Mapping[str, Any]:

@@ -3,9 +3,11 @@
 import math
 
 from bowden.control.knowledge import Knowledge, with_cable
+from bowden.core.errors import ParameterError
 from bowden.plants.bench import Bench
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
+from bowden.plants.user_plant import UserPlant
 
 
 def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
@@ -14,6 +16,7 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
     - Of any plant: servo, clock and encoders. What its cable is made of is not what anyone has measured; whoever has
       identified it adds that by `bowden.control.knowledge.with_cable`.
     - Of a bench: also where the motor is zeroed, and the cable as it stands there.
+    - Of a user's own plant: also the slope, where its parameters have one, and where its motor is zeroed.
     - Of a suit: also the cables' Bouc–Wen form; its motor is counted in the joint's coordinate, from the straight arm.
 
     Args:
@@ -33,6 +36,16 @@ def knowledge_of(plant: Plant, *, identified: bool = False) -> Knowledge:
     )
     if isinstance(plant, Bench):
         return with_cable(known, plant.cable, plant.sheath.gap, identified=identified)
+    if isinstance(plant, UserPlant):
+        return known._replace(slope=plant.slope if plant.slope > 0.0 else math.nan, motor_zero=_zero(plant))
     if isinstance(plant, Suit):
         return known._replace(cable=plant.flexor.bouc_wen, motor_zero=0.0, suit=True)
     return known
+
+
+def _zero(plant: UserPlant) -> float:
+    """The motor angle at which its joint rests at zero; NaN where it does so at none [rad]."""
+    try:
+        return plant.resting_motor(0.0)
+    except ParameterError:
+        return math.nan

@@ -169,6 +169,22 @@ class Dynamics:
         return own | dict(self.parts)
 
 
+def refuse_no_number(dynamics: Dynamics, columns: Mapping[str, float], time: float) -> None:
+    """Refuse what a user's own plant gave `time` [s] after its start, where it is no number.
+
+    Raises:
+        ParameterError: the first such column, with the plant's file.
+    """
+    for name, value in columns.items():
+        if dynamics.file and not math.isfinite(value):
+            where = user_file.line(dynamics.advance, Path(dynamics.file))
+            raise ParameterError(
+                f"{where}: the plant {dynamics.name!r} gave {value} for {name} at t = {time:.6g} s",
+                expected="a finite number",
+                do="correct the plant there",
+            )
+
+
 class Plant(Protocol):
     """Any plant. A new one is a file: a class with these, and kernels; nothing lists them."""
 

@@ -17,7 +17,16 @@ from bowden.core.nested import form_of, numbers_of
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.plants.bench import Bench
-from bowden.plants.plant import Dynamics, Plant, SheathState, plant_advance, plant_look, plant_rest, sheath_state
+from bowden.plants.plant import (
+    Dynamics,
+    Plant,
+    SheathState,
+    plant_advance,
+    plant_look,
+    plant_rest,
+    refuse_no_number,
+    sheath_state,
+)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -97,6 +106,9 @@ class _Key:
         loop = specialise(open_loop, self.dynamics.name, **parts)
         with self.dynamics.explained():
             loop(self.dynamics.plant, self.sheath, commands, record)
+        for k in np.flatnonzero(~np.isfinite(record).all(axis=0))[:1]:
+            then = dict(zip(("motor", "joint"), record[:, k].tolist(), strict=True))
+            refuse_no_number(self.dynamics, then, float(k * self.dt))
         return record
 
 

@@ -123,6 +123,12 @@ class UserPlant(NamedTuple):
         return UserParameters(self.parameters, dt, self.motor, self.joint_encoder, self.motor_encoder)
 
     @property
+    def slope(self) -> float:
+        """Joint motion per motor motion: its parameter ``slope``, NaN without one [rad/rad]."""
+        found = getattr(self.parameters, "slope", math.nan)
+        return found if isinstance(found, float) else math.nan
+
+    @property
     def path(self) -> Path:
         """Of the file in which its motion stands."""
         return Path(self.advance.__code__.co_filename)
@@ -240,6 +246,13 @@ def _find(module: ModuleType, attribute: str, path: Path) -> UserPlant:
         raise user_file.mistake(error, path) from error
     others = {part: names[part] for part in ("observe", "effort") if part in names}
     return UserPlant(path.stem, parameters, names["rest"], names["advance"], **others)
+
+
+def same_values(one: Any, other: Any) -> bool:
+    """Whether two parameters are the same; of arrays, in every number."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    return type(one).__name__ == type(other).__name__ and bool(one == other)
 
 
 def _form(body: Any) -> str:

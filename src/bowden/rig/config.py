@@ -21,6 +21,7 @@ from bowden.rig import emg_setup
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import Section, value_of
 from bowden.rig.given_law import LawFile, law_file
+from bowden.rig.given_plant import PlantFile, plant_file
 from bowden.rig.recorded import RecordedMotion, read_motion
 from bowden.rig.sections import (
     BEND_KINDS,
@@ -73,6 +74,7 @@ def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | Non
     values["gains"] = Gains(file.control.gains)
     values["width"] = file.cable.width
     values["cable"] = _cable(file.cable, path, kept.get("cable"))
+    values["plant"] = _plant(file.cable.plant, path, kept.get("plant"))
     values["reference"] = _reference(file.reference, path, kept.get("reference"))
     bend = file.scenario.bend
     values["bend"] = value_of(BENDS[bend.kind].kind, bend.model_dump())
@@ -94,11 +96,14 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
         file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
         raise explained(error, path) from error
-    given = sorted(file.cable.model_fields_set - {"model"})
-    if file.cable.model is not None and given:
-        raise ParameterError(
-            f"{path}: [cable] has a model and its own {', '.join(given)}", expected="one or the other", do="delete one"
-        )
+    for name in ("model", "plant"):
+        given = sorted(file.cable.model_fields_set - {name})
+        if getattr(file.cable, name) is not None and given:
+            raise ParameterError(
+                f"{path}: [cable] has a {name} and its own {', '.join(given)}",
+                expected="one or the other",
+                do="delete one",
+            )
     if file.cable.slope == 0.0:
         raise ParameterError(f"{path}: cable.slope is 0", expected="a number above or below 0", do=_CORRECT)
     check_points(file, path)
@@ -124,6 +129,15 @@ def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
         return before
     with asked_for_by(f"{path}: cable.model"):
         return load_cable(path.parent / section.model, section.model)
+
+
+def _plant(name: str | None, path: Path, before: Any) -> PlantFile | None:
+    if name is None:
+        return None
+    if isinstance(before, PlantFile) and before.name == name:
+        return before
+    with asked_for_by(f"{path}: cable.plant"):
+        return plant_file(name, path.parent)
 
 
 def _reference(section: Any, path: Path, before: Any) -> Trajectory:

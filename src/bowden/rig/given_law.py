@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 from bowden.control import LAWS, Law, user_law
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
-from bowden.core.files import whole_files
-from bowden.core.kernel_cache import cache_folder
 
 
 class LawFile(NamedTuple):
@@ -35,12 +33,7 @@ class LawFile(NamedTuple):
 def _load(file: LawFile) -> Law:
     """The law, made once in a process: what a file prints is printed once."""
     path, attribute = Path(file.path), file.name.rpartition(".py")[2]
-    if not (path.is_file() and path.read_bytes() == file.source):
-        home = cache_folder() / "laws" / user_file.fingerprint(file.source)
-        with whole_files(home) as stage:
-            (stage / path.name).write_bytes(file.source)
-        path = home / path.name
-    return user_law.load(f"{path}{attribute}")
+    return user_law.load(f"{user_file.restored(path, file.source, 'laws')}{attribute}")
 
 
 def law_file(name: str, folder: Path | None = None) -> LawFile:

@@ -26,7 +26,7 @@ def numeric_keys(tree: Mapping[str, Any]) -> dict[str, str]:
     for name, section in file:
         if name not in LIVE:
             found |= dict(_numbers(name, section))
-    if file.cable.model is not None:
+    if file.cable.model is not None or file.cable.plant is not None:
         found = {name: unit for name, unit in found.items() if not name.startswith("cable.")}
     return {name: unit for name, unit in found.items() if name not in _OWN}
 

@@ -18,10 +18,12 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import optional
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.plants.user_plant import UserPlant
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import items_of
 from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.given_law import LawFile, packable
+from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.recorded import RecordedMotion
 from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, RecordedFile, drive_part
 
@@ -77,7 +79,8 @@ def packed(found: Mapping[str, Any]) -> bytes:
 
 def digest(values: Mapping[str, Any]) -> str:
     """A short name of the values: equal ones have the same, whether they come from Python or a file."""
-    return hashlib.sha256(json.dumps(_said(dict(values)), sort_keys=True).encode()).hexdigest()[:16]
+    said = {name: value for name, value in values.items() if name != "plant" or value is not None}
+    return hashlib.sha256(json.dumps(_said(said), sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _written(name: str, value: Any) -> Any:
@@ -88,6 +91,10 @@ def _written(name: str, value: Any) -> Any:
         return {"best": value.best, "models": {k: dict(v) for k, v in value.models.items()}, "file": value.file}
     if isinstance(value, LawFile):
         return {"name": value.name, "path": value.path, "source": base64.b64encode(value.source).decode()}
+    if isinstance(value, UserPlant | PlantFile):
+        plant = as_file(value)
+        source = base64.b64encode(plant.source).decode()
+        return {"name": plant.name, "path": plant.path, "source": source, "changed": dict(plant.changed)}
     if isinstance(value, Law):
         return None  # `document` has its name or file
     if name == "reference":
@@ -131,6 +138,13 @@ def _said(value: Any) -> Any:
     if isinstance(value, LawFile):
         attribute = value.name.rpartition(".py")[2]
         return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute}
+    if isinstance(value, PlantFile):
+        attribute = value.name.rpartition(".py")[2]
+        found = {"plant": hashlib.sha256(value.source).hexdigest(), "name": attribute}
+        return found | {"changed": _said(dict(value.changed))}
+    if isinstance(value, UserPlant):  # of a notebook, as for a law
+        code = b"".join(part.__code__.co_code for part in (value.rest, value.advance, value.observe, value.effort))
+        return {"plant": value.name, "code": hashlib.sha256(code).hexdigest(), "parameters": _said(value.describe())}
     if isinstance(value, Law):
         try:
             base, own = packable(value)
@@ -218,6 +232,9 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
         return _made(part.kind, {k: v for k, v in given.items() if k != "kind"}, part.default, name, remarks)
     if name == "law" and isinstance(given, Mapping):
         return LawFile(given["name"], given["path"], base64.b64decode(given["source"]))
+    if name == "plant" and given is not None:
+        source = base64.b64decode(given["source"])
+        return PlantFile(given["name"], given["path"], source, tuple(given["changed"].items()))
     return Gains(given) if name == "gains" else given
 
 

@@ -33,7 +33,8 @@ from bowden.plants.cables import plant_of_model
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
-from bowden.rig import config, display, emg_motion, emg_setup, given_law, packing, toml_text
+from bowden.plants.user_plant import UserPlant
+from bowden.rig import config, display, emg_motion, emg_setup, given_law, given_plant, packing, toml_text
 from bowden.rig import drive as live_parts
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
@@ -41,6 +42,7 @@ from bowden.rig.compose_admittance import Pushing, pushing_of
 from bowden.rig.compose_suit import suit_of
 from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
+from bowden.rig.given_plant import PlantFile
 from bowden.rig.recorded import held
 from bowden.rig.sections import (
     DEFAULT_CABLE,
@@ -67,6 +69,7 @@ MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
 
 CableLike = BoucWen | IdentifiedCable | CableModel | Fit
+GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
 
 _LINE = "line"
@@ -95,6 +98,9 @@ class Rig:
 
     cable: CableLike = DEFAULT_CABLE
     """Its parameters by hand, or what an identification says of it."""
+    plant: GivenPlant = None
+    """A plant of one's own in place of the cable: ``FILE.py:NAME`` or a `UserPlant`. What it says itself of servo,
+    motor, encoders, sheath, sample time and delay is the rig's."""
     width: float = DEFAULT_WIDTH
     """Factor on the play of a cable by hand, which laws do not know; an identified one has 1 [–]."""
     sheath: Sheath = PARTS["sheath"].default
@@ -161,6 +167,8 @@ class Rig:
             object.__setattr__(self, name, checked(getattr(self, name), part.kind, name))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
+        if self.plant is not None:
+            self._take_from_plant()
         self._check_whole()
 
     def _check_clock(self) -> None:
@@ -180,6 +188,21 @@ class Rig:
                     do="change scenario.duration_s or --duration",
                 )
 
+    def _take_from_plant(self) -> None:
+        """Let the rig's parts be what its plant says of itself."""
+        fields = type(self).__dataclass_fields__
+        if self.cable != fields["cable"].default or self.width != fields["width"].default or self.suit.worn:
+            other = "a suit" if self.suit.worn else "a cable"
+            raise ParameterError(
+                f"{self.origin}: the rig has a plant of its own and {other}", expected="one of them", do="leave one out"
+            )
+        default = {name: fields[name].default for name in given_plant.PARTS}
+        with config.asked_for_by(f"{self.origin}: the plant"):
+            own = {name: getattr(self, name) for name in given_plant.PARTS}
+            taken = given_plant.agreed(self.own_plant, own, default)
+        for name, value in taken.items():
+            object.__setattr__(self, name, value)
+
     def _drive_part(self) -> Part:
         """What [drive] is of its family."""
         return drive_part(getattr(self.drive, "family", DEFAULT_FAMILY))
@@ -190,6 +213,7 @@ class Rig:
         width = checked_number(self.width, float, WIDTH, "width")
         return {
             "cable": cable,
+            "plant": given_plant.held(self.plant),
             "width": width if isinstance(cable, BoucWen) else 1.0,
             "reference": _reference(self.reference),
             "bend": _bend(self.bend),
@@ -428,7 +452,7 @@ class Rig:
             cable = cable._replace(slope=-cable.slope, hysteresis_gain=-cable.hysteresis_gain)
         return Bench(
             cable=cable,
-            sheath=Sheath(self.sheath.bend, self.width * self.sheath.gap, self.sheath.loss),
+            sheath=Sheath(self.sheath.bend, (1.0 if self.plant else self.width) * self.sheath.gap, self.sheath.loss),
             servo=self.servo,
             motor=self.motor,
             joint_encoder=self.joint_encoder,
@@ -447,9 +471,20 @@ class Rig:
         """
         return suit_of(self.suit, self.wearer, self.bench, self.sheath.gap) if self.suit.worn else None
 
+    @property
+    def own_plant(self) -> UserPlant:
+        """The user's plant with what it says of itself.
+
+        Raises:
+            ParameterError: the rig has none, or its file cannot be used.
+        """
+        if self.plant is None or isinstance(self.plant, str):  # never text once the rig is made
+            raise ParameterError(f"{self.origin}: the rig has no plant of its own", do="name one in cable.plant")
+        return given_plant.loaded(self.plant)
+
     @cached_property
-    def cabled(self) -> Bench | CablePlant:
-        """What is moved where no suit is worn: the bench round its cable.
+    def cabled(self) -> Bench | CablePlant | UserPlant:
+        """What is moved where no suit is worn: a plant of the user's own, or the bench round its cable.
 
         The cable is the model that an identification recommends; a straight line is no cable with hysteresis, and the
         plain Bouc–Wen model stands for it.
@@ -457,13 +492,22 @@ class Rig:
         Raises:
             ParameterError: a part that cannot be.
         """
+        if self.plant is not None:
+            return self.own_plant._replace(**{name: getattr(self.bench, name) for name in given_plant.PARTS})
         if not isinstance(self.cable, IdentifiedCable) or self.cable.best in _AS_BENCH:
             return self.bench
         return plant_of_model(self.cable.best, self.cable.model().parameters, self.bench)
 
     @property
-    def plant(self) -> Bench | CablePlant | Suit:
-        """What is moved: the suit where one is worn, and else the bench round its cable.
+    def slope(self) -> float:
+        """Joint motion per motor motion where no suit is worn; 1 of one's own plant that does not say [rad/rad]."""
+        if self.plant is None:
+            return self.bench.cable.slope
+        return self.own_plant.slope if self.own_plant.slope > 0.0 else 1.0
+
+    @property
+    def moved(self) -> Bench | CablePlant | UserPlant | Suit:
+        """What is moved: the suit where one is worn, and else `cabled`.
 
         Raises:
             ParameterError: a part that cannot be.
@@ -475,7 +519,7 @@ class Rig:
         """The plant with what a simulation measures of it: under the wearer's push, its load cell."""
         if self.worn is not None and self.pushing is not None:
             return self.worn._replace(load_cell=self.pushing.cell)
-        return self.plant
+        return self.moved
 
     @cached_property
     def pushing(self) -> Pushing | None:
@@ -542,7 +586,9 @@ class Rig:
     @cached_property
     def knowledge(self) -> Knowledge:
         """What a law is told of the rig."""
-        return knowledge_of(self.bench, identified=self.identified) if self.worn is None else knowledge_of(self.worn)
+        if self.worn is not None:
+            return knowledge_of(self.worn)
+        return knowledge_of(self.bench if self.plant is None else self.cabled, identified=self.identified)
 
     def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:
         """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.

@@ -93,6 +93,9 @@ def _part(name: str, text: str, default: Any, tag: str = "") -> Part:
 WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do not know it", gt=0.0, le=100.0)
 GAINS = Quantity("gains of that law that differ from its own, in SI units and radians")
 _MODEL = Quantity("file of an identified cable, in place of all keys below", example="model.toml")
+_PLANT = Quantity(
+    'your own plant as "file.py:NAME", found from this file, in place of all other keys here', example="my_plant.py"
+)
 _GAIN = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 DEFAULT_CABLE = _BENCH.cable
@@ -208,10 +211,10 @@ def _one_of(kinds: Mapping[str, type[Section]]) -> Any:
 
 _CableSection = section_of(
     "CableSection",
-    "The cable, joint = αφ·motor + αh·h + offset (Eqs 6-7), or the model that `bowden identify` wrote.",
+    "The cable, joint = αφ·motor + αh·h + offset (Eqs 6-7), the model of `bowden identify`, or a plant of your own.",
     BoucWen,
     _BENCH.cable,
-    before={"model": key_of(str | None, _MODEL, None)},
+    before={"model": key_of(str | None, _MODEL, None), "plant": key_of(str | None, _PLANT, None)},
     after={"width": key_of(float, WIDTH, DEFAULT_WIDTH)},
 )
 EncodersSection: type[Section] = create_model(

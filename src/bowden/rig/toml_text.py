@@ -10,10 +10,12 @@ from bowden.core.quantity import declared
 from bowden.core.toml_text import quoted
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import cable_text
+from bowden.plants.user_plant import UserPlant
 from bowden.rig import wearer_file
 from bowden.rig.declaration import in_file, items_of
 from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.given_law import LawFile, packable
+from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.recorded import RecordedMotion
 from bowden.rig.sections import BENDS, PARTS, REFERENCES, Clock, RigFile, Scenario
 
@@ -40,7 +42,9 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
     found["scenario"]["bend"] = _tagged(values["bend"], BENDS)
     found["reference"] = _tagged(values["reference"], REFERENCES)
     cable = values["cable"]
-    if isinstance(cable, IdentifiedCable):
+    if values["plant"] is not None:
+        found["cable"] = {"plant": _plant(values["plant"]).name}
+    elif isinstance(cable, IdentifiedCable):
         found["cable"] = {"model": cable.file or "model.toml"}
     else:
         found["cable"] = section_tree(cable) | {"width": values["width"]}
@@ -73,6 +77,17 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
     )
 
 
+def _plant(given: UserPlant | PlantFile) -> PlantFile:
+    plant = as_file(given)
+    if plant.changed:
+        raise ParameterError(
+            f"a rig.toml has no words for the plant's {', '.join(name for name, _ in plant.changed)}",
+            expected="a plant as it stands in its file",
+            do="write it there, or hand the rig on with pack()",
+        )
+    return plant
+
+
 def _control(values: Mapping[str, Any]) -> dict[str, Any]:
     law, own = values["law"], dict(values["gains"])
     if isinstance(law, Law):
@@ -93,7 +108,12 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
     """
     tree, files = tree_of(values), {}
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
-    if isinstance(cable, IdentifiedCable):
+    if values["plant"] is not None:
+        plant = _plant(values["plant"])
+        name = Path(plant.path).name
+        tree["cable"] = {"plant": name + plant.name.rpartition(".py")[2]}
+        files[name] = plant.source
+    elif isinstance(cable, IdentifiedCable):
         tree["cable"] = {"model": Path(tree["cable"]["model"]).name}
         files[tree["cable"]["model"]] = cable_text(cable).encode()
     if isinstance(reference, RecordedMotion):

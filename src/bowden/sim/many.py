@@ -1,5 +1,6 @@
 """Many closed loops at once: what `bowden.sim.batch` needs, put together from plants, laws and seeds."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from bowden.core.nested import form_of, numbers_of
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
 from bowden.sim.batch import FIGURES, ROWS, BatchInputs, Limits, One, run_batch
 from bowden.sim.faulty import Fault
-from bowden.sim.run import check_clock, edges_of, initial_angle, stand_ins
+from bowden.sim.run import check_clock, edges_of, initial_angle, simulate, stand_ins
 from bowden.sim.scenario import BendPath
 
 Array = NDArray[np.float64]
@@ -115,7 +116,9 @@ def simulate_each(case: Case, duration: float) -> Iterator[Shown]:
     for i, law in enumerate(case.laws):
         numbers = np.array([ready.numbers[i]])
         given.run(law, case.source_of(i), ready.ones[i], numbers, given.rows, Limits(), figures)
-        yield Shown(Outcome(*figures[0].tolist()), ready.edges[:-1], given.scratch[6], given.scratch[1])
+        outcome = Outcome(*figures[0].tolist())
+        _refuse_no_number(ready, i, outcome, duration)
+        yield Shown(outcome, ready.edges[:-1], given.scratch[6], given.scratch[1])
 
 
 class Ready:
@@ -173,8 +176,33 @@ def _run(group: Sequence[Ready]) -> Iterator[tuple[Outcome, ...]]:
     for j, law in enumerate(first.case.laws):
         numbers = np.array([ready.numbers[j] for ready in group])
         given.run(law, first.case.source_of(j), first.ones[j], numbers, given.rows, Limits(), found[j])
-    for i in range(len(group)):
-        yield tuple(Outcome(*found[j, i].tolist()) for j in range(len(found)))
+    for i, ready in enumerate(group):
+        outcomes = tuple(Outcome(*found[j, i].tolist()) for j in range(len(found)))
+        for j, outcome in enumerate(outcomes):
+            _refuse_no_number(ready, j, outcome, len(ready.reference[0]) * float(ready.case.plant.sample_time))
+        yield outcomes
+
+
+def _refuse_no_number(ready: Ready, number: int, outcome: Outcome, duration: float) -> None:
+    """Run the law of that number again with a trace, where a user's own plant may have given no number.
+
+    Raises:
+        ParameterError: it did.
+    """
+    if not ready.dynamics.file or (outcome.ended and math.isfinite(outcome.rmse)):
+        return
+    case = ready.case
+    simulate(
+        case.plant,
+        case.laws[number],
+        case.reference,
+        duration=duration,
+        bend=case.bend,
+        seed=case.seed,
+        initial_motor=case.initial_motor,
+        source=case.source_of(number),
+        fault=case.fault,
+    )
 
 
 class Given:

@@ -26,6 +26,7 @@ from bowden.plants.plant import (
     plant_look,
     plant_observe,
     plant_rest,
+    refuse_no_number,
     sheath_at,
     sheath_path,
 )
@@ -150,7 +151,8 @@ def simulate(
         run that ran away (a command beyond 1000 rad or not a number) the rest is NaN.
 
     Raises:
-        ParameterError: a duration, a setting or a part of the plant that cannot be.
+        ParameterError: a duration, a setting or a part of the plant that cannot be, or a user's own plant that gives
+            no number.
     """
     dynamics = plant.dynamics()
     inputs = inputs_of(plant, reference, duration, bend, seed, dynamics)
@@ -176,6 +178,11 @@ def simulate(
             fault,
             np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
         )
+    if dynamics.file:
+        own = block[len(RECORDED) : len(rows), : min(lasted + 1, len(inputs.time))]
+        for k in np.flatnonzero(~np.isfinite(own).all(axis=0))[:1]:
+            values_then = dict(zip(dynamics.columns, own[:, k].tolist(), strict=True))
+            refuse_no_number(dynamics, values_then, float(inputs.time[k]))
     block[:, lasted:] = np.nan
     if source is not TABLE:
         references[:, lasted:] = np.nan

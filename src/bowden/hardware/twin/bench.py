@@ -166,6 +166,7 @@ class TwinBench:
         physics: what the rig does not say.
     """
 
+    has_cable = True
     interaction = None
     """See `TwinPlant.interaction`."""
 

@@ -45,6 +45,9 @@ KINDS: dict[str, Kind] = {
     "over_current": Kind("the motor draws this current", amount=30.0, unit="A", least=-1e6),
 }
 
+OF_CABLE = ("broken_cable", "slack_cable")
+"""Those that change a cable's inside."""
+
 SIDES = ("joint", "motor")
 
 

@@ -1,4 +1,4 @@
-"""What a twin's drive needs of the plant behind it: a bench (`twin_bench`) or a suit on an arm (`twin_suit`)."""
+"""What a twin's drive needs of the plant behind it: a bench, a suit on an arm or a user's own plant."""
 
 from typing import Protocol
 
@@ -19,6 +19,8 @@ class TwinPlant(Protocol):
     """Whether the cable that pulls is torn."""
     temperature: float
     """Of the power stage [°C]."""
+    has_cable: bool
+    """Whether a cable can be torn or slack in it."""
     torque_offset: float | None
     """What the drive adds to its torque, at the spool; None where it takes none [N·m]."""
 

@@ -86,7 +86,7 @@ class TwinSuit:
         self._used = 0
         self._time, self._began, self._read = now, math.inf, now
         self.doing, self.command = OFF, initial_motor
-        self.slack, self.torn = 0.0, False
+        self.slack, self.torn, self.has_cable = 0.0, False, True
         self._swinging, self._swing = False, 0.0  # whether the wearer does, and how much of it there is, 0 to 1
         self.temperature = physics.ambient
         self.torque_offset: float | None = 0.0

@@ -11,13 +11,13 @@ from typing import Any
 
 import can
 
-from bowden.core.errors import BowdenError, DriveError
+from bowden.core.errors import BowdenError, DriveError, ParameterError
 from bowden.hardware.buses.opening import claim, open_bus
 from bowden.hardware.drives.cia402 import WITH_TORQUE
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters
 from bowden.hardware.twin.bench import OFF
 from bowden.hardware.twin.control import ControlServer, control_path
-from bowden.hardware.twin.injection import parse
+from bowden.hardware.twin.injection import OF_CABLE, parse
 from bowden.hardware.twin.node import TwinNode
 from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.plant import TwinPlant
@@ -153,6 +153,7 @@ class Twin:
                 return {"journal": [{"time": time, "event": event, "detail": said} for time, event, said in told]}
             case "inject":
                 injection = parse(str(request.get("fault", "")))
+                self._refuse(injection.name)
                 after, lasting = float(request.get("after") or 0.0), request.get("lasting")
                 end = math.inf if lasting is None else now + after + float(lasting)
                 self._node.faults.inject(injection._replace(start=now + after, end=end))
@@ -169,6 +170,17 @@ class Twin:
                 self._note(now, "scenario", f"{at:.6f}")
                 return {"time": at}
         raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, clear or scenario")
+
+    def _refuse(self, fault: str) -> None:
+        """Refuse what the plant has no inside for.
+
+        Raises:
+            ParameterError: a fault of its cable.
+        """
+        if fault in OF_CABLE and not self._node.bench.has_cable:
+            raise ParameterError(
+                f"{fault} is of a cable, and what moves here is a plant of your own", expected="another fault"
+            )
 
     def _status(self, now: float) -> dict[str, Any]:
         node, bench = self._node, self._node.bench

@@ -1,0 +1,193 @@
+"""A user's own plant behind the twin, moved on in real time by whole control cycles with its own kernels.
+
+A command takes effect at the next whole cycle, as in a simulation; between two of them joint and motor go straight from
+one to the other. How its motor stops is not known of such a plant: without torque, and under a quick stop, it is told
+to stay where it is, a stated choice. Its current is what its ``effort`` says, or 0 without one.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.source import Heard
+from bowden.core.kernel import kernel, specialise
+from bowden.hardware.twin.bench import FOLLOW, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
+from bowden.plants.plant import (
+    SheathState,
+    plant_advance,
+    plant_effort,
+    plant_observe,
+    plant_rest,
+    refuse_no_number,
+    sheath_state,
+)
+from bowden.plants.user_plant import UserPlant
+from bowden.sim.scenario import BendPath
+
+
+class Cycle(NamedTuple):
+    """A control cycle's two ends."""
+
+    body: Any
+    """At its beginning, with what its sensors remember."""
+    after: Any
+    """At its end."""
+    current: float
+    """At its beginning [A]; NaN where it is not known."""
+
+
+@kernel
+def begin(plant: Any, motor: float, sheath: SheathState) -> Any:
+    """At rest at a motor angle [rad]."""
+    return plant_rest(plant, motor, sheath)
+
+
+@kernel
+def one_on(
+    plant: Any, body: Any, applied: float, sheath: SheathState, after: SheathState, normals: NDArray[np.float64]
+) -> Cycle:
+    """The cycle that begins with a body, under a command [rad]."""
+    body, _ = plant_observe(plant, body, normals)
+    return Cycle(body, plant_advance(plant, body, applied, sheath, after), plant_effort(plant, body, sheath))
+
+
+@kernel
+def sensed(plant: Any, body: Any, normals: NDArray[np.float64]) -> Heard:
+    """What the sensors say of a body."""
+    _, heard = plant_observe(plant, body, normals)
+    return heard
+
+
+class TwinUser:
+    """A user's plant at a time that only goes forward; see `TwinPlant`.
+
+    Args:
+        plant: of the rig.
+        bend: the sheath's total bend over time, from when `start_scenario` was called; before that as at its start.
+        duration: for how long the bend is known; it stays as it is then [s].
+        seed: of the sensors' noise.
+        initial_motor: spool angle at power-up [rad].
+        now: [s]
+        physics: what the rig does not say; of it the power stage and the spool's radius count here.
+
+    Raises:
+        ParameterError: kernels that cannot be compiled, or give no number.
+    """
+
+    has_cable = False
+    interaction = None
+    """See `TwinPlant.interaction`."""
+
+    def __init__(
+        self,
+        plant: UserPlant,
+        bend: BendPath,
+        duration: float,
+        seed: int,
+        initial_motor: float,
+        now: float,
+        physics: Physics = Physics(),  # noqa: B008  # a tuple
+    ) -> None:
+        self.plant, self.physics = plant, physics
+        self._dynamics = dynamics = plant.dynamics()
+        edges = np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
+        self._bends = np.asarray(bend(edges), dtype=np.float64)
+        self._random = np.random.default_rng(seed)
+        kernels = dynamics.kernels()
+        rest, self._one_on, self._sensed = (
+            specialise(one, dynamics.name, **{name: kernels[name] for name in used}, **dynamics.parts)
+            for one, used in (
+                (begin, ("plant_rest",)),
+                (one_on, ("plant_observe", "plant_advance", "plant_effort")),
+                (sensed, ("plant_observe",)),
+            )
+        )
+        self._time, self._first, self._began = now, now, math.inf
+        self.doing, self.command = OFF, initial_motor
+        self.slack, self.torn = 0.0, False
+        self.temperature = physics.ambient
+        self.torque_offset: float | None = None
+        self._now = now
+        with dynamics.explained():
+            body = rest(dynamics.plant, float(initial_motor), self._sheath_at(now))
+            self._cycle = Cycle(body, body, math.nan)
+            self._step(initial_motor)
+            self.read_encoders()  # compiles
+
+    def start_scenario(self, now: float) -> None:
+        """See `TwinPlant.start_scenario`."""
+        self._began = now
+
+    def advance(self, now: float) -> None:
+        """Move on to `now` [s]: the cycle that it lies in has been calculated to its end.
+
+        Raises:
+            ParameterError: the plant gave no number.
+        """
+        self._now = max(now, self._time)
+        if now - self._time > LONGEST_GAP:
+            self._time = now - LONGEST_GAP
+        while now - self._time >= self.plant.sample_time:
+            self._time += self.plant.sample_time
+            self._step(self.command if self.doing == FOLLOW else self._cycle.after.motor)
+
+    def _step(self, applied: float) -> None:
+        """The cycle that begins at `_time`, from where the one before ended."""
+        dt = self.plant.sample_time
+        ends = self._sheath_at(self._time), self._sheath_at(self._time + dt)
+        normals = self._random.standard_normal(2)
+        self._cycle = Cycle(*self._one_on(self._dynamics.plant, self._cycle.after, float(applied), *ends, normals))
+        refuse_no_number(self._dynamics, self._cycle.after._asdict(), self._time + dt - self._first)
+        self.temperature = stage_temperature(self.physics, self.temperature, self.current, dt)
+
+    def _between(self, before: float, after: float) -> float:
+        part = min((self._now - self._time) / self.plant.sample_time, 1.0)
+        return before + part * (after - before)
+
+    def _sheath_at(self, time: float) -> SheathState:
+        return sheath_state(self.plant.sheath, course_at(self._bends, time - self._began, self.plant.sample_time))
+
+    @property
+    def motor(self) -> float:
+        """See `TwinPlant.motor`."""
+        return self._between(self._cycle.body.motor, self._cycle.after.motor)
+
+    @property
+    def velocity(self) -> float:
+        """See `TwinPlant.velocity`."""
+        return self._between(self._cycle.body.motor_velocity, self._cycle.after.motor_velocity)
+
+    @property
+    def joint(self) -> float:
+        """See `TwinPlant.joint`."""
+        return self._between(self._cycle.body.joint, self._cycle.after.joint)
+
+    @property
+    def current(self) -> float:
+        """See `TwinPlant.current`; 0 where the plant does not say."""
+        known = self.doing != OFF and math.isfinite(self._cycle.current)
+        return self._cycle.current if known else 0.0
+
+    @property
+    def tension(self) -> float:
+        """See `TwinPlant.tension`: what the motor's torque pulls, over the spool's radius."""
+        motor = self.plant.motor
+        return max(0.0, self.current * motor.gear * motor.torque_constant) / self.physics.spool_radius
+
+    @property
+    def speed_limit(self) -> float:
+        """See `TwinPlant.speed_limit`."""
+        return self.plant.servo.speed_limit
+
+    @property
+    def current_limit(self) -> float:
+        """See `TwinPlant.current_limit`."""
+        return self.plant.motor.current_limit
+
+    def read_encoders(self) -> tuple[float, float]:
+        """See `TwinPlant.read_encoders`: what the plant's own ``observe`` makes of where it is now."""
+        body = self._cycle.body._replace(joint=self.joint, motor=self.motor, motor_velocity=self.velocity)
+        heard = Heard(*self._sensed(self._dynamics.plant, body, self._random.standard_normal(2)))
+        return heard.joint, heard.motor

@@ -1,0 +1,172 @@
+"""The plant of one's own that a rig names: a user's file with its bytes, or a `UserPlant` of Python's."""
+
+import math
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bowden.core import user_file
+from bowden.core.errors import ParameterError
+from bowden.plants import user_plant
+from bowden.plants.user_plant import UserPlant
+
+PARTS = ("sheath", "servo", "motor", "joint_encoder", "motor_encoder", "sample_time", "delay")
+"""What a rig says of any plant, and a plant may say of itself."""
+
+_DIGITS = 1e-12
+"""A number that went through a file's units and back may differ by so much of itself."""
+
+
+class PlantFile(NamedTuple):
+    """A plant in a file of the user's, as it stood when the rig was made."""
+
+    name: str
+    """``FILE.py:NAME``, as it was given."""
+    path: str
+    """Where the file was."""
+    source: bytes
+    """What was in it."""
+    changed: tuple[tuple[str, float], ...] = ()
+    """Parameters that were changed in Python, by name."""
+
+    def load(self) -> UserPlant:
+        """The plant; of a file that has changed since or is not there any more, what it was.
+
+        Raises:
+            ParameterError: something that is not a plant, with the line.
+        """
+        found = _load(self._replace(changed=()))
+        if not self.changed:
+            return found
+        return found._replace(parameters=found.parameters._replace(**dict(self.changed)))
+
+
+@lru_cache(64)
+def _load(file: PlantFile) -> UserPlant:
+    """The plant, made once in a process: what a file prints is printed once."""
+    path, attribute = Path(file.path), file.name.rpartition(".py")[2]
+    return user_plant.load(f"{user_file.restored(path, file.source, 'plants')}{attribute}")
+
+
+def plant_file(name: str, folder: Path | None = None) -> PlantFile:
+    """The file that ``FILE.py:NAME`` names, read.
+
+    Raises:
+        ParameterError: it cannot be read, or has no such plant.
+    """
+    file, _ = user_file.split(name)
+    if not file.endswith(".py"):
+        raise ParameterError(f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME")
+    path = ((folder or Path()) / file).absolute()
+    found = PlantFile(name, str(path), user_file.source_of(path, "plant"))
+    found.load()
+    return found
+
+
+def held(given: Any) -> UserPlant | PlantFile | None:
+    """What a rig holds of a plant that it was given; one in a file as that file, so that other processes have it too.
+
+    Raises:
+        ParameterError: it is no plant of one's own.
+    """
+    if isinstance(given, str):
+        return plant_file(given)
+    if not isinstance(given, UserPlant):
+        if given is None or isinstance(given, PlantFile):
+            return given
+        raise ParameterError(
+            f"Rig: plant is a {type(given).__name__}",
+            expected='"my_plant.py:NAME" or a UserPlant of bowden.plants.user_plant',
+        )
+    given.dynamics()
+    return _in_file(given) or given
+
+
+def as_file(given: UserPlant | PlantFile) -> PlantFile:
+    """The plant as its file.
+
+    Raises:
+        ParameterError: a plant that stands in no file.
+    """
+    if isinstance(given, UserPlant):
+        raise ParameterError(
+            f"the plant {given.name!r} stands in no file, so that it cannot be handed to another process",
+            do="write it into a file and name that: my_plant.py:NAME",
+        )
+    return given
+
+
+def loaded(given: UserPlant | PlantFile) -> UserPlant:
+    """The plant with what it says of itself.
+
+    Raises:
+        ParameterError: a user's file that cannot be used.
+    """
+    return given if isinstance(given, UserPlant) else given.load()
+
+
+def agreed(plant: UserPlant, own: dict[str, Any], default: dict[str, Any]) -> dict[str, Any]:
+    """The parts of a rig round a plant: what the plant says of itself, and else what the rig says.
+
+    Args:
+        plant: a part of which it says nothing is as `UserPlant` has it.
+        own: the rig's `PARTS`.
+        default: those of a rig that says nothing.
+
+    Raises:
+        ParameterError: both say something, and not the same.
+    """
+    found = {}
+    for name in PARTS:
+        said, mine = getattr(plant, name), own[name]
+        if said == UserPlant._field_defaults[name] or _alike(said, mine):
+            continue
+        if not _alike(mine, default[name]):
+            raise ParameterError(
+                f"the plant {plant.name!r} has its own {name}, and the rig another",
+                expected="one of them",
+                do="leave it out in one place",
+            )
+        found[name] = said
+    return found
+
+
+def _alike(one: Any, other: Any) -> bool:
+    pairs = zip(one, other, strict=True) if isinstance(one, tuple) else [(one, other)]
+    return all(a == b or math.isclose(a, b, rel_tol=_DIGITS) for a, b in pairs)
+
+
+def _in_file(plant: UserPlant) -> PlantFile | None:
+    path = plant.path
+    if path.suffix != ".py" or not path.is_file():
+        return None
+    around = plant.advance.__globals__
+    names = [name for name, value in list(around.items()) if isinstance(value, UserPlant) and value.name == plant.name]
+    for attribute in ("", *names):
+        try:
+            found = plant_file(f"{path}:{attribute}" if attribute else str(path))
+            known = found.load()
+        except ParameterError:
+            continue
+        changed = _changed(plant, known)
+        if changed is not None:
+            return found._replace(changed=changed)
+    return None
+
+
+def _changed(plant: UserPlant, known: UserPlant) -> tuple[tuple[str, float], ...] | None:
+    """The parameters in which a plant differs from the file's; None where it differs in more than numbers."""
+    kernels = ("rest", "advance", "observe", "effort")
+    code = [[getattr(one, kernel).__code__.co_code for kernel in kernels] for one in (plant, known)]
+    kinds = [type(one.parameters).__name__ for one in (plant, known)]
+    same = all(getattr(plant, name) == getattr(known, name) for name in PARTS)
+    if plant.name != known.name or code[0] != code[1] or kinds[0] != kinds[1] or not same:
+        return None
+    found = []
+    for name, value in plant.parameters._asdict().items():
+        if user_plant.same_values(value, getattr(known.parameters, name)):
+            continue
+        if not isinstance(value, float):
+            return None
+        found.append((name, value))
+    return tuple(found)

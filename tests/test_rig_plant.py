@@ -1,0 +1,100 @@
+"""A user's own plant in a rig: held with its source, run by every loop, and blamed where it gives no number."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowden.core.errors import ParameterError
+from bowden.hardware.twin.bench import FOLLOW
+from bowden.hardware.twin.user import TwinUser
+from bowden.models.drive.servo import Servo
+from bowden.plants.user_plant import load
+from bowden.rig.one_run import run_of
+from bowden.rig.rig import Rig
+from bowden.sim.many import Case, simulate_many
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "my_plant.py"
+SERVO = "from bowden.models.drive.servo import Servo\nfrom bowden.plants.user_plant import UserPlant\n"
+NAMED = f"{SERVO}OWN = UserPlant('own', Parameters(), rest, advance, servo=Servo(natural_frequency=40.0))\n"
+
+
+def rig_of(tmp_path: Path, text: str = "") -> Rig:
+    (tmp_path / "my_plant.py").write_text(EXAMPLE.read_text())
+    path = tmp_path / "rig.toml"
+    path.write_text(f'[cable]\nplant = "my_plant.py"\n{text}[scenario]\nduration_s = 1.0\n')
+    return Rig.read(path)
+
+
+def test_a_file_and_python_make_the_same_rig_and_a_pack_needs_no_file(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path)
+    assert rig.hash == Rig(plant=str(tmp_path / "my_plant.py"), duration=1.0).hash
+    assert rig.hash == Rig(plant=load("my_plant.py", tmp_path), duration=1.0).hash
+    assert rig.hash != Rig(duration=1.0).hash
+    law = rig.fitted()
+    before = run_of(rig, law)
+    pack = rig.pack()
+    (tmp_path / "my_plant.py").unlink()
+    again = Rig.unpack(pack)
+    assert again.hash == rig.hash
+    assert np.array_equal(run_of(again, law)["joint"], before["joint"])
+    (tmp_path / "copy").mkdir()
+    again.write(tmp_path / "copy" / "rig.toml")
+    assert Rig.read(tmp_path / "copy" / "rig.toml").hash == rig.hash
+
+
+def test_a_changed_parameter_is_packed(tmp_path: Path) -> None:
+    plant = load(str(EXAMPLE))
+    stiff = plant._replace(parameters=plant.parameters._replace(slope=0.5))
+    rig = Rig.unpack(Rig(plant=stiff).pack())
+    assert rig.own_plant.parameters.slope == 0.5
+    with pytest.raises(ParameterError, match="no words for the plant's slope"):
+        rig.tree()
+
+
+def test_what_a_plant_says_of_itself_is_the_rigs(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(EXAMPLE.read_text() + NAMED)
+    rig = Rig(plant=str(tmp_path / "own.py:OWN"))
+    assert rig.servo.natural_frequency == rig.knowledge.servo_frequency == 40.0
+    assert rig.knowledge.slope == 0.95
+    assert rig.knowledge.motor_zero == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(ParameterError, match="has its own servo, and the rig another"):
+        Rig(plant=str(tmp_path / "own.py:OWN"), servo=Servo(natural_frequency=11.0))
+
+
+def test_mistakes_name_key_file_and_line(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="has a plant and its own slope"):
+        rig_of(tmp_path, "slope = 0.9\n")
+    rig_of(tmp_path)
+    (tmp_path / "my_plant.py").write_text(EXAMPLE.read_text().replace("motor, speed)", "motor, sped)"))
+    with pytest.raises(ParameterError, match=r"cable\.plant: .*my_plant\.py, line \d+: NameError"):
+        Rig.read(tmp_path / "rig.toml")
+
+
+def test_no_number_deep_in_a_run_is_the_plants(tmp_path: Path) -> None:
+    """A square root that ends only where the joint comes later than the trial does."""
+    text = EXAMPLE.read_text().replace("given.slope * end, motor, speed", "given.slope * end, motor, speed * wrong")
+    text = text.replace("    end = np.fmax", "    wrong = 1.0 + 0.0 * np.sqrt(0.9 - motor)\n    end = np.fmax")
+    (tmp_path / "bad.py").write_text(text)
+    rig = Rig(plant=str(tmp_path / "bad.py"), duration=8.0)
+    said = r"bad\.py, line \d+: the plant 'bad' gave nan for .* at t = \d"
+    with pytest.raises(ParameterError, match=said):
+        run_of(rig, rig.fitted())
+    case = Case(rig.moved, (rig.fitted(),), rig.trajectory, rig.bend_path, 1, rig.start_motor)
+    with pytest.raises(ParameterError, match=said):
+        list(simulate_many([case], 8.0))
+
+
+def test_the_twin_moves_it_as_a_simulation_does(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path)
+    plant = rig.cabled
+    twin = TwinUser(plant, rig.bend_path, 1.0, 0, 0.0, 0.0)
+    twin.doing, twin.command = FOLLOW, 0.3
+    twin.advance(1.0)
+    dynamics, sheath = plant.dynamics(), twin._sheath_at(0.0)
+    body = dynamics.rest(dynamics.plant, 0.0, sheath)
+    for k in range(1000):
+        body = dynamics.advance(dynamics.plant, body, 0.3 if k else 0.0, sheath, sheath)
+    assert twin.joint == pytest.approx(body.joint, abs=1e-6)
+    assert twin.read_encoders()[1] == pytest.approx(0.3, abs=1e-2)
+    assert not twin.has_cable
