@@ -19,7 +19,17 @@ from bowden.control import LAWS
 from bowden.control.admittance.port import passive_to
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.core.units import RADIANS
-from bowden.design.admittance_study import FIRM, QUIET, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
+from bowden.design.admittance_study import (
+    FIRM,
+    QUIET,
+    PushedReference,
+    back_driven,
+    felt,
+    misjudged,
+    pushed,
+    sweep,
+    swinging,
+)
 from bowden.models.suit.arm import arm_of
 from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.suit import suit
@@ -43,7 +53,7 @@ def stability(*, fast: bool) -> list[dict[str, Any]]:
     for body in BODIES[:1] if fast else BODIES:
         for name, (made, believed) in suits(body).items():
             for estimated, carried in ((False, 0.0), (False, 1.0), (True, 0.0), (True, 1.0)):
-                how = Pushed(SURE, estimated=estimated, carried=carried)
+                how = PushedReference(SURE, estimated=estimated, carried=carried)
                 stiffnesses = STIFFNESSES[::3] if fast else STIFFNESSES
                 found = list(sweep(made, how, stiffnesses, DAMPINGS, believed=believed))
                 rows.append(
@@ -76,7 +86,7 @@ def transparency() -> list[dict[str, Any]]:
                 rows.append(common | {"way": way} | asdict(felt(back_driven(made, SURE, wearer, powered=on), made.arm)))
             for law in laws.values():
                 for estimated in (False, True):
-                    how = Pushed(law, estimated=estimated)
+                    how = PushedReference(law, estimated=estimated)
                     run = pushed(made, how, wearer, believed=believed)
                     way = f"admittance, {_source(estimated)}, {law.name}"
                     rows.append(common | {"way": way} | asdict(felt(run, made.arm)))
@@ -89,7 +99,7 @@ def unseen_ones(*, fast: bool) -> list[dict[str, Any]]:
     """A row for each drawn wearer and torque source: what they feel with a source that believes the usual suit."""
     rows = []
     for estimated in (False, True):
-        how = Pushed(SURE, estimated=estimated)
+        how = PushedReference(SURE, estimated=estimated)
         for number in range(5 if fast else UNSEEN):
             drawn = unseen(number, suit())
             row = {"number": number, "torque": _source(estimated), "mass_kg": drawn.mass, "hz": drawn.frequency}
@@ -129,7 +139,10 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
 
     made, wearer = suit(), swinging(25.0 * RADIANS)
     runs = {"switched off": back_driven(made, SURE, wearer)}
-    runs |= {_source(estimated): pushed(made, Pushed(SURE, estimated=estimated), wearer) for estimated in (False, True)}
+    runs |= {
+        _source(estimated): pushed(made, PushedReference(SURE, estimated=estimated), wearer)
+        for estimated in (False, True)
+    }
     figure, (left, right) = style.new_figure(1, 2, width=10.0, height=3.4)
     for (name, run), colour in zip(runs.items(), ("uncompensated", "joint", "motor"), strict=True):
         part = (run.time >= 6.0) & (run.time < 10.0)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.core.units import RADIANS
-from bowden.design.admittance_study import Felt, Pushed, felt, pushed, swinging
+from bowden.design.admittance_study import Felt, PushedReference, felt, pushed, swinging
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit
 from wearers import random_wearer
@@ -45,7 +45,7 @@ def unseen(number: int, suit: Suit) -> Unseen:
     )
 
 
-def unseen_felt(number: int, suit: Suit, how: Pushed, *, duration: float = 12.0) -> Felt:
+def unseen_felt(number: int, suit: Suit, how: PushedReference, *, duration: float = 12.0) -> Felt:
     """What the wearer of that number feels, where the source knows their arm but believes the given suit."""
     drawn = unseen(number, suit)
     believed = suit._replace(arm=drawn.suit.arm)

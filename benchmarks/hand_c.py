@@ -21,7 +21,7 @@ from bowden.models.drive.encoder import Encoder
 from bowden.plants.bench import Bench
 from bowden.plants.plant import SheathPath
 from bowden.rig.presets import bench as paper
-from bowden.sim.faulty import Fault
+from bowden.sim.faulty import SensorFault
 from bowden.sim.run import RECORDED, compiled_loop, simulate
 from measure import Row, by_turns
 
@@ -193,7 +193,7 @@ def _loop(plant: Bench, references: Array, widths: Array, slopes: Array, normals
     sheath = SheathPath(np.full(cycles + 1, plant.sheath.bend), widths, slopes)
     arguments = (LAW.gains, TABLE.settings, dynamics.plant, references, sheath, normals, 0.0, plant.sample_time)
     loop = compiled_loop(dynamics, LAW)
-    return lambda: loop(*arguments, plant.delay, record, states, Fault(), np.empty((2, 0)))
+    return lambda: loop(*arguments, plant.delay, record, states, SensorFault(), np.empty((2, 0)))
 
 
 def _difference(trace: Trace, inputs: Array, block: Array, current: Array) -> float:

@@ -50,7 +50,12 @@ REQUESTS = [request.name for request in supervisor.Request][1:]
 NAMED = {"fmax": "fmin", "fmin": "fmax", "abs": "negative", "floor": "ceil"}
 LOCALS = {"reading": DriveReading, "motor": plausible.Followed, "joint": plausible.Followed}
 LOCALS |= {"heat": thermal.ThermalState, "seen": supervisor.SupervisorState, "thermal": thermal.Thermal}
-LOCALS |= {"last": supervisor.Decided, "servo": supervisor.Servo, "sums": supervisor.Sums, "anchor": supervisor.Anchor}
+LOCALS |= {
+    "last": supervisor.Decided,
+    "servo": supervisor.ModelledServo,
+    "sums": supervisor.Sums,
+    "anchor": supervisor.Anchor,
+}
 Change = tuple[str, Callable[[Any], None]]
 Mutant = tuple[FunctionType, str, Callable[[], CodeType]]
 

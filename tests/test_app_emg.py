@@ -105,7 +105,7 @@ def test_a_wearer_of_another_channel_and_a_dead_electrode_are_told(capsys: pytes
     values[7000:] = values[7000]
     recording = str(write("a.csv", values))
     for channel in ("emg_mV", "triceps_mV"):
-        wearer_file.write(Path("wearer.toml"), wearer_file.Wearer(0.004, 0.4, channel, "a\nb"))
+        wearer_file.write(Path("wearer.toml"), wearer_file.MuscleCalibration(0.004, 0.4, channel, "a\nb"))
         assert run(["emg", "score", recording, "--wearer", "wearer.toml"]) == 0
         said = capsys.readouterr()
         assert ("measured on 'triceps_mV', and this is 'emg_mV'" in said.err) == (channel == "triceps_mV")

@@ -21,7 +21,7 @@ from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
 from bowden.design.tune import tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
-from bowden.design.tune_runs import NineRuns, Rig, course_of, runs_of
+from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
 from bowden.sim.run import simulate
@@ -59,7 +59,7 @@ def rmse(bench: Bench, law: Law, reference: Trajectory, path: BendPath) -> float
 
 
 def test_the_nine_runs_in_one_call_are_the_runs_alone_to_the_last_bit() -> None:
-    course = course_of(NineRuns(Rig(BENCH, BENDS, STROKE)))
+    course = course_of(NineRuns(TuningTarget(BENCH, BENDS, STROKE)))
     laws = (ADAPTIVE, ADAPTIVE.with_gains(feedback_gain=31.0, error_gain=0.02), ADAPTIVE.preset("paper"))
     alone = [tuple(rmse(BENCH, law, *run) for run in runs_of(BENDS, STROKE)) for law in laws]
     assert np.inf in alone[2]

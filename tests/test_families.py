@@ -12,7 +12,7 @@ from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 from bowden.export.parts import emg_modules
 from bowden.hardware.drives import family as drive_families
-from bowden.hardware.drives.family import DriveNeeds, Family, family_named, family_of, names
+from bowden.hardware.drives.family import DriveFamily, DriveNeeds, family_named, family_of, names
 from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.ports import Drive, EmgChunk, Power
@@ -51,7 +51,7 @@ def toy_open(given: ToyParameters) -> Drive:
     return drive
 
 
-TOY = Family(
+TOY = DriveFamily(
     name="toy",
     title="A drive at the end of a piece of string.",
     parameters=ToyParameters(),
@@ -69,13 +69,15 @@ TOY = Family(
 
 
 @pytest.fixture
-def toy() -> Iterator[Family]:
+def toy() -> Iterator[DriveFamily]:
     drive_families.register(TOY)
     yield TOY
     del drive_families._REGISTERED["toy"]
 
 
-def test_a_rig_of_another_family_is_read_packed_written_and_run_against_its_twin(toy: Family, tmp_path: Path) -> None:
+def test_a_rig_of_another_family_is_read_packed_written_and_run_against_its_twin(
+    toy: DriveFamily, tmp_path: Path
+) -> None:
     path = tmp_path / "rig.toml"
     path.write_text('[drive]\nfamily = "toy"\nstring = "blue"\nlength_mm = 250.0\n')
     rig = Rig.read(path)
@@ -98,7 +100,7 @@ def test_a_rig_of_another_family_is_read_packed_written_and_run_against_its_twin
 
 
 def test_a_family_that_there_is_not_is_named(tmp_path: Path) -> None:
-    assert names() == ("cia402",)
+    assert "cia402" in names()
     with pytest.raises(ParameterError, match="toy"):
         family_named("toy")
     path = tmp_path / "rig.toml"

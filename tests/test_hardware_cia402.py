@@ -11,7 +11,7 @@ from bowden.hardware.drives.cia402 import (
     CONTROL,
     STATUS,
     WITH_TORQUE,
-    Control,
+    Controlword,
     State,
     controlword,
     decode,
@@ -94,7 +94,7 @@ def test_only_the_wish_for_power_gives_torque(state: State, power: Power) -> Non
 @pytest.mark.parametrize("state", [State.FAULT, *STARTING])
 def test_a_fault_is_never_left_by_itself(state: State, power: Power) -> None:
     assert set(climb(state, power)) == {state}
-    assert controlword(state, power) == Control.DISABLE_VOLTAGE
+    assert controlword(state, power) == Controlword.DISABLE_VOLTAGE
 
 
 def test_a_quick_stop_is_let_go_to_its_end_and_then_stays_off() -> None:
@@ -109,13 +109,13 @@ def test_a_quick_stop_is_let_go_to_its_end_and_then_stays_off() -> None:
 @pytest.mark.parametrize("power", Power)
 def test_a_reset_is_sent_in_fault_and_nowhere_else(state: State, power: Power) -> None:
     sent = controlword(state, power, reset=True)
-    assert (sent == Control.FAULT_RESET) == (state is State.FAULT)
+    assert (sent == Controlword.FAULT_RESET) == (state is State.FAULT)
 
 
 def test_a_reset_works_on_its_edge_and_only_when_the_cause_is_gone() -> None:
-    assert cia402.step(State.FAULT, Control.FAULT_RESET, edge=True) is State.SWITCH_ON_DISABLED
-    assert cia402.step(State.FAULT, Control.FAULT_RESET, edge=False) is State.FAULT
-    assert cia402.step(State.FAULT, Control.FAULT_RESET, edge=True, fault_gone=False) is State.FAULT
+    assert cia402.step(State.FAULT, Controlword.FAULT_RESET, edge=True) is State.SWITCH_ON_DISABLED
+    assert cia402.step(State.FAULT, Controlword.FAULT_RESET, edge=False) is State.FAULT
+    assert cia402.step(State.FAULT, Controlword.FAULT_RESET, edge=True, fault_gone=False) is State.FAULT
 
 
 @given(st.sampled_from(State), st.integers(0, 0xFFFF), st.booleans(), st.booleans())
@@ -129,13 +129,13 @@ def test_no_word_gives_torque_but_enable_operation_from_switched_on(
 
 
 def test_a_drive_that_fell_is_not_switched_on_again_before_off_was_wanted() -> None:
-    enabled, down, word = State.OPERATION_ENABLED, State.SWITCH_ON_DISABLED, int(Control.ENABLE_OPERATION)
+    enabled, down, word = State.OPERATION_ENABLED, State.SWITCH_ON_DISABLED, int(Controlword.ENABLE_OPERATION)
     assert fell(enabled, down, word, False, Power.ON)
     assert fell(down, down, word, True, Power.ON)
     assert fell(down, down, word, True, Power.READY)
     assert not fell(down, down, word, True, Power.OFF)
     assert not fell(enabled, enabled, word, False, Power.ON)
-    assert not fell(enabled, State.SWITCHED_ON, int(Control.SWITCH_ON), False, Power.READY), "it was asked to"
+    assert not fell(enabled, State.SWITCHED_ON, int(Controlword.SWITCH_ON), False, Power.READY), "it was asked to"
 
 
 @given(st.integers(-1, 0x1_FFFF))

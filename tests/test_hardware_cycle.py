@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.cia402 import Control, State
+from bowden.hardware.drives.cia402 import Controlword, State
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
@@ -213,12 +213,12 @@ def test_whatever_comes_what_goes_out_is_whole_and_no_more_than_was_wanted(
     drive.write(target, power, bus.time)
     assert [cob_id for cob_id, _ in bus.sent][:2] == [0x201, 0x080]
     control, _, _ = frames.unpack_rpdo1(bus.sent[0][1]) or (None, None, None)
-    assert control in set(Control)
+    assert control in set(Controlword)
     if power is not Power.ON or not math.isfinite(target):
-        assert control != Control.ENABLE_OPERATION
-    if control == Control.FAULT_RESET:
+        assert control != Controlword.ENABLE_OPERATION
+    if control == Controlword.FAULT_RESET:
         assert reading.drive_state == State.FAULT
-    if control == Control.ENABLE_OPERATION:
+    if control == Controlword.ENABLE_OPERATION:
         assert reading.drive_state in (State.SWITCHED_ON, State.OPERATION_ENABLED)
     bus.advance(CYCLE)
 

@@ -13,7 +13,7 @@ from bowden.app.main import run
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
-from bowden.identify.servo.fit import Estimate, identify_servo
+from bowden.identify.servo.fit import ServoEstimate, identify_servo
 from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def log(servo: Servo, delay: float, kind: str, seed: int = 0, dt: float = 1e-3) 
     return time, command, count * np.round(noisy / count)
 
 
-def near(found: Estimate | None, truth: float, relative: float) -> bool:
+def near(found: ServoEstimate | None, truth: float, relative: float) -> bool:
     return found is not None and abs(found.value - truth) <= relative * truth and found.uncertainty < relative * truth
 
 

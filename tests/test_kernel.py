@@ -9,7 +9,7 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core import primitives
-from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, tanh
+from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, stand_in, tanh
 from bowden.core.nested import flat, floated, rebuilt
 from bowden.core.signals import Reference, Sample
 from bowden.export import symbol
@@ -211,12 +211,28 @@ def test_specialise_puts_other_kernels_in() -> None:
     assert _outer(Pair(1.0, 2.0)) == 3.0
 
 
+def test_only_stand_ins_are_replaced() -> None:
+    """A law's own helper keeps its place, whatever its name."""
+    twin = specialise(_outer, "by_name", _inner=_calls_a_helper, _helper=_twice)
+    assert twin(Pair(1.0, 2.0)) == 1.0 + 2.0 * 7.0
+
+
 class Pair(NamedTuple):
     a: float
     b: float
 
 
 @kernel
+def _helper(x: float) -> float:
+    return 7.0 * x
+
+
+@kernel
+def _calls_a_helper(x: float) -> float:
+    return _helper(x)
+
+
+@stand_in
 def _inner(x: float) -> float:
     return x
 

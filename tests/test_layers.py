@@ -117,6 +117,15 @@ def test_the_import_test_sees_what_it_should(source: str, wrong: bool) -> None:
     assert bool(wrong_imports(source, Path("sim/x.py"), "sim")) is wrong
 
 
+def test_no_two_public_classes_have_one_name() -> None:
+    homes: dict[str, list[str]] = {}
+    for path in modules():
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
+    assert not {name: where for name, where in homes.items() if len(where) > 1}
+
+
 def portable_faults(source: str) -> list[str]:
     """What the kernels of a source file take from outside the portable subset, with the line."""
     faults = []

@@ -13,7 +13,7 @@ from bowden.core.errors import LogError
 from bowden.core.signals import Reference
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import CourseSettings, CourseState, EmgCourse, course_step
-from bowden.hardware.emg.intent_block import Heard, IntentReader, IntentWriter
+from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
 from bowden.hardware.emg.listener import Levels, Listener
 from bowden.hardware.ports import EmgChunk
 from bowden.rig.emg_motion import EmgMotion
@@ -26,10 +26,10 @@ RATE, DT = 1000.0, 0.001
 WRITER = """
 import sys
 from pathlib import Path
-from bowden.hardware.emg.intent_block import Heard, IntentWriter
+from bowden.hardware.emg.intent_block import IntentWriter, StreamReading
 writer = IntentWriter(Path(sys.argv[1]))
 for k in range(1, 60_001):
-    writer.write(Heard(k, k, k, k, k, float(k), float(k), float(k), float(k), float(k)))
+    writer.write(StreamReading(k, k, k, k, k, float(k), float(k), float(k), float(k), float(k)))
 """
 
 
@@ -55,8 +55,8 @@ def chunks(signal: np.ndarray, cuts: list[int]) -> list[EmgChunk]:
 
 def test_words_come_back_as_they_were_written(block: Path) -> None:
     reader, writer = IntentReader(block), IntentWriter(block)
-    assert reader.read() == Heard()
-    told = Heard(7 * SECOND, 6 * SECOND, 12, 3, 0, 1.0, 0.0, 0.25, 0.1, 2.0)
+    assert reader.read() == StreamReading()
+    told = StreamReading(7 * SECOND, 6 * SECOND, 12, 3, 0, 1.0, 0.0, 0.25, 0.1, 2.0)
     writer.write(told)
     assert reader.read() == told
     assert [type(word) for word in reader.read()] == [int] * 5 + [float] * 5
@@ -64,7 +64,7 @@ def test_words_come_back_as_they_were_written(block: Path) -> None:
 
 def test_words_that_are_being_written_are_not_read(block: Path) -> None:
     reader, writer = IntentReader(block), IntentWriter(block)
-    writer.write(Heard(1, 1, 1, 1))
+    writer.write(StreamReading(1, 1, 1, 1))
     first = reader.read()
     writer._whole[0] += 1  # as a writer that has died in the middle leaves it
     writer._whole[1] = 99
@@ -176,7 +176,7 @@ def test_a_motion_begins_in_the_cycle_in_which_the_contraction_is_seen(block: Pa
     for _ in range(5):
         led.look(SECOND)
         assert led.step(DT) == (0.1, 0.0, 0.0)
-    writer.write(Heard(newest=SECOND, onset=SECOND, flexor=1.0))
+    writer.write(StreamReading(newest=SECOND, onset=SECOND, flexor=1.0))
     led.look(SECOND)
     led.step(DT)
     assert led.row()[-1] == Intent.FLEX
@@ -192,10 +192,10 @@ def test_a_motion_begins_in_the_cycle_in_which_the_contraction_is_seen(block: Pa
 def test_age_is_that_of_the_newest_sample_and_endless_before_the_first(block: Path) -> None:
     led, writer = course(block)
     assert led.look(5 * SECOND) == math.inf
-    writer.write(Heard(newest=4 * SECOND))
+    writer.write(StreamReading(newest=4 * SECOND))
     assert led.look(5 * SECOND) == pytest.approx(1.0)
     assert not led.over
-    writer.write(Heard(newest=4 * SECOND, ends=6 * SECOND))
+    writer.write(StreamReading(newest=4 * SECOND, ends=6 * SECOND))
     led.look(5 * SECOND)
     assert not led.over
     led.look(round(5.6 * SECOND))
@@ -204,7 +204,7 @@ def test_age_is_that_of_the_newest_sample_and_endless_before_the_first(block: Pa
 
 def test_a_contraction_from_before_the_run_begins_no_motion(block: Path) -> None:
     led, writer = course(block)
-    writer.write(Heard(newest=SECOND, flexor=1.0))
+    writer.write(StreamReading(newest=SECOND, flexor=1.0))
     led.look(SECOND)
     led.begin()
     for _ in range(50):
@@ -215,7 +215,7 @@ def test_a_contraction_from_before_the_run_begins_no_motion(block: Path) -> None
 def test_the_joint_follows_the_envelope_and_goes_to_rest_where_the_signal_is_in_trouble(block: Path) -> None:
     led, writer = course(block, SETTINGS._replace(proportional=1.0, full=0.5))
     for share, trouble, wanted in ((0.25, 0.0, 0.65), (0.9, 0.0, 1.2), (0.9, 2.0, 0.1), (math.nan, 0.0, 0.1)):
-        writer.write(Heard(newest=SECOND, share=share, trouble=trouble))
+        writer.write(StreamReading(newest=SECOND, share=share, trouble=trouble))
         for _ in range(4000):
             led.look(SECOND)
             reference = led.step(DT)
@@ -231,7 +231,7 @@ def test_the_loops_course_is_the_kernels_and_the_motion_of_a_recording(block: Pa
     led.begin()
     mirrored = CourseState(intent_start(0.1), Reference(0.1, 0.0, 0.0))
     for k in range(6000):
-        writer.write(Heard(newest=SECOND, flexor=float(active[k]), share=math.nan))
+        writer.write(StreamReading(newest=SECOND, flexor=float(active[k]), share=math.nan))
         led.look(SECOND)
         reference = led.step(DT)
         assert tuple(reference) == tuple(table[k])

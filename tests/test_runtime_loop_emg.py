@@ -11,7 +11,7 @@ from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import CourseSettings, EmgCourse
-from bowden.hardware.emg.intent_block import Heard, IntentReader, IntentWriter
+from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
 from bowden.live.loop import Ended
 from bowden.live.mcap_read import Recording
 from bowden.live.preflight import Preflight
@@ -41,7 +41,7 @@ def run(folder: Path, contracts: int, lasts: int, begins: int = 0, stalls: int =
             rig.time += 8 * SECOND // 1000
         if rig.sleeps >= begins and rig.led < lasts:
             active = float(0 < contracts <= rig.led)
-            stream.write(Heard(newest=rig.time, onset=rig.time if active else 0, flexor=active, share=0.5))
+            stream.write(StreamReading(newest=rig.time, onset=rig.time if active else 0, flexor=active, share=0.5))
 
     course = EmgCourse(SETTINGS, IntentReader(folder / "intent"), 0, CYCLES)
     script = Script(np.zeros((1, 3)), 0.0, 0.5, Preflight(), 1e-3, course)

@@ -16,7 +16,16 @@ from bowden.core.kernel import compiled
 from bowden.core.nested import flat
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
-from bowden.design.admittance_study import MIDDLE, Pushed, back_driven, felt, misjudged, pushed, sweep, swinging
+from bowden.design.admittance_study import (
+    MIDDLE,
+    PushedReference,
+    back_driven,
+    felt,
+    misjudged,
+    pushed,
+    sweep,
+    swinging,
+)
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.rig.presets.suit import suit
 from bowden.sim.run import simulate
@@ -52,7 +61,7 @@ def test_the_wearer_feels_a_third_of_the_suit_and_less_than_a_newton_metre(
     off: float, estimated: bool, misjudges: bool
 ) -> None:
     made = misjudged(SUIT) if misjudges else SUIT
-    run = pushed(made, Pushed(SURE, estimated=estimated), FIRM, believed=SUIT, duration=8.0)
+    run = pushed(made, PushedReference(SURE, estimated=estimated), FIRM, believed=SUIT, duration=8.0)
     found = felt(run, SUIT.arm)
     assert found.rms <= 1.0
     assert found.rms <= off / 3.0
@@ -66,7 +75,7 @@ def test_the_wearer_feels_a_third_of_the_suit_and_less_than_a_newton_metre(
 
 
 def test_the_estimate_is_better_than_the_current_alone() -> None:
-    found = felt(pushed(misjudged(SUIT), Pushed(SURE), FIRM, believed=SUIT, duration=8.0), SUIT.arm)
+    found = felt(pushed(misjudged(SUIT), PushedReference(SURE), FIRM, believed=SUIT, duration=8.0), SUIT.arm)
     assert found.estimate is not None
     assert found.by_current is not None
     assert found.estimate < 0.5 * found.by_current
@@ -76,7 +85,7 @@ def test_the_estimate_is_better_than_the_current_alone() -> None:
 def test_every_wearer_from_limp_to_stiff_comes_to_rest(estimated: bool) -> None:
     for body, carried in (((45.0, 1.5), 0.0), ((120.0, 1.95), 1.0)):
         made = SUIT._replace(arm=arm_of(*body))
-        how = Pushed(SURE, estimated=estimated, carried=carried)
+        how = PushedReference(SURE, estimated=estimated, carried=carried)
         for found in sweep(made, how, (0.0, 5.0, 20.0, 200.0), (0.0, 10.0), duration=6.0):
             assert found.stable, (body, carried, found)
 
@@ -92,7 +101,7 @@ def test_an_estimate_that_is_off_makes_no_swing_of_friction_and_play(stiffness: 
         motor=SUIT.motor._replace(friction=0.85 * SUIT.motor.friction),
         joint_sensor=SUIT.joint_sensor._replace(offset=0.3 * RADIANS, gain=0.005),
     )
-    how = Pushed(SURE, estimated=True, carried=1.0)
+    how = PushedReference(SURE, estimated=True, carried=1.0)
     (found,) = sweep(made, how, (stiffness,), (0.0,), believed=believed, seed=77)
     assert found.stable, found
 
@@ -116,7 +125,7 @@ def test_drawn_wearers_are_their_numbers_alone_and_within_what_is_said() -> None
         assert 0.3 <= drawn.wearer.swing_frequency <= 0.8
         assert 15.0 * RADIANS <= drawn.wearer.swing <= 30.0 * RADIANS
         assert 0.7 <= drawn.suit.motor.friction / SUIT.motor.friction <= 1.3
-    assert unseen_felt(0, SUIT, Pushed(SURE), duration=6.0).rms < 1.0
+    assert unseen_felt(0, SUIT, PushedReference(SURE), duration=6.0).rms < 1.0
 
 
 @pytest.mark.parametrize("run", [stretched, compiled(stretched)])
@@ -157,8 +166,8 @@ def test_who_pushes_for_ever_leads_no_reference_beyond_its_room() -> None:
 
 def test_a_limp_arm_floats_where_the_suit_carries_it() -> None:
     limp = Wearer()
-    floating = pushed(SUIT, Pushed(SURE, carried=1.0), limp, duration=8.0)
-    sinking = pushed(SUIT, Pushed(SURE, carried=0.0), limp, duration=8.0)
+    floating = pushed(SUIT, PushedReference(SURE, carried=1.0), limp, duration=8.0)
+    sinking = pushed(SUIT, PushedReference(SURE, carried=0.0), limp, duration=8.0)
     ends = floating["joint"][[1000, -1]]
     assert ends[0] - 2.0 * RADIANS < ends[1] < NEUTRAL  # at most to where the relaxed elbow wants to be
     assert sinking["joint"][-1] < ends[1] - 10.0 * RADIANS

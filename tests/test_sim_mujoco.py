@@ -125,7 +125,7 @@ def test_the_elbow_moves_as_ours_within_a_thousandth_of_what_is_allowed(arm: Arm
 
 def test_a_raised_upper_arm_swings_alike() -> None:
     arm = arm_of(elevation=0.7)
-    case = arm_check.Case("swing", 1.2, lambda time: (0.0, 0.0), 4.0)
+    case = arm_check.ArmCase("swing", 1.2, lambda time: (0.0, 0.0), 4.0)
     assert arm_check.compare_motion(PAPER, arm, case).error < 1e-6
 
 

@@ -10,7 +10,7 @@ from bowden.app.console import print_json, progress_bar
 from bowden.app.emg_command import ChannelOption, DetectorOption, JsonOption, RateOption, checked_rate, warn
 
 if TYPE_CHECKING:
-    from bowden.rig.wearer_file import Wearer
+    from bowden.rig.wearer_file import MuscleCalibration
     from bowden.sensing.detector import Detector
 
 _READY = 1.0
@@ -75,11 +75,11 @@ def _from_recordings(
     mains: float,
     kind: "Detector",
     quiet: bool,
-) -> "tuple[Wearer, float]":
+) -> "tuple[MuscleCalibration, float]":
     """The wearer, and how much was left out [s]."""
     from bowden.identify.emg.levels import envelope_levels
     from bowden.identify.emg.log import read_emg
-    from bowden.rig.wearer_file import Wearer
+    from bowden.rig.wearer_file import MuscleCalibration
 
     log = read_emg(recording, channel, checked_rate(rate))
     if not quiet:
@@ -87,23 +87,23 @@ def _from_recordings(
     levels = envelope_levels(log.values, log.rate, str(recording), mains, kind)
     left_out = _told(levels.left_out, str(recording), quiet)
     if rest is None:
-        return Wearer(levels.low, levels.high, log.channel, recording.name, mains), left_out
+        return MuscleCalibration(levels.low, levels.high, log.channel, recording.name, mains), left_out
     calm = read_emg(rest, log.channel, rate)
     resting = envelope_levels(calm.values, calm.rate, str(rest), mains, kind)
     left_out += _told(resting.left_out, str(rest), quiet)
-    wearer = Wearer(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}", mains)
+    wearer = MuscleCalibration(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}", mains)
     return wearer, left_out
 
 
 def _from_stream(
     source: str, channel: str | None, lasting: float, mains: float, kind: "Detector", quiet: bool
-) -> "tuple[Wearer, float]":
+) -> "tuple[MuscleCalibration, float]":
     """The wearer, and how much was left out [s]."""
     from bowden.app.emg_listen import listen
     from bowden.core.errors import ParameterError
     from bowden.hardware.emg.sources import open_source
     from bowden.identify.emg.levels import envelope_levels
-    from bowden.rig.wearer_file import Wearer
+    from bowden.rig.wearer_file import MuscleCalibration
 
     if not 2.0 <= lasting <= 60.0:
         raise ParameterError(f"--seconds is {lasting:g}", expected="a number from 2 to 60")
@@ -127,7 +127,7 @@ def _from_stream(
     contraction = envelope_levels(hard, stream.rate, "the contraction", mains, kind)
     left_out = _told(rest.left_out, "rest", quiet)
     left_out += _told(contraction.left_out, "the contraction", quiet)
-    return Wearer(rest.middle, contraction.high, with_unit(name, stream.unit), source, mains), left_out
+    return MuscleCalibration(rest.middle, contraction.high, with_unit(name, stream.unit), source, mains), left_out
 
 
 def _told(left_out: float, where: str, quiet: bool) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
 from bowden.hardware.ports import EmgStream
 from bowden.identify.emg.log import check_signal
@@ -19,7 +19,7 @@ def listen(
     lasting: float,
     progress: Callable[[float], None],
     check: bool = True,
-    clock: Clock | None = None,
+    clock: TimeSource | None = None,
 ) -> Array:
     """The samples of `channel` that come in `lasting` seconds.
 

@@ -10,7 +10,7 @@ from bowden.app.console import folder_argument, print_json, progress_bar, second
 from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
-    from bowden.identify.servo.fit import Estimate, ServoFit
+    from bowden.identify.servo.fit import ServoEstimate, ServoFit
 
 _NO_CYCLE = 0.05
 """Share of a cycle by which a measured delay may be beyond whole ones before it is rounded up [–]."""
@@ -72,7 +72,7 @@ def _document(found: "ServoFit", sample_time_ms: float) -> dict[str, Any]:
     }
 
 
-def _in(estimate: "Estimate | None", unit: float) -> dict[str, float] | None:
+def _in(estimate: "ServoEstimate | None", unit: float) -> dict[str, float] | None:
     if estimate is None:
         return None
     return {"value": estimate.value / unit, "uncertainty": estimate.uncertainty / unit}

@@ -15,7 +15,7 @@ from bowden.core.files import output_folder
 if TYPE_CHECKING:
     from bowden.control.law import Law
     from bowden.design.league import Played, Standing
-    from bowden.design.league_cells import LeaguePlant, Scenario
+    from bowden.design.league_cells import LeaguePlant, LeagueScenario
 
 _Names = list[str] | None
 
@@ -143,7 +143,7 @@ def _itself(plant: "LeaguePlant") -> "LeaguePlant":
     return plant
 
 
-def _scenarios(data: Path) -> tuple[dict[str, "Scenario"], list[str]]:
+def _scenarios(data: Path) -> tuple[dict[str, "LeagueScenario"], list[str]]:
     """Scenario by name, and notes."""
     from bowden.design import league_cells
 

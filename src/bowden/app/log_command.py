@@ -19,7 +19,7 @@ FileArgument = Annotated[Path, typer.Argument(help="A log, as bowden run writes 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
 
-class Kind(StrEnum):
+class LogFormat(StrEnum):
     """What a log can be exported to."""
 
     PARQUET = "parquet"
@@ -71,7 +71,7 @@ def recover(
 
 def export(
     file: FileArgument,
-    to: Annotated[Kind, typer.Option(help="Kind of file.")] = Kind.PARQUET,
+    to: Annotated[LogFormat, typer.Option(help="LogFormat of file.")] = LogFormat.PARQUET,
     out: Annotated[Path | None, typer.Option(help="The new file; NAME.parquet or NAME.csv by default.")] = None,
     json: JsonOption = False,
 ) -> None:
@@ -84,7 +84,7 @@ def export(
     if target.absolute() == file.absolute():
         raise OutputError(f"{target} is the log itself", do="choose another name with --out")
     log = LogReader(file)
-    write = write_parquet if to is Kind.PARQUET else write_csv
+    write = write_parquet if to is LogFormat.PARQUET else write_csv
     write(traces(log), target)
     if json:
         files = [str(target)]

@@ -15,7 +15,7 @@ from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from bowden.hardware.drives.family import Twin
+    from bowden.hardware.drives.family import TwinProcess
     from bowden.rig.rig import Rig
 
 _AFTER_PARENT = 5.0
@@ -125,7 +125,7 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
     running.run()
 
 
-def _watch_parent(parent: int, running: "Twin") -> None:
+def _watch_parent(parent: int, running: "TwinProcess") -> None:
     """End the twin some time after the process that started it: a loop that is left may still release its cable."""
     forever = threading.Event()
     while os.getppid() == parent:

@@ -18,7 +18,7 @@ from typing import Any
 
 from bowden.core import shown
 from bowden.core.errors import ParameterError, near
-from bowden.core.kernel import kernel
+from bowden.core.kernel import stand_in
 from bowden.core.nested import columns
 from bowden.core.signals import Reference, Sample
 
@@ -28,16 +28,16 @@ Told = str | Callable[[Any], float]
 """A field of `bowden.control.knowledge.Knowledge`, or a function of it; one of a nested tuple as ``cable.slope``."""
 
 
-@kernel
+@stand_in
 def law_start(gains: Any, sample: Sample) -> Any:
     """Stand-in for a law's ``start`` in a loop's source; `specialise` puts the law's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
     """Stand-in for a law's ``step``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from bowden.core.kernel import kernel
+from bowden.core.kernel import kernel, stand_in
 from bowden.core.nested import columns
 from bowden.core.signals import Reference
 
@@ -29,16 +29,16 @@ class Heard(NamedTuple):
     """Torque of the suit on the elbow as a load cell says, flexing positive; NaN where there is none [N·m]."""
 
 
-@kernel
+@stand_in
 def source_start(settings: Any, heard: Heard) -> Any:
     """Stand-in for a source's ``start`` in a loop's source; `specialise` puts the source's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def source_step(settings: Any, state: Any, heard: Heard, scheduled: Reference, dt: float) -> Any:
     """Stand-in for a source's ``step``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ SECOND = 1_000_000_000
 _TIMER_ABSTIME = 1
 
 
-class Clock(Protocol):
+class TimeSource(Protocol):
     """What the loop needs of time; the tests have one of their own."""
 
     def now(self) -> int:
@@ -39,11 +39,11 @@ class MonotonicClock:
         self._pointer = ctypes.byref(self._until)
 
     def now(self) -> int:
-        """See `Clock.now`."""
+        """See `TimeSource.now`."""
         return time.monotonic_ns()
 
     def sleep_until(self, deadline: int) -> None:
-        """See `Clock.sleep_until`; a signal that arrives meanwhile does not shorten it."""
+        """See `TimeSource.sleep_until`; a signal that arrives meanwhile does not shorten it."""
         self._until.tv_sec, self._until.tv_nsec = divmod(deadline, SECOND)
         while self._sleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, self._pointer, None) == errno.EINTR:
             pass

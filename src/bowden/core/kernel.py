@@ -13,10 +13,19 @@ from types import FunctionType
 from typing import Any, TypeVar
 
 from bowden.core.kernel_cache import keep
-from bowden.core.kernel_content import Content, Parts, content_of, content_of_files, global_names, is_kernel, reaching
+from bowden.core.kernel_content import (
+    Content,
+    Parts,
+    content_of,
+    content_of_files,
+    global_names,
+    is_kernel,
+    meant,
+    reaching,
+)
 from bowden.core.primitives import PRIMITIVES, cos, exp, log, power, sel, sin, tanh, twin_of
 
-__all__ = ["compiled", "cos", "exp", "kernel", "log", "power", "sel", "sin", "specialise", "tanh"]
+__all__ = ["compiled", "cos", "exp", "kernel", "log", "power", "sel", "sin", "specialise", "stand_in", "tanh"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -45,6 +54,15 @@ def apart(function: F) -> F:
     return kernel(function)
 
 
+def stand_in(function: F) -> F:
+    """Mark a kernel whose place `specialise` gives to another one.
+
+    Only what is marked so is replaced: a law or a plant may have helpers of any name.
+    """
+    function.__stand_in__ = True  # type: ignore[attr-defined]
+    return kernel(function)
+
+
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """The Numba twin of a kernel, compiled at its first call and cached on disk.
 
@@ -59,7 +77,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def specialise(template: Callable[..., Any], name: str, **replacements: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a template in which some of the kernels it calls by global name are replaced by others.
+    """Compile a template in which stand-ins that it calls, or that the kernels call which it calls, are replaced.
 
     This is how one closed-loop source serves every law and plant and is still cached on disk: a closure over its
     kernels would be compiled anew in every process. Variants are told apart by the kernels they are made of.
@@ -67,10 +85,11 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
     Args:
         template: a kernel.
         name: what to call this variant, for whoever reads a profile or the cache folder.
-        replacements: global name → kernel to put there, in the template and in the kernels that it calls.
+        replacements: name of a stand-in → kernel to put there.
     """
     assert isinstance(template, FunctionType)
-    return _compile(template, f"{template.__qualname__}_{name}", tuple(sorted(replacements.items())), within=False)
+    parts = tuple(sorted(replacements.items()))
+    return _compile(template, f"{template.__qualname__}_{name}", parts, within=False)
 
 
 @cache
@@ -97,9 +116,9 @@ def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType
     What differs has another name, in this process and in those that the cache's code came from.
     """
     content = content_of(function, parts)
-    namespace = dict(function.__globals__) | dict(parts)
+    namespace, replaced = dict(function.__globals__), dict(parts)
     for key in global_names(function.__code__):
-        value = namespace.get(key)
+        value = meant(function, key, replaced)
         if is_kernel(value):
             namespace[key] = _compile(value, value.__qualname__, reaching(value, parts), within=True)
         elif callable(value) and value in PRIMITIVES:

@@ -10,7 +10,7 @@ import dis
 import enum
 import hashlib
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -82,6 +82,12 @@ def global_names(code: CodeType) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
+def meant(function: FunctionType, name: str, replaced: Mapping[str, Callable[..., Any]]) -> Any:
+    """What a function means by a global name: what it has there, or what replaces it where that is a stand-in."""
+    own = function.__globals__.get(name, _NOTHING)
+    return replaced.get(name, own) if hasattr(own, "__stand_in__") else own
+
+
 @cache
 def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
     """Those parts that a kernel names, or that the kernels name which it calls, parts among them."""
@@ -93,8 +99,8 @@ def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
         if not is_kernel(part):
             continue
         names = global_names(part.__code__)
-        named |= set(names)
-        called = [replaced.get(name, part.__globals__.get(name)) for name in names]
+        named |= {name for name in names if hasattr(part.__globals__.get(name), "__stand_in__")}
+        called = [meant(part, name, replaced) for name in names]
         new = [value for value in called if is_kernel(value) and value not in seen]
         todo += new
         seen |= set(new)
@@ -114,7 +120,7 @@ def _function(function: FunctionType, parts: Parts) -> str:
 
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     names = global_names(function.__code__)
-    values = [replaced.get(name, function.__globals__.get(name, _NOTHING)) for name in names]
+    values = [meant(function, name, replaced) for name in names]
     return _digest(
         [
             f"{name} {hasattr(function, '__apart__')}",

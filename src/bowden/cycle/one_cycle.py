@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from bowden.control.knowledge import measured
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Heard, Source, source_start, source_step
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, specialise, stand_in
 from bowden.core.nested import flat, restored
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
@@ -94,22 +94,22 @@ class CycleState(NamedTuple):
     """That of the supervisor, or of what stands in its place; ``target`` is what the drive was told last [rad]."""
 
 
-@kernel
+@stand_in
 def cycle_sense(settings: CycleSettings, state: CycleState, observed: Any, dt: float) -> tuple[Sample, Heard]:
     """Stand-in for what law and source are shown of the readings."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def cycle_lead(limits: Any, command: float, added: float) -> float:
     """Stand-in for how a law's command and what the source adds make the wish [rad]."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def cycle_watch(limits: Any, watched: Any, observed: Any, wish: float, dt: float) -> tuple[Any, Verdict]:
     """Stand-in for the supervisor."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import compiled, kernel, sel
-from bowden.models.drive.geared_motor import Push, turn_push
+from bowden.models.drive.geared_motor import FrictionPush, turn_push
 from bowden.models.suit.suit_angle import SpoolMap, spool_of
 from bowden.safety.supervisor import Mode, Verdict
 
@@ -29,7 +29,7 @@ def _in_place(spool: Array, memory: Array, target: float, acts: float, dt: float
     """On arrays, since tuples cost more to hand over than all of it."""
     s = spool
     turned = spool_of(target, SpoolMap(s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9], s[10]))
-    push = Push(memory[1], memory[2])
+    push = FrictionPush(memory[1], memory[2])
     for _ in range(int(s[1])):
         push = turn_push(push, turned, dt / s[1])
     memory[1] = sel(acts > 0.0, push.heard, turned)

@@ -46,7 +46,7 @@ ADMITTANCE = Admittance()
 
 
 @dataclass(frozen=True)
-class Pushed:
+class PushedReference:
     """How the reference is made of the wearer's push."""
 
     law: Law
@@ -144,7 +144,7 @@ def back_driven(suit: Suit, law: Law, wearer: Wearer, *, powered: bool = False, 
 
 def pushed(
     suit: Suit,
-    how: Pushed,
+    how: PushedReference,
     wearer: Wearer,
     *,
     believed: Suit | None = None,
@@ -189,7 +189,7 @@ class Settled:
 
 def sweep(
     suit: Suit,
-    how: Pushed,
+    how: PushedReference,
     stiffnesses: Sequence[float],
     dampings: Sequence[float],
     *,

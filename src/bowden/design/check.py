@@ -18,7 +18,7 @@ from bowden.core.signals import Sample
 from bowden.core.style import new_figure
 from bowden.core.units import RADIANS
 from bowden.design import findings
-from bowden.design.limit_cycle import Cycle, describing_function, predict
+from bowden.design.limit_cycle import LimitCycle, describing_function, predict
 from bowden.design.linearise import find_estimates, linearise
 from bowden.design.trial import MOVING, Trial, run_trial, settled_after
 from bowden.models.drive.servo import Servo
@@ -70,7 +70,7 @@ class Check:
     """Every linear loop that was looked at."""
     worst: Point
     """The one that decides."""
-    cycle: Cycle | None
+    cycle: LimitCycle | None
     """The limit cycle that the describing function predicts, at the worse end of the bends."""
     trials: tuple[Trial, ...]
     """At the smallest and, if it is another, at the largest bend."""
@@ -284,7 +284,7 @@ def _slopes(bench: Plant, bend: float, stroke: tuple[float, float], reversals: b
 
 def _predicted_cycle(
     bench: Plant, law: Law, bends: tuple[float, float], estimates: list[Estimates], stroke: tuple[float, float]
-) -> Cycle | None:
+) -> LimitCycle | None:
     """The largest cycle over the bends and over the estimates at the start and at the end of the trials."""
     plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
     cycles = []

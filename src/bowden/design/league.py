@@ -14,7 +14,7 @@ from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.core.metrics import delay
 from bowden.core.units import DEGREES
-from bowden.design.league_cells import LeaguePlant, Scenario
+from bowden.design.league_cells import LeaguePlant, LeagueScenario
 from bowden.design.league_exact import exact_travel
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.user_plant import UserPlant
@@ -87,7 +87,7 @@ class Standing:
 def play(
     laws: Sequence[Law],
     plants: Sequence[Callable[[], LeaguePlant]],
-    scenarios: Sequence[Scenario],
+    scenarios: Sequence[LeagueScenario],
     progress: Callable[[str, float], None],
     guard: Callable[[Law], AbstractContextManager[None]],
     seed: int = 1,
@@ -129,7 +129,7 @@ def _exact_travel(found: LeaguePlant, reference: Trajectory, duration: float, in
     return exact_travel(found.plant, reference, duration=duration, bend=found.bend, initial_motor=initial)
 
 
-def _judged(name: str, found: LeaguePlant, scenario: Scenario, run: Shown, travel: float) -> Played:
+def _judged(name: str, found: LeaguePlant, scenario: LeagueScenario, run: Shown, travel: float) -> Played:
     """The cell: no trace is made, since all that is drawn of it are the largest errors of its stretches."""
     outcome, late = run.outcome, run.outcome.rmse_after_10s * DEGREES
     if not (outcome.ended and outcome.peak * DEGREES <= found.stroke * DEGREES):

@@ -42,7 +42,7 @@ class LeaguePlant:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class LeagueScenario:
     """What a joint is asked to do."""
 
     name: str
@@ -75,7 +75,7 @@ class Scaled:
         return {"kind": "scaled", "factor": self.factor, "motion": self.motion.describe()}
 
 
-def scenarios(elbow: Recorded | None = None) -> list[Scenario]:
+def scenarios(elbow: Recorded | None = None) -> list[LeagueScenario]:
     """Every scenario.
 
     Args:
@@ -83,15 +83,19 @@ def scenarios(elbow: Recorded | None = None) -> list[Scenario]:
     """
     times, angles = zip(*((2.0 * i, share * STROKE) for i, share in enumerate(_WAY_POINTS)), strict=True)
     found = [
-        Scenario("periodic", "0–70° and back in 10 s, minimum jerk", 60.0, PeriodicMinimumJerk(0.0, STROKE, 10.0)),
-        Scenario("slow", "0–70° and back in 25 s", 50.0, PeriodicMinimumJerk(0.0, STROKE, 25.0)),
-        Scenario("fast", "0–70° and back in 2 s", 20.0, PeriodicMinimumJerk(0.0, STROKE, 2.0)),
-        Scenario("point_to_point", "moves of 2 s with holds of 2 s or more between", 36.0, PointToPoint(times, angles)),
+        LeagueScenario(
+            "periodic", "0–70° and back in 10 s, minimum jerk", 60.0, PeriodicMinimumJerk(0.0, STROKE, 10.0)
+        ),
+        LeagueScenario("slow", "0–70° and back in 25 s", 50.0, PeriodicMinimumJerk(0.0, STROKE, 25.0)),
+        LeagueScenario("fast", "0–70° and back in 2 s", 20.0, PeriodicMinimumJerk(0.0, STROKE, 2.0)),
+        LeagueScenario(
+            "point_to_point", "moves of 2 s with holds of 2 s or more between", 36.0, PointToPoint(times, angles)
+        ),
     ]
     if elbow is not None:
         top = float(np.max(elbow.sample(np.linspace(0.0, elbow.duration, 2000))[:, 0]))
         what = f"a person's elbow as recorded, up to {top * DEGREES:.0f}°"
-        found.append(Scenario("elbow", what, elbow.duration, elbow))
+        found.append(LeagueScenario("elbow", what, elbow.duration, elbow))
     return found
 
 

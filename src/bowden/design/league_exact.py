@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.reference import Trajectory
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, specialise, stand_in
 from bowden.models.cable.lumped_cable import PreparedLumped
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
 from bowden.models.cable.sheath import width as width_at
@@ -42,7 +42,7 @@ _REACH = 1.5
 """Longest move that is tried for one point; beyond it the joint cannot be where the reference is [rad]."""
 
 
-@kernel
+@stand_in
 def copied(memory: Any, spare: Any) -> Any:
     """A cable's memory made of arrays, copied into another one."""
     for i in range(len(memory)):

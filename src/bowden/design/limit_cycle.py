@@ -37,7 +37,7 @@ _CYCLES = 3
 
 
 @dataclass(frozen=True)
-class Cycle:
+class LimitCycle:
     """An oscillation that lasts."""
 
     amplitude: float
@@ -92,7 +92,7 @@ def _response_of_h(cable: PreparedCable, amplitudes: tuple[float, ...]) -> Compl
     return np.asarray(compiled(hysteresis_response)(np.array(amplitudes), cable, _POINTS, _CYCLES))
 
 
-def predict(gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitudes: Array) -> Cycle | None:
+def predict(gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitudes: Array) -> LimitCycle | None:
     """The largest lasting limit cycle, or None where the describing function shows none.
 
     Args:
@@ -114,7 +114,7 @@ def predict(gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitu
         return None
     i, j = lasting[-1]
     amplitude = np.sqrt(amplitudes[i] * amplitudes[i + 1]) * abs(gains[i] + gains[i + 1]) / 2.0
-    return Cycle(float(amplitude), float(2.0 * np.pi / np.sqrt(omega[j] * omega[j + 1])))
+    return LimitCycle(float(amplitude), float(2.0 * np.pi / np.sqrt(omega[j] * omega[j + 1])))
 
 
 def _turned(difference: Array) -> Array:

@@ -26,7 +26,7 @@ from bowden.design.check import STROKE, Check, Estimates, check, visited_estimat
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, lack
 from bowden.design.tune_rig import easier
-from bowden.design.tune_runs import NineRuns, Rig, Runs, course_of
+from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.rig import rig as rigs
@@ -146,7 +146,7 @@ def tune(
     stroke: tuple[float, float] = STROKE,
     seed: int = 0,
     generations: int | None = None,
-    runs: Runs | None = None,
+    runs: TuningRuns | None = None,
     fixed: Collection[str] = (),
     workers: Workers = map,
     report: Report = lambda what, share: None,
@@ -174,7 +174,7 @@ def tune(
     """
     if generations is None:
         generations = max(_FEWEST, round(GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
-    rig = Rig(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
+    rig = TuningTarget(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
     search = _Search(rig, law, np.random.default_rng(seed), workers, runs, fixed)
     try:
         report("margins of random gains", 0.05)
@@ -195,11 +195,11 @@ class _Search:
 
     def __init__(
         self,
-        rig: Rig,
+        rig: TuningTarget,
         law: Law,
         random: np.random.Generator,
         workers: Workers,
-        runs: Runs | None,
+        runs: TuningRuns | None,
         fixed: Collection[str],
     ) -> None:
         self.rig, self.law, self.random, self.workers = rig, law, random, workers

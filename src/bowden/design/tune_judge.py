@@ -11,7 +11,7 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.design.check import Check, Estimates, check, linear_points, visited_estimates
 from bowden.design.trial import run_trial
-from bowden.design.tune_runs import Rig, Runs, course_of
+from bowden.design.tune_runs import TuningRuns, TuningTarget, course_of
 from bowden.plants.plant import Plant, changed
 
 WANTED_DB, WANTED_DEG = 6.0, 45.0
@@ -25,7 +25,7 @@ _UNSTABLE = 10.0
 class Task(NamedTuple):
     """One set of gains to judge."""
 
-    rig: Rig
+    rig: TuningTarget
     law: Law
     estimates: tuple[Estimates, ...]
     """At which the linear loops must have their margins."""
@@ -33,7 +33,7 @@ class Task(NamedTuple):
     """Of the runs, the hardest first."""
     limit: float
     """Above which an error need not be known any better [rad]."""
-    runs: Runs
+    runs: TuningRuns
     at_once: bool = True
     """Whether a run, too, is given up as soon as its error must be above the limit."""
 

@@ -24,7 +24,7 @@ _SHARES = (0.0, 0.6, 0.6, 0.4, 0.9, 0.5, 0.5, 1.0, 0.7, 0.1, 0.1, 0.5, 0.2, 0.4,
 """When the third motion is where [s], as a share of the stroke: reversals large and small, slow and fast, and rests."""
 
 
-class Runs(Protocol):
+class TuningRuns(Protocol):
     """Closed loops whose errors count. Plain data: other processes are handed it, and what it makes is kept by it."""
 
     @property
@@ -41,7 +41,7 @@ class Runs(Protocol):
         """Runs with the same name share what they are given over time."""
 
 
-class Rig(NamedTuple):
+class TuningTarget(NamedTuple):
     """For what gains are sought."""
 
     bench: Plant
@@ -54,7 +54,7 @@ class Rig(NamedTuple):
 class NineRuns(NamedTuple):
     """Runs of 20 s on the rig as it is, from rest where the reference starts: those of `runs_of`."""
 
-    rig: Rig
+    rig: TuningTarget
 
     @property
     def duration(self) -> float:
@@ -62,7 +62,7 @@ class NineRuns(NamedTuple):
         return _RUN
 
     def cases(self) -> Sequence[Case]:
-        """See `Runs`."""
+        """See `TuningRuns`."""
         bench = self.rig.bench
         found = []
         for reference, path in runs_of(self.rig.bends, self.rig.stroke):
@@ -72,12 +72,12 @@ class NineRuns(NamedTuple):
         return found
 
     def laws(self, law: Law) -> Sequence[Law]:
-        """See `Runs`."""
+        """See `TuningRuns`."""
         return (law,) * len(runs_of(self.rig.bends, self.rig.stroke))
 
 
 @lru_cache(2)
-def course_of(runs: Runs) -> Course:
+def course_of(runs: TuningRuns) -> Course:
     """The runs, ready for many gains."""
     return Course(runs.cases(), runs.duration)
 

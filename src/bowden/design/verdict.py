@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CheckVerdict:
     """What the check makes of one law."""
 
     name: "VerdictName | None"
@@ -23,7 +23,7 @@ class Verdict:
     """For standard error; empty where the law holds."""
 
 
-def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[Verdict]:
+def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[CheckVerdict]:
     """Check every law over the bends and the stroke of the run.
 
     A law of the user's own that the check cannot judge (its step fails at rest, say) is let through with a note.
@@ -38,7 +38,9 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[V
         ParameterError: laws that do not hold; the message has the reasons and what to change.
     """
     if rig.worn is not None:
-        return [Verdict(None, f"{law.name} on a suit: margins are not checked, the run itself shows") for law in laws]
+        return [
+            CheckVerdict(None, f"{law.name} on a suit: margins are not checked, the run itself shows") for law in laws
+        ]
     checks = [_check(rig, law) for law in laws]
     pairs = zip(laws, checks, strict=True)
     failing = [(law, found) for law, found in pairs if not isinstance(found, str) and found.verdict == "does_not_hold"]
@@ -69,12 +71,12 @@ def _why(rig: Rig, law: Law, found: "Check") -> str:
     return f"{found.reason}; {advice}"
 
 
-def _verdict(law: Law, found: "Check | str", rig: str) -> Verdict:
+def _verdict(law: Law, found: "Check | str", rig: str) -> CheckVerdict:
     if isinstance(found, str):
-        return Verdict(None, f"{law.name} cannot be checked ({found}); it runs unchecked")
+        return CheckVerdict(None, f"{law.name} cannot be checked ({found}); it runs unchecked")
     said = {
         "holds": "",
         "little_margin": f"{law.name} has little margin on {rig}: {found.reason}",
         "does_not_hold": f"{law.name} does not hold on {rig}, and runs because of --force: {found.reason}",
     }
-    return Verdict(found.verdict, said[found.verdict])
+    return CheckVerdict(found.verdict, said[found.verdict])

@@ -90,7 +90,7 @@ class Style:
 
 
 @dataclass
-class Body:
+class FunctionBody:
     """The inside of one function of C."""
 
     lines: list[str]
@@ -119,7 +119,7 @@ def body(
     known: Mapping[str, float],
     named: Mapping[int, str],
     where: Callable[[Operation], str],
-) -> Body:
+) -> FunctionBody:
     """Write the operations down in their order.
 
     Args:
@@ -131,7 +131,7 @@ def body(
         where: the text above the first line of a function of Python; empty for none.
     """
     values = evaluate(graph, known)
-    made = Body([], [])
+    made = FunctionBody([], [])
     folded = _folded(graph, values)
     uses = _uses(graph, folded)
     written: list[Written] = []

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bowden.core import kernel
-from bowden.export.symbol import Place, Symbol, Trace
+from bowden.export.symbol import KernelTrace, Place, Symbol
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ LIBM = ("tanh", "exp", "sin", "cos", "log", "pow")
 """Kinds whose last bit is the C library's own."""
 
 
-def graph_of(trace: Trace, leaves: Mapping[str, Symbol], results: Sequence[Symbol]) -> Graph:
+def graph_of(trace: KernelTrace, leaves: Mapping[str, Symbol], results: Sequence[Symbol]) -> Graph:
     """The operations that the results need, without those that are done twice.
 
     CasADi has no choice between two values: its ``if_else(c, a, b)`` is (c ? a : 0) + (!c ? b : 0), which takes the

@@ -11,10 +11,10 @@ from typing import Any
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.nested import is_named
 from bowden.export.checked import Argument, Function, check_graph
-from bowden.export.code import Body, Style, body
+from bowden.export.code import FunctionBody, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
 from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, meanings, rebuilt
-from bowden.export.symbol import Symbol, Trace, exactly
+from bowden.export.symbol import KernelTrace, Symbol, exactly
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def traced(function: Function, again: int = 0) -> tuple[Graph, Any]:
         ParameterError: it leaves the portable subset; the message names the line.
     """
     with exactly():
-        trace = Trace()
+        trace = KernelTrace()
         symbols: dict[str, Symbol] = {}
 
         def symbol(argument: Argument) -> Callable[[Leaf], Any]:
@@ -172,7 +172,7 @@ def _signature(module: Module, one: Function, structs: Structs) -> str:
     return f"{returned} {module.prefix}_{one.name}({', '.join(inputs + outputs)})"
 
 
-def _function(module: Module, one: Function, style: Style) -> tuple[Body, str]:
+def _function(module: Module, one: Function, style: Style) -> tuple[FunctionBody, str]:
     graph, found = traced(one)
     check_graph(one, graph, again=traced(one, again=1)[0])
     results = (found,) if len(one.results) == 1 else found
@@ -203,7 +203,9 @@ def _where(one: Operation) -> str:
     return one.place.function if one.place else ""
 
 
-def _assigned(ends: Sequence[tuple[str, Leaf]], made: Body, graph: Graph, style: Style) -> tuple[list[str], list[str]]:
+def _assigned(
+    ends: Sequence[tuple[str, Leaf]], made: FunctionBody, graph: Graph, style: Style
+) -> tuple[list[str], list[str]]:
     """What is read of the state before it is written, and the writing; values that move on by one place are a loop."""
     before, after, loops = [], [], []
     moves = [_moves_on(ends, graph, k) for k in range(len(ends))]

@@ -33,7 +33,7 @@ class Place:
     """Module and name, such as ``parts.bounded``."""
 
 
-class Trace:
+class KernelTrace:
     """Everything that was met while kernels were traced."""
 
     def __init__(self) -> None:
@@ -185,7 +185,7 @@ class Symbol:
 
     __slots__ = ("sx", "trace")
 
-    def __init__(self, trace: Trace, sx: Any) -> None:
+    def __init__(self, trace: KernelTrace, sx: Any) -> None:
         self.trace = trace
         self.sx = sx
 

@@ -30,9 +30,10 @@ def run(
 ) -> Iterator["Session"]:
     """Run a law live, with every cycle in a log; a context, whose end is the run's, in a controlled release.
 
-    The run starts stopped. ``session.complete()`` arms it and comes back when the reference has ended;
+    The run starts stopped. ``session.complete()`` arms it and comes back when the reference, or a fault, has ended it;
     ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step. After the block
-    ``session.trace()`` is the record. Before anything starts, the law is checked as `bowden.check` does it.
+    ``session.trace()`` is the record; what ended the run otherwise than as asked is told as a warning. Before anything
+    starts, the law is checked as `bowden.check` does it.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
@@ -75,6 +76,19 @@ def run(
         ) as session,
     ):
         yield session
+    given.tell(_badly(session))
+
+
+def _badly(session: "Session") -> list[str]:
+    """What ended a run that did not end as asked; nothing of one that did."""
+    from bowden.safety import faults
+    from bowden.safety.supervisor import Mode
+
+    ended = session.ended or {}
+    if not session.error and ended.get("mode") == Mode.STOPPED:
+        return []
+    found = [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
+    return [f"the run was ended: {'; '.join([*found, *filter(None, [ended.get('reason'), session.error])])}"]
 
 
 @contextlib.contextmanager

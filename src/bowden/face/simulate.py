@@ -6,7 +6,7 @@ from typing import Any, overload
 
 from bowden.control import Law, user_law
 from bowden.core.trace import Trace
-from bowden.design.verdict import Verdict, verdicts
+from bowden.design.verdict import CheckVerdict, verdicts
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.one_run import run_of
@@ -21,7 +21,7 @@ class Simulated:
 
     traces: dict[str, Trace]
     """Name of the law → its run; laws of one name are told apart by a number."""
-    checked: list[Verdict]
+    checked: list[CheckVerdict]
     """What the check made of each law before."""
     notes: tuple[str, ...]
     """What the user should know."""

@@ -10,7 +10,7 @@ from bowden.core.errors import ParameterError
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, Tuning
 from bowden.design.tune import tune as search
-from bowden.design.tune_runs import Runs
+from bowden.design.tune_runs import TuningRuns
 from bowden.face import arguments, given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig import ranges
@@ -68,7 +68,7 @@ def tuned(
     workers: Mapper,
     progress: Progress,
     generations: int | None = None,
-    runs: Runs | None = None,
+    runs: TuningRuns | None = None,
     fixed: Collection[str] = (),
 ) -> Tuning:
     """The tuning of a law of a rig, which the tuning then has with these gains.

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bowden.core.clock import SECOND, Clock, next_deadline
+from bowden.core.clock import SECOND, TimeSource, next_deadline
 from bowden.cycle.one_cycle import LAW_BEGINS, Cycle
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
@@ -55,7 +55,7 @@ class Loop:
         script: Script,
         ring: RingWriter,
         block: ControlBlock,
-        clock: Clock,
+        clock: TimeSource,
         start: int,
         course: EmgCourse | None = None,
         push: TorqueOffset | None = None,

@@ -103,7 +103,7 @@ class PreflightState(NamedTuple):
     """Number of a `Reason`."""
 
 
-class Outcome(NamedTuple):
+class PreflightOutcome(NamedTuple):
     """What a preflight says in a cycle."""
 
     result: float
@@ -119,7 +119,7 @@ def begin(settings: Preflight, reading: DriveReading) -> PreflightState:
 
 def step(
     settings: Preflight, state: PreflightState, reading: DriveReading, dt: float
-) -> tuple[PreflightState, float, Outcome]:
+) -> tuple[PreflightState, float, PreflightOutcome]:
     """One cycle: wait for the drive, listen, then move out and back, minimum jerk, further until the joint follows.
 
     Args:
@@ -281,10 +281,10 @@ def _at(where: Step, amplitude: float, reading: DriveReading) -> PreflightState:
     return PreflightState(float(where), 0.0, motor, joint, joint, joint, motor, motor, amplitude, motor, joint, 0.0)
 
 
-def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, Outcome]:
+def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, PreflightOutcome]:
     result = 0.0 if state.step != Step.DONE else 1.0 if state.reason == Reason.NONE else -1.0
-    return state, wish, Outcome(result, state.reason)
+    return state, wish, PreflightOutcome(result, state.reason)
 
 
-def _fail(state: PreflightState, reason: Reason) -> tuple[PreflightState, float, Outcome]:
+def _fail(state: PreflightState, reason: Reason) -> tuple[PreflightState, float, PreflightOutcome]:
     return _answer(state._replace(step=float(Step.DONE), reason=float(reason)), state.motor)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import BowdenError, OutputError
 from bowden.live.events import Changes
 from bowden.live.mcap_log import LogFile, about
@@ -70,7 +70,7 @@ class Disk:
         handle: int,
         description: Description,
         more: Mapping[str, str],
-        clock: Clock,
+        clock: TimeSource,
         write: Callable[[int, bytes], int] = os.write,
     ) -> None:
         self._handle, self._clock = handle, clock
@@ -197,7 +197,7 @@ def record(ring: Path, target: Path, rig: str = "") -> int:
         os.close(handle)
 
 
-def _drain(reader: RingReader, disk: Disk, clock: Clock) -> None:
+def _drain(reader: RingReader, disk: Disk, clock: TimeSource) -> None:
     """Move rows from the ring to the disk's memory until there is an end."""
     parent, last_row = os.getppid(), clock.now()
     while True:
@@ -222,12 +222,12 @@ def _sync_name(path: Path) -> None:
         os.close(folder)
 
 
-def _refused(reader: RingReader, clock: Clock, target: Path, error: OSError) -> OutputError:
+def _refused(reader: RingReader, clock: TimeSource, target: Path, error: OSError) -> OutputError:
     _give_up(reader, clock)
     return OutputError(f"cannot record to {target}: {error.strerror}", do="choose another place, or make room there")
 
 
-def _give_up(reader: RingReader, clock: Clock) -> None:
+def _give_up(reader: RingReader, clock: TimeSource) -> None:
     reader.recorder.write(reader.recorder.read()._replace(state=RecorderState.FULL, heartbeat_ns=clock.now()))
 
 

@@ -47,7 +47,7 @@ MOVED_DEG = 0.5
 
 
 @dataclass(frozen=True)
-class Recording:
+class StagedRecording:
     """EMG with its contractions."""
 
     values: Array
@@ -72,17 +72,19 @@ class Asked:
         return {"kind": "emg_intent", "learning": LEARNING, "duration": len(self.references) / RATE}
 
 
-def recording() -> Recording:
+def recording() -> StagedRecording:
     """The biceps, or its stand-in, until shortly before the eighth contraction."""
     folder = Path(__file__).parents[4] / "shared" / "data" / "emg"
     if (folder / "biceps_bursts.csv.gz").is_file():
         log, labels = read_emg(folder / "biceps_bursts.csv.gz"), read_labels(folder / "biceps_bursts.labels.csv")
-        return Recording(log.values[: round((labels[MOTIONS][0] - 0.2) * RATE)], labels[:MOTIONS], "a recorded biceps")
+        return StagedRecording(
+            log.values[: round((labels[MOTIONS][0] - 0.2) * RATE)], labels[:MOTIONS], "a recorded biceps"
+        )
     made = [(1.0 + 3.2 * k, 2.3 + 3.2 * k) for k in range(MOTIONS)]
     count = round(3.2 * (MOTIONS + 0.2) * RATE)
     signal = background(RATE, count, np.random.default_rng(1))
     signal += contractions(RATE, [(*span, 0.2) for span in made], count, seed=1)
-    return Recording(signal, made, "made-up EMG, since the recording is not here")
+    return StagedRecording(signal, made, "made-up EMG, since the recording is not here")
 
 
 @kernel
@@ -113,7 +115,7 @@ def motions(trace: Trace, found: Spans, settings: IntentSettings) -> tuple[Array
 class Clinic:
     """The contractions, what is seen of them, and the motions that they ask for."""
 
-    emg: Recording
+    emg: StagedRecording
     seen: Findings
     settings: IntentSettings
     asked: Asked
@@ -193,7 +195,7 @@ def run(runs: Runs) -> Finding:
     )
 
 
-def _figure(emg: Recording, active: Array, found: Spans, traces: dict[str, Trace]) -> Any:
+def _figure(emg: StagedRecording, active: Array, found: Spans, traces: dict[str, Trace]) -> Any:
     figure, (top, middle, bottom) = new_figure(rows=3, width=8.6, height=6.0, share_x=True)
     time = np.arange(len(emg.values)) / RATE
     top.plot(*thin(time, emg.values, most=4000), color=COLOURS["data"], lw=0.6)

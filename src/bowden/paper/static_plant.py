@@ -21,7 +21,7 @@ from bowden.control.laws.adaptive import start as law_start
 from bowden.control.laws.adaptive import step as law_step
 from bowden.control.reference import Trajectory
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, specialise, stand_in
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.backlash import joint_angle as play_joint_angle
@@ -66,16 +66,16 @@ def bouc_wen_after(h: float, before: float, motor: float, cable: BoucWen) -> flo
     return advance(h, motor - before, cable)
 
 
-@kernel
+@stand_in
 def memory_after(memory: float, before: float, motor: float, cable: Any) -> float:
     """Stand-in for the cable's memory in the loop's source; `specialise` puts a cable's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def joint_of(motor: float, memory: float, cable: Any) -> float:
     """Stand-in for the cable's joint angle."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 @kernel

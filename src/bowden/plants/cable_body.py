@@ -13,7 +13,7 @@ gone one way from `before` to `after` within `dt`; a cable that does not know ti
 
 from typing import Any, NamedTuple
 
-from bowden.core.kernel import exp, kernel
+from bowden.core.kernel import exp, kernel, stand_in
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor, current
 from bowden.models.drive.servo import (
@@ -39,24 +39,24 @@ class Seen(NamedTuple):
     """The internal variable of a cable that has just one, else NaN [–]."""
 
 
-@kernel
+@stand_in
 def cable_start(cable: Any, motor: float, width: float, slope_factor: float) -> Any:
     """Stand-in for the cable's ``start``; `specialise` puts the cable's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def cable_advance(
     cable: Any, memory: Any, before: float, after: float, width: float, slope_factor: float, dt: float
 ) -> Any:
     """Stand-in for the cable's ``advance``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def cable_look(cable: Any, memory: Any, motor: float, width: float, slope_factor: float) -> Seen:
     """Stand-in for the cable's ``look``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 class Moving(NamedTuple):
@@ -78,7 +78,7 @@ class Moving(NamedTuple):
     """In one cycle [–]."""
 
 
-class Body(NamedTuple):
+class CableBody(NamedTuple):
     """Where everything is."""
 
     motor: ServoState
@@ -91,15 +91,17 @@ class Body(NamedTuple):
 
 
 @kernel
-def cable_rest(plant: Moving, motor: float, sheath: SheathState) -> Body:
+def cable_rest(plant: Moving, motor: float, sheath: SheathState) -> CableBody:
     """At rest at a `motor` angle [rad]."""
     memory = cable_start(plant.cable, motor, sheath.width, sheath.slope_factor)
     seen = cable_look(plant.cable, memory, motor, sheath.width, sheath.slope_factor)
-    return Body(ServoState(motor, 0.0, 0.0), memory, seen, seen.joint)
+    return CableBody(ServoState(motor, 0.0, 0.0), memory, seen, seen.joint)
 
 
 @kernel
-def cable_moved(plant: Moving, body: Body, applied: float, sheath: SheathState, next_sheath: SheathState) -> Body:
+def cable_moved(
+    plant: Moving, body: CableBody, applied: float, sheath: SheathState, next_sheath: SheathState
+) -> CableBody:
     """One cycle later under the command `applied` [rad], while the sheath goes to the next.
 
     The cable is advanced where the motor turns and at the end of the cycle, with the time since it last was; the load's
@@ -123,20 +125,20 @@ def cable_moved(plant: Moving, body: Body, applied: float, sheath: SheathState, 
     motor = ServoState(moved + applied, speed, servo_acceleration(moved, speed, servo))
     memory = cable_advance(cable, memory, turned, motor.position, next_width, next_factor, dt - time)
     seen = cable_look(cable, memory, motor.position, next_width, next_factor)
-    return Body(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))
+    return CableBody(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))
 
 
 @kernel
 def _cable_in_substeps(
     plant: Moving,
-    body: Body,
+    body: CableBody,
     applied: float,
     width: float,
     next_width: float,
     factor: float,
     next_factor: float,
     substeps: int,
-) -> Body:
+) -> CableBody:
     """`cable_moved` for a servo at its limits, or one that is quick beside the cycle: it turns at ends of sub-steps."""
     motor, memory, dt = body.motor, body.memory, plant.dt
     turned, done = motor.position, 0
@@ -151,7 +153,7 @@ def _cable_in_substeps(
     part = (substeps - done) / substeps
     memory = cable_advance(plant.cable, memory, turned, motor.position, next_width, next_factor, part * dt)
     seen = cable_look(plant.cable, memory, motor.position, next_width, next_factor)
-    return Body(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))
+    return CableBody(motor, memory, seen, lagged(body.joint, body.seen.joint, seen.joint, dt, plant.load_lag))
 
 
 @kernel
@@ -164,20 +166,20 @@ def lagged(joint: float, before: float, after: float, dt: float, time_constant: 
 
 
 @kernel
-def spring_current(plant: Moving, body: Body, sheath: SheathState) -> float:
+def spring_current(plant: Moving, body: CableBody, sheath: SheathState) -> float:
     """The current that holds the bench's spring through a cable that knows no forces [A]."""
     return current(body.motor.acceleration, body.joint, sheath.slope_factor * plant.slope, plant.drive)
 
 
 @kernel
-def torque_current(plant: Moving, body: Body, sheath: SheathState) -> float:
+def torque_current(plant: Moving, body: CableBody, sheath: SheathState) -> float:
     """The current against the torque of a cable that knows it [A]."""
     drive = plant.drive
     return (drive.inertia * body.motor.acceleration + body.seen.torque) / (drive.gear * drive.torque_constant)
 
 
 @kernel
-def cable_columns(plant: Moving, body: Body) -> BenchColumns:
+def cable_columns(plant: Moving, body: CableBody) -> BenchColumns:
     """See `bowden.plants.plant`; those of the bench."""
     motor = body.motor
     return BenchColumns(body.joint, motor.position, motor.velocity, motor.acceleration, body.seen.h)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from bowden.control.source import Heard
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel
+from bowden.core.kernel import kernel, stand_in
 from bowden.models.cable.sheath import Sheath
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
 from bowden.models.cable.sheath import width as width_at
@@ -73,34 +73,34 @@ def sheath_path(sheath: Sheath, bends: Array) -> SheathPath:
     return SheathPath(angles, np.asarray(widths, dtype=np.float64), np.asarray(factors, dtype=np.float64))
 
 
-@kernel
+@stand_in
 def plant_rest(plant: Any, motor: float, sheath: SheathState) -> Any:
     """Stand-in for a plant's ``rest`` in a loop's source; `specialise` puts the plant's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def plant_advance(plant: Any, body: Any, applied: float, sheath: SheathState, next_sheath: SheathState) -> Any:
     """Stand-in for a plant's ``advance``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def plant_observe(plant: Any, body: Any, normals: Array) -> tuple[Any, Heard]:
     """Stand-in for a plant's ``observe``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def plant_effort(plant: Any, body: Any, sheath: SheathState) -> float:
     """Stand-in for a plant's ``effort``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def plant_look(plant: Any, body: Any) -> Any:
     """Stand-in for a plant's ``look``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 @kernel

@@ -26,7 +26,7 @@ ANGLES = tuple(angle * RADIANS for angle in (0.0, 30.0, 60.0, 90.0))
 """Postures of the row [rad]."""
 
 
-class Held(NamedTuple):
+class HeldPosture(NamedTuple):
     """One posture and what holds it still, by MuJoCo: one cable pulls, the other is slack."""
 
     angle: float
@@ -37,7 +37,7 @@ class Held(NamedTuple):
     """Tension [N]."""
 
 
-def holding(geometry: SuitGeometry, arm: Arm, angles: Sequence[float] = ANGLES) -> list[Held]:
+def holding(geometry: SuitGeometry, arm: Arm, angles: Sequence[float] = ANGLES) -> list[HeldPosture]:
     """What holds the arm against gravity and the passive elbow at each angle [rad].
 
     Raises:
@@ -47,7 +47,7 @@ def holding(geometry: SuitGeometry, arm: Arm, angles: Sequence[float] = ANGLES) 
     model, found = MujocoArm(geometry, arm), []
     for angle in angles:
         torque, (_, (flexor, extensor)) = model.holding_torque(angle), model.cables(angle)
-        found.append(Held(angle, max(float(torque / flexor), 0.0), max(float(torque / extensor), 0.0)))
+        found.append(HeldPosture(angle, max(float(torque / flexor), 0.0), max(float(torque / extensor), 0.0)))
     return found
 
 
@@ -99,7 +99,7 @@ def _png(figure: "Figure") -> bytes:
     return buffer.getvalue()
 
 
-def _panel(axes: "Axes", image: Image, held: Held) -> None:
+def _panel(axes: "Axes", image: Image, held: HeldPosture) -> None:
     height, width = image.shape[:2]
     axes.imshow(image[: int(0.99 * height), int(0.04 * width) :], interpolation="lanczos")
     axes.set_axis_off()

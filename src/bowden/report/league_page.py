@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowden.core import style
 from bowden.design.league import YARDSTICK, Cell, Played, Standing
-from bowden.design.league_cells import Scenario
+from bowden.design.league_cells import LeagueScenario
 from bowden.report.page import Page
 
 if TYPE_CHECKING:
@@ -27,7 +27,11 @@ _COLOURS = ((0.25, "#bfe6d5"), (0.5, "#e0f3ea"), (1.0, "#f6f6f6"), (2.0, "#fbe6d
 
 
 def league_page(
-    played: Sequence[Played], standings: Sequence[Standing], scenarios: Sequence[Scenario], *, interrupted: bool = False
+    played: Sequence[Played],
+    standings: Sequence[Standing],
+    scenarios: Sequence[LeagueScenario],
+    *,
+    interrupted: bool = False,
 ) -> Page:
     """The page of a league.
 

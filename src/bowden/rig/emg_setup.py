@@ -15,7 +15,7 @@ from bowden.hardware.emg.sources import open_source
 from bowden.hardware.ports import EmgStream
 from bowden.rig import wearer_file
 from bowden.rig.settings import EmgSettings
-from bowden.rig.wearer_file import Wearer
+from bowden.rig.wearer_file import MuscleCalibration
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT, detector_named
 from bowden.sensing.intent import IntentSettings
@@ -32,7 +32,7 @@ class EmgRun:
     flexor: str | None
     """Name of the channel; None for the first."""
     extensor: str | None
-    wearer: Wearer | None
+    wearer: MuscleCalibration | None
     where: str
     """The wearer's file."""
     course: CourseSettings

@@ -6,11 +6,11 @@ from bowden.control.law import Law
 from bowden.control.source import TABLE
 from bowden.core.trace import Trace
 from bowden.rig.rig import Rig
-from bowden.sim.faulty import Fault
+from bowden.sim.faulty import SensorFault
 from bowden.sim.run import simulate
 
 
-def run_of(rig: Rig, law: Law, fault: Fault | None = None) -> Trace:
+def run_of(rig: Rig, law: Law, fault: SensorFault | None = None) -> Trace:
     """The trace of one run, with the rig's hash in its settings.
 
     Args:

@@ -9,7 +9,7 @@ from bowden.hardware.emg.course import CourseSettings
 from bowden.hardware.realtime import Settings
 from bowden.models.suit.load_cell import LoadCell
 from bowden.rig.presets.suit import default_suit
-from bowden.rig.wearer_file import Wearer
+from bowden.rig.wearer_file import MuscleCalibration
 from bowden.sim.suit_sources import FRICTION_SHARE
 
 _SUIT, _OWN, _CELL = default_suit(), Admittance(), LoadCell()
@@ -207,7 +207,7 @@ class EmgSettings(NamedTuple):
     full: Annotated[
         float, Quantity("envelope of a full flexion, where proportional", shown="% MVC", gt=0.0, le=100.0)
     ] = _COURSE.full
-    levels: Wearer | None = None
+    levels: MuscleCalibration | None = None
     """What the wearer's file says."""
     place: str = ""
     """The source as this machine finds it, with a recording's whole path."""

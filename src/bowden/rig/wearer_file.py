@@ -11,7 +11,7 @@ from bowden.core.toml_text import quoted
 from bowden.sensing.envelope import MAINS_HZ
 
 
-class Wearer(NamedTuple):
+class MuscleCalibration(NamedTuple):
     """One muscle of one wearer, under one pair of electrodes."""
 
     rest: float
@@ -30,7 +30,7 @@ _LEAST_RATIO = 3.0
 """A contraction is at least so many times rest."""
 
 
-def check(wearer: Wearer, where: str) -> Wearer:
+def check(wearer: MuscleCalibration, where: str) -> MuscleCalibration:
     """`wearer`, if it can be one.
 
     Raises:
@@ -58,7 +58,7 @@ def check_mains(mains: float, name: str) -> None:
         raise ParameterError(f"{name} is {mains:g}", expected="50, 60, or 0 for none")
 
 
-def write(path: Path, wearer: Wearer) -> None:
+def write(path: Path, wearer: MuscleCalibration) -> None:
     """Write the file.
 
     Raises:
@@ -68,7 +68,7 @@ def write(path: Path, wearer: Wearer) -> None:
         part.write_text(text_of(wearer), encoding="utf-8")
 
 
-def text_of(wearer: Wearer) -> str:
+def text_of(wearer: MuscleCalibration) -> str:
     """What stands in the file."""
     return (
         "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
@@ -77,7 +77,7 @@ def text_of(wearer: Wearer) -> str:
     )
 
 
-def read(path: Path) -> Wearer:
+def read(path: Path) -> MuscleCalibration:
     """Read the file.
 
     Raises:
@@ -86,7 +86,7 @@ def read(path: Path) -> Wearer:
     try:
         section = tomllib.loads(path.read_text(encoding="utf-8"))["emg"]
         rest, mvc, mains = (_number({"mains_hz": 50.0} | section, key) for key in ("rest", "mvc", "mains_hz"))
-        found = Wearer(rest, mvc, str(section["channel"]), str(section["source"]), mains)
+        found = MuscleCalibration(rest, mvc, str(section["channel"]), str(section["source"]), mains)
         unknown = set(section) - {"rest", "mvc", "channel", "source", "mains_hz"}
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}", do="run bowden emg calibrate") from error

@@ -68,7 +68,7 @@ class Decided(NamedTuple):
     latched: Annotated[float, Quantity("the faults that have to be acknowledged, a sum of 2**fault")]
 
 
-class Servo(NamedTuple):
+class ModelledServo(NamedTuple):
     """The drive as its servo's model says it is."""
 
     enabled: Annotated[float, Quantity("1 from the drive's operation enabled on, while it is powered, else 0")]
@@ -101,7 +101,7 @@ class SupervisorState(NamedTuple):
 
     target: Annotated[float, Quantity("what the drive was told last", "rad")]
     decided: Decided
-    servo: Servo
+    servo: ModelledServo
     motor: Followed
     joint: Followed
     anchor: Anchor
@@ -171,7 +171,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
     return SupervisorState(
         target,
         Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, 0.0),
-        Servo(0.0, motor, 0.0, 0.0),
+        ModelledServo(0.0, motor, 0.0, 0.0),
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
         Anchor(motor, joint),
@@ -186,7 +186,7 @@ def most_step(limits: Limits, time: float, dt: float) -> float:
     return limits.target_speed * np.fmax(dt, np.fmin(time, 5.0 * dt))
 
 
-class Seen(NamedTuple):
+class SensedAngles(NamedTuple):
     """What becomes of a cycle's angles: each is taken as it is, or not at all."""
 
     clock: float
@@ -202,7 +202,7 @@ class Seen(NamedTuple):
 
 
 @kernel
-def see(limits: Limits, state: SupervisorState, observed: Observed, dt: float) -> Seen:
+def see(limits: Limits, state: SupervisorState, observed: Observed, dt: float) -> SensedAngles:
     """The angles that are taken for true; without power the motor and the limb may be moved by hand."""
     reading, powered = observed.reading, 1.0 - outside(state.decided.mode, PREFLIGHT, RELEASING)
     clock = np.fmax(outside(observed.elapsed, 0.05 * dt, limits.clock_gap), outside(observed.lateness, -dt, BIG))
@@ -210,7 +210,7 @@ def see(limits: Limits, state: SupervisorState, observed: Observed, dt: float) -
     span, jump, filtered = limits.sensor_span, sel(powered > 0.0, limits.jump, BIG), limits.speed_filter
     motor, motor_lost, motor_jump = follow(state.motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
     joint, joint_lost, joint_jump = follow(state.joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
-    return Seen(clock, time, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump)
+    return SensedAngles(clock, time, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump)
 
 
 @kernel
@@ -307,7 +307,7 @@ def look(
         SupervisorState(
             state.target,
             last,
-            Servo(enabled, model, model_speed, astray),
+            ModelledServo(enabled, model, model_speed, astray),
             motor,
             joint,
             anchor,

@@ -17,19 +17,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel
+from bowden.core.kernel import stand_in
 
 
-@kernel
+@stand_in
 def detector_step(prepared: Any, state: Any, value: float) -> Any:
     """Stand-in for a detector's ``step``; `specialise` puts the detector's own in its place."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def detector_rest(state: Any) -> float:
     """Stand-in for a detector's ``rest``."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from bowden.sim.arm_check import (
     INTEGRATORS,
     MOMENT_ARM_LIMIT,
     MOTION_LIMIT,
+    ArmMotion,
     Cables,
     Convergence,
-    Motion,
     cases,
     compare_cables,
     compare_motion,
@@ -32,7 +32,7 @@ class Agreement(NamedTuple):
     """What was compared."""
 
     cables: Cables
-    motions: list[Motion]
+    motions: list[ArmMotion]
     """Those of `sim.arm_check.cases`, then the suit's runs."""
     convergences: list[tuple[str, Convergence]]
     """Of which motion, and how its error goes with MuJoCo's step."""

@@ -66,7 +66,7 @@ class Cables(NamedTuple):
     """Least angle from which on, up to the range's high end, Eq. 2 holds within `EXCURSION_LIMIT` [rad]."""
 
 
-class Motion(NamedTuple):
+class ArmMotion(NamedTuple):
     """One motion by both."""
 
     name: str
@@ -82,7 +82,7 @@ class Motion(NamedTuple):
         return float(np.nanmax(np.abs(self.mujoco - self.ours)))
 
 
-class Case(NamedTuple):
+class ArmCase(NamedTuple):
     """A motion to be made."""
 
     name: str
@@ -144,7 +144,7 @@ def _lowest(model: MujocoArm, geometry: SuitGeometry, high: float) -> float:
     return -math.pi
 
 
-def cases(geometry: SuitGeometry, arm: Arm) -> list[Case]:
+def cases(geometry: SuitGeometry, arm: Arm) -> list[ArmCase]:
     """The motions of the check: a free swing, a slow lift and descent, and both cables pulling against one another.
 
     Under a given tension an elbow above some 65° runs off: gravity's lever then shrinks, and the flexor's grows. So the
@@ -162,9 +162,9 @@ def cases(geometry: SuitGeometry, arm: Arm) -> list[Case]:
         return flexor * minimum_jerk_share(time / 6.0), extensor * minimum_jerk_share((time - 7.0) / 2.0)
 
     return [
-        Case("free swing", rest + 70.0 * RADIANS, lambda time: (0.0, 0.0), 8.0),
-        Case("slow lift", rest, lift, 16.0),
-        Case("both cables", rest, both, 12.0),
+        ArmCase("free swing", rest + 70.0 * RADIANS, lambda time: (0.0, 0.0), 8.0),
+        ArmCase("slow lift", rest, lift, 16.0),
+        ArmCase("both cables", rest, both, 12.0),
     ]
 
 
@@ -173,7 +173,7 @@ def _held(arm: Arm, angle: float) -> float:
     return -(gravity_torque(arm, angle) + passive_torque(arm, angle, 0.0))
 
 
-def compare_motion(geometry: SuitGeometry, arm: Arm, case: Case) -> Motion:
+def compare_motion(geometry: SuitGeometry, arm: Arm, case: ArmCase) -> ArmMotion:
     """One motion by both, MuJoCo's by RK4 at the least of `STEPS`.
 
     Raises:
@@ -184,10 +184,10 @@ def compare_motion(geometry: SuitGeometry, arm: Arm, case: Case) -> Motion:
     count = round(case.duration / step)
     time: Array = step * np.arange(count + 1, dtype=np.float64)
     theirs = MujocoArm(geometry, arm, step, "RK4").move((case.start, 0.0), case.tensions, count)
-    return Motion(case.name, time, our_motion(geometry, arm, case, time), theirs)
+    return ArmMotion(case.name, time, our_motion(geometry, arm, case, time), theirs)
 
 
-def our_motion(geometry: SuitGeometry, arm: Arm, case: Case, time: Array) -> Array:
+def our_motion(geometry: SuitGeometry, arm: Arm, case: ArmCase, time: Array) -> Array:
     """The elbow by the equation of `bowden.models.suit.arm`, at those times (n,) [s], (n,) [rad]."""
     from scipy.integrate import solve_ivp
 
@@ -205,7 +205,7 @@ def our_motion(geometry: SuitGeometry, arm: Arm, case: Case, time: Array) -> Arr
     return angle
 
 
-def convergence(geometry: SuitGeometry, arm: Arm, case: Case, motion: Motion, integrator: str) -> Convergence:
+def convergence(geometry: SuitGeometry, arm: Arm, case: ArmCase, motion: ArmMotion, integrator: str) -> Convergence:
     """The largest error of a motion at each of `STEPS`.
 
     Args:

@@ -26,7 +26,7 @@ from bowden.plants.plant import (
     plant_rest,
     sheath_at,
 )
-from bowden.sim.faulty import Fault, as_it_is
+from bowden.sim.faulty import SensorFault, as_it_is
 from bowden.sim.run import RUNAWAY
 
 Array = NDArray[np.float64]
@@ -67,10 +67,10 @@ class One(NamedTuple):
     """[s]"""
     delay: int
     """[cycles]"""
-    fault: Fault
+    fault: SensorFault
 
 
-class Limits(NamedTuple):
+class BatchLimits(NamedTuple):
     """When the rest of a batch need not be run any more."""
 
     rmse: float = np.inf
@@ -99,7 +99,7 @@ def run_batch(
     numbers: Array,
     rows: NDArray[np.int64],
     inputs: BatchInputs,
-    limits: Limits,
+    limits: BatchLimits,
     scratch: Array,
     figures: Array,
 ) -> None:

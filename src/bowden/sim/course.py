@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.source import TABLE
 from bowden.core.nested import form_of, numbers_of
-from bowden.sim.batch import FIGURES, Limits, One
+from bowden.sim.batch import FIGURES, BatchLimits, One
 from bowden.sim.many import Case, Given, Ready
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Course:
         Returns:
             For each run its RMSE; infinite where it did not end, or was given up, and 0 where it was not run.
         """
-        found, limits = [0.0] * len(self._places), Limits(float(limit), float(at_once))
+        found, limits = [0.0] * len(self._places), BatchLimits(float(limit), float(at_once))
         wanted = order or range(len(found))
         for _, part in itertools.groupby(wanted, key=lambda i: (id(self._places[i].given), form_of(laws[i].gains))):
             runs = list(part)

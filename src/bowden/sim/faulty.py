@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import apart, kernel
+from bowden.core.kernel import apart, stand_in
 from bowden.core.signals import DriveReading, Sample
 from bowden.sim.injected import misread
 
 
-class Fault(NamedTuple):
+class SensorFault(NamedTuple):
     """What goes wrong, and when."""
 
     kind: float = 0.0
@@ -21,14 +21,14 @@ class Fault(NamedTuple):
     """The cycle after the last."""
 
 
-@kernel
-def as_it_is(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+@stand_in
+def as_it_is(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """The sample: where nothing goes wrong, this is compiled into the loop in place of `faulty`."""
     return sample
 
 
 @apart
-def faulty(fault: Fault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
+def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int) -> Sample:
     """What the law is shown in cycle k; `kept` (2, n) holds the true readings for faults that look back."""
     kept[0, k], kept[1, k] = sample.joint, sample.motor
     if not fault.begin <= k < fault.end:

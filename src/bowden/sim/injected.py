@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel
+from bowden.core.kernel import kernel, stand_in
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.safety.supervisor import STOP, Observed
 
@@ -273,16 +273,16 @@ class Misled(NamedTuple):
     """This cycle (1,); the loop writes it."""
 
 
-@kernel
+@stand_in
 def sound_start(gains: Any, sample: Sample) -> Any:
     """Stand-in for the start of the law that is to go wrong."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
-@kernel
+@stand_in
 def sound_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
     """Stand-in for its step."""
-    raise NotImplementedError  # never compiled: always replaced
+    raise NotImplementedError  # always replaced
 
 
 @kernel

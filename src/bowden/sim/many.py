@@ -13,8 +13,8 @@ from bowden.control.source import TABLE, Source
 from bowden.core.kernel import specialise
 from bowden.core.nested import form_of, numbers_of
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
-from bowden.sim.batch import FIGURES, ROWS, BatchInputs, Limits, One, run_batch
-from bowden.sim.faulty import Fault
+from bowden.sim.batch import FIGURES, ROWS, BatchInputs, BatchLimits, One, run_batch
+from bowden.sim.faulty import SensorFault
 from bowden.sim.run import check_clock, edges_of, initial_angle, simulate, stand_ins
 from bowden.sim.scenario import BendPath
 
@@ -36,7 +36,7 @@ class Case(NamedTuple):
     """Of the sensors' noise, as `bowden.sim.run.simulate` takes it."""
     initial_motor: float | None = None
     """As `bowden.sim.run.simulate` takes it [rad]."""
-    fault: Fault | None = None
+    fault: SensorFault | None = None
     """Of a sensor; None where none can fail, which is compiled without."""
     sources: tuple[Source, ...] = ()
     """What makes the reference, one for each law, of the same kernels in all cases of one call; the table of
@@ -115,7 +115,7 @@ def simulate_each(case: Case, duration: float) -> Iterator[Shown]:
     given, figures = Given([ready]), np.empty((1, len(FIGURES)))
     for i, law in enumerate(case.laws):
         numbers = np.array([ready.numbers[i]])
-        given.run(law, case.source_of(i), ready.ones[i], numbers, given.rows, Limits(), figures)
+        given.run(law, case.source_of(i), ready.ones[i], numbers, given.rows, BatchLimits(), figures)
         outcome = Outcome(*figures[0].tolist())
         _refuse_no_number(ready, i, outcome, duration)
         yield Shown(outcome, ready.edges[:-1], given.scratch[6], given.scratch[1])
@@ -159,7 +159,7 @@ class Ready:
             initial_motor=initial_angle(self.dynamics, case.initial_motor, self.reference),
             dt=float(plant.sample_time),
             delay=int(plant.delay),
-            fault=case.fault or Fault(),
+            fault=case.fault or SensorFault(),
         )
 
     def goes_with(self, other: "Ready") -> bool:
@@ -175,7 +175,7 @@ def _run(group: Sequence[Ready]) -> Iterator[tuple[Outcome, ...]]:
     found = np.empty((len(first.ones), len(group), len(FIGURES)))
     for j, law in enumerate(first.case.laws):
         numbers = np.array([ready.numbers[j] for ready in group])
-        given.run(law, first.case.source_of(j), first.ones[j], numbers, given.rows, Limits(), found[j])
+        given.run(law, first.case.source_of(j), first.ones[j], numbers, given.rows, BatchLimits(), found[j])
     for i, ready in enumerate(group):
         outcomes = tuple(Outcome(*found[j, i].tolist()) for j in range(len(found)))
         for j, outcome in enumerate(outcomes):
@@ -235,7 +235,7 @@ class Given:
         like: One,
         numbers: Array,
         rows: NDArray[np.int64],
-        limits: Limits,
+        limits: BatchLimits,
         found: Array,
     ) -> None:
         """`bowden.sim.batch.run_batch` for a law and a source; fills `found`."""

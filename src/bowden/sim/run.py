@@ -30,7 +30,7 @@ from bowden.plants.plant import (
     sheath_at,
     sheath_path,
 )
-from bowden.sim.faulty import Fault, as_it_is, faulty
+from bowden.sim.faulty import SensorFault, as_it_is, faulty
 from bowden.sim.scenario import BendPath, constant_bend
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def run_loop(
     delay: int,
     record: Array,
     states: Array,
-    fault: Fault,
+    fault: SensorFault,
     kept: Array,
 ) -> int:
     """One run; returns the number of cycles that it lasted.
@@ -130,7 +130,7 @@ def simulate(
     seed: int = 0,
     initial_motor: float | None = None,
     source: Source = TABLE,
-    fault: Fault | None = None,
+    fault: SensorFault | None = None,
 ) -> Trace:
     """Run a law against a plant.
 
@@ -156,7 +156,7 @@ def simulate(
     """
     dynamics = plant.dynamics()
     inputs = inputs_of(plant, reference, duration, bend, seed, dynamics)
-    references, fault = inputs.references, fault or Fault()
+    references, fault = inputs.references, fault or SensorFault()
     initial = initial_angle(dynamics, initial_motor, references)
     laws, asked = state_columns(law, source)
     # one block: a system hands out a large piece of memory far faster than many small ones

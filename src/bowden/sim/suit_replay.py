@@ -16,7 +16,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.trace import Trace
 from bowden.models.suit.arm import Arm
 from bowden.models.suit.geometry import SuitGeometry, extensor_moment_arm, flexor_moment_arm
-from bowden.sim.arm_check import Motion
+from bowden.sim.arm_check import ArmMotion
 from bowden.sim.mujoco_arm import MujocoArm
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def parts_of(trace: Trace) -> tuple[SuitGeometry, Arm]:
     return _part(SuitGeometry, plant.get("geometry")), _part(Arm, plant.get("arm"))
 
 
-def replay(trace: Trace, window: float = 2.0) -> Motion:
+def replay(trace: Trace, window: float = 2.0) -> ArmMotion:
     """The same run in MuJoCo.
 
     Under tensions that do not answer to it an elbow near the top runs off, as a pencil on its tip does, whichever model
@@ -75,7 +75,7 @@ def replay(trace: Trace, window: float = 2.0) -> Motion:
 
         start = (float(joint[first]), float(velocity[first]))
         theirs[first : last + 1] = model.move(start, given, last - first, torque[first:last])
-    return Motion("suit", time, joint, theirs)
+    return ArmMotion("suit", time, joint, theirs)
 
 
 def _windows(trace: Trace, length: int) -> list[tuple[int, int]]:

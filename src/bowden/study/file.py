@@ -8,12 +8,12 @@ from pydantic import ValidationError
 from bowden.core.errors import ParameterError
 from bowden.rig.config import explained, read_toml
 from bowden.study.distributions import KINDS, WANTED, Distribution, Value, distribution
-from bowden.study.schema import DistributionSection, FaultSection, Study, ToldSection
+from bowden.study.schema import DistributionSection, FaultSection, StudyFile, ToldSection
 
 _CORRECT = "correct it there"
 
 
-def read_study(path: Path) -> tuple[Study, dict[str, Distribution]]:
+def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
     """A study's file, and how each of its parameters is spread: dotted key, ``told.NAME`` or ``fault.NAME``.
 
     Raises:
@@ -25,9 +25,9 @@ def read_study(path: Path) -> tuple[Study, dict[str, Distribution]]:
         if isinstance(section, dict):
             raw[name] = {key: {"fixed": v} if isinstance(v, int | float | str) else v for key, v in section.items()}
     try:
-        study = Study.model_validate(raw)
+        study = StudyFile.model_validate(raw)
     except ValidationError as error:
-        raise explained(error, path, Study) from error
+        raise explained(error, path, StudyFile) from error
     given: dict[str, DistributionSection | None] = dict(study.vary)
     given |= _section("told", study.told) | _section("fault", study.fault)
     return study, {key: _spread(key, one, path) for key, one in given.items() if one is not None}

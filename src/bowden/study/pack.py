@@ -14,7 +14,7 @@ from bowden.rig.given_law import LawFile, loaded
 from bowden.rig.rig import Rig
 from bowden.study.distributions import distribution
 from bowden.study.rows import table_of
-from bowden.study.schema import Study as StudyFile
+from bowden.study.schema import StudyFile
 from bowden.study.study import Column, Study, software
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ from bowden.rig.declaration import Section
 from bowden.rig.page import keys_of
 from bowden.study.distributions import WANTED
 from bowden.study.rows import FIGURES, SUIT_FIGURES
-from bowden.study.schema import DistributionSection, FaultSection, Study, ToldSection
+from bowden.study.schema import DistributionSection, FaultSection, StudyFile, ToldSection
 from bowden.study.study import SENSOR_FAULTS
 
-_SECTIONS: dict[str, type[Section]] = {"": Study, "[told]": ToldSection, "[fault]": FaultSection}
+_SECTIONS: dict[str, type[Section]] = {"": StudyFile, "[told]": ToldSection, "[fault]": FaultSection}
 
 
 def keys_table() -> str:
@@ -53,7 +53,7 @@ def faults_list() -> str:
 
 def json_schema() -> str:
     """``docs/json/study.schema.json``."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | _shortened(Study.model_json_schema())
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | _shortened(StudyFile.model_json_schema())
     return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
 
 

@@ -44,7 +44,7 @@ class FaultSection(Section):
     length_s: DistributionSection | None = _key(None, "how long it lasts; to the end if left out", "s", examples=[{}])
 
 
-class Study(Section):
+class StudyFile(Section):
     """A study for ``bowden campaign``."""
 
     rig: str | None = _key(None, "a rig.toml, found from this file; left out, the default bench", examples=["rig.toml"])

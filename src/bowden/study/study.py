@@ -20,13 +20,12 @@ from bowden.rig.bends import RandomBend
 from bowden.rig.given_law import LawFile
 from bowden.rig.keys import simulated, with_values
 from bowden.rig.rig import Rig
-from bowden.sim.faulty import Fault
+from bowden.sim.faulty import SensorFault
 from bowden.sim.injected import Injected
 from bowden.sim.many import Case
 from bowden.sim.scenario import BendPath
 from bowden.study.distributions import Distribution, Value, describe
-from bowden.study.schema import Study as StudyFile
-from bowden.study.schema import ToldSection
+from bowden.study.schema import StudyFile, ToldSection
 
 SENSOR_FAULTS = [kind.name.lower() for kind in Injected if Injected.JOINT_NAN <= kind <= Injected.MOTOR_SIGN]
 """Faults that change what the law is shown and nothing else."""
@@ -118,7 +117,7 @@ class Study:
         tree = with_values(self._tree, [*keys, ("scenario.seed", drawn.seed)])
         return Rig.of_tree(tree, self.path, keep=self.rig)
 
-    def run(self, number: int, drawn: Drawn | None = None) -> tuple[Rig, tuple[Law, ...], Fault | None]:
+    def run(self, number: int, drawn: Drawn | None = None) -> tuple[Rig, tuple[Law, ...], SensorFault | None]:
         """All that a run needs; `drawn` if that is known.
 
         Raises:
@@ -132,7 +131,7 @@ class Study:
                 f"{self.path}, run {number}: {text}", expected=error.expected, do="narrow what is varied"
             ) from error
 
-    def _put_together(self, drawn: Drawn) -> tuple[Rig, tuple[Law, ...], Fault | None]:
+    def _put_together(self, drawn: Drawn) -> tuple[Rig, tuple[Law, ...], SensorFault | None]:
         rig = self.rig_of(drawn)
         if rig.pushing is not None:
             rig.pushing.refuse_integral()
@@ -154,13 +153,13 @@ class Study:
         moved = self._varies("scenario.bend", "sheath.") or isinstance(rig.bend, RandomBend)
         return rig.bend_path if moved else self.rig.bend_path
 
-    def _fault(self, values: dict[str, Value], dt: float) -> Fault | None:
+    def _fault(self, values: dict[str, Value], dt: float) -> SensorFault | None:
         if "fault.kind" not in values:
             return None
         kind = str(values["fault.kind"])
         begin = float(values.get("fault.begin_s", 0.0))
         end = begin + float(values.get("fault.length_s", self.duration))
-        return Fault(float(Injected[kind.upper()]), float(round(begin / dt)), float(round(end / dt)))
+        return SensorFault(float(Injected[kind.upper()]), float(round(begin / dt)), float(round(end / dt)))
 
     @property
     def worn(self) -> bool:

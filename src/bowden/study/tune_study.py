@@ -24,7 +24,7 @@ _CHUNK = 10
 
 @dataclass(frozen=True)
 class StudyRuns:
-    """The first runs of a study, as `bowden.design.tune_runs.Runs`."""
+    """The first runs of a study, as `bowden.design.tune_runs.TuningRuns`."""
 
     pack: bytes
     """The study."""
@@ -44,7 +44,7 @@ class StudyRuns:
         return [_in_run(unpacked(self.pack), case, law) for case in _cases(self.pack, 0, self.count)]
 
 
-class Spread(NamedTuple):
+class PlantSpread(NamedTuple):
     """What gains make of plants that they were not tuned against."""
 
     runs: int
@@ -80,7 +80,7 @@ def runs_of(study: Study) -> StudyRuns:
     return StudyRuns(packed(study), max(2, min(TUNED, study.file.runs // 2, most)))
 
 
-class Part(NamedTuple):
+class PlantGroup(NamedTuple):
     """Some of the plants that gains are judged by."""
 
     pack: bytes
@@ -90,14 +90,14 @@ class Part(NamedTuple):
     after: Law
 
 
-def parts(runs: StudyRuns, before: Law, after: Law) -> list[Part]:
+def parts(runs: StudyRuns, before: Law, after: Law) -> list[PlantGroup]:
     """The plants that follow those that gains were tuned against, in parts for processes."""
     total = min(unpacked(runs.pack).file.runs, runs.count + JUDGED)
     begins = range(runs.count, total, _CHUNK)
-    return [Part(runs.pack, begin, min(begin + _CHUNK, total), before, after) for begin in begins]
+    return [PlantGroup(runs.pack, begin, min(begin + _CHUNK, total), before, after) for begin in begins]
 
 
-def judged(part: Part) -> list[tuple[Outcome, Outcome]]:
+def judged(part: PlantGroup) -> list[tuple[Outcome, Outcome]]:
     """Each plant with the gains before and after."""
     study = unpacked(part.pack)
     cases = []
@@ -107,12 +107,12 @@ def judged(part: Part) -> list[tuple[Outcome, Outcome]]:
 
 
 def spread(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """The figures of `Spread`."""
+    """The figures of `PlantSpread`."""
     errors = np.array([one.rmse if one.ended else np.inf for one in outcomes]) * DEGREES
     unstable = sum(not one.stable for one in outcomes)
     shown = [float(value) for value in np.quantile(errors, (0.5, 0.9, 1.0), method="higher")]
     median, most, worst = (value if np.isfinite(value) else None for value in shown)
-    return Spread(len(outcomes), unstable, list(wilson(unstable, len(outcomes))), median, most, worst)._asdict()
+    return PlantSpread(len(outcomes), unstable, list(wilson(unstable, len(outcomes))), median, most, worst)._asdict()
 
 
 @lru_cache(2)

@@ -86,7 +86,7 @@ class CrossingEstimate(NamedTuple):
     dip: Annotated[float, Quantity("how far it goes the wrong way in a dead zone; 1 until one was seen", "rad")]
 
 
-class Seen(NamedTuple):
+class CycleEvents(NamedTuple):
     """What happened in this cycle."""
 
     turned: float
@@ -146,7 +146,7 @@ def harmless(crossing: CrossingEstimate) -> float:
 @kernel
 def watch(
     crossing: CrossingEstimate, motor: float, joint: float, slope: float, noise: float, settled: float
-) -> tuple[CrossingEstimate, Seen]:
+) -> tuple[CrossingEstimate, CycleEvents]:
     """What is believed after one more sample.
 
     Args:
@@ -218,4 +218,4 @@ def watch(
         low=sel(turned, 0.0, np.fmin(crossing.low, moved)),
         dip=sel(touched, np.fmax(sel(first, 0.0, _FADE * crossing.dip), dipped), crossing.dip),
     )
-    return after, Seen(sel(turned, 1.0, 0.0), sel(touched, 1.0, 0.0))
+    return after, CycleEvents(sel(turned, 1.0, 0.0), sel(touched, 1.0, 0.0))

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from bowden.control.our_law.crossing_estimate import CrossingEstimate, Seen
+from bowden.control.our_law.crossing_estimate import CrossingEstimate, CycleEvents
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 
@@ -89,7 +89,7 @@ def first_slope(slope: float, lag: float, doubt: float, motor: float, joint: flo
 def learn_slope(
     slope: SlopeEstimate,
     crossing: CrossingEstimate,
-    seen: Seen,
+    seen: CycleEvents,
     motor: float,
     joint: float,
     guess: float,

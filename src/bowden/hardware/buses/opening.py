@@ -17,7 +17,7 @@ UNIX = "bowden_unix"
 """Interface of the bus between processes."""
 
 
-class Claim(NamedTuple):
+class BusClaim(NamedTuple):
     """A part on a bus that one process alone may play; let go of with `release`, or when the process ends."""
 
     holder: socket.socket
@@ -27,7 +27,7 @@ class Claim(NamedTuple):
         self.holder.close()
 
 
-def claim(interface: str, channel: str, part: str) -> Claim:
+def claim(interface: str, channel: str, part: str) -> BusClaim:
     """Claim a part on a bus, by an abstract Unix socket: the system forgets it with its process, however that ends.
 
     Args:
@@ -50,7 +50,7 @@ def claim(interface: str, channel: str, part: str) -> Claim:
             expected=f"one {part} on it",
             do="end the other run first, or name another channel in [drive]",
         ) from error
-    return Claim(holder)
+    return BusClaim(holder)
 
 
 def taker(bus: can.BusABC) -> Callable[[], tuple[int, bytes] | None]:

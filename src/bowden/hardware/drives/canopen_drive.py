@@ -12,11 +12,11 @@ import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveReading
-from bowden.hardware.buses.opening import Claim, claim, open_bus, quieten, taker
+from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
 from bowden.hardware.buses.unix_bus import ERROR
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.canopen_setup import Found, set_up
-from bowden.hardware.drives.cia402 import WITH_TORQUE, Control, State, controlword, decode, fell
+from bowden.hardware.drives.canopen_setup import DriveFindings, set_up
+from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, State, controlword, decode, fell
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters
 from bowden.hardware.ports import Power
 
@@ -48,8 +48,8 @@ class CanopenDrive:
         self._drive, self._given = parameters, bus
         self._bus: can.BusABC | None = None
         self._take: Callable[[], tuple[int, bytes] | None] | None = None
-        self._claim: Claim | None = None
-        self._found: Found | None = None
+        self._claim: BusClaim | None = None
+        self._found: DriveFindings | None = None
         self._bus_errors = 0
         self._begin(State.NOT_READY_TO_SWITCH_ON)
         node, host = parameters.node_id, parameters.host_id
@@ -81,7 +81,7 @@ class CanopenDrive:
         """Nothing has been read or sent yet, and the drive is in that state."""
         self._state = self._before = self._statusword_state = state
         self._operational = self._fell = self._reset = False
-        self._sent = int(Control.DISABLE_VOLTAGE)
+        self._sent = int(Controlword.DISABLE_VOLTAGE)
         self._counts = 0  # the motor's position, as it came last
         self._values = NOTHING
         self._heartbeat_heard, self._heartbeat_sent = math.nan, -math.inf
@@ -146,10 +146,10 @@ class CanopenDrive:
         wanted = Power.OFF if self._fell else power
         if self._state is not State.OPERATION_ENABLED:
             counts = float(self._counts)
-        self._sent = controlword(self._state, wanted, self._reset and self._sent != Control.FAULT_RESET)
-        if self._sent == Control.FAULT_RESET or self._state is not State.FAULT:
+        self._sent = controlword(self._state, wanted, self._reset and self._sent != Controlword.FAULT_RESET)
+        if self._sent == Controlword.FAULT_RESET or self._state is not State.FAULT:
             self._reset = False
-        led = self._state is State.OPERATION_ENABLED and self._sent == Control.ENABLE_OPERATION
+        led = self._state is State.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now
@@ -192,7 +192,7 @@ class CanopenDrive:
         """
         if self._bus is not None and self._found is not None:
             for _ in range(CLOSING_CYCLES):
-                self._order(Control.DISABLE_VOLTAGE, self._counts)
+                self._order(Controlword.DISABLE_VOLTAGE, self._counts)
                 with contextlib.suppress(can.CanError, OSError):
                     status = self._wait_for(frames.TPDO1, 0.002)
                     motion = frames.unpack_tpdo1(status) if status is not None else None

@@ -11,7 +11,7 @@ import can
 from bowden.core.errors import DriveError
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
-from bowden.hardware.drives.cia402 import WITH_TORQUE, Mode, State, decode, supports
+from bowden.hardware.drives.cia402 import WITH_TORQUE, OperationMode, State, decode, supports
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.parameters import DriveParameters, Scale, SuitScale, joint_scale, motor_scale
 
@@ -39,7 +39,7 @@ UNCHANGED = 1
 """1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still tells its state."""
 
 
-class Found(NamedTuple):
+class DriveFindings(NamedTuple):
     """What bring-up learnt of the drive."""
 
     identity: str
@@ -51,7 +51,7 @@ class Found(NamedTuple):
     state: State
 
 
-def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
+def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
     """Find, check and configure the drive and start its PDOs; afterwards nothing of the library runs any more.
 
     Args:
@@ -92,7 +92,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> Found:
         node.command(frames.NMT_START)
         if not node.reaches(frames.OPERATIONAL):
             raise DriveError(f"{node.name} does not become operational", expected="NMT state 5 in its heartbeat")
-    return Found(identity, motor, joint, rated_torque, state)
+    return DriveFindings(identity, motor, joint, rated_torque, state)
 
 
 def _check_profile(node: Dialogue) -> None:
@@ -135,7 +135,7 @@ def _check_torque_free(node: Dialogue) -> State:
 
 def _check_mode(node: Dialogue) -> None:
     modes = node.read(0x6502)
-    if not supports(modes, Mode.CYCLIC_SYNCHRONOUS_POSITION):
+    if not supports(modes, OperationMode.CYCLIC_SYNCHRONOUS_POSITION):
         raise DriveError(
             f"{node.name} does not know cyclic synchronous position (6502h is 0x{modes:X})",
             expected="bit 7 set",
@@ -192,11 +192,11 @@ def _speed_unit(node: Dialogue) -> float:
 
 def _configure(node: Dialogue, drive: DriveParameters) -> None:
     """Mode, reactions, PDOs and both heartbeats; the last, so that the drive watches us only once all is set."""
-    node.write(0x6060, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION, 1)
-    if not node.becomes(0x6061, 0, Mode.CYCLIC_SYNCHRONOUS_POSITION):
+    node.write(0x6060, 0, OperationMode.CYCLIC_SYNCHRONOUS_POSITION, 1)
+    if not node.becomes(0x6061, 0, OperationMode.CYCLIC_SYNCHRONOUS_POSITION):
         raise DriveError(
             f"{node.name} stays in mode {node.read(0x6061, signed=True)} (6061h)",
-            expected=f"{Mode.CYCLIC_SYNCHRONOUS_POSITION:d}, cyclic synchronous position, as written to 6060h",
+            expected=f"{OperationMode.CYCLIC_SYNCHRONOUS_POSITION:d}, cyclic synchronous position, as written to 6060h",
             do="see with its maker's tool what holds it there",
         )
     node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)

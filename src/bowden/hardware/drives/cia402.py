@@ -26,7 +26,7 @@ class State(IntEnum):
     FAULT = 7
 
 
-class Mode(IntEnum):
+class OperationMode(IntEnum):
     """Modes of operation, 6060h."""
 
     PROFILE_POSITION = 1
@@ -53,7 +53,7 @@ WITH_TORQUE = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State
 """States in which the motor may have torque."""
 
 
-class Control(IntEnum):
+class Controlword(IntEnum):
     """Controlwords of the device control commands (CiA 402-2, table "command coding")."""
 
     DISABLE_VOLTAGE = 0x0000
@@ -66,19 +66,19 @@ class Control(IntEnum):
     """Works on its rising edge."""
 
 
-CONTROL: dict[tuple[State, Power], Control] = {
-    (state, power): Control.DISABLE_VOLTAGE for state in State for power in Power
+CONTROL: dict[tuple[State, Power], Controlword] = {
+    (state, power): Controlword.DISABLE_VOLTAGE for state in State for power in Power
 } | {
-    (State.SWITCH_ON_DISABLED, Power.READY): Control.SHUTDOWN,
-    (State.SWITCH_ON_DISABLED, Power.ON): Control.SHUTDOWN,
-    (State.READY_TO_SWITCH_ON, Power.READY): Control.SWITCH_ON,
-    (State.READY_TO_SWITCH_ON, Power.ON): Control.SWITCH_ON,
-    (State.SWITCHED_ON, Power.READY): Control.SWITCH_ON,
-    (State.SWITCHED_ON, Power.ON): Control.ENABLE_OPERATION,
-    (State.OPERATION_ENABLED, Power.QUICK_STOP): Control.QUICK_STOP,
-    (State.OPERATION_ENABLED, Power.READY): Control.SWITCH_ON,
-    (State.OPERATION_ENABLED, Power.ON): Control.ENABLE_OPERATION,
-    (State.QUICK_STOP_ACTIVE, Power.QUICK_STOP): Control.QUICK_STOP,
+    (State.SWITCH_ON_DISABLED, Power.READY): Controlword.SHUTDOWN,
+    (State.SWITCH_ON_DISABLED, Power.ON): Controlword.SHUTDOWN,
+    (State.READY_TO_SWITCH_ON, Power.READY): Controlword.SWITCH_ON,
+    (State.READY_TO_SWITCH_ON, Power.ON): Controlword.SWITCH_ON,
+    (State.SWITCHED_ON, Power.READY): Controlword.SWITCH_ON,
+    (State.SWITCHED_ON, Power.ON): Controlword.ENABLE_OPERATION,
+    (State.OPERATION_ENABLED, Power.QUICK_STOP): Controlword.QUICK_STOP,
+    (State.OPERATION_ENABLED, Power.READY): Controlword.SWITCH_ON,
+    (State.OPERATION_ENABLED, Power.ON): Controlword.ENABLE_OPERATION,
+    (State.QUICK_STOP_ACTIVE, Power.QUICK_STOP): Controlword.QUICK_STOP,
 }
 """State × wanted power → the controlword of this cycle; one step a cycle, and never out of a fault.
 
@@ -112,7 +112,7 @@ def controlword(state: State, power: Power, reset: bool = False) -> int:
         reset: whether an operator has asked for a fault reset; it works in `State.FAULT` alone.
     """
     if reset and state is State.FAULT:
-        return Control.FAULT_RESET
+        return Controlword.FAULT_RESET
     return CONTROL[state, power]
 
 
@@ -132,7 +132,7 @@ def fell(before: State, now: State, sent: int, already: bool, power: Power) -> b
     if power is Power.OFF:
         return False
     left = before is State.OPERATION_ENABLED and now is not State.OPERATION_ENABLED
-    return already or (left and sent == Control.ENABLE_OPERATION)
+    return already or (left and sent == Controlword.ENABLE_OPERATION)
 
 
 def step(state: State, control: int, edge: bool, fault_gone: bool = True) -> State:
@@ -165,7 +165,7 @@ def step(state: State, control: int, edge: bool, fault_gone: bool = True) -> Sta
     return State.OPERATION_ENABLED if low == 0x0F else State.SWITCHED_ON
 
 
-def supports(drive_modes: int, mode: Mode) -> bool:
+def supports(drive_modes: int, mode: OperationMode) -> bool:
     """Whether 6502h, supported drive modes, has the bit of a mode (bit mode − 1).
 
     >>> supports(0x3A5, Mode.CYCLIC_SYNCHRONOUS_POSITION), supports(0x25, Mode.CYCLIC_SYNCHRONOUS_POSITION)

@@ -46,7 +46,7 @@ class DriveNeeds(NamedTuple):
     """Age of the drive's sign of life from which the supervisor stops [s]."""
 
 
-class Twin(Protocol):
+class TwinProcess(Protocol):
     """A drive that is played, in a process of its own."""
 
     path: Path
@@ -62,7 +62,7 @@ class Twin(Protocol):
 
 
 @dataclass(frozen=True)
-class Family:
+class DriveFamily:
     """A family of drives. `parameters` stands for any value of the NamedTuple of which the default is one."""
 
     name: str
@@ -76,7 +76,7 @@ class Family:
     that make no sense together, before anything is opened."""
     open: Callable[[Any], Drive]
     """``open(parameters)``: the drive; nothing is sent before `bring_up`."""
-    twin: Callable[[Any, "TwinPlant", Callable[[], float], Sequence[str]], Twin]
+    twin: Callable[[Any, "TwinPlant", Callable[[], float], Sequence[str]], TwinProcess]
     """``twin(parameters, plant, clock, options)``: who plays the drive; the options are the command line's --object."""
     moved: Callable[[Any, str | None, str | None], Any]
     """``moved(parameters, channel, interface)``: the same drive on another bus, where one is given."""
@@ -94,10 +94,10 @@ class Family:
     """What the code of an emergency means."""
 
 
-_REGISTERED: dict[str, Family] = {}
+_REGISTERED: dict[str, DriveFamily] = {}
 
 
-def register(family: Family) -> Family:
+def register(family: DriveFamily) -> DriveFamily:
     """Add a family that is not one of the package's files, before a rig that names it is read."""
     _REGISTERED[family.name] = family
     return family
@@ -109,7 +109,7 @@ def names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((DEFAULT, *found, *_REGISTERED)))
 
 
-def family_named(name: str) -> Family:
+def family_named(name: str) -> DriveFamily:
     """The family of a name.
 
     Raises:
@@ -119,10 +119,10 @@ def family_named(name: str) -> Family:
         return _REGISTERED[name]
     if name not in names():
         raise ParameterError(f"drive.family is {name!r}", expected=near(name, names()), do="correct it in rig.toml")
-    family: Family = importlib.import_module(f"{families.__name__}.{name}").FAMILY
+    family: DriveFamily = importlib.import_module(f"{families.__name__}.{name}").FAMILY
     return family
 
 
-def family_of(parameters: Any) -> Family:
+def family_of(parameters: Any) -> DriveFamily:
     """The family whose parameters these are."""
     return family_named(parameters.family)

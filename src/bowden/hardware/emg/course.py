@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden.core.clock import SECOND
 from bowden.core.kernel import compiled, kernel, sel
 from bowden.core.signals import Reference
-from bowden.hardware.emg.intent_block import Heard, IntentReader
+from bowden.hardware.emg.intent_block import IntentReader, StreamReading
 from bowden.sensing.intent import IntentSettings, IntentState, intent_start, intent_step, proportional
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ class EmgCourse:
         self._mode = self._memory[:1].data
         self._reference = self._memory[14:].data
         self._step = compiled(_in_place)
-        self._heard, self._age = Heard(), math.inf
+        self._heard, self._age = StreamReading(), math.inf
         self.over = False
         """Whether a recording is about to end, and the run with it."""
         self.begin()

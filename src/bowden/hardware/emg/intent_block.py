@@ -15,7 +15,7 @@ from bowden.core import shared_memory
 _SEQUENCE, _FIRST = 0, 1
 
 
-class Heard(NamedTuple):
+class StreamReading(NamedTuple):
     """What the stream has said up to its newest sample."""
 
     newest: int = 0
@@ -42,7 +42,7 @@ class Heard(NamedTuple):
 
 _WHOLE = 5
 """Fields at the beginning that are whole numbers."""
-_WORDS = _FIRST + len(Heard._fields)
+_WORDS = _FIRST + len(StreamReading._fields)
 
 
 def create(path: Path) -> None:
@@ -77,7 +77,7 @@ class IntentWriter(_Mapped):
         LogError: there is no block.
     """
 
-    def write(self, heard: Heard) -> None:
+    def write(self, heard: StreamReading) -> None:
         """Put all words, as one."""
         whole, real, at = self._whole, self._real, _FIRST + _WHOLE
         whole[_SEQUENCE] += 1
@@ -99,14 +99,14 @@ class IntentReader(_Mapped):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._kept = Heard()
+        self._kept = StreamReading()
 
-    def read(self) -> Heard:
+    def read(self) -> StreamReading:
         """The newest words; those of the last call where they are just being written."""
         before = self._whole[_SEQUENCE]
         self._barrier()
         whole, real = self._whole[_FIRST : _FIRST + _WHOLE].tolist(), self._real[_FIRST + _WHOLE :].tolist()
         self._barrier()
         if before % 2 == 0 and self._whole[_SEQUENCE] == before:
-            self._kept = Heard(*whole, *real)
+            self._kept = StreamReading(*whole, *real)
         return self._kept

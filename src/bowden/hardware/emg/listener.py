@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND
-from bowden.hardware.emg.intent_block import Heard
+from bowden.hardware.emg.intent_block import StreamReading
 from bowden.hardware.ports import EmgChunk
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
@@ -91,9 +91,9 @@ class Listener:
         self._flexor = _Muscle(flexor, rate, settings, chain, detector)
         self._extensor = None if extensor is None else _Muscle(extensor, rate, None, chain, detector)
         self._levels = levels
-        self.heard = Heard()
+        self.heard = StreamReading()
 
-    def take(self, chunk: EmgChunk, now: float) -> Heard:
+    def take(self, chunk: EmgChunk, now: float) -> StreamReading:
         """Take in what has come by `now` [s]; what the stream says now."""
         count, heard = len(chunk.times), self.heard
         if not count:
@@ -108,7 +108,7 @@ class Listener:
         missing = ~np.isfinite(chunk.values[:, columns]).all(axis=1)
         came = np.flatnonzero(~missing)
         newest = round(min(float(chunk.times[came[-1]]), now) * SECOND) if len(came) else heard.newest
-        self.heard = Heard(
+        self.heard = StreamReading(
             max(newest, heard.newest),
             onset,
             heard.samples + count,

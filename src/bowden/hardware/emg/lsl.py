@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.lsl_info import channel_names, check_info, unit_of, which
 from bowden.hardware.emg.lsl_library import library
@@ -58,7 +58,7 @@ class LslStream:
         source: str = "",
         wanted: Sequence[str] = (),
         wait: float = 5.0,
-        clock: Clock | None = None,
+        clock: TimeSource | None = None,
     ) -> None:
         self.rate, self.channels, self.unit = 0.0, tuple[str, ...](), ""
         self._name, self._source, self._wanted, self._wait = name, source, tuple(wanted), wait

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.lsl_library import library
 
@@ -90,7 +90,7 @@ def replay(
     until: Callable[[], bool],
     progress: Callable[[float], None],
     wait: bool = False,
-    clock: Clock | None = None,
+    clock: TimeSource | None = None,
 ) -> int:
     """Send samples in real time, each stamped with its place in time; how many were sent.
 

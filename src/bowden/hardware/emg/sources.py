@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from bowden.core.clock import Clock
+from bowden.core.clock import TimeSource
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.trigno_dialogue import Address
 from bowden.hardware.ports import EmgStream
@@ -12,7 +12,7 @@ FORMS = "lsl:NAME, lsl:NAME#SOURCE_ID, trigno:HOST, trigno:HOST:COMMAND_PORT:EMG
 """What can be written."""
 
 
-def open_source(text: str, wanted: Sequence[str] = (), clock: Clock | None = None) -> EmgStream:
+def open_source(text: str, wanted: Sequence[str] = (), clock: TimeSource | None = None) -> EmgStream:
     """The source that `text` names, not yet opened.
 
     Args:

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.lsl_info import check_rate, check_wanted
 from bowden.hardware.emg.sample_times import SampleTimes
-from bowden.hardware.emg.trigno_dialogue import Address, Base, Dialogue
+from bowden.hardware.emg.trigno_dialogue import Address, Base, TrignoDialogue
 from bowden.hardware.emg.trigno_protocol import LARGEST, LEAST, Samples
 from bowden.hardware.ports import EmgChunk
 
@@ -53,7 +53,7 @@ class TrignoStream:
 
     unit = "mV"
 
-    def __init__(self, address: Address, wanted: Sequence[str] = (), clock: Clock | None = None) -> None:
+    def __init__(self, address: Address, wanted: Sequence[str] = (), clock: TimeSource | None = None) -> None:
         self.rate, self.channels = 0.0, tuple[str, ...]()
         self._address, self._wanted = address, tuple(wanted)
         self._clock = MonotonicClock() if clock is None else clock
@@ -66,7 +66,7 @@ class TrignoStream:
 
     def open(self) -> str:
         """See `EmgStream.open`."""
-        dialogue = Dialogue(self._address, self._clock)
+        dialogue = TrignoDialogue(self._address, self._clock)
         try:
             base = self._base = dialogue.base
             check_rate(base.rate, self._address.said())
@@ -140,7 +140,7 @@ class TrignoStream:
         self._chunks.clear()
         self._lost = "it is closed"
 
-    def _run(self, dialogue: Dialogue | None) -> None:
+    def _run(self, dialogue: TrignoDialogue | None) -> None:
         """The thread: receive, and connect anew."""
         while not self._closing.is_set():
             if dialogue is None:
@@ -152,7 +152,7 @@ class TrignoStream:
         if dialogue is not None:
             dialogue.close(stop=True)
 
-    def _receive(self, dialogue: Dialogue) -> None:
+    def _receive(self, dialogue: TrignoDialogue) -> None:
         """Take samples until the connection ends or is good for nothing."""
         samples = Samples()
         self._anew, self._sense = True, 1.0
@@ -205,11 +205,11 @@ class TrignoStream:
             while chunk.times.size and chunk.times[-1] - self._chunks[0].times[-1] > _BUFFER:
                 self._chunks.popleft()
 
-    def _again(self) -> Dialogue | None:
+    def _again(self) -> TrignoDialogue | None:
         """Try once to connect anew; waits a while where it fails."""
         dialogue = None
         try:
-            dialogue = Dialogue(self._address, self._clock)
+            dialogue = TrignoDialogue(self._address, self._clock)
             self._check_same(dialogue.base)
             dialogue.start(again=True)
             return dialogue

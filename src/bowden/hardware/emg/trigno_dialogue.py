@@ -4,7 +4,7 @@ import contextlib
 import socket
 from typing import NamedTuple
 
-from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
 from bowden.hardware.emg.trigno_protocol import (
     COMMAND_PORT,
@@ -13,7 +13,7 @@ from bowden.hardware.emg.trigno_protocol import (
     GREETING,
     LEGACY_EMG_PORT,
     SLOTS,
-    Column,
+    EmgColumn,
     Lines,
     SensorAnswers,
     columns_of,
@@ -48,13 +48,13 @@ class Base(NamedTuple):
     version: str
     rate: float
     """Of its EMG port [Hz]."""
-    columns: tuple[Column, ...]
+    columns: tuple[EmgColumn, ...]
     idle: tuple[int, ...]
     """Slots whose sensor is paired and not active."""
     legacy: bool
 
 
-class Dialogue:
+class TrignoDialogue:
     """One connection to a server, from its making to `close`.
 
     Args:
@@ -65,7 +65,7 @@ class Dialogue:
         StreamError: nobody there, another kind of server, or nothing that can be measured.
     """
 
-    def __init__(self, address: Address, clock: Clock | None = None) -> None:
+    def __init__(self, address: Address, clock: TimeSource | None = None) -> None:
         self._address = address
         self._clock = MonotonicClock() if clock is None else clock
         self._end = self._now() + _TALK

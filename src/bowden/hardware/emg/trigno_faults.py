@@ -10,7 +10,7 @@ _WORDS = {"garbage": ("greeting", "data", "values"), "refuse": ("START", "EMG", 
 
 
 @dataclass(frozen=True)
-class Faults:
+class TrignoFaults:
     """Faults of a server; without any it does as the guide says."""
 
     late: float = 0.0
@@ -31,7 +31,7 @@ class Faults:
     but PAIRED?. ``sensors``: none is paired."""
 
 
-def read_faults(texts: Sequence[str]) -> Faults:
+def read_faults(texts: Sequence[str]) -> TrignoFaults:
     """Faults from texts such as ``late=0.1``, ``torn``, ``garbage=data``.
 
     Raises:
@@ -40,7 +40,7 @@ def read_faults(texts: Sequence[str]) -> Faults:
     >>> read_faults(["late=0.1", "torn"]).late
     0.1
     """
-    kinds = {field.name: type(field.default) for field in dataclasses.fields(Faults)}
+    kinds = {field.name: type(field.default) for field in dataclasses.fields(TrignoFaults)}
     found: dict[str, float | bool | str] = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -58,4 +58,4 @@ def read_faults(texts: Sequence[str]) -> Faults:
             said = "torn, late=SECONDS, missing=SHARE (0 to 1), disconnect=SECONDS, silent=SECONDS, "
             words = ", ".join(f"{key}={'|'.join(choices)}" for key, choices in _WORDS.items())
             raise ParameterError(f"--fault is {text!r}", expected=said + words) from None
-    return Faults(**found)  # type: ignore[arg-type] # each was read by its field's type
+    return TrignoFaults(**found)  # type: ignore[arg-type] # each was read by its field's type

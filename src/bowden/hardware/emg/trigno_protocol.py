@@ -94,7 +94,7 @@ class Samples:
         return np.frombuffer(data[:whole], dtype="<f4").reshape(-1, SLOTS)
 
 
-class Column(NamedTuple):
+class EmgColumn(NamedTuple):
     """One channel of EMG among those of a data port."""
 
     name: str
@@ -116,7 +116,7 @@ class SensorAnswers(NamedTuple):
     """To CHANNEL 1 UNITS?"""
 
 
-def columns_of(sensors: Sequence[SensorAnswers]) -> list[Column]:
+def columns_of(sensors: Sequence[SensorAnswers]) -> list[EmgColumn]:
     """Where the sensors' EMG is among a port's channels.
 
     A server that does not know the question has one channel a sensor, in volts, in the order of the slots. The guide's
@@ -136,7 +136,7 @@ def columns_of(sensors: Sequence[SensorAnswers]) -> list[Column]:
             raise StreamError(f"the EMG of sensor {sensor.slot} is in {sensor.unit!r}", expected="volts or millivolts")
         for k in range(count):
             name = f"sensor{sensor.slot}" + (f".{k + 1}" if k else "")
-            columns.append(Column(name, start - base + k, _FACTORS[unit]))
+            columns.append(EmgColumn(name, start - base + k, _FACTORS[unit]))
     places = [column.place for column in columns]
     if len(set(places)) < len(places) or not all(0 <= place < SLOTS for place in places):
         raise StreamError(

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.clock import SECOND, Clock, MonotonicClock
+from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
-from bowden.hardware.emg.trigno_faults import Faults
+from bowden.hardware.emg.trigno_faults import TrignoFaults
 from bowden.hardware.emg.trigno_protocol import (
     END,
     FRAME,
@@ -99,15 +99,15 @@ class TrignoServer:
         ports: Ports = ANY,
         host: str = "127.0.0.1",
         loop: bool = False,
-        faults: Faults | None = None,
-        clock: Clock | None = None,
+        faults: TrignoFaults | None = None,
+        clock: TimeSource | None = None,
     ) -> None:
         if values.shape[1] > SLOTS:
             raise StreamError(f"the recording has {values.shape[1]} channels", expected=f"at most {SLOTS} sensors")
         self._size = max(1, round(rate * FRAME))
         self._frames, self._rate, self._loop = frames_of(values, self._size), rate, loop
         self._paired = values.shape[1]
-        self._faults = Faults() if faults is None else faults
+        self._faults = TrignoFaults() if faults is None else faults
         self._clock = MonotonicClock() if clock is None else clock
         self._random = Random(1)
         self._selector = selectors.DefaultSelector()

@@ -56,7 +56,7 @@ def stage_temperature(physics: Physics, before: float, current: float, elapsed: 
     return before + (end - before) * (1.0 - math.exp(-elapsed / physics.thermal_time))
 
 
-class Motion(NamedTuple):
+class BenchMotion(NamedTuple):
     """Where motor and cable are."""
 
     position: float
@@ -83,16 +83,16 @@ class Sheathing(NamedTuple):
 
 
 @kernel
-def at_rest(plant: Moving, motor: float, sheath: SheathState) -> Motion:
+def at_rest(plant: Moving, motor: float, sheath: SheathState) -> BenchMotion:
     """At rest at a motor angle [rad]."""
     body = cable_rest(plant, motor, sheath)
-    return Motion(motor, 0.0, 0.0, motor, body.memory, body.seen, body.joint)
+    return BenchMotion(motor, 0.0, 0.0, motor, body.memory, body.seen, body.joint)
 
 
 @kernel
 def move(
     plant: Moving,
-    motion: Motion,
+    motion: BenchMotion,
     doing: int,
     command: float,
     count: int,
@@ -100,7 +100,7 @@ def move(
     coast: float,
     braking: float,
     slack: float,
-) -> Motion:
+) -> BenchMotion:
     """`count` sub-steps on: as the simulation's closed loop has them, and with the motor's power off or braking.
 
     Args:
@@ -139,7 +139,7 @@ def move(
     memory = cable_advance(plant.cable, memory, turned, end, after.width, after.slope_factor, (count - done) * dt)
     seen = cable_look(plant.cable, memory, end, after.width, after.slope_factor)
     joint = lagged(motion.joint, motion.seen.joint, seen.joint, count * dt, plant.load_lag)
-    return Motion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
+    return BenchMotion(position, velocity, (velocity - before) / dt, end, memory, seen, joint)
 
 
 def course_at(course: NDArray[np.float64], time: float, spacing: float) -> float:
@@ -195,7 +195,7 @@ class TwinBench:
         self._time = now
         self._began = math.inf
         rest = specialise(at_rest, dynamics.name, **dynamics.parts)
-        self._motion = Motion(*rest(self._plant, float(initial_motor), self._sheath_at(now)))
+        self._motion = BenchMotion(*rest(self._plant, float(initial_motor), self._sheath_at(now)))
         self._sag = math.nan  # the joint's angle while the cable is torn
         self.doing, self.command = OFF, initial_motor
         self.slack, self.torn = 0.0, False
@@ -217,7 +217,7 @@ class TwinBench:
             return
         sheathing = Sheathing(self._sheath_at(self._time), self._sheath_at(self._time + gap))
         self._time += count * self._substep
-        self._motion = Motion(
+        self._motion = BenchMotion(
             *self._move(
                 self._plant,
                 self._motion,

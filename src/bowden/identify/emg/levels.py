@@ -35,7 +35,7 @@ _CALM, _STRONG = 3.0, 0.1
 hundredth; the tail of a contraction is below [–]."""
 
 
-class Levels(NamedTuple):
+class EnvelopeLevels(NamedTuple):
     """An envelope's levels, in the signal's unit."""
 
     low: float
@@ -54,7 +54,7 @@ def envelope_levels(
     where: str = "the recording",
     mains: float = CLEANED.mains_hz,
     detector: Detector = DEFAULT,
-) -> Levels:
+) -> EnvelopeLevels:
     """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
 
     Left out are dead electrodes, movement, mains and clicks, with what tells them late and the half second in which an
@@ -83,7 +83,7 @@ def envelope_levels(
             do="look at the electrodes, the amplifier's range and --mains, and record again",
         )
     low, middle, high = (float(level) for level in np.quantile(envelope, (0.1, 0.5, 1.0)))
-    return Levels(low, middle, high, (len(values) - begin - len(envelope)) / rate)
+    return EnvelopeLevels(low, middle, high, (len(values) - begin - len(envelope)) / rate)
 
 
 def _artefacts(values: Array, rate: float, chain: EnvelopeSettings, detector: Detector) -> Flags:

@@ -37,7 +37,7 @@ FACTORS = {"deg": RADIANS, "rad": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
 @dataclass(frozen=True)
-class Column:
+class LogColumn:
     """Where a signal is found."""
 
     index: int
@@ -73,7 +73,7 @@ def split_name(name: str) -> tuple[str, str | None]:
     return re.sub(r"[^0-9a-zµ°]+", "_", base.lower()).strip("_"), unit
 
 
-def find_columns(names: Sequence[str], given: Mapping[str, str | None], where: str) -> dict[str, Column]:
+def find_columns(names: Sequence[str], given: Mapping[str, str | None], where: str) -> dict[str, LogColumn]:
     """Time, motor and joint among a log's columns.
 
     Args:
@@ -84,7 +84,7 @@ def find_columns(names: Sequence[str], given: Mapping[str, str | None], where: s
     Raises:
         LogError: a column is not there; the message lists those that are.
     """
-    found: dict[str, Column] = {}
+    found: dict[str, LogColumn] = {}
     missing: list[str] = []
     for role in ROLES:
         wanted = given.get(role)
@@ -92,7 +92,7 @@ def find_columns(names: Sequence[str], given: Mapping[str, str | None], where: s
         if index is None:
             missing.append(f"a column {wanted!r} for the {role}" if wanted is not None else f"a {role} column")
         else:
-            found[role] = Column(index, names[index].strip(), split_name(names[index])[1])
+            found[role] = LogColumn(index, names[index].strip(), split_name(names[index])[1])
     listed = ", ".join(repr(name.strip()) for name in names[:12]) + (", …" if len(names) > 12 else "")
     if missing:
         raise LogError(

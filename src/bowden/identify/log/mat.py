@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.identify.log.columns import ROLES, Column, find_columns
+from bowden.identify.log.columns import ROLES, LogColumn, find_columns
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ def is_matlab(path: Path, head: bytes) -> bool:
 
 def read_matlab(
     path: Path, given: Mapping[str, str | None]
-) -> tuple[dict[str, Column], dict[str, Array], Callable[[int], str]]:
+) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
     """The three columns of a MATLAB file of version 4 to 7.
 
     Raises:

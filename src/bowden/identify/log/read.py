@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
 from bowden.identify.cable import checks
-from bowden.identify.log.columns import FACTORS, Column
+from bowden.identify.log.columns import FACTORS, LogColumn
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
 
@@ -36,7 +36,7 @@ class Log:
 class RawLog:
     """Three columns as a file holds them."""
 
-    columns: Mapping[str, Column]
+    columns: Mapping[str, LogColumn]
     """time, motor and joint → where they were found."""
     values: Mapping[str, Array]
     """time, motor and joint → (n,), in the file's units."""

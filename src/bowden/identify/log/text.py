@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.identify.log.columns import ROLES, Column, find_columns, unit_of
+from bowden.identify.log.columns import ROLES, LogColumn, find_columns, unit_of
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class _Layout:
 
 def read_text(
     path: Path, given: Mapping[str, str | None]
-) -> tuple[dict[str, Column], dict[str, Array], Callable[[int], str]]:
+) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
     """The three columns of a text log.
 
     Raises:
@@ -61,7 +61,7 @@ def read_text(
     columns = find_columns(layout.names, given, str(path))
     for role, column in columns.items():
         unit = column.unit or layout.units[column.index]
-        columns[role] = Column(column.index, column.name, unit)
+        columns[role] = LogColumn(column.index, column.name, unit)
     try:
         table = _numbers(path, layout, [columns[role].index for role in ROLES])
     except _DAMAGED as error:
@@ -201,7 +201,7 @@ def _damaged(path: Path, error: Exception) -> LogError:
     return LogError(f"{path} is damaged: {error}", do="copy it again")
 
 
-def _explained(path: Path, layout: _Layout, columns: Mapping[str, Column], error: ValueError) -> LogError:
+def _explained(path: Path, layout: _Layout, columns: Mapping[str, LogColumn], error: ValueError) -> LogError:
     """The first row that is not three numbers, in words."""
     needed = max(column.index for column in columns.values()) + 1
     for number, line in _data_lines(path, layout):

@@ -33,7 +33,7 @@ _PARTS = 3
 """Steps into which each part of a sample is divided, for the limits."""
 
 
-class Estimate(NamedTuple):
+class ServoEstimate(NamedTuple):
     """A figure with its standard uncertainty."""
 
     value: float
@@ -44,15 +44,15 @@ class Estimate(NamedTuple):
 class ServoFit:
     """What the log says about the servo."""
 
-    natural_frequency: Estimate
+    natural_frequency: ServoEstimate
     """ω [rad/s]."""
-    damping: Estimate
+    damping: ServoEstimate
     """ζ [–]."""
-    delay: Estimate
+    delay: ServoEstimate
     """Between the logged command and the moment it acts [s]."""
-    speed_limit: Estimate | None
+    speed_limit: ServoEstimate | None
     """[rad/s]; None where the log does not reach it."""
-    acceleration_limit: Estimate | None
+    acceleration_limit: ServoEstimate | None
     """[rad/s²]; None where the log does not reach it."""
     residual: float
     """Root mean square of motor − model [rad]."""
@@ -201,14 +201,14 @@ def _result(fit: _Fit, limits: str, command: Array, motor: Array, dt: float) -> 
             do="log one, with samples that are short against the servo's rise",
         )
     shown = {
-        name: Estimate(float(np.exp(v)), float(np.exp(v) * s))
+        name: ServoEstimate(float(np.exp(v)), float(np.exp(v) * s))
         for name, v, s in zip(limits, fit.values[4:], spread[4:], strict=True)
     }
     omega, zeta = (float(np.exp(v)) for v in fit.values[:2])
     return ServoFit(
-        natural_frequency=Estimate(omega, omega * relative),
-        damping=Estimate(zeta, zeta * float(spread[1])),
-        delay=Estimate(float(fit.values[2]), float(spread[2])),
+        natural_frequency=ServoEstimate(omega, omega * relative),
+        damping=ServoEstimate(zeta, zeta * float(spread[1])),
+        delay=ServoEstimate(float(fit.values[2]), float(spread[2])),
         speed_limit=shown.get("v"),
         acceleration_limit=shown.get("a"),
         residual=fit.residual,

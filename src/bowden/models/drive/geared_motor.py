@@ -73,7 +73,7 @@ class SpoolState(NamedTuple):
     """Torque offset that the drive is told from outside, at the spool [N·m]."""
 
 
-class Push(NamedTuple):
+class FrictionPush(NamedTuple):
     """What a push against friction remembers."""
 
     heard: float
@@ -113,19 +113,19 @@ def check_geared_motor(motor: GearedMotor) -> None:
 
 
 @kernel
-def turn_push(push: Push, target: float, dt: float) -> Push:
+def turn_push(push: FrictionPush, target: float, dt: float) -> FrictionPush:
     """The push `dt` [s] later, for a `target` of the spool [rad]; portable."""
     heard = np.fmax(target - DEAD, np.fmin(target + DEAD, push.heard))
     moves = np.abs(heard - push.heard) > 0.0
     goal, lag = sel(moves, np.sign(heard - push.heard), 0.0), sel(moves, TURNING, FADING)
-    return Push(heard, push.direction + (goal - push.direction) * dt / (lag + dt))
+    return FrictionPush(heard, push.direction + (goal - push.direction) * dt / (lag + dt))
 
 
 @kernel
 def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float) -> SpoolState:
     """The drive's current for a `target` of the spool [rad], and its integral a step of `dt` [s] later."""
     omega, error, velocity = motor.servo.natural_frequency, target - state.position, state.velocity
-    push = turn_push(Push(state.heard, state.push), target, dt)
+    push = turn_push(FrictionPush(state.heard, state.push), target, dt)
     wanted = motor.inertia * omega * (omega * (error + state.offset) - 2.0 * motor.servo.damping * velocity)
     wanted = wanted + motor.friction_feedforward * push.direction + state.told
     constant = motor.gear * motor.torque_constant

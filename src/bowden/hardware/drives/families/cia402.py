@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.family import DriveNeeds, Family, Twin
+from bowden.hardware.drives.family import DriveFamily, DriveNeeds, TwinProcess
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push
 from bowden.hardware.ports import Drive
 
@@ -40,7 +40,9 @@ def open_drive(parameters: DriveParameters) -> Drive:
     return CanopenDrive(parameters)
 
 
-def twin(parameters: DriveParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]) -> Twin:
+def twin(
+    parameters: DriveParameters, plant: "TwinPlant", clock: Callable[[], float], options: Sequence[str]
+) -> TwinProcess:
     """The digital twin; an option is an object of its dictionary that is otherwise, as ``6502:0=0x25``.
 
     Raises:
@@ -109,7 +111,7 @@ def measures_tension(parameters: DriveParameters) -> bool:
     return parameters.tension_scale != 0.0
 
 
-FAMILY = Family(
+FAMILY = DriveFamily(
     name="cia402",
     title="The CiA 402 drive on its CANopen bus; `bowden twin` plays it.",
     parameters=DriveParameters(),
