@@ -27,7 +27,7 @@ from bowden.plants.user_plant import UserPlant
 from bowden.sim.scenario import BendPath
 
 
-class Cycle(NamedTuple):
+class PlantCycle(NamedTuple):
     """A control cycle's two ends."""
 
     body: Any
@@ -47,10 +47,10 @@ def begin(plant: Any, motor: float, sheath: SheathState) -> Any:
 @kernel
 def one_on(
     plant: Any, body: Any, applied: float, sheath: SheathState, after: SheathState, normals: NDArray[np.float64]
-) -> Cycle:
+) -> PlantCycle:
     """The cycle that begins with a body, under a command [rad]."""
     body, _ = plant_observe(plant, body, normals)
-    return Cycle(body, plant_advance(plant, body, applied, sheath, after), plant_effort(plant, body, sheath))
+    return PlantCycle(body, plant_advance(plant, body, applied, sheath, after), plant_effort(plant, body, sheath))
 
 
 @kernel
@@ -112,7 +112,7 @@ class TwinUser:
         self._now = now
         with dynamics.explained():
             body = rest(dynamics.plant, float(initial_motor), self._sheath_at(now))
-            self._cycle = Cycle(body, body, math.nan)
+            self._cycle = PlantCycle(body, body, math.nan)
             self._step(initial_motor)
             self.read_encoders()  # compiles
 
@@ -138,7 +138,7 @@ class TwinUser:
         dt = self.plant.sample_time
         ends = self._sheath_at(self._time), self._sheath_at(self._time + dt)
         normals = self._random.standard_normal(2)
-        self._cycle = Cycle(*self._one_on(self._dynamics.plant, self._cycle.after, float(applied), *ends, normals))
+        self._cycle = PlantCycle(*self._one_on(self._dynamics.plant, self._cycle.after, float(applied), *ends, normals))
         refuse_no_number(self._dynamics, self._cycle.after._asdict(), self._time + dt - self._first)
         self.temperature = stage_temperature(self.physics, self.temperature, self.current, dt)
 
