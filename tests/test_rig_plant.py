@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from bowden.core.errors import ParameterError
+from bowden.face.tune import workers_for
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.user import TwinUser
 from bowden.models.drive.servo import Servo
-from bowden.plants.user_plant import load
+from bowden.plants.user_plant import UserPlant, load
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
@@ -60,6 +61,17 @@ def test_what_a_plant_says_of_itself_is_the_rigs(tmp_path: Path) -> None:
     assert rig.knowledge.motor_zero == pytest.approx(0.0, abs=1e-12)
     with pytest.raises(ParameterError, match="has its own servo, and the rig another"):
         Rig(plant=str(tmp_path / "own.py:OWN"), servo=Servo(natural_frequency=11.0))
+
+
+def test_workers_of_a_search_are_handed_it(tmp_path: Path) -> None:
+    rig = rig_of(tmp_path)
+    with workers_for(rig) as workers:
+        assert list(workers(_joint_at_one, [rig.cabled])) == [0.95]
+
+
+def _joint_at_one(plant: UserPlant) -> float:
+    dynamics = plant.dynamics()
+    return float(dynamics.rest(dynamics.plant, 1.0, None).joint)  # type: ignore[arg-type]  # its rest needs no sheath
 
 
 def test_mistakes_name_key_file_and_line(tmp_path: Path) -> None:

@@ -12,23 +12,26 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from bowden.rig.given_plant import PlantFile
+
 Mapper = Callable[[Callable[..., Any], Iterable[Any]], Iterable[Any]]
 
 
 @contextlib.contextmanager
-def two_workers(law: str, folder: Path) -> Iterator[Mapper]:
+def two_workers(law: str, folder: Path, plant: PlantFile | None = None) -> Iterator[Mapper]:
     """A `map` over two processes, or the plain one where there is a single core, or no processes can be had.
 
     Args:
         law: a law's name, or ``FILE.py:NAME`` of the user's own, which the processes must know by its file.
         folder: where a relative FILE is found.
+        plant: the user's own, which the processes must know likewise.
     """
     if (os.cpu_count() or 1) < 2:
         yield map
         return
     try:
         context = multiprocessing.get_context("spawn")  # a fork would copy the compiler's threads and locks half-way
-        pool = ProcessPoolExecutor(2, context, initializer=_prepare, initargs=(law, folder.absolute()))
+        pool = ProcessPoolExecutor(2, context, initializer=_prepare, initargs=(law, folder.absolute(), plant))
         with starting():
             for _ in range(2):
                 pool.submit(os.getpid)  # starts a process
@@ -63,10 +66,12 @@ def starting() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _prepare(law: str, folder: Path) -> None:
-    """In a new process: leave an interruption to the parent, and load a user's law so that it can be handed over."""
+def _prepare(law: str, folder: Path, plant: PlantFile | None) -> None:
+    """In a new process: leave an interruption to the parent, and load a user's law and plant, to be handed over."""
     from bowden.control import user_law
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if user_law.is_file(law):
         user_law.load(law, folder)
+    if plant is not None:
+        plant.load()

@@ -15,6 +15,7 @@ from bowden.face import arguments, given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig import ranges
 from bowden.rig.given_law import LawFile
+from bowden.rig.given_plant import PlantFile
 from bowden.rig.rig import Rig
 
 Progress = Callable[[str, float], None]
@@ -114,13 +115,12 @@ def bends_of(rig: Rig) -> tuple[float, float]:
 
 @contextlib.contextmanager
 def workers_for(rig: Rig) -> Iterator[Mapper]:
-    """A `map` for the search: over two processes, where they can be handed the rig's law."""
-    law = rig.law
+    """A `map` for the search: over two processes, where they can be handed the rig's law and plant."""
+    law, plant = rig.law, rig.plant
     if isinstance(law, LawFile):
-        with two_workers(law.path + law.name.rpartition(".py")[2], Path()) as workers:
+        law = law.path + law.name.rpartition(".py")[2]
+    if isinstance(law, str) and (plant is None or isinstance(plant, PlantFile)):
+        with two_workers(law, Path(), plant) as workers:
             yield workers
-    elif isinstance(law, str):
-        with two_workers(law, Path()) as workers:
-            yield workers
-    else:  # a law of this process alone
+    else:  # a law or a plant of this process alone
         yield map
