@@ -19,10 +19,7 @@ from bowden.control.law_parts import half_width, lag
 from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
-from bowden.design import check as design_check
-from bowden.design import league, league_cells, processes, trial
-from bowden.design import tune as design_tune
-from bowden.design import verdict as design_verdict
+from bowden.design import league, league_cells
 from bowden.export import law as export_law
 from bowden.live.live_run import live_run
 from bowden.live.log_replay import law_of
@@ -30,6 +27,7 @@ from bowden.live.mcap_read import Recording
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.encoder import Encoder
 from bowden.plants.knowledge_of import knowledge_of
+from bowden.plants.transmission import transmission
 from bowden.rig.presets.bench import default_bench, minimum_jerk
 from bowden.rig.presets.suit import default_suit
 from bowden.rig.rig import Rig
@@ -77,11 +75,11 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Law]]:
 
         return caught
 
-    monkeypatch.setattr(design_verdict, "verdicts", catching("simulate", lambda setup, laws, *_: list(laws)))
-    monkeypatch.setattr(design_check, "check", catching("check", lambda bench, law: [law]))
-    monkeypatch.setattr(design_tune, "tune", catching("tune", lambda bench, law: [law]))
+    monkeypatch.setattr("bowden.face.simulate.verdicts", catching("simulate", lambda setup, laws, *_: list(laws)))
+    monkeypatch.setattr("bowden.face.check.judge", catching("check", lambda bench, law: [law]))
+    monkeypatch.setattr("bowden.face.tune.search", catching("tune", lambda bench, law: [law]))
     monkeypatch.setattr(export_law, "law_module", catching("export", lambda law: [law]))
-    monkeypatch.setattr(processes, "two_workers", lambda *_: contextlib.nullcontext(map))
+    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
     monkeypatch.setattr(league, "exact_travel", lambda *_, **__: 1.0)
     monkeypatch.setattr(league, "simulate_each", catching("league", lambda case, duration: list(case.laws)))
     return found
@@ -148,7 +146,7 @@ def test_what_a_bench_knows() -> None:
     assert known.doubt == 1.0
     identified = knowledge_of(bench, identified=True)
     assert (identified.slope, identified.doubt) == (0.5, 0.1)
-    assert identified.width == pytest.approx(trial.dead_zone(bench, bench.sheath.bend) / 0.5), (
+    assert identified.width == pytest.approx(transmission(bench, bench.sheath.bend, (0.0, 1.2)).dead_zone / 0.5), (
         "at the joint and the motor"
     )
 

@@ -329,7 +329,7 @@ def test_check_says_that_all_agrees(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("bowden.report.arm_page.arm_data_uri", lambda *_: None)  # a picture takes long,
-    monkeypatch.setattr("bowden.sim.arm_agreement.simulate_suit", lambda *_, **__: run)  # and so does another law
+    monkeypatch.setattr("bowden.sim.arm_agreement.simulate", lambda *_, **__: run)  # and so does another law
     assert main.run(["arm", "check", "--json"]) == 0
     printed = capsys.readouterr()
     assert printed.err == ""

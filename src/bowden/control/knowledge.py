@@ -105,13 +105,14 @@ def configured(
     Args:
         law: as it comes, or with gains that were chosen for it.
         known: of the rig.
-        preset: of the law; on a suit, the law's own for a suit where neither this nor `gains` are given.
+        preset: of the law; on a suit, the law's own for a suit where neither this nor `gains` are given and no gains of the
+            law were chosen.
         gains: those that the rig gives it.
 
     Raises:
         ParameterError: no such preset or gain, a gain outside its limits, or a declaration that cannot be.
     """
-    if preset is None and not gains and known.suit:
+    if preset is None and not gains and not law.chosen and known.suit:
         preset = law.suit_preset
     if preset is not None:
         law = law.preset(preset)

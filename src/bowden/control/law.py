@@ -141,8 +141,12 @@ class Law:
                     expected=f"one of {', '.join(self.gains._fields)}",
                     do=f"did you mean {alike[0]}?" if alike else "name one of them",
                 )
+            if isinstance(value, bool | str | bytes) or not (isinstance(value, tuple) or hasattr(value, "__float__")):
+                raise ParameterError(
+                    f"gain {name} of law {self.name!r} is {value!r}", expected="a number", do="correct it"
+                )
             low, high = self.limits.get(name, (-math.inf, math.inf))
-            if not low <= value <= high:
+            if not isinstance(value, tuple) and not low <= value <= high:
                 raise ParameterError(
                     f"gain {name} of law {self.name!r} is {value:g}",
                     expected=f"a number from {low:g} to {high:g}",

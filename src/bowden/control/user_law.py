@@ -164,7 +164,8 @@ def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -
             f"{where}: {what} is a {type(values).__name__}", expected="a NamedTuple of floats", do=_CORRECT
         )
     for name, value in values._asdict().items():
-        _check_number(value, f"{name} in {what}", where, whole=whole)
+        check = _check_numbers if isinstance(value, tuple) else _check_number
+        check(value, f"{name} in {what}", where, whole=whole)
 
 
 def _check_number(value: Any, what: str, where: str, *, whole: bool = False) -> None:

@@ -20,6 +20,7 @@ from bowden.core.kernel_content import (
     content_of_files,
     global_names,
     is_kernel,
+    is_primitive,
     meant,
     reaching,
 )
@@ -121,7 +122,7 @@ def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType
         value = meant(function, key, replaced)
         if is_kernel(value):
             namespace[key] = _compile(value, value.__qualname__, reaching(value, parts), within=True)
-        elif callable(value) and value in PRIMITIVES:
+        elif is_primitive(value):
             namespace[key] = _primitive(value, within=True)
     twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
     twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__

@@ -10,10 +10,10 @@ import dis
 import enum
 import hashlib
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -41,6 +41,11 @@ class _UnknownError(Exception):
 def is_kernel(value: Any) -> TypeGuard[FunctionType]:
     """Whether a value is a function marked as a kernel."""
     return isinstance(value, FunctionType) and hasattr(value, "__kernel__")
+
+
+def is_primitive(value: Any) -> bool:
+    """Whether a value is one of `PRIMITIVES`."""
+    return callable(value) and isinstance(value, Hashable) and value in PRIMITIVES
 
 
 def content_of(function: FunctionType, parts: Parts = ()) -> Content:
@@ -132,8 +137,8 @@ def _function(function: FunctionType, parts: Parts) -> str:
 
 
 def _value(value: Any, attributes: frozenset[str], parts: Parts) -> str:
-    """What a value is that compiled code names; what Numba cannot compile says nothing."""
-    if callable(value) and value in PRIMITIVES:
+    """What a value is that compiled code names."""
+    if is_primitive(value):
         return f"primitive {value.__name__}"
     if isinstance(value, FunctionType):
         return _function(value, reaching(value, parts))
@@ -148,11 +153,17 @@ def _value(value: Any, attributes: frozenset[str], parts: Parts) -> str:
     if isinstance(value, tuple):
         return _digest([_type(type(value)), *(_value(item, attributes, parts) for item in value)])
     if isinstance(value, np.ndarray):
-        layout = (value.dtype.str, value.shape, value.flags.c_contiguous, value.flags.f_contiguous)
+        layout = (value.dtype.descr, value.shape, value.flags.c_contiguous, value.flags.f_contiguous)
         return _digest([f"array {layout}", hashlib.sha256(value.tobytes()).hexdigest()])
     if value is None or isinstance(value, str | bytes | int | float | complex | np.generic):
         return f"{type(value).__name__} {value!r}"
-    return ""
+    if value is _NOTHING:  # a builtin of Python
+        return ""
+    if isinstance(value, np.dtype):
+        return f"dtype {value.descr!r}"
+    if isinstance(value, np.ufunc | BuiltinFunctionType) or (hasattr(value, "__name__") and _is_foreign(value)):
+        return f"{type(value).__name__} {getattr(value, '__module__', '')}.{value.__name__}"
+    raise _UnknownError
 
 
 def _module(module: ModuleType, attributes: frozenset[str], parts: Parts) -> str:

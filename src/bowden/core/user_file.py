@@ -12,12 +12,13 @@ import traceback
 from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_files
 from bowden.core.kernel_cache import cache_folder
+from bowden.core.kernel_content import global_names
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -172,3 +173,18 @@ def check_kernels(functions: Iterable[Any], path: Path) -> None:
     for part in functions:
         if not isinstance(part, FunctionType) or not hasattr(part, "__kernel__"):
             raise ParameterError(f"{line(part, path)}: not a kernel", do="put @kernel of bowden.core.kernel before it")
+
+
+def code_of(*functions: Any) -> str:
+    """A hash of what functions compute, wherever they stand: their code with its constants, and that of functions and
+    numbers outside that it names."""
+    return hashlib.sha256(repr([_code(one, ()) for one in functions]).encode()).hexdigest()[:16]
+
+
+def _code(part: Any, above: tuple[Any, ...]) -> Any:
+    if isinstance(part, FunctionType) and part not in above:
+        outside = [part.__globals__.get(name) for name in global_names(part.__code__)]
+        return _code(part.__code__, above), [_code(one, (*above, part)) for one in outside]
+    if isinstance(part, CodeType):
+        return part.co_code, part.co_names, [_code(one, above) for one in part.co_consts]
+    return repr(part) if isinstance(part, int | float | str | tuple) else getattr(part, "__name__", "")

@@ -18,6 +18,7 @@ from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
 from bowden.rig.given_law import LawFile, loaded, named
+from bowden.rig.packing import unpacked
 from bowden.rig.rig import Rig
 from bowden.sim.suit_sources import push_of
 
@@ -52,9 +53,9 @@ def _recorded_law(found: Recording) -> str | LawFile | None:
     """The law that ran: a user's with its source, where the log has that."""
     ran, rig = found.settings.get("law"), found.settings.get("rig")
     where = found.settings.get("law_file")
-    if where is not None and isinstance(rig, Mapping) and "format" in rig:
-        law = Rig.unpack(rig).law
-        if isinstance(law, LawFile):
+    if isinstance(rig, Mapping) and "format" in rig and isinstance(rig.get("law"), Mapping):
+        law = unpacked({"format": rig["format"], "law": rig["law"]}).values["law"]
+        if isinstance(law, LawFile) and law.load().name == ran:  # a measurement runs another one than the rig's
             return law
     return where or (ran if isinstance(ran, str) else None)
 

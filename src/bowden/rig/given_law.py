@@ -33,7 +33,9 @@ class LawFile(NamedTuple):
 def _load(file: LawFile) -> Law:
     """The law, made once in a process: what a file prints is printed once."""
     path, attribute = Path(file.path), file.name.rpartition(".py")[2]
-    return user_law.load(f"{user_file.restored(path, file.source, 'laws')}{attribute}")
+    law = user_law.load(f"{user_file.restored(path, file.source, 'laws')}{attribute}")
+    _READ.setdefault(_key(law), (law, file))
+    return law
 
 
 def law_file(name: str, folder: Path | None = None) -> LawFile:
@@ -97,7 +99,33 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
     return base, chosen
 
 
+def held(law: Law) -> Law:
+    """A law of Python's; the file in which it stands is read now, and what it was is what other processes get."""
+    _in_file(law)
+    return law
+
+
+def code_of_law(law: Law) -> str:
+    """What its kernels, and those that they call, are made of."""
+    return user_file.code_of(law.start_kernel, law.step_kernel)
+
+
 def _in_file(law: Law) -> tuple[Law | None, LawFile | None]:
+    key = _key(law)
+    if key not in _READ:
+        _READ[key] = _looked_for(law)
+    return _READ[key]
+
+
+_READ: dict[Any, tuple[Law | None, LawFile | None]] = {}
+"""Law by its kernels → as its file had it, and that file, as they were when the law was first met."""
+
+
+def _key(law: Law) -> Any:
+    return law.name, law.start_kernel, law.step_kernel
+
+
+def _looked_for(law: Law) -> tuple[Law | None, LawFile | None]:
     path = Path(law.step_kernel.__code__.co_filename)
     if path.suffix != ".py" or not path.is_file():
         return None, None
@@ -107,7 +135,7 @@ def _in_file(law: Law) -> tuple[Law | None, LawFile | None]:
             loaded = found.load()
         except ParameterError:
             continue
-        if loaded.name == law.name and type(loaded.gains).__name__ == type(law.gains).__name__:
+        if loaded.name == law.name and code_of_law(loaded) == code_of_law(law):
             return loaded, found
     return None, None
 

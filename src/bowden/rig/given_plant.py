@@ -157,7 +157,7 @@ def _in_file(plant: UserPlant) -> PlantFile | None:
 def _changed(plant: UserPlant, known: UserPlant) -> tuple[tuple[str, float], ...] | None:
     """The parameters in which a plant differs from the file's; None where it differs in more than numbers."""
     kernels = ("rest", "advance", "observe", "effort")
-    code = [[getattr(one, kernel).__code__.co_code for kernel in kernels] for one in (plant, known)]
+    code = [user_file.code_of(*(getattr(one, kernel) for kernel in kernels)) for one in (plant, known)]
     kinds = [type(one.parameters).__name__ for one in (plant, known)]
     same = all(getattr(plant, name) == getattr(known, name) for name in PARTS)
     if plant.name != known.name or code[0] != code[1] or kinds[0] != kinds[1] or not same:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bowden import __version__
 from bowden.control import LAWS, Law
+from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.quantity import optional
 from bowden.identify.cable.model import IdentifiedCable
@@ -22,7 +23,7 @@ from bowden.plants.user_plant import UserPlant
 from bowden.rig.checked import Gains
 from bowden.rig.declaration import items_of
 from bowden.rig.emg_motion import EmgMotion
-from bowden.rig.given_law import LawFile, packable
+from bowden.rig.given_law import LawFile, code_of_law, packable
 from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.recorded import RecordedMotion
 from bowden.rig.sections import BENDS, DEFAULT_FAMILY, PARTS, REFERENCES, RecordedFile, drive_part
@@ -143,14 +144,13 @@ def _said(value: Any) -> Any:
         found = {"plant": hashlib.sha256(value.source).hexdigest(), "name": attribute}
         return found | {"changed": _said(dict(value.changed))}
     if isinstance(value, UserPlant):  # of a notebook, as for a law
-        code = b"".join(part.__code__.co_code for part in (value.rest, value.advance, value.observe, value.effort))
-        return {"plant": value.name, "code": hashlib.sha256(code).hexdigest(), "parameters": _said(value.describe())}
+        code = user_file.code_of(value.rest, value.advance, value.observe, value.effort)
+        return {"plant": value.name, "code": code, "parameters": _said(value.describe())}
     if isinstance(value, Law):
         try:
             base, own = packable(value)
         except ParameterError:  # of a notebook: what is run is all that is known of it
-            code = value.start_kernel.__code__.co_code + value.step_kernel.__code__.co_code
-            return {"law": value.name, "code": hashlib.sha256(code).hexdigest(), "gains": _said(value.gains)}
+            return {"law": value.name, "code": code_of_law(value), "gains": _said(value.gains)}
         return {"law": _said(base), "gains": _said(own)} if own else _said(base)
     if isinstance(value, Mapping):
         return {key: _said(part) for key, part in value.items()}
@@ -158,6 +158,8 @@ def _said(value: Any) -> Any:
         names = value._fields if hasattr(value, "_fields") else [one.name for one in dataclasses.fields(value)]
         factors = {item.path[0]: item.quantity.factor for item in items_of(type(value)) if not item.path[1:]}
         parts = {key: _said(_scaled(getattr(value, key), factors.get(key, 1.0))) for key in names}
+        if "channel" in parts and "interface" in parts:  # where the drive hangs is not what the drive is
+            parts |= {"channel": "", "interface": ""}
         if type(value).__name__ == "EmgSettings":
             parts |= {"place": "", "wearer": "", "source": value.source if not value.recording else value.recording}
         return {"type": type(value).__name__} | parts

@@ -737,7 +737,7 @@ def _law(given: Any) -> GivenLaw:
         raise ParameterError(f"Rig: law is {shown(given)}", expected='a name ("adaptive"), "FILE.py:NAME" or a Law')
     if isinstance(given, Law) and LAWS.get(given.name) == given:
         return given.name
-    return given
+    return given_law.held(given) if isinstance(given, Law) else given
 
 
 def _gains(given: Any) -> Gains:
