@@ -105,8 +105,8 @@ def configured(
     Args:
         law: as it comes, or with gains that were chosen for it.
         known: of the rig.
-        preset: of the law; on a suit, the law's own for a suit where neither this nor `gains` are given and no gains of the
-            law were chosen.
+        preset: of the law; on a suit, the law's own for a suit where neither this nor `gains` are given, and no gains
+            of the law were chosen.
         gains: those that the rig gives it.
 
     Raises:
