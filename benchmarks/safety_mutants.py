@@ -40,7 +40,7 @@ KERNELS: list[FunctionType] = [
     *(supervisor.begin, supervisor.most_step, supervisor.look, supervisor.supervise),
     *(plausible.outside, plausible.beyond, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),
 ]
-STATES = ("SupervisorState", "Decided", "Servo", "Anchor", "Sums", "Followed", "Verdict", "ThermalState")
+STATES = ("SupervisorState", "Decided", "ModelledServo", "Anchor", "Sums", "Followed", "Verdict", "ThermalState")
 KERNEL_NAMES = {kernel.__name__ for kernel in KERNELS}
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 TURNED = {ast.Gt: ast.Lt, ast.Lt: ast.Gt, ast.GtE: ast.LtE, ast.LtE: ast.GtE}

@@ -20,6 +20,7 @@ from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.live import operator, thermal_file
+from bowden.live.automatic import automatic
 from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
@@ -77,13 +78,13 @@ def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin(
     missing = {"mode": float(Mode.STOPPED), "faults": 2.0**Fault.MOTOR_STALE}
     late = [row(time=20.0 + 0.05 * k, **missing) for k in range(40)]
     session = FakeSession([*late, row(time=22.0), row(time=22.1, mode=float(Mode.PREFLIGHT))])
-    steps = operator._automatic(session)  # type: ignore[arg-type]
+    steps = automatic(session)  # type: ignore[arg-type]
     for _ in range(50):
         next(steps)
     assert Request.ARM in session.asked
     session = FakeSession([row(time=20.0 + 0.05 * k, **missing) for k in range(100)])
     with pytest.raises(SafetyError, match=r"does not arm EPOS4, node 1; .*: motor angle is late"):
-        for _ in operator._automatic(session):  # type: ignore[arg-type]
+        for _ in automatic(session):  # type: ignore[arg-type]
             pass
 
 

@@ -168,7 +168,7 @@ def step(state: State, control: int, edge: bool, fault_gone: bool = True) -> Sta
 def supports(drive_modes: int, mode: OperationMode) -> bool:
     """Whether 6502h, supported drive modes, has the bit of a mode (bit mode − 1).
 
-    >>> supports(0x3A5, Mode.CYCLIC_SYNCHRONOUS_POSITION), supports(0x25, Mode.CYCLIC_SYNCHRONOUS_POSITION)
-    (True, False)
+    >>> [supports(modes, OperationMode.CYCLIC_SYNCHRONOUS_POSITION) for modes in (0x3A5, 0x25)]
+    [True, False]
     """
     return bool(drive_modes >> (mode - 1) & 1)
