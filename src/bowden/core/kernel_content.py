@@ -10,7 +10,7 @@ import dis
 import enum
 import hashlib
 import sys
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
@@ -45,7 +45,7 @@ def is_kernel(value: Any) -> TypeGuard[FunctionType]:
 
 def is_primitive(value: Any) -> bool:
     """Whether a value is one of `PRIMITIVES`."""
-    return callable(value) and isinstance(value, Hashable) and value in PRIMITIVES
+    return any(value is one for one in PRIMITIVES)  # not everything that can be called has a hash
 
 
 def content_of(function: FunctionType, parts: Parts = ()) -> Content:
