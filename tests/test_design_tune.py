@@ -79,7 +79,7 @@ def test_the_nine_runs_in_one_call_are_the_runs_alone_to_the_last_bit() -> None:
 )
 def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(name: str) -> None:
     bench = RIGS[name]
-    found = tune(bench, ADAPTIVE, generations=4)
+    found = tune(bench, ADAPTIVE, generations=2)
     again = check(bench, found.law, bends=BENDS)
     assert again.verdict == "holds"
     assert again.gain_margin_db is not None
@@ -95,6 +95,15 @@ def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(
     assert found.gains == {n: v for n, v in found.law.gains._asdict().items() if v != getattr(ADAPTIVE.gains, n)}
 
 
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search of a quarter of the size, where it matters that there is one and not what it finds."""
+    monkeypatch.setattr("bowden.design.tune._DRAWS", 100)
+    monkeypatch.setattr("bowden.design.tune._SIMULATED", 20)
+    monkeypatch.setattr("bowden.design.tune._MEMBERS", 8)
+
+
+@pytest.mark.usefixtures("few")
 def test_the_result_does_not_depend_on_who_does_the_work() -> None:
     def backwards(function: Callable[[Task], Any], tasks: Iterable[Task]) -> list[Any]:
         return [function(pickle.loads(pickle.dumps(task))) for task in reversed(list(tasks))][::-1]
@@ -158,11 +167,12 @@ def test_the_file_keeps_its_comments_and_the_other_keys() -> None:
         with_gains("[control]\ngains = { a = 2.0 }\n", {"a": 1.0}, [], Path("rig.toml"))
 
 
+@pytest.mark.usefixtures("few")
 def test_the_command_writes_the_gains_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 6)  # of many, so that it takes seconds
+    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 3)  # of many, so that it takes seconds
     rig = "# soft\n[cable]\nslope = 0.6\nrate_per_rad = 4.0\n"
     Path("rig.toml").write_text(rig)
     assert run(["tune", "rig.toml", "--json"]) == 0
@@ -189,7 +199,7 @@ duration_s = 4.0
 
 
 @pytest.fixture
-def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def study(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("bowden.design.tune.GENERATIONS", 1)
     Path("rig.toml").write_text("# soft\n[cable]\nrate_per_rad = 4.0\n[servo]\nnatural_frequency_hz = 4.0\n")
