@@ -1,5 +1,6 @@
 """Tuned gains keep their margins and beat the defaults in the worst case; rig.toml keeps everything else."""
 
+import contextlib
 import json
 import pickle
 import tomllib
@@ -19,6 +20,7 @@ from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
+from bowden.design.processes import two_workers
 from bowden.design.tune import tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
@@ -97,7 +99,8 @@ def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A search of a quarter of the size, where it matters that there is one and not what it finds."""
+    """A search of a quarter of the size in one process, where it matters that there is one and not what it finds."""
+    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
     monkeypatch.setattr("bowden.design.tune._DRAWS", 100)
     monkeypatch.setattr("bowden.design.tune._SIMULATED", 20)
     monkeypatch.setattr("bowden.design.tune._MEMBERS", 8)
@@ -224,8 +227,11 @@ def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_no
     assert "10 other plants, 0 unstable" in Path("rig.toml").read_text(encoding="utf-8")
 
 
-def test_a_law_of_ones_own_is_tuned_against_a_study(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_law_of_ones_own_is_tuned_against_a_study(
+    study: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Its gains go to other processes, which know the study's copy of its file as well."""
+    monkeypatch.setattr("bowden.face.tune.two_workers", two_workers)
     Path("my_law.py").write_bytes((ROOT / "examples" / "my_law.py").read_bytes())
     Path("rig.toml").write_text('[control]\nlaw = "my_law.py"\n')
     assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err
