@@ -19,6 +19,8 @@ from bowden.rig.rig import Rig
 from bowden.rig.sections import BENDS, REFERENCES, RigFile
 from bowden.sim.run import simulate
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 
 

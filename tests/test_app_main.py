@@ -15,6 +15,8 @@ from bowden.app import init_command, main
 from bowden.core.trace import Trace
 from bowden.rig import page as rig_page
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 SHORT = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 4.0\n[scenario]\nduration_s = 8.0\n"
 
@@ -33,6 +35,7 @@ def check(document: str, schema: str) -> Any:
     return parsed
 
 
+@pytest.mark.drawn
 def test_simulate_prints_one_document_and_writes_what_it_names(capsys: pytest.CaptureFixture[str]) -> None:
     names = ("uncompensated", "observer", "adaptive")
     laws = [part for name in names for part in ("--law", name)]

@@ -11,6 +11,8 @@ import pytest
 from bowden.app.main import run
 from bowden.paper.reproduce import reproduce
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 PACKAGE = ROOT / "src" / "bowden"

@@ -16,6 +16,8 @@ from bowden.core.units import RADIANS
 from bowden.identify.servo.fit import ServoEstimate, identify_servo
 from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 Array = NDArray[np.float64]
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify_servo.schema.json"
 
