@@ -131,12 +131,12 @@ def test_simulate_prints_a_table_and_tells_laws_of_one_name_apart(capsys: pytest
 
 def test_a_rig_finds_its_own_law_beside_itself(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "rigs").mkdir()
-    (folder / "rigs" / "law.py").write_text((ROOT / "examples" / "my_law.py").read_text())
-    text = SHORT + "[control]\nlaw = 'law.py'\n[control.gains]\nintegral_gain = 0.0\n"
+    (folder / "rigs" / "my_law.py").write_text((ROOT / "examples" / "my_law.py").read_text())
+    text = SHORT + "[control]\nlaw = 'my_law.py'\n[control.gains]\nintegral_gain = 0.0\n"
     (folder / "rigs" / "rig.toml").write_text(text)
     assert main.run(["simulate", "rigs/rig.toml", "--duration", "1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["runs"][0]["law"] == "law"
-    assert Trace.from_parquet("out/simulate/law.parquet").settings["gains"]["integral_gain"] == 0.0
+    assert json.loads(capsys.readouterr().out)["runs"][0]["law"] == "my_law"
+    assert Trace.from_parquet("out/simulate/my_law.parquet").settings["gains"]["integral_gain"] == 0.0
 
 
 def test_reproduce_keeps_to_its_schema(capsys: pytest.CaptureFixture[str]) -> None:
