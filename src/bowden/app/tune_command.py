@@ -151,10 +151,9 @@ def _said_of(others: dict[str, Any]) -> list[str]:
 
 def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     """The rig with the gains in it."""
-    from bowden.core.files import whole_file
+    from bowden.core.files import write_text
     from bowden.design import gains_text
 
     text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig)
-    with whole_file(rig) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(rig, text)
     return rig

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge
-from bowden.core.files import whole_file
+from bowden.core.files import write_text
 from bowden.rig.declaration import Section
 from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile
 
@@ -109,8 +109,7 @@ def write_docs(docs: Path) -> None:
         OutputError: a file cannot be written.
     """
     for path, text in ((docs / "rig.md", markdown()), (docs / "json" / "rig.schema.json", json_schema())):
-        with whole_file(path) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(path, text)
 
 
 def gains_of(law: Law) -> list[tuple[str, float, str]]:

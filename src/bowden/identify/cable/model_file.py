@@ -10,7 +10,7 @@ import numpy as np
 
 from bowden import __version__
 from bowden.core.errors import ParameterError
-from bowden.core.files import whole_file
+from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
@@ -29,8 +29,7 @@ def write_model(path: Path | str, fit: Fit, source: str) -> None:
         OutputError: the file cannot be written.
     """
     text = model_text(fit, source)
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def model_text(fit: Fit, source: str) -> str:
