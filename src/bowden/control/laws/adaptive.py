@@ -19,10 +19,11 @@ around any servo that is as fast as Fig. 16 implies (erratum 7). They are kept a
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.core.kernel import kernel, tanh
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 
@@ -50,18 +51,12 @@ class AdaptiveGains(NamedTuple):
 class AdaptiveState(NamedTuple):
     """What the law remembers."""
 
-    integral: float
-    """∫e dt [rad·s]."""
-    slope_inverse: float
-    """β̂ [rad/rad]."""
-    bound: float
-    """D̂m [rad]."""
-    joint: float
-    """Last measured joint angle [rad]."""
-    joint_rate: float
-    """Filtered rate of the joint [rad/s]."""
-    filtered_error: float
-    """s [rad·s]."""
+    integral: Annotated[float, Quantity("∫e dt", "rad·s")]
+    slope_inverse: Annotated[float, Quantity("β̂", "rad/rad")]
+    bound: Annotated[float, Quantity("D̂m", "rad")]
+    joint: Annotated[float, Quantity("last measured joint angle", "rad")]
+    joint_rate: Annotated[float, Quantity("filtered rate of the joint", "rad/s")]
+    filtered_error: Annotated[float, Quantity("s", "rad·s")]
 
 
 @kernel
@@ -126,13 +121,5 @@ LAW = Law(
         "slope_leakage": (0.0, 1e3),
         "bound_leakage": (0.0, 1e3),
         "derivative_time": (0.0, 10.0),
-    },
-    state_units={
-        "integral": "rad·s",
-        "slope_inverse": "rad/rad",
-        "bound": "rad",
-        "joint": "rad",
-        "joint_rate": "rad/s",
-        "filtered_error": "rad·s",
     },
 )
