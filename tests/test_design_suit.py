@@ -12,7 +12,6 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.design.suit_linear import corners, suit_model, worst_margins
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
-from bowden.paper.suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
 from bowden.plants.suit_parts import prepare_suit
 from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
@@ -24,6 +23,7 @@ from bowden.rig.presets.suit import (
     suit_ours,
 )
 from bowden.sim.run import simulate
+from suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
 from wearers import random_wearer, wear
 
 

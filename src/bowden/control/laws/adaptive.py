@@ -100,7 +100,7 @@ PRINTED = AdaptiveGains(error_gain=2.0, feedback_gain=10.0, derivative_time=0.0)
 """The gains of Section 5.1.2, as printed."""
 
 SUIT = AdaptiveGains(error_gain=0.05, feedback_gain=3.0, smoothing=0.2)
-"""λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (`bowden.paper.suit_gains`)."""
+"""λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (`benchmarks/suit_gains.py`)."""
 
 LAW = Law(
     name="adaptive",

@@ -7,7 +7,7 @@ Four unknowns, four published figures, each found in turn by bracketing, because
     observer's share of αh      ←  Table 1, observer, constant bend
     loss of slope with bend     ←  Table 1, observer, varying bend
 
-Run it with ``python -m bowden.paper.calibrate``.
+Run it with ``python benchmarks/calibrate.py``.
 """
 
 from collections.abc import Callable
