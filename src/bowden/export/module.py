@@ -10,10 +10,11 @@ from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.nested import is_named, said_at
+from bowden.core.quantity import meanings
 from bowden.export.checked import Argument, Function, check_graph
 from bowden.export.code import FunctionBody, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
-from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, meanings, rebuilt
+from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, rebuilt
 from bowden.export.symbol import KernelTrace, Symbol, exactly
 
 

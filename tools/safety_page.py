@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import made_tables
 from bowden.core.files import write_text
 from bowden.core.quantity import declared
-from bowden.rig import made_tables
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import made_tables
 from bowden.core.files import write_text
-from bowden.rig import made_tables
 from bowden.rig.declaration import Section
 from bowden.rig.page import keys_of
 from bowden.study.distributions import WANTED
