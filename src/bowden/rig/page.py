@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.core.quantity import meanings
@@ -45,7 +45,8 @@ def toml_text(name: str = "rig.toml") -> str:
 
 def gains_of(law: Law) -> list[tuple[str, float, str]]:
     """Name, value and meaning of each gain; the meaning is the text below the field in the law's source."""
-    found = meanings(type(law.gains))
+    kind: Any = type(law.gains)
+    found = meanings(kind)
     return [(name, value, found.get(name, "")) for name, value in law.gains._asdict().items()]
 
 
