@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
 from bowden.models.cable.backlash import Play, push
-from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
+from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable, upright
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
 from bowden.plants.bench import Bench, check_bouc_wen
 from bowden.plants.cable_body import Seen
@@ -211,7 +211,7 @@ def _stack(given: Mapping[str, float]) -> Cable:
 def _bouc_wen(given: Mapping[str, float]) -> Cable:
     cable = BoucWen(**{field: given[field] for field in BoucWen._fields})
     turned = -1.0 if cable.slope < 0.0 else 1.0
-    cable = cable._replace(slope=turned * cable.slope, hysteresis_gain=turned * cable.hysteresis_gain)
+    cable = upright(cable)
     if "static_centre" not in given:
         return bouc_wen(cable)
     static, heights = _numbered(given, "static_", first=2), _numbered(given, "hysteresis_gain_")
