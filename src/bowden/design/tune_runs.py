@@ -32,7 +32,7 @@ class TuningRuns(Protocol):
         """Of each run [s]."""
 
     @property
-    def said(self) -> str:
+    def described(self) -> str:
         """What they are, in words."""
 
     def cases(self) -> Sequence[Case]:
@@ -66,7 +66,7 @@ class NineRuns(NamedTuple):
         return _RUN
 
     @property
-    def said(self) -> str:
+    def described(self) -> str:
         """See `TuningRuns`."""
         return f"nine runs of {_RUN:g} s"
 

@@ -104,7 +104,7 @@ def tuned(
                     seed=seed,
                     generations=generations,
                     runs=None if plants is None else tune_study.runs_of(plants),
-                    fixed=() if plants is None else plants.told_apart,
+                    fixed=() if plants is None else plants.gains_varied,
                     workers=workers,
                     report=progress,
                 )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, stand_in
 from bowden.core.nested import restored
 from bowden.plants.plant import Dynamics, SheathState
@@ -30,7 +30,7 @@ def own_advance(plant: Any, body: Any, applied: float, sheath: SheathState, next
 
 
 @stand_in
-def own_observe(plant: Any, body: Any, normals: NDArray[np.float64]) -> tuple[Any, Heard]:
+def own_observe(plant: Any, body: Any, normals: NDArray[np.float64]) -> tuple[Any, Measurement]:
     """Stand-in for the plant's own ``observe``."""
     raise NotImplementedError  # always replaced
 
@@ -60,10 +60,10 @@ def turned_advance(plant: Any, body: Any, applied: float, sheath: SheathState, n
 
 
 @kernel
-def turned_observe(plant: Any, body: Any, normals: NDArray[np.float64]) -> tuple[Any, Heard]:
+def turned_observe(plant: Any, body: Any, normals: NDArray[np.float64]) -> tuple[Any, Measurement]:
     """What its sensors say, the motor's angle and current counted the other way round."""
-    body, heard = own_observe(plant, body, normals)
-    return body, Heard(heard.joint, -heard.motor, -heard.current, heard.load)
+    body, measured = own_observe(plant, body, normals)
+    return body, Measurement(measured.joint, -measured.motor, -measured.current, measured.load)
 
 
 @kernel

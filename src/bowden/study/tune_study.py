@@ -36,7 +36,7 @@ class StudyRuns:
         return unpacked(self.pack).duration
 
     @property
-    def said(self) -> str:
+    def described(self) -> str:
         """What they are, in words."""
         return f"{self.count} plants of {unpacked(self.pack).path.name}"
 
@@ -133,6 +133,6 @@ def _in_run(study: Study, case: Case, law: Law) -> Law:
     changed = {
         name: value
         for name, value in law.gains._asdict().items()
-        if name not in study.told_apart and value != getattr(nominal.gains, name)
+        if name not in study.gains_varied and value != getattr(nominal.gains, name)
     }
     return own.with_gains(**changed)

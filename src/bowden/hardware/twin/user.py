@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, specialise
 from bowden.hardware.twin.bench import FOLLOW, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
 from bowden.plants.plant import (
@@ -55,10 +55,10 @@ def one_on(
 
 
 @kernel
-def sensed(plant: Any, body: Any, normals: NDArray[np.float64]) -> Heard:
+def sensed(plant: Any, body: Any, normals: NDArray[np.float64]) -> Measurement:
     """What the sensors say of a body."""
-    _, heard = plant_observe(plant, body, normals)
-    return heard
+    _, measured = plant_observe(plant, body, normals)
+    return measured
 
 
 @kernel
@@ -205,5 +205,5 @@ class TwinUser:
             motor=self._between(before.motor, after.motor),
             motor_velocity=self._between(before.motor_velocity, after.motor_velocity),
         )
-        heard = Heard(*self._sensed(self._dynamics.plant, body, self._random.standard_normal(2)))
-        return heard.joint, heard.motor
+        measured = Measurement(*self._sensed(self._dynamics.plant, body, self._random.standard_normal(2)))
+        return measured.joint, measured.motor
