@@ -3,8 +3,8 @@
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.control.laws.adaptive import PRINTED
-from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model, ultimate_bounds
+from bowden.control.laws.adaptive import PRINTED, ultimate_bounds
+from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.models.cable.backlash import Play
