@@ -44,7 +44,7 @@ test: lint
 	$(BIN)/python -m pytest -m 'live and not long' tests
 
 computed: .venv/dev
-	env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -n 2 --dist loadfile -m 'not live and not long'
+	env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not live and not long'
 
 long: .venv/dev
 	$(BIN)/python -m pytest -n 2 -m 'long and not live'

@@ -26,6 +26,8 @@ from bowden.study import pack as study_pack
 from bowden.study import workers as campaign_workers
 from bowden.study.load import load
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 STUDY = """
 laws = ["adaptive"]

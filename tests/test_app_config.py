@@ -20,6 +20,8 @@ from bowden.rig.sections import BENDS, REFERENCES, RigFile
 from bowden.sim.run import simulate
 from rig_page import json_schema, markdown
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 
 

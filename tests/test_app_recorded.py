@@ -12,6 +12,8 @@ from bowden.core.units import RADIANS
 from bowden.rig.recorded import read_motion
 from bowden.rig.sections import RecordedFile
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def motion(folder: Path, text: str | bytes, **keys: str | float) -> RecordedFile:
     (folder / "motion.csv").write_bytes(text.encode() if isinstance(text, str) else text)

@@ -7,7 +7,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
-from bowden.core.kernel import compiled
+from bowden.core.kernel import compiled, kernel
 from bowden.core.metrics import rmse
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
@@ -16,7 +16,7 @@ from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
-from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
+from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.friction_cables import lumped
@@ -116,17 +116,23 @@ def unspoilt(_tick: int, joint: float, motor: float) -> tuple[float, float]:
     return joint, motor
 
 
+@kernel
+def ten_ticks(state: ServoState, target: float, servo: ServoStep) -> ServoState:
+    for _ in range(10):
+        state = servo_step(state, target, servo)
+    return state
+
+
 def played(reference: np.ndarray, seen: Seen = unspoilt, start: float = 0.0) -> np.ndarray:
     """Error and command [rad] (2, n) on a pure play behind a servo, with samples that `seen` may spoil."""
     law, servo, state = LAWS["bowden"], prepare(FAST, 1e-4), ServoState(0.0, 0.0, 0.0)
-    step, servo_tick, applied, tendon = compiled(law.step_kernel), compiled(servo_step), start, 0.0
+    step, servo_cycle, applied, tendon = compiled(law.step_kernel), compiled(ten_ticks), start, 0.0
     memory, told = compiled(law.start_kernel)(law.gains, Sample(*seen(0, 0.0, start))), []
     for tick, wanted in enumerate(reference):
         sample = Sample(*map(float, seen(tick, SLOPE * tendon, start + state.position)))
         memory, command = step(law.gains, memory, sample, Reference(*map(float, wanted)), 1e-3)
         told.append((SLOPE * tendon - wanted[0], command))
-        for _ in range(10):
-            state = servo_tick(state, applied - start, servo)
+        state = servo_cycle(state, applied - start, servo)
         applied = command
         tendon = min(max(tendon, state.position - HALF_WIDTH), state.position + HALF_WIDTH)
     return np.array(told).T

@@ -1,5 +1,6 @@
 """Tuned gains keep their margins and beat the defaults in the worst case; rig.toml keeps everything else."""
 
+import contextlib
 import json
 import pickle
 import tomllib
@@ -19,6 +20,7 @@ from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
+from bowden.design.processes import two_workers
 from bowden.design.tune import tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
@@ -80,7 +82,7 @@ def test_the_nine_runs_in_one_call_are_the_runs_alone_to_the_last_bit() -> None:
 )
 def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(name: str) -> None:
     bench = RIGS[name]
-    found = tune(bench, ADAPTIVE, generations=4)
+    found = tune(bench, ADAPTIVE, generations=2)
     again = check(bench, found.law, bends=BENDS)
     assert again.verdict == "holds"
     assert again.gain_margin_db is not None
@@ -96,6 +98,16 @@ def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(
     assert found.gains == {n: v for n, v in found.law.gains._asdict().items() if v != getattr(ADAPTIVE.gains, n)}
 
 
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search of a quarter of the size in one process, where it matters that there is one and not what it finds."""
+    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
+    monkeypatch.setattr("bowden.design.tune._DRAWS", 100)
+    monkeypatch.setattr("bowden.design.tune._SIMULATED", 20)
+    monkeypatch.setattr("bowden.design.tune._MEMBERS", 8)
+
+
+@pytest.mark.usefixtures("few")
 def test_the_result_does_not_depend_on_who_does_the_work() -> None:
     def backwards(function: Callable[[Task], Any], tasks: Iterable[Task]) -> list[Any]:
         return [function(pickle.loads(pickle.dumps(task))) for task in reversed(list(tasks))][::-1]
@@ -159,11 +171,12 @@ def test_the_file_keeps_its_comments_and_the_other_keys() -> None:
         with_gains("[control]\ngains = { a = 2.0 }\n", {"a": 1.0}, [], Path("rig.toml"))
 
 
+@pytest.mark.usefixtures("few")
 def test_the_command_writes_the_gains_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 6)  # of many, so that it takes seconds
+    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 3)  # of many, so that it takes seconds
     rig = "# soft\n[cable]\nslope = 0.6\nrate_per_rad = 4.0\n"
     Path("rig.toml").write_text(rig)
     assert run(["tune", "rig.toml", "--json"]) == 0
@@ -190,7 +203,7 @@ duration_s = 4.0
 
 
 @pytest.fixture
-def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def study(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("bowden.design.tune.GENERATIONS", 1)
     Path("rig.toml").write_text("# soft\n[cable]\nrate_per_rad = 4.0\n[servo]\nnatural_frequency_hz = 4.0\n")
@@ -215,8 +228,11 @@ def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_no
     assert "10 other plants, 0 unstable" in Path("rig.toml").read_text(encoding="utf-8")
 
 
-def test_a_law_of_ones_own_is_tuned_against_a_study(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_law_of_ones_own_is_tuned_against_a_study(
+    study: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Its gains go to other processes, which know the study's copy of its file as well."""
+    monkeypatch.setattr("bowden.face.tune.two_workers", two_workers)
     Path("my_law.py").write_bytes((ROOT / "examples" / "my_law.py").read_bytes())
     Path("rig.toml").write_text('[control]\nlaw = "my_law.py"\n')
     assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err

@@ -23,6 +23,8 @@ from bowden.report.league_page import league_page
 from bowden.rig.presets.bench import default_bench, moved_sheath
 from bowden.sim.run import simulate
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 BENCH = default_bench()
 PLANTS = {one.name: one for one in league_cells.plants(BENCH, moved_sheath())}
@@ -146,6 +148,7 @@ def test_the_ranking_counts_an_unstable_cell_as_the_worst() -> None:
     assert standings([]) == []
 
 
+@pytest.mark.drawn
 def test_the_page_holds_every_cell_and_escapes_names() -> None:
     results = played([LAWS["uncompensated"], LAWS["adaptive"]], PLANTS["play"], "fast")
     strange = Played(cell("<b>", "play", None), "what & how", np.full(league.STRETCHES, np.nan))

@@ -16,6 +16,8 @@ from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_plant.py"
 SERVO = "from bowden.models.drive.servo import Servo\nfrom bowden.plants.user_plant import UserPlant\n"
 NAMED = f"{SERVO}OWN = UserPlant('own', Parameters(), rest, advance, servo=Servo(natural_frequency=40.0))\n"
