@@ -58,9 +58,7 @@ types: .venv/dev
 	$(BIN)/mypy
 
 docs: .venv/dev
-	$(BIN)/python -c 'from pathlib import Path; from bowden.rig.page import write_docs; write_docs(Path("docs"))'
-	$(BIN)/python -c 'from pathlib import Path; from bowden.app.safety_page import write_docs; write_docs(Path("docs"))'
-	$(BIN)/python -c 'from pathlib import Path; from bowden.study.page import write_docs; write_docs(Path("docs"))'
+	$(BIN)/python tools/make_docs.py
 
 bench: .venv/dev
 	$(PIP) --editable '.[bench]'

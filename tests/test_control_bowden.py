@@ -23,6 +23,7 @@ from bowden.plants.friction_cables import lumped
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 from drawn_plants import run_random_plant
+from support import bench_runs
 
 
 def error_deg(trace: Trace) -> float:
@@ -31,21 +32,21 @@ def error_deg(trace: Trace) -> float:
 
 @pytest.fixture(scope="module")
 def moved() -> Trace:
-    return paper.run(LAWS["bowden"], moved=True)
+    return bench_runs.run(LAWS["bowden"], moved=True)
 
 
 def test_bench_from_rest_knowing_nothing(moved: Trace) -> None:
-    assert error_deg(paper.run(LAWS["bowden"])) <= 0.10
+    assert error_deg(bench_runs.run(LAWS["bowden"])) <= 0.10
     assert error_deg(moved) <= 0.20
 
 
 def test_it_beats_the_papers_adaptive_law_where_that_was_tuned(moved: Trace) -> None:
-    assert error_deg(paper.run(LAWS["bowden"])) < 0.5 * error_deg(paper.run(LAWS["adaptive"]))
-    assert error_deg(moved) < 0.6 * error_deg(paper.run(LAWS["adaptive"], moved=True))
+    assert error_deg(bench_runs.run(LAWS["bowden"])) < 0.5 * error_deg(bench_runs.run(LAWS["adaptive"]))
+    assert error_deg(moved) < 0.6 * error_deg(bench_runs.run(LAWS["adaptive"], moved=True))
 
 
 def test_estimates_end_at_the_cables_parameters(moved: Trace) -> None:
-    cable, constant = paper.bench().cable, paper.run(LAWS["bowden"])
+    cable, constant = paper.bench().cable, bench_runs.run(LAWS["bowden"])
     for trace in (constant, moved):
         for name in ("law.slopes.up", "law.slopes.down"):
             assert trace[name][-1] == pytest.approx(trace["slope"][-1], rel=0.02)
@@ -233,5 +234,5 @@ def test_masses_that_swing_are_calmed() -> None:
     )
     assert trace["law.feedback.calm"][-1] < 0.7
     assert error_deg(trace) < 0.7
-    quiet = paper.run(LAWS["bowden"])
+    quiet = bench_runs.run(LAWS["bowden"])
     assert quiet["law.feedback.calm"].min() == 1.0

@@ -26,6 +26,7 @@ from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
+from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 from bowden.study import tune_study
@@ -221,7 +222,7 @@ def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_no
     assert found["before"]["runs"] == found["after"]["runs"] == 10
     assert found["after"]["unstable"] == 0
     assert found["after"]["rmse_worst_deg"] < 0.95 * found["before"]["rmse_worst_deg"]
-    loaded = load(study, Path("rig.toml"))  # with the new gains now
+    loaded = load(study, Rig.read("rig.toml"), own_law=True)  # with the new gains now
     for numbers, worst in ((range(10), document["worst_rmse_deg"]), (range(10, 20), found["after"]["rmse_worst_deg"])):
         assert max(table_of(loaded, numbers)["rmse_deg"].to_pylist()) == pytest.approx(worst, rel=1e-12)
     assert "10 other plants, 0 unstable" in Path("rig.toml").read_text(encoding="utf-8")
@@ -243,7 +244,7 @@ def test_a_law_of_ones_own_is_tuned_against_a_study(
     [
         (STUDY + '"control.gains.error_gain" = 0.1\n', "study.toml varies control.gains.error_gain; expected a study"),
         ("runs = 3\n", "runs is 3; expected 4 or more"),
-        ('rig = "other.toml"\n', "its rig is 'other.toml', and the command's rig.toml; expected the same file"),
+        ('rig = "other.toml"\n', "its rig is 'other.toml', and the given one rig.toml; expected the same file"),
         ('[set]\n"suit.worn" = true\n', "a suit is worn"),
     ],
 )
@@ -260,7 +261,7 @@ def test_studies_that_gains_cannot_be_tuned_against(
 def test_what_a_study_tells_its_laws_is_not_tuned(study: Path) -> None:
     study.write_text(STUDY + "[told]\nservo_frequency = { uniform = [0.8, 1.2] }\n")
     Path("rig.toml").write_text('[control]\nlaw = "bowden"\n')
-    loaded = load(study, Path("rig.toml"))
+    loaded = load(study, Rig.read("rig.toml"), own_law=True)
     runs = tune_study.runs_of(loaded)
     (nominal,) = loaded.nominal
     laws = runs.laws(nominal.with_gains(servo_frequency=1.0, feedback=0.7))

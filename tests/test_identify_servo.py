@@ -129,12 +129,15 @@ def test_the_command_writes_keys_of_a_rig(folder: Path, capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["none.csv"], "cannot read none.csv"),
-        (["step.csv", "--motor", "spool"], "no column 'spool' of numbers among time_ms, target_deg, motor_deg"),
+        (["none.csv"], "none.csv does not exist"),
+        (
+            ["step.csv", "--motor", "spool"],
+            "no column 'spool' for the motor among 'time_ms', 'target_deg', 'motor_deg'",
+        ),
         (["step.csv", "--command", "motor_deg"], "one column is taken twice"),
         (["step.csv", "--unit", "grad"], "--unit is 'grad'"),
         (["plain.csv"], "does not say its unit"),
-        (["empty.csv"], "empty.csv is not a table"),
+        (["empty.csv"], "empty.csv is empty"),
         (["step.csv", "--sample-time-ms", "0"], "--sample-time-ms is 0"),
     ],
 )

@@ -13,7 +13,6 @@ from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
-from bowden.paper.calibrate import calibrate
 from bowden.paper.claims import Claim, claims, judge, select
 from bowden.paper.errata_law import largest_pole
 from bowden.paper.gain_choice import choose_gains
@@ -21,6 +20,8 @@ from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reprodu
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.run import simulate
+from calibrate import calibrate
+from support import bench_runs
 
 ROOT = Path(__file__).parents[1]
 
@@ -131,7 +132,7 @@ def test_table_1_does_not_hang_on_the_seed_of_the_encoders() -> None:
 
 
 def test_default_gains_stay_stable_for_ten_minutes() -> None:
-    trace = paper.run(LAWS["adaptive"], moved=True, duration=600.0)
+    trace = bench_runs.run(LAWS["adaptive"], moved=True, duration=600.0)
     last = trace.time > 500.0
     assert trace.stable
     assert rmse(trace.error[last]) * DEGREES < 0.5
