@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.core.errors import ParameterError, StreamError
 
@@ -147,3 +148,17 @@ def _print(document: dict[str, Any], advice: list[str]) -> None:
     print("\nWhat to change:" if advice else "\nNothing to change.")
     for line in advice:
         print(f"- {line}")
+
+
+COMMANDS = (
+    Command(
+        "doctor",
+        doctor,
+        "Say what this machine can hold at 1 kHz, and what to change.",
+        (
+            "bowden doctor",
+            "bowden doctor --seconds 60 --cpu 1 --json",
+        ),
+        place=70,
+    ),
+)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, print_json, progress_bar, seconds
 
 if TYPE_CHECKING:
@@ -158,3 +159,18 @@ def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     with whole_file(rig) as part:
         part.write_text(text, encoding="utf-8")
     return rig
+
+
+COMMANDS = (
+    Command(
+        "tune",
+        tune,
+        "Find gains for a rig, with margins, and write them into it.",
+        (
+            "bowden tune rig.toml",
+            "bowden tune rig.toml --dry-run --json",
+            "bowden tune rig.toml --study study.toml",
+        ),
+        place=110,
+    ),
+)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import ParameterError
@@ -132,3 +133,18 @@ def _watch_parent(parent: int, running: "TwinProcess") -> None:
         forever.wait(0.5)
     forever.wait(_AFTER_PARENT)
     running.stop()
+
+
+COMMANDS = (
+    Command(
+        "twin",
+        twin,
+        "Run a digital twin of a rig's drive, and give it faults.",
+        (
+            "bowden twin rig.toml",
+            "bowden twin rig.toml --status",
+            "bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5",
+        ),
+        place=130,
+    ),
+)
