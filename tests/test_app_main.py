@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -216,30 +215,6 @@ def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> Non
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     """The installed command, in a process of its own."""
     return subprocess.run([Path(sys.executable).with_name("bowden"), *arguments], capture_output=True, text=True)
-
-
-def test_help_answers_at_once_and_loads_nothing_heavy() -> None:
-    command("--help")  # the first one may have to write bytecode
-    times = []
-    for _ in range(5):
-        before = time.perf_counter()
-        done = command("--help")
-        times.append(time.perf_counter() - before)
-    assert done.returncode == 0
-    assert all(f"  {name} " in done.stdout for name in ("init", "identify", "simulate", "reproduce"))
-    assert min(times) < 0.3
-    heavy = ["numpy", "numba", "scipy", "matplotlib", "pyarrow", "pydantic", "rich", "jinja2"]
-    code = f"import sys, bowden.app.main; print([name for name in {heavy} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
-
-
-@pytest.mark.parametrize("name", ["init", "identify", "simulate", "reproduce"])
-def test_every_command_has_help_with_examples(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run([name, "--help"]) == 0
-    printed = capsys.readouterr().out
-    assert f"  bowden {name}" in printed.split("Examples:")[1]
-    assert "--json" in printed
 
 
 def test_the_installed_command(folder: Path) -> None:

@@ -64,7 +64,8 @@ def run(arguments: list[str]) -> int:
     except _USAGE_ERROR as error:
         where = getattr(getattr(error, "ctx", None), "command_path", "bowden")
         message = getattr(error, "format_message", error.__str__)()
-        return _fail(f"{message.rstrip('.')}; see {where} --help", 2)
+        said = f"{message} See" if message.endswith("?") else f"{message.rstrip('.')}; see"
+        return _fail(f"{said} {where} --help", 2)
     except InterruptedPartway as error:
         return _fail(f"interrupted; {error}", 130)
     except OSError as error:  # what no command foresaw: a disk that goes away, a standard output that is full

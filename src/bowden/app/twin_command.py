@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _AFTER_PARENT = 5.0
 """[s]"""
+_TOLD = ("meaning", "side", "amount", "unit", "moment")
+"""What `--inject list --json` has of a fault."""
 
 
 def twin(
@@ -59,6 +61,10 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
     from bowden.hardware.twin.injection import KINDS
 
     if inject == "list":
+        if json:
+            kinds = [{"fault": name} | {key: getattr(kind, key) for key in _TOLD} for name, kind in KINDS.items()]
+            print_json({"faults": kinds, "seconds": seconds()})
+            return
         for name, kind in KINDS.items():
             side = " joint|motor" if kind.side else ""
             amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"

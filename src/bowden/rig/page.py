@@ -11,8 +11,9 @@ from typing import NamedTuple
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge
 from bowden.core.files import whole_file
+from bowden.hardware.drives.family import names as drive_families
 from bowden.rig.declaration import Section
-from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile
+from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile, drive_part
 
 _HEAD = """\
 # The bench of bowden, and how to run it: bowden simulate {name}
@@ -54,7 +55,8 @@ def toml_text(name: str = "rig.toml") -> str:
     parts = [_HEAD.format(name=name)]
     for title, (chosen, *others) in _sections():
         parts.append(_table(title, chosen))
-        parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
+        if title != "drive":  # drives of other families are on the page
+            parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
         if title == "control":
             gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[Control().law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
@@ -75,7 +77,7 @@ def markdown() -> str:
     for title, variants in _sections():
         lines += [f"## [{title}]", ""]
         for section in variants:
-            lines += [f'### kind = "{section.model_fields["kind"].default}"', ""] if len(variants) > 1 else []
+            lines += [f"### {_which(section)}", ""] if len(variants) > 1 else []
             lines += [_sentence(section), "", "| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
             lines += [
                 f"| `{key.name}` | {key.default} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
@@ -98,6 +100,13 @@ def markdown() -> str:
 def json_schema() -> str:
     """``docs/json/rig.schema.json``."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RigFile.model_json_schema()
+    _, *others = drive_families()
+    for family in others:
+        section = drive_part(family).section
+        drive = schema["properties"]["drive"]
+        drive.setdefault("anyOf", [{"$ref": drive.pop("$ref")}] if "$ref" in drive else [])
+        drive["anyOf"].append({"$ref": f"#/$defs/{section.__name__}"})
+        schema["$defs"][section.__name__] = section.model_json_schema()
     return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
 
 
@@ -142,12 +151,20 @@ def _sections() -> Iterator[tuple[str, list[type[Section]]]]:
     for name, field in RigFile.model_fields.items():
         if name == "reference":
             yield name, list(REFERENCE_KINDS.values())
+        elif name == "drive":
+            yield name, [drive_part(family).section for family in drive_families()]
         elif name == "encoder":
             for side, inner in EncodersSection.model_fields.items():
                 yield f"{name}.{side}", [type(inner.default)]
         else:
             yield name, [type(field.default)]
     yield "scenario.bend", list(BEND_KINDS.values())
+
+
+def _which(section: type[Section]) -> str:
+    """The key that tells a section from others of its title, with its value."""
+    key = "kind" if "kind" in section.model_fields else "family"
+    return f"{key} = {json.dumps(section.model_fields[key].default)}"
 
 
 def keys_of(section: type[Section]) -> Iterator[Key]:
