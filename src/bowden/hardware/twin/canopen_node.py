@@ -14,6 +14,7 @@ from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.faults import Faults
 from bowden.hardware.twin.node import Journal, Send
 from bowden.hardware.twin.objects import Key, Made, Objects, SdoServer, dictionary, overridden
+from bowden.hardware.twin.outbox import Outbox
 from bowden.hardware.twin.plant import TwinPlant
 from bowden.hardware.twin.sampler import RATED_CURRENT, Sampler
 
@@ -50,10 +51,9 @@ class CanopenNode:
         overrides: dict[Key, int | None] | None = None,
     ) -> None:
         self._drive, self.bench, self.faults = drive, bench, Faults()
-        self._send_now, self._journal, self._overrides = send, journal, overrides or {}
+        self._outbox, self._journal, self._overrides = Outbox(send, self.faults), journal, overrides or {}
         self._motor = motor_scale(drive)
         self._sampler = Sampler(drive, bench, self.faults)
-        self._waiting: deque[tuple[float, int, bytes]] = deque()
         self._history: deque[tuple[frames.Motion, frames.Sensors]] = deque(maxlen=1000)
         self.syncs = 0
         self.host_heard = -math.inf
@@ -126,7 +126,7 @@ class CanopenNode:
         elif cob_id == frames.SDO_REQUEST + node and self.nmt in (frames.OPERATIONAL, frames.PRE_OPERATIONAL):
             answer = self._sdo.answer(data)
             if answer is not None:
-                self._emit(frames.SDO_ANSWER + node, answer, now)
+                self._outbox.emit(frames.SDO_ANSWER + node, answer, now)
         elif cob_id == frames.NMT and len(data) == 2 and data[1] in (0, node):
             self._obey(data[0], now)
         elif cob_id == frames.HEARTBEAT + (self.objects[0x1016, 1] >> 16 & 0x7F) and self.objects[0x1016, 1]:
@@ -137,7 +137,7 @@ class CanopenNode:
         if now >= self._ready and not self._booted:
             self._booted, self.nmt, self.state = True, frames.PRE_OPERATIONAL, DriveState.SWITCH_ON_DISABLED
             self._journal(now, "boot", "")
-            self._emit(frames.HEARTBEAT + self._drive.node_id, bytes((frames.BOOT_UP,)), now)
+            self._outbox.emit(frames.HEARTBEAT + self._drive.node_id, bytes((frames.BOOT_UP,)), now)
         for injection in self.faults.due(now):
             if injection.name == "reboot":
                 self._journal(now, "reboot", "")
@@ -150,23 +150,8 @@ class CanopenNode:
             self._move(now)
         if self._booted and self.objects[0x1017, 0] and now >= self._next_heartbeat:
             self._next_heartbeat = max(self._next_heartbeat + 1e-3 * self.objects[0x1017, 0], now)
-            self._emit(frames.HEARTBEAT + self._drive.node_id, bytes((self.nmt,)), now)
-        while self._waiting and self._waiting[0][0] <= now:
-            _, cob_id, data = self._waiting.popleft()
-            self._send_now(cob_id, data)
-
-    def _emit(self, cob_id: int, data: bytes, now: float) -> None:
-        if not self.faults.active("silence", now):
-            self._send_now(cob_id, data)
-
-    def _emit_pdo(self, cob_id: int, data: bytes, now: float) -> None:
-        if self.faults.active("silence", now) or self.faults.drops_pdo(now):
-            return
-        late = self.faults.active("late_pdos", now)
-        if late:
-            self._waiting.append((now + 1e-3 * late.amount, cob_id, data))
-        else:
-            self._send_now(cob_id, data)
+            self._outbox.emit(frames.HEARTBEAT + self._drive.node_id, bytes((self.nmt,)), now)
+        self._outbox.tick(now)
 
     def _watch(self, now: float) -> None:
         """The heartbeat consumer, 1016h, and what 6007h wants when the host has fallen silent."""
@@ -181,7 +166,9 @@ class CanopenNode:
             if option == 1:
                 self._fail(HEARTBEAT_LOST, now)
             elif option:  # 2, disable voltage; 3, quick stop
-                self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(HEARTBEAT_LOST, 0x11), now)
+                self._outbox.emit(
+                    frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(HEARTBEAT_LOST, 0x11), now
+                )
                 self._enter(step(self.state, 0x00 if option == 2 else 0x02, edge=False), now)
 
     def _synchronise(self, now: float) -> None:
@@ -202,9 +189,11 @@ class CanopenNode:
             sensors = sensors._replace(temperature=None)
         node = self._drive.node_id
         if self.objects[0x1800, 1] >> 31 == 0:
-            self._emit_pdo(frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now)
+            self._outbox.emit_cyclic(
+                frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now
+            )
         if self.objects[0x1801, 1] >> 31 == 0:
-            self._emit_pdo(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
+            self._outbox.emit_cyclic(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
 
     def _command(self, control: int, now: float) -> None:
         """A controlword: one step of the state machine, and what it means for the motor."""
@@ -220,7 +209,7 @@ class CanopenNode:
         self._journal(now, "state", state.name)
         if before is DriveState.FAULT:
             self.error = 0
-            self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(0, 0), now)
+            self._outbox.emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(0, 0), now)
         if state is DriveState.OPERATION_ENABLED:
             if not self.scenario_told:
                 self.scenario_told = True
@@ -239,7 +228,7 @@ class CanopenNode:
         """Into fault: torque off at once, as 605Eh is 0, or braking first."""
         self.error = code
         self._journal(now, "fault", f"0x{code:04X}")
-        self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(code, 1), now)
+        self._outbox.emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(code, 1), now)
         if self.state is DriveState.OPERATION_ENABLED and self.objects[0x605E, 0] != 0:
             self._enter(DriveState.FAULT_REACTION_ACTIVE, now)
         elif self._booted:
@@ -248,9 +237,7 @@ class CanopenNode:
     def _move(self, now: float) -> None:
         """Move the bench on, with torque where the state has it, and see to the drive's own limits."""
         bench, self._moved = self.bench, now
-        bench.torn = bool(self.faults.active("broken_cable", now))
-        slack = self.faults.active("slack_cable", now)
-        bench.slack = math.radians(slack.amount) if slack else 0.0
+        self.faults.damage(bench, now)
         if self.state is DriveState.OPERATION_ENABLED:
             low, high = self.objects[0x607D, 1], self.objects[0x607D, 2]
             if low < high and not low <= self._target <= high:

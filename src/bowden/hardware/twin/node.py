@@ -23,7 +23,7 @@ class TwinNode(Protocol):
     scenario_told: bool
     """Whether the sheath's motion has begun, or somebody has said when it does."""
     lacks: Mapping[str, str]
-    """Faults that a drive of this family cannot have → why."""
+    """Faults that a drive of this family cannot have, as ``reboot`` or ``encoder_nan motor`` → why."""
 
     def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus."""

@@ -17,7 +17,7 @@ import can
 from bowden.core.errors import BowdenError, DriveError, ParameterError
 from bowden.hardware.buses.opening import claim, open_bus
 from bowden.hardware.twin.control import ControlServer, control_path
-from bowden.hardware.twin.injection import OF_CABLE, parse
+from bowden.hardware.twin.injection import OF_CABLE, Injection, parse
 from bowden.hardware.twin.node import Journal, Send, TwinNode
 
 TICK = 1e-3
@@ -157,7 +157,7 @@ class Twin:
                 return {"journal": [{"time": time, "event": event, "detail": said} for time, event, said in told]}
             case "inject":
                 injection = parse(str(request.get("fault", "")))
-                self._refuse(injection.name)
+                self._refuse(injection)
                 after, lasting = float(request.get("after") or 0.0), request.get("lasting")
                 end = math.inf if lasting is None else now + after + float(lasting)
                 self._node.faults.inject(injection._replace(start=now + after, end=end))
@@ -175,17 +175,18 @@ class Twin:
                 return {"time": at}
         raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, clear or scenario")
 
-    def _refuse(self, fault: str) -> None:
+    def _refuse(self, fault: Injection) -> None:
         """Refuse what the drive cannot have, and what the plant has no inside for.
 
         Raises:
             ParameterError: with why.
         """
-        if fault in self._node.lacks:
-            raise ParameterError(f"{fault}: {self._node.lacks[fault]}", expected="another fault")
-        if fault in OF_CABLE and not self._node.bench.has_cable:
+        named = f"{fault.name} {fault.side}".rstrip()
+        if named in self._node.lacks:
+            raise ParameterError(f"{named}: {self._node.lacks[named]}", expected="another fault")
+        if fault.name in OF_CABLE and not self._node.bench.has_cable:
             raise ParameterError(
-                f"{fault} is of a cable, and what moves here is a plant of your own", expected="another fault"
+                f"{fault.name} is of a cable, and what moves here is a plant of your own", expected="another fault"
             )
 
     def _status(self, now: float) -> dict[str, Any]:
