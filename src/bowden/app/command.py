@@ -33,7 +33,7 @@ class Command(NamedTuple):
     """Where it stands in ``bowden --help``: in the order of what is done with a rig, and then of the names."""
 
 
-class Declared(NamedTuple):
+class DeclaredCommands(NamedTuple):
     """What files declare."""
 
     commands: tuple[Command, ...]
@@ -47,7 +47,7 @@ def files() -> tuple[str, ...]:
     return tuple(sorted(one.name for one in pkgutil.iter_modules(app.__path__) if one.name.endswith(SUFFIX)))
 
 
-def found(first_word: str = "") -> Declared:
+def found(first_word: str = "") -> DeclaredCommands:
     """The commands that begin with a word and those that share its file's name, or all.
 
     Args:
@@ -61,7 +61,7 @@ def found(first_word: str = "") -> Declared:
         commands += module.COMMANDS
         if hasattr(module, "GROUP"):
             groups[_stem(name)] = module.GROUP
-    return Declared(tuple(sorted(commands, key=lambda one: (" " in one.words, one.place, one.words))), groups)
+    return DeclaredCommands(tuple(sorted(commands, key=lambda one: (" " in one.words, one.place, one.words))), groups)
 
 
 def _stem(name: str) -> str:
