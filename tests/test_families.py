@@ -120,8 +120,18 @@ def test_a_family_that_there_is_not_is_named(tmp_path: Path) -> None:
         family_named("toy")
     path = tmp_path / "rig.toml"
     path.write_text('[drive]\nfamily = "cia40"\n')
-    with pytest.raises(ParameterError, match="cia402"):
+    with pytest.raises(ParameterError, match=r"drive\.family is 'cia40'; expected cia402 \(did you mean this"):
         Rig.read(path)
+
+
+def test_a_key_that_a_family_does_not_have_is_told_with_its_own(toy: DriveFamily, tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('[drive]\nfamily = "toy"\nstrng = "blue"\n')
+    with pytest.raises(
+        ParameterError, match=r"'strng' in \[drive\]; expected string \(did you mean this.*length_mm"
+    ) as said:
+        Rig.read(path)
+    assert "node_id" not in str(said.value)
 
 
 class ToySettings(NamedTuple):

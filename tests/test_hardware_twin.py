@@ -201,7 +201,7 @@ def test_the_command_line_talks_to_it(rig: Path, twin: RunningTwin, capsys: pyte
 
 
 def test_no_bus_and_nobody_on_it_are_said_in_a_line(tmp_path: Path) -> None:
-    with pytest.raises(DriveError, match="there is no such bus; start bowden twin"):
+    with pytest.raises(DriveError, match="there is no such bus; start bowden twin, run with a twin"):
         CanopenDrive(DriveParameters(channel=str(tmp_path / "none"))).bring_up()
     (tmp_path / "empty").mkdir()
     with pytest.raises(DriveError, match="nobody is on the bus"):

@@ -35,7 +35,7 @@ def doctor(
         raise ParameterError(f"--seconds is {time:g}", expected="a number from 0.1 to 3600")
     if not 0 <= priority <= 99:
         raise ParameterError(f"--priority is {priority}", expected="a number from 0 to 99")
-    check_processor(cpu)
+    check_processor(cpu, "--cpu")
     late, grants = bare_loop_apart(time, _PERIOD, Settings(priority=priority, cpu=cpu))
     measured, other = figures(late), machine.cyclictest(time, _PERIOD, priority, cpu)
     here = machine.look()

@@ -49,16 +49,22 @@ def twin(
     _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
-    if inject or clear or status:
+    talks = bool(inject or clear or status)
+    if not inject and (after or lasting is not None):
+        raise ParameterError("--after and --for are of a fault", expected="--inject FAULT beside them")
+    if talks and object_:
+        raise ParameterError("--object is of a twin that is started", expected="it without --inject, --clear, --status")
+    if talks:
         _talk(given, inject, after, lasting, clear, json)
     else:
-        _run(given, object_ or [], json, until_orphaned)
+        words = f"{rig}{f' --channel {channel}' if channel else ''}"
+        _run(given, object_ or [], words, json, until_orphaned)
 
 
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.control import TwinControl
-    from bowden.hardware.twin.injection import KINDS
+    from bowden.hardware.twin.injection import KINDS, parse
 
     if inject == "list":
         if json:
@@ -70,6 +76,8 @@ def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, c
             amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
             print(f"{name + side + amount:36} {kind.meaning}")
         return
+    if inject:
+        parse(inject)  # what is no fault is said first
     with TwinControl(family_of(rig.drive).control(rig.drive)) as running:
         if clear:
             running.clear()
@@ -90,7 +98,7 @@ def _given(rig: Path) -> "Rig":
     return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig)
 
 
-def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> None:
+def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned: bool) -> None:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.bench import TwinBench
@@ -126,6 +134,7 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
         print_json(where | {"rig": rig.hash, "realtime": realtime, "seconds": seconds()})
     else:
         print(f"twin: {', '.join(f'{key} {value}' for key, value in where.items())}")
+        print(f"It runs until Ctrl-C. In another terminal: bowden run {words}, or bowden twin {words} --status")
         if not realtime:
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
