@@ -20,7 +20,7 @@ class TwinNode(Protocol):
     """Behind the drive."""
     faults: Faults
     """What has been injected."""
-    scenario_told: bool
+    scenario_noted: bool
     """Whether the sheath's motion has begun, or somebody has said when it does."""
     lacks: Mapping[str, str]
     """Faults that a drive of this family cannot have, as ``reboot`` or ``encoder_nan motor`` → why."""
