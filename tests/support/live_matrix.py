@@ -50,6 +50,8 @@ reading_age = 6.0  # a computer shared with others stalls for longer than a rig'
 
 PDO_OFF = 1 << 31
 NODE = 1
+LOOK = 0.01
+"""Between two looks at a run [s]."""
 SETTLED = 0.5
 """Time that a run is watched after a stop, or after a fault that stops nothing [s]."""
 
@@ -129,7 +131,7 @@ class LiveMatrix:
 
     def _look(self) -> dict[str, float]:
         while (row := self.session.last()) is None:
-            self.session.wait(0.01)
+            time.sleep(LOOK)
         return row
 
     def _wait_for(self, true: Callable[[], bool], patience: float) -> bool:
@@ -137,7 +139,7 @@ class LiveMatrix:
         while time.monotonic() < ends:
             if true():
                 return True
-            self.session.wait(0.01)
+            time.sleep(LOOK)
         return False
 
     def react(self, case: "Case", onset: float) -> Reaction:
@@ -148,7 +150,7 @@ class LiveMatrix:
         """
         self._under_the_law()
         session = self.session
-        session.wait(onset)
+        time.sleep(onset)
         session.last()  # what was before
         rows = [session.rows.read().rows]
         case.inject(self)
@@ -157,8 +159,8 @@ class LiveMatrix:
             rows.append(session.rows.read().rows)
             if any(np.any(one[:, AT["mode"]] >= Mode.LATCHED) or _stopped(one) for one in rows[-1:] if len(one)):
                 break
-            session.wait(0.01)
-        session.wait(SETTLED)
+            time.sleep(LOOK)
+        time.sleep(SETTLED)
         rows.append(session.rows.read().rows)
         torque = bool(self.twin.control.status()["torque"])
         seen = np.concatenate([one for one in rows if len(one)])
@@ -240,14 +242,14 @@ CASES = {
         _has(Injected.JOINT_NAN, "encoder_nan joint"),
         _has(Injected.JOINT_RANGE, "encoder_offset joint 1146"),
         _has(Injected.JOINT_FROZEN, "encoder_frozen joint"),
-        _has(Injected.JOINT_SPIKE, "encoder_spike joint 28.6", lasting=0.0099),
+        _has(Injected.JOINT_SPIKE, "encoder_spike joint 28.6", lasting=0.0099, patience=0.3),
         _has(Injected.JOINT_SPIKES, "encoder_spike joint 28.6"),
         _written(Injected.JOINT_DROPOUT, 0x1801, 1, PDO_OFF | _TPDO2, _TPDO2, 4),
         _has(Injected.JOINT_SIGN, "encoder_flipped joint"),
         _has(Injected.MOTOR_NAN, "encoder_nan motor"),
         _has(Injected.MOTOR_RANGE, "encoder_offset motor -1146"),
         _has(Injected.MOTOR_FROZEN, "encoder_frozen motor"),
-        _has(Injected.MOTOR_SPIKE, "encoder_spike motor 28.6", lasting=0.0099),
+        _has(Injected.MOTOR_SPIKE, "encoder_spike motor 28.6", lasting=0.0099, patience=0.3),
         _has(Injected.MOTOR_SPIKES, "encoder_spike motor 28.6"),
         _written(Injected.MOTOR_DROPOUT, 0x1800, 1, PDO_OFF | _TPDO1, _TPDO1, 4),
         _has(Injected.MOTOR_DELAY, "delayed_readings 400"),

@@ -39,7 +39,7 @@ def twin(
     duration: Annotated[float | None, typer.Option(help="Length of the scenario's sheath motion in seconds.")] = None,
     object_: Annotated[
         list[str] | None,
-        typer.Option("--object", help="An object that is otherwise: 6502:0=0x25, or 6502:0=none. May be repeated."),
+        typer.Option("--object", help="An object of a CANopen drive: 6502:0=0x25, or 6502:0=none. May be repeated."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
