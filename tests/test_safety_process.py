@@ -15,7 +15,7 @@ from support.live_matrix import CASES, NOT_HERE, LiveMatrix, differences
 
 FEW = (Injected.JOINT_SPIKE, Injected.JOINT_NAN, Injected.MOTOR_NAN, Injected.EMERGENCY, Injected.STOP)
 """One of each reaction, and the operator's own."""
-SEEDS = range(6)
+SEEDS = range(7)
 
 
 @pytest.fixture(scope="module")
