@@ -19,6 +19,11 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of
 
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:the cable's slope is negative"),  # notes, which Python has as warnings
+    pytest.mark.filterwarnings("ignore:.* on a suit. margins are not checked"),
+]
+
 ROOT = Path(__file__).parents[1]
 OWN = ROOT / "examples" / "my_plant.py"
 BOUC_WEN = BoucWen()._asdict() | {"slope": 0.9}
