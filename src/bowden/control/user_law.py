@@ -4,8 +4,8 @@ The file either defines a `Law` object, or the three parts of one: a NamedTuple 
 field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
 likes, ``TOLD``, what its gains are told of a rig (`Law.told`). What it defines is
 tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
-compiler's rarely do. Compiled code is kept under the hash of the file (see
-`bowden.core.kernel_cache`), so an edited law is never met by stale code.
+compiler's rarely do. Compiled code is kept under what it is made of (`bowden.core.kernel_cache`), so an edited law is
+never met by stale code.
 """
 
 import contextlib
@@ -70,6 +70,32 @@ def explained(law: Law) -> Iterator[None]:
     """
     with user_file.explained(Path(law.step_kernel.__code__.co_filename), f"the law {law.name!r}"):
         yield
+
+
+def is_own(law: Law) -> bool:
+    """Whether a law is a user's own: its step is none of this package's."""
+    return not user_file.is_ours(law.step_kernel)
+
+
+def refuse_no_number(law: Law, columns: Mapping[str, float], time: float) -> None:
+    """Refuse what a user's own law gave `time` [s] after its start, where it is no number.
+
+    Args:
+        law: whose; of one of this package's nothing is said.
+        columns: what it gave, by name.
+        time: [s]
+
+    Raises:
+        ParameterError: the first such column, with the law's file and line.
+    """
+    for name, value in columns.items():
+        if not math.isfinite(value) and is_own(law):
+            where = user_file.line(law.step_kernel, Path(law.step_kernel.__code__.co_filename))
+            raise ParameterError(
+                f"{where}: the law {law.name!r} gave {value} for {name} at t = {time:.6g} s",
+                expected="a finite number",
+                do=_CORRECT,
+            )
 
 
 _BY_NAME: Mapping[str, Told] = {

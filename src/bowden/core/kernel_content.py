@@ -96,6 +96,13 @@ def meant(function: FunctionType, name: str, replaced: Mapping[str, Callable[...
 @cache
 def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
     """Those parts that a kernel names, or that the kernels name which it calls, parts among them."""
+    named = stand_ins(function, parts)
+    return tuple(part for part in parts if part[0] in named)
+
+
+@cache
+def stand_ins(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
+    """The stand-ins that a kernel names, or that the kernels name which it calls, parts among them."""
     replaced, named = dict(parts), set()
     todo: list[Callable[..., Any]] = [function]
     seen: set[Callable[..., Any]] = {function}
@@ -109,7 +116,25 @@ def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
         new = [value for value in called if is_kernel(value) and value not in seen]
         todo += new
         seen |= set(new)
-    return tuple(part for part in parts if part[0] in named)
+    return frozenset(named)
+
+
+@cache
+def circle(function: FunctionType, parts: Parts) -> tuple[FunctionType, ...]:
+    """A kernel that a kernel reaches and that calls itself, and those by which it does; empty where there is none."""
+    replaced, done = dict(parts), set()
+
+    def looked(part: FunctionType, above: tuple[FunctionType, ...]) -> tuple[FunctionType, ...]:
+        if part in above:
+            return above[above.index(part) :]
+        if part in done:
+            return ()
+        called = (meant(part, name, replaced) for name in global_names(part.__code__))
+        found = next(filter(None, (looked(one, (*above, part)) for one in called if is_kernel(one))), ())
+        done.add(part)
+        return found
+
+    return looked(function, ())
 
 
 @cache

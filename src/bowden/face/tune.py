@@ -3,7 +3,6 @@
 import contextlib
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
@@ -117,10 +116,8 @@ def bends_of(rig: Rig) -> tuple[float, float]:
 def workers_for(rig: Rig) -> Iterator[Mapper]:
     """A `map` for the search: over two processes, where they can be handed the rig's law and plant."""
     law, plant = rig.law, rig.plant
-    if isinstance(law, LawFile):
-        law = law.path + law.name.rpartition(".py")[2]
-    if isinstance(law, str) and (plant is None or isinstance(plant, PlantFile)):
-        with two_workers(law, Path(), plant) as workers:
+    if isinstance(law, str | LawFile) and (plant is None or isinstance(plant, PlantFile)):
+        with two_workers(law, plant) as workers:
             yield workers
     else:  # a law or a plant of this process alone
         yield map

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
+from bowden.core.kernel_content import code_of
+from bowden.core.user_file import UserModule
 from bowden.plants import user_plant
 from bowden.plants.user_plant import UserPlant
 
@@ -28,6 +30,8 @@ class PlantFile(NamedTuple):
     """What was in it."""
     changed: tuple[tuple[str, float], ...] = ()
     """Parameters that were changed in Python, by name."""
+    modules: tuple[UserModule, ...] = ()
+    """What it imports of the user's own."""
 
     def load(self) -> UserPlant:
         """The plant; of a file that has changed since or is not there any more, what it was.
@@ -45,7 +49,7 @@ class PlantFile(NamedTuple):
 def _load(file: PlantFile) -> UserPlant:
     """The plant, made once in a process: what a file prints is printed once."""
     path, attribute = Path(file.path), file.name.rpartition(".py")[2]
-    return user_plant.load(f"{user_file.restored(path, file.source, 'plants')}{attribute}")
+    return user_plant.load(f"{user_file.restored(path, file.source, 'plants', file.modules)}{attribute}")
 
 
 def plant_file(name: str, folder: Path | None = None) -> PlantFile:
@@ -58,7 +62,8 @@ def plant_file(name: str, folder: Path | None = None) -> PlantFile:
     if not file.endswith(".py"):
         raise ParameterError(f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME")
     path = ((folder or Path()) / file).absolute()
-    found = PlantFile(name, str(path), user_file.source_of(path, "plant"))
+    source = user_file.source_of(path, "plant")
+    found = PlantFile(name, str(path), source, modules=user_file.modules_of(path, source))
     found.load()
     return found
 
@@ -157,10 +162,10 @@ def _in_file(plant: UserPlant) -> PlantFile | None:
 def _changed(plant: UserPlant, known: UserPlant) -> tuple[tuple[str, float], ...] | None:
     """The parameters in which a plant differs from the file's; None where it differs in more than numbers."""
     kernels = ("rest", "advance", "observe", "effort")
-    code = [user_file.code_of(*(getattr(one, kernel) for kernel in kernels)) for one in (plant, known)]
+    code = [code_of(*(getattr(one, kernel) for kernel in kernels)) for one in (plant, known)]
     kinds = [type(one.parameters).__name__ for one in (plant, known)]
     same = all(getattr(plant, name) == getattr(known, name) for name in PARTS)
-    if plant.name != known.name or code[0] != code[1] or kinds[0] != kinds[1] or not same:
+    if plant.name != known.name or code[0] is None or code[0] != code[1] or kinds[0] != kinds[1] or not same:
         return None
     found = []
     for name, value in plant.parameters._asdict().items():

@@ -16,6 +16,7 @@ from bowden import __version__
 from bowden.control import LAWS, Law
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
+from bowden.core.kernel_content import code_of
 from bowden.core.quantity import optional
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
@@ -91,11 +92,10 @@ def _written(name: str, value: Any) -> Any:
     if isinstance(value, IdentifiedCable):
         return {"best": value.best, "models": {k: dict(v) for k, v in value.models.items()}, "file": value.file}
     if isinstance(value, LawFile):
-        return {"name": value.name, "path": value.path, "source": base64.b64encode(value.source).decode()}
+        return user_file.written(value)
     if isinstance(value, UserPlant | PlantFile):
         plant = as_file(value)
-        source = base64.b64encode(plant.source).decode()
-        return {"name": plant.name, "path": plant.path, "source": source, "changed": dict(plant.changed)}
+        return user_file.written(plant) | {"changed": dict(plant.changed)}
     if isinstance(value, Law):
         return None  # `document` has its name or file
     if name == "reference":
@@ -138,19 +138,19 @@ def _said(value: Any) -> Any:
         return {"best": value.best, "models": _said({k: dict(v) for k, v in value.models.items()})}
     if isinstance(value, LawFile):
         attribute = value.name.rpartition(".py")[2]
-        return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute}
+        return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute} | _modules_said(value)
     if isinstance(value, PlantFile):
         attribute = value.name.rpartition(".py")[2]
         found = {"plant": hashlib.sha256(value.source).hexdigest(), "name": attribute}
-        return found | {"changed": _said(dict(value.changed))}
+        return found | {"changed": _said(dict(value.changed))} | _modules_said(value)
     if isinstance(value, UserPlant):  # of a notebook, as for a law
-        code = user_file.code_of(value.rest, value.advance, value.observe, value.effort)
+        code = code_of(value.rest, value.advance, value.observe, value.effort) or id(value.advance)
         return {"plant": value.name, "code": code, "parameters": _said(value.describe())}
     if isinstance(value, Law):
         try:
             base, own = packable(value)
         except ParameterError:  # of a notebook: what is run is all that is known of it
-            return {"law": value.name, "code": code_of_law(value), "gains": _said(value.gains)}
+            return {"law": value.name, "code": code_of_law(value) or id(value.step_kernel), "gains": _said(value.gains)}
         return {"law": _said(base), "gains": _said(own)} if own else _said(base)
     if isinstance(value, Mapping):
         return {key: _said(part) for key, part in value.items()}
@@ -168,6 +168,12 @@ def _said(value: Any) -> Any:
     if hasattr(value, "describe"):
         return {"type": type(value).__name__, "described": _said(value.describe())}
     return f"{value:.{_DIGITS}g}" if isinstance(value, float) else value
+
+
+def _modules_said(value: LawFile | PlantFile) -> dict[str, Any]:
+    """What a user's file imports, for the hash; nothing where it imports nothing of the user's own."""
+    found = {one.file: hashlib.sha256(one.source).hexdigest() for one in value.modules}
+    return {"modules": found} if found else {}
 
 
 def _scaled(value: Any, factor: float) -> Any:
@@ -233,10 +239,10 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
         part = BENDS[given["kind"]]
         return _made(part.kind, {k: v for k, v in given.items() if k != "kind"}, part.default, name, remarks)
     if name == "law" and isinstance(given, Mapping):
-        return LawFile(given["name"], given["path"], base64.b64decode(given["source"]))
+        return LawFile(given["name"], given["path"], **user_file.read(given))
     if name == "plant" and given is not None:
-        source = base64.b64decode(given["source"])
-        return PlantFile(given["name"], given["path"], source, tuple(given["changed"].items()))
+        changed = tuple((key, float(value)) for key, value in given["changed"].items())
+        return PlantFile(given["name"], given["path"], changed=changed, **user_file.read(given))
     return Gains(given) if name == "gains" else given
 
 

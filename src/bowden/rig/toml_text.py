@@ -113,6 +113,7 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
         name = Path(plant.path).name
         tree["cable"] = {"plant": name + plant.name.rpartition(".py")[2]}
         files[name] = plant.source
+        files |= {one.file: one.source for one in plant.modules}
     elif isinstance(cable, IdentifiedCable):
         tree["cable"] = {"model": Path(tree["cable"]["model"]).name}
         files[tree["cable"]["model"]] = cable_text(cable).encode()
@@ -128,6 +129,7 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
         name = Path(law.path).name
         tree["control"]["law"] = name + law.name.rpartition(".py")[2]
         files[name] = law.source
+        files |= {one.file: one.source for one in law.modules}
     if emg.levels is not None:
         tree["emg"]["wearer"] = Path(emg.wearer or "wearer.toml").name
         files[tree["emg"]["wearer"]] = wearer_file.text_of(emg.levels).encode()
