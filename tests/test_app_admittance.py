@@ -176,7 +176,7 @@ def test_a_live_reference_is_held_inside_the_supervisors_limits() -> None:
     held, tracked = live.notes
     assert held == "the reference of [admittance] is held within 4° to 75°, inside [limits]"
     assert tracked.startswith("limits.tracking_deg is 5.73; where a motion turns, friction leaves the motor 28° behind")
-    assert live.told()["admittance"]["estimated"] == 1.0
+    assert live.settings()["admittance"]["estimated"] == 1.0
     assert live_run(Rig.read("rig.toml"), measure=True).source() is TABLE
 
 

@@ -159,7 +159,7 @@ def test_a_new_detector_hears_scores_and_is_exported(monkeypatch: pytest.MonkeyP
     assert (found.score.misses, found.score.false_activations) == (0, 0)
     heard = Listener(1000.0, 0, detector=kind)
     heard.take(EmgChunk(signal[:700, None], np.arange(700) / 1000.0), 0.7)
-    assert heard.heard.flexor == 1.0
+    assert heard.reading.flexor == 1.0
     _, module = emg_modules(1000.0, kind)
     assert module.prefix == "toy"
     with pytest.raises(ParameterError, match="toy"):

@@ -12,7 +12,7 @@ from bowden.control import LAWS
 from bowden.control.admittance.push import Push, push_source
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.reference import PointToPoint
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.clock import SECOND
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
@@ -118,9 +118,9 @@ def test_what_the_log_has_makes_the_same_reference_and_command_interpreted(follo
     rows = np.column_stack([log[name] for name in names])[begins : begins + 300].tolist()
     nothing, state = Reference(math.nan, math.nan, math.nan), None
     for joint, motor, current, position, velocity, wish in rows:
-        heard = Heard(joint, motor, current, math.nan)
-        state = SOURCE.start(heard) if state is None else state
-        state, made, added = SOURCE.step(state, heard, nothing, 1e-3)
+        measured = Measurement(joint, motor, current, math.nan)
+        state = SOURCE.start(measured) if state is None else state
+        state, made, added = SOURCE.step(state, measured, nothing, 1e-3)
         assert (made.position, made.velocity) == (position, velocity)
         assert made.position + added == wish
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law, law_start
 from bowden.control.reference import Trajectory
-from bowden.control.source import TABLE, Heard, source_start
+from bowden.control.source import TABLE, Measurement, source_start
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.cycle.one_cycle import (
@@ -136,7 +136,7 @@ def run_supervised(
     state = CycleState(
         seen,
         law_start(settings.gains, seen),
-        source_start(settings.source, Heard(seen.joint, seen.motor, 0.0, math.nan)),
+        source_start(settings.source, Measurement(seen.joint, seen.motor, 0.0, math.nan)),
         begin(limits, first, thermal),
     )
     record[:, :] = math.nan

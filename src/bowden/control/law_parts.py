@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from bowden.control.knowledge import Knowledge
-from bowden.control.law import Told
+from bowden.control.law import FromRig
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference
 
@@ -30,7 +30,7 @@ def half_width(known: Knowledge) -> float:
     return 0.5 * known.width
 
 
-LAG: Mapping[str, Told] = {"lead": lag, "lead_square": lag_square}
+LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
 """What a law is told that has `ahead` take the lag away."""
 
 

@@ -37,13 +37,13 @@ def _minimum_jerk(start: float | Array, end: float | Array, duration: float | Ar
 def _positive(what: str, **values: float) -> None:
     for name, value in values.items():
         if not (value > 0.0 and np.isfinite(value)):
-            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0")
+            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0", do="correct it")
 
 
 def _finite(what: str, **values: float | tuple[float, ...]) -> None:
     for name, value in values.items():
         if not np.isfinite(value).all():
-            raise ParameterError(f"{what}: {name} is {value}", expected="finite numbers")
+            raise ParameterError(f"{what}: {name} is {value}", expected="finite numbers", do="correct it")
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,17 @@ class SafetyError(BowdenError):
     """A run that must not begin: a preflight that failed, or limits that contradict one another."""
 
 
+def article(noun: str) -> str:
+    """A noun with its article.
+
+    >>> article("Encoder"), article("UserPlant")
+    ('an Encoder', 'a UserPlant')
+    """
+    low = noun.lower()
+    vowel = low[:1] in tuple("aeiou") and not low.startswith(("eu", "uni", "use"))
+    return f"{'an' if vowel else 'a'} {noun}"
+
+
 _MOST_NAMES = 20
 
 

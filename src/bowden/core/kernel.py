@@ -50,7 +50,9 @@ def kernel(function: F) -> F:
     """
     if not isinstance(function, FunctionType):
         raise ParameterError(
-            f"kernel: function is {function!r}", expected="a function made by def", do="put @kernel on the line before it"
+            f"kernel: function is {function!r}",
+            expected="a function",
+            do="put @kernel on the line before its def",
         )
     function.__kernel__ = True  # type: ignore[attr-defined]  # functions take attributes; mypy has no type for it
     return function
@@ -114,7 +116,9 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
     return _compile(template, f"{template.__qualname__}_{name}", parts, within=False)
 
 
-def reached(template: Callable[..., Any], replacements: Mapping[str, Callable[..., Any]]) -> dict[str, Callable[..., Any]]:
+def reached(
+    template: Callable[..., Any], replacements: Mapping[str, Callable[..., Any]]
+) -> dict[str, Callable[..., Any]]:
     """Those replacements that a template reaches: of a set that is made for several templates."""
     there = stand_ins(template, tuple(sorted(replacements.items())))
     return {name: part for name, part in replacements.items() if name in there}

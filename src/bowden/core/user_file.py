@@ -207,7 +207,7 @@ def _found(name: str, places: list[str]) -> Path | None:
             spec = PathFinder.find_spec(".".join(parts[: i + 1]), where)
         except (ImportError, ValueError):
             return None
-        if spec is None or (where := spec.submodule_search_locations) is None and i + 1 < len(parts):
+        if spec is None or ((where := spec.submodule_search_locations) is None and i + 1 < len(parts)):
             return None
     origin = Path(spec.origin) if spec is not None and spec.origin else None
     return origin if origin is not None and origin.suffix == ".py" and origin.is_file() else None

@@ -5,12 +5,12 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 
 from bowden.control import Law, user_law
-from bowden.core.errors import ParameterError
+from bowden.core import arguments
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, Tuning
 from bowden.design.tune import tune as search
 from bowden.design.tune_runs import TuningRuns
-from bowden.face import arguments, given
+from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig import ranges
 from bowden.rig.given_law import LawFile
@@ -52,11 +52,12 @@ def tune(
     (True, 'holds')
     """
     whole = given.under(given.rig_of(rig, "tune"), law, preset, "tune")
-    for name, value, least in (("seed", seed, 0), ("generations", generations, 1)):
-        if value is not None and not (isinstance(value, int) and not isinstance(value, bool) and value >= least):
-            raise ParameterError(f"tune: {name} is {arguments.said(value)}", expected=f"a whole number from {least} on")
+    seed = arguments.whole(seed, "tune: seed", 0)
+    if generations is not None:
+        generations = arguments.whole(generations, "tune: generations", 1)
+    arguments.function(progress, "tune: progress", arguments.PROGRESS)
     given.tell(whole.notes)
-    with workers_for(whole) as workers:
+    with given.in_words_of_python(), workers_for(whole) as workers:
         return tuned(whole, whole.fitted(), seed=seed, generations=generations, workers=workers, progress=progress)
 
 

@@ -12,7 +12,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference
 from bowden.hardware.emg.course import CourseSettings, CourseState, course_step
 from bowden.hardware.emg.listener import filters_of, share_of
-from bowden.rig.emg_setup import EmgRun, columns, levels
+from bowden.rig.emg_setup import EmgRun, check_recording, columns, levels
 from bowden.sensing.intent import intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
@@ -37,6 +37,7 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     kind, _, path = run.source.partition(":")
     if kind != "file":
         return None
+    check_recording(run)
     stream = Playback(Path(path), run.wanted)
     stream.open()
     flexor, extensor = columns(run, stream)
@@ -44,15 +45,15 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     of = levels(run)
     signal = found.values[:, flexor]
     settings, chain = filters_of(of, run.detector)
-    told = OnsetDetector(found.rate, settings, run.detector).feed(signal)
+    found_by = OnsetDetector(found.rate, settings, run.detector).feed(signal)
     share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, of)
-    trouble, extends = told.trouble, np.zeros(len(signal))
+    trouble, extends = found_by.trouble, np.zeros(len(signal))
     if extensor is not None:
         other = OnsetDetector(found.rate, None, run.detector).feed(found.values[:, extensor])
         trouble, extends = np.maximum(trouble, other.trouble), other.active
     share[trouble > 0.0] = np.nan
     at = np.minimum((np.arange(int(len(signal) / found.rate / dt)) * dt * found.rate).astype(int), len(signal) - 1)
-    return EmgMotion(run, told.active[at], extends[at], share[at], dt)
+    return EmgMotion(run, found_by.active[at], extends[at], share[at], dt)
 
 
 class EmgMotion:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bowden.core import user_file
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 from bowden.core.kernel_content import code_of
 from bowden.core.user_file import UserModule
 from bowden.plants import user_plant
@@ -60,7 +60,9 @@ def plant_file(name: str, folder: Path | None = None) -> PlantFile:
     """
     file, _ = user_file.split(name)
     if not file.endswith(".py"):
-        raise ParameterError(f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME")
+        raise ParameterError(
+            f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME", do="name its file"
+        )
     path = ((folder or Path()) / file).absolute()
     source = user_file.source_of(path, "plant")
     found = PlantFile(name, str(path), source, modules=user_file.modules_of(path, source))
@@ -80,8 +82,9 @@ def held(given: Any) -> UserPlant | PlantFile | None:
         if given is None or isinstance(given, PlantFile):
             return given
         raise ParameterError(
-            f"Rig: plant is a {type(given).__name__}",
+            f"Rig: plant is {article(type(given).__name__)}",
             expected='"my_plant.py:NAME" or a UserPlant of bowden.plants.user_plant',
+            do="write it into a file and name that (docs/kernels.md)",
         )
     given.dynamics()
     return _in_file(given) or given

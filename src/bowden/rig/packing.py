@@ -1,12 +1,13 @@
 """A rig as plain bytes: a JSON document with all its numbers, and the contents of the files that it was made of."""
 
 import base64
+import contextlib
 import dataclasses
 import hashlib
 import json
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 from bowden import __version__
 from bowden.control import LAWS, Law
 from bowden.core import user_file
-from bowden.core.errors import ParameterError
+from bowden.core.arguments import said
+from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
 from bowden.core.quantity import optional
 from bowden.identify.cable.model import IdentifiedCable
@@ -103,6 +105,7 @@ def _written(name: str, value: Any) -> Any:
             raise ParameterError(
                 f"a reference of the type {type(value).__name__} is known to this process alone",
                 expected=f"one of {', '.join(part.kind.__name__ for part in REFERENCES.values())}",
+                do="use one of these, or simulate in this process",
             )
         return {"kind": _REFERENCE_TAGS[type(value)]} | {
             one.name: _plain(getattr(value, one.name)) for one in dataclasses.fields(value)
@@ -182,8 +185,12 @@ def _scaled(value: Any, factor: float) -> Any:
     return value / factor if isinstance(value, float) else value
 
 
-def unpacked(pack: bytes | Mapping[str, Any]) -> Packed:
+def unpacked(pack: bytes | Mapping[str, Any], known: Iterable[str]) -> Packed:
     """The fields of a rig from a document, or its bytes; what it leaves out is left out.
+
+    Args:
+        pack: what `packed` or `document` gave.
+        known: names of all fields.
 
     Raises:
         ParameterError: it is none, or of a version that cannot be read.
@@ -197,24 +204,55 @@ def unpacked(pack: bytes | Mapping[str, Any]) -> Packed:
         )
     remarks: list[str] = []
     values: dict[str, Any] = {}
+    fields = tuple(known)
+    if missing := [name for name in fields if name not in found]:
+        remarks.append(f"the packed rig has no {', '.join(missing)}: taken as the default bench has it")
     for name, given in found.items():
         if name in ("format", "software", "own_gains", "hash"):
             continue
-        values[name] = _value(name, given, remarks)
+        if name not in fields:
+            remarks.append(f"the packed rig has {name}, which this version does not know and leaves out")
+            continue
+        with _understood(name, given):
+            values[name] = _value(name, given, remarks)
     if "own_gains" in found:
-        law = values["law"]
-        loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
-        values["law"] = loaded.with_gains(**found["own_gains"])
+        with _understood("own_gains", found["own_gains"]):
+            law = values["law"]
+            loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
+            values["law"] = loaded.with_gains(**found["own_gains"])
     return Packed(values, tuple(remarks))
 
 
-def _read(pack: bytes) -> Mapping[str, Any]:
+@contextlib.contextmanager
+def _understood(name: str, given: Any) -> Iterator[None]:
+    """Whatever a foreign document holds in place of a part of a rig becomes one line.
+
+    Raises:
+        ParameterError: it is no such part.
+    """
     try:
+        yield
+    except BowdenError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, zlib.error) as error:
+        why = f"it has no {error.args[0]!r}" if isinstance(error, KeyError) else str(error)
+        raise ParameterError(
+            f"the packed rig's {name} is {said(given)}: {why}",
+            expected="what Rig.pack or Rig.document gave",
+            do="pack the rig anew",
+        ) from error
+
+
+def _read(pack: bytes) -> Mapping[str, Any]:
+    found = None
+    with contextlib.suppress(ValueError, TypeError):
         found = json.loads(pack)
-    except ValueError:
-        found = None
     if not isinstance(found, dict):
-        raise ParameterError("the bytes are no packed rig", expected="what Rig.pack gives")
+        raise ParameterError(
+            f"Rig.unpack: {said(pack)} is no packed rig",
+            expected="what Rig.pack or Rig.document gives",
+            do="read a rig.toml with Rig.read",
+        )
     return found
 
 
@@ -248,6 +286,8 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
 
 def _made(kind: Any, given: Mapping[str, Any], default: Any, name: str, remarks: list[str]) -> Any:
     """A NamedTuple of a kind from what `_plain` made of it; what another version called otherwise is remarked."""
+    if not isinstance(given, Mapping) or (given and not set(given) & set(kind._fields)):
+        raise ValueError(f"it has none of {', '.join(kind._fields)}")
     unknown = sorted(set(given) - set(kind._fields))
     missing = [one for one in kind._fields if one not in given]
     if unknown:

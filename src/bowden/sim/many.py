@@ -185,7 +185,7 @@ def _run(group: Sequence[Ready]) -> Iterator[tuple[Outcome, ...]]:
 
 
 def _refuse_no_number(ready: Ready, number: int, outcome: Outcome, duration: float) -> None:
-    """Run the law of that number again with a trace, where it or the plant is a user's own and may have given no number.
+    """Run the law of that number again with a trace, where it or the plant, a user's own, may have given no number.
 
     Raises:
         ParameterError: it did.
@@ -214,7 +214,7 @@ class Given:
         cycles = len(group[0].edges) - 1
         references, which = _distinct([ready.reference for ready in group], id)
         sheaths, bent = _distinct([ready.sheath for ready in group], id)
-        noises, heard = _distinct(group, _noise)
+        noises, noise = _distinct(group, _noise)
         normals = np.empty((len(noises), cycles, group[0].dynamics.normals))
         for row, ready in zip(normals, noises, strict=True):
             ready.case.plant.draw(ready.case.seed, row)
@@ -226,7 +226,7 @@ class Given:
             normals,
         )
         self._dynamics, self._fails = group[0].dynamics, group[0].case.fault is not None
-        self.rows = np.array([[cycles, which[i], bent[i], heard[i]] for i in range(len(group))], dtype=np.int64)
+        self.rows = np.array([[cycles, which[i], bent[i], noise[i]] for i in range(len(group))], dtype=np.int64)
         """Of each run, as `bowden.sim.batch.run_batch` takes them."""
         self.scratch: Array = np.empty((ROWS, cycles))
 

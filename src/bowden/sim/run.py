@@ -10,7 +10,7 @@ from bowden import __version__
 from bowden.control import user_law
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
-from bowden.control.source import TABLE, Heard, Source
+from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
@@ -88,11 +88,11 @@ def run_loop(
     settings = bare_settings(gains, source)
     state = bare_start(settings, first)
     for k in range(cycles):
-        body, heard = plant_observe(plant, body, normals[k])
-        sample = as_it_is(fault, Sample(heard.joint, heard.motor), kept, k)
-        heard = Heard(sample.joint, sample.motor, heard.current, heard.load)
+        body, measured = plant_observe(plant, body, normals[k])
+        sample = as_it_is(fault, Sample(measured.joint, measured.motor), kept, k)
+        measured = Measurement(sample.joint, sample.motor, measured.current, measured.load)
         scheduled = Reference(references[0, k], references[1, k], references[2, k])
-        state, reference, command, _ = one_cycle(settings, state, heard, Plan(LAW, initial_motor, scheduled), dt)
+        state, reference, command, _ = one_cycle(settings, state, measured, Plan(LAW, initial_motor, scheduled), dt)
         references[0, k], references[1, k], references[2, k] = reference
         now = sheath_at(sheath, k)
         record[0, k] = sample.joint
@@ -198,9 +198,7 @@ def simulate(
     )
 
 
-def _refuse_no_number(
-    dynamics: Dynamics, law: Law, found: dict[str, Array], time: Array, lasted: int
-) -> None:
+def _refuse_no_number(dynamics: Dynamics, law: Law, found: dict[str, Array], time: Array, lasted: int) -> None:
     """Refuse a run in which a user's own plant or law gave what is no number, by what was the first.
 
     Raises:

@@ -143,7 +143,7 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Han, IEEE Transactions on Industrial Electronics 56(3), 2009; Gao, ACC 2003; Miklosovic et al., ACC 2006",
-    told={
+    from_rig={
         **LAG,
         "slope": "slope",
         "natural_frequency": "servo_frequency",

@@ -95,7 +95,7 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Wu et al., cascaded PID for a cable-driven lower-limb exoskeleton; Dinh et al. 2017, Section 1, [16]",
-    told={**LAG, "slope": "slope"},
+    from_rig={**LAG, "slope": "slope"},
     compensates_lag=True,
     limits={
         "proportional_gain": (0.0, 1e3),
