@@ -6,6 +6,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from admittance_study import MIDDLE
 from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.admittance.virtual_elbow import Admittance
@@ -13,7 +14,6 @@ from bowden.control.source import TABLE
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.design.admittance_study import MIDDLE
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.live_run import live_run

@@ -16,7 +16,7 @@ from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, WishSource, led
-from bowden.design.admittance_study import felt
+from bowden.design.felt import felt
 from bowden.live.events import Changes
 from bowden.live.live_run import Live, live_run
 from bowden.live.log_replay import source_for

@@ -13,7 +13,6 @@ from bowden.core.quantity import Quantity
 from bowden.export.parts import emg_modules
 from bowden.hardware.drives import family as drive_families
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, family_named, family_of, names
-from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.ports import Drive, EmgChunk, Power
 from bowden.hardware.twin.bench import TwinBench
@@ -22,6 +21,7 @@ from bowden.rig.rig import Rig
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DETECTORS, detector_named
 from bowden.sensing.stream import OnsetDetector
+from support.simulated_drive import SimulatedDrive
 
 
 class ToyParameters(NamedTuple):

@@ -11,7 +11,6 @@ from bowden.control.knowledge import MEASURED, informed, with_measured_width
 from bowden.control.knowledge import dead_zone as of_model
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, WishSource
-from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.live.dead_zone import dead_zone
 from bowden.live.preflight import Preflight, begin, step
 from bowden.live.replay import replay
@@ -20,6 +19,7 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from loop_rig import LoopRig, twin_bench
+from support.simulated_drive import SimulatedDrive
 
 LAW, LIMITS, BENCH = LAWS["bowden"], Limits(), default_bench()
 

@@ -6,6 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from admittance_study import (
+    MIDDLE,
+    PushedReference,
+    back_driven,
+    misjudged,
+    pushed,
+    sweep,
+    swinging,
+)
 from admittance_unseen import unseen, unseen_felt
 from bowden.control import LAWS
 from bowden.control.admittance.push import ROOM, push_source, stretched
@@ -16,16 +25,7 @@ from bowden.core.kernel import compiled
 from bowden.core.nested import flat
 from bowden.core.signals import Reference
 from bowden.core.units import RADIANS
-from bowden.design.admittance_study import (
-    MIDDLE,
-    PushedReference,
-    back_driven,
-    felt,
-    misjudged,
-    pushed,
-    sweep,
-    swinging,
-)
+from bowden.design.felt import felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.rig.presets.suit import suit
 from bowden.sim.run import simulate

@@ -45,20 +45,11 @@ from bowden.safety.supervisor import (
     Verdict,
     begin,
 )
-from bowden.sim.injected import (
-    FAULT,
-    NANOSECOND,
-    Injected,
-    Misled,
-    asleep,
-    disturbed,
-    in_seconds,
-    misled_start,
-    misled_step,
-)
+from bowden.sim.injected import FAULT, Injected
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
 from support.injected_drive import DriveSettings, drive_moved, drive_read, drive_reading, drive_start, true_joint
+from support.injection import NANOSECOND, asleep, disturbed, in_seconds, misled_gains, misled_start, misled_step
 
 
 class Outcome(NamedTuple):
@@ -301,10 +292,3 @@ def supervised(
         out,
     )
     return Outcome(*out.tolist()), record
-
-
-def misled_gains(law: Law, injected: tuple[tuple[Injected, float], ...], dt: float) -> Misled:
-    """The law's gains with the faults that are injected, and when they begin [s]."""
-    faults = injected or ((Injected.NOTHING, 1e6),)
-    kinds, onsets = ([int(kind) for kind, _ in faults], [round(onset / dt) for _, onset in faults])
-    return Misled(law.gains, np.array(kinds), np.array(onsets), np.zeros(1, dtype=np.int64))
