@@ -21,6 +21,7 @@ from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import stand_in
 from bowden.core.nested import columns, is_named, leaves, name_of
+from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
@@ -41,6 +42,7 @@ def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: f
     raise NotImplementedError  # always replaced
 
 
+@signed
 @dataclass(frozen=True, repr=False)
 class Law:
     """A control law with its gains: usable alone, interpreted, with nothing else around it.
@@ -80,10 +82,21 @@ class Law:
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state, or its column (``part.field``) → unit for the record, where the state's type does not say."""
+    former: Mapping[str, str] = field(default_factory=dict)
+    """Gain of an older version → what stands in its place, for messages."""
     own: Gains = field(default=None, repr=False)
     """The gains with which the law comes; `gains` where nothing else is given."""
     chosen: frozenset[str] = frozenset()
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
+
+    def __new__(cls, *given: Any, **named: Any) -> "Law":
+        """Refuse what is no field before Python does, and say what was meant."""
+        fields = cls.__dataclass_fields__
+        for name in named:
+            if name not in fields:
+                expected = "from_rig" if name == "told" else near(name, fields)
+                raise ParameterError(f"a law has no {name!r}", expected=expected, do="correct the name")
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         """Keep the law's own gains, and refuse a declaration that cannot be.
@@ -151,6 +164,12 @@ class Law:
         """
         for name, value in changes.items():
             if name not in self.gains._fields:
+                if name in self.former:
+                    raise ParameterError(
+                        f"law {self.name!r} has no gain {name!r} any more",
+                        expected=self.former[name],
+                        do="rename or delete it",
+                    )
                 alike = difflib.get_close_matches(name, self.gains._fields, 1)
                 raise ParameterError(
                     f"law {self.name!r} has no gain {name!r}",

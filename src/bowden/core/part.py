@@ -1,6 +1,7 @@
-"""Parts of a rig that a user makes by hand: NamedTuples that refuse at once what can be none of their values."""
+"""Classes that a user makes by hand, and that refuse at once what can be none of their values."""
 
 from functools import wraps
+from inspect import Signature, signature
 from typing import Any, TypeVar
 
 from bowden.core.arguments import said
@@ -10,6 +11,15 @@ Kind = TypeVar("Kind", bound=type)
 
 _NO_NUMBER = (str, bytes, list, dict, set, type, type(None))
 """What is refused: kernels are handed numbers, and arrays and symbols in their place."""
+
+
+def signed(kind: Kind) -> Kind:
+    """Let help and notebooks show the arguments of a dataclass whose ``__new__`` takes any, to refuse them itself."""
+    made: Any = kind
+    first, *others = signature(made.__init__).parameters.values()
+    assert first.name == "self"
+    made.__signature__ = Signature(others)
+    return kind
 
 
 def part(kind: Kind) -> Kind:

@@ -15,6 +15,7 @@ from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, near
 from bowden.core.files import whole_file
+from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
 from bowden.core.style import new_figure
@@ -80,6 +81,7 @@ _AS_BENCH = ("bouc_wen", _LINE)
 _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 
 
+@signed
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Rig:
     """Everything that a run needs; the default is the bench of the paper. All numbers are in SI and radians.
