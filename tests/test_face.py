@@ -15,6 +15,7 @@ import pytest
 
 import bowden
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.live.log_rig import rig_of_log
 from live_runs import tries
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -262,6 +263,7 @@ def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None
     assert np.nanmax(trace.array("joint", "deg")) > 40.0
     assert np.array_equal(bowden.read_trace(session.log)["joint"], trace["joint"], equal_nan=True)
     assert "Run of adaptive" in repr(session)
+    assert rig_of_log(session.log).drive == rig.drive  # not the bus of a twin that is no more
 
 
 # errors

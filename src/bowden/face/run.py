@@ -129,7 +129,7 @@ def live_session(
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is told before anything else is started
         if twin:
-            live = live_run(stack.enter_context(own_twin(rig)))
+            live = live_run(stack.enter_context(own_twin(rig)), logged=rig)
         yield stack.enter_context(Session(live, new_log(out, live.law.name), emg_process, remembers=not twin))
 
 

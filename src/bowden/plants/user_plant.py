@@ -145,11 +145,14 @@ class UserPlant(NamedTuple):
         """See `Plant.resting_motor`.
 
         Raises:
-            ParameterError: it has its joint there at no motor angle.
+            ParameterError: it has its joint there at no motor angle, or fails, with file and line.
         """
         sheath = sheath_state(self.sheath, self.sheath.bend if bend is None else bend)
         handed = self._handed
-        return motor_for(joint, lambda motor: float(self.rest(handed, motor, sheath).joint), joint + 1e-3, self.name)
+        with user_file.explained(self.path, f"the plant {self.name!r}"):
+            return motor_for(
+                joint, lambda motor: float(self.rest(handed, motor, sheath).joint), joint + 1e-3, self.name
+            )
 
     def describe(self) -> dict[str, Any]:
         """See `Plant.describe`."""

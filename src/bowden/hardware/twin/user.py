@@ -124,14 +124,15 @@ class TwinUser:
         """Move on to `now` [s]: the cycle that it lies in has been calculated to its end.
 
         Raises:
-            ParameterError: the plant gave no number.
+            ParameterError: the plant gave no number, or failed.
         """
         self._now = max(now, self._time)
         if now - self._time > LONGEST_GAP:
             self._time = now - LONGEST_GAP
-        while now - self._time >= self.plant.sample_time:
-            self._time += self.plant.sample_time
-            self._step(self.command if self.doing == FOLLOW else self._cycle.after.motor)
+        with self._dynamics.explained():
+            while now - self._time >= self.plant.sample_time:
+                self._time += self.plant.sample_time
+                self._step(self.command if self.doing == FOLLOW else self._cycle.after.motor)
 
     def _step(self, applied: float) -> None:
         """The cycle that begins at `_time`, from where the one before ended."""
