@@ -20,7 +20,7 @@ from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import FromRig, Law
 from bowden.control.law_parts import LAG
 from bowden.core import user_file
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.bouc_wen import BoucWen
 
@@ -115,7 +115,7 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
             )
         if not isinstance(names[attribute], Law):
             raise ParameterError(
-                f"{attribute} in {path} is a {type(names[attribute]).__name__}", expected="a Law", do="name one"
+                f"{attribute} in {path} is {article(type(names[attribute]).__name__)}", expected="a Law", do="name one"
             )
         return names[attribute]
     if len(own) == 1:
@@ -177,7 +177,9 @@ def check_law(law: Law, path: Path | None = None) -> None:
             if type(answer[0]) is not type(state):
                 given, right = type(answer[0]).__name__, type(state).__name__
                 raise ParameterError(
-                    f"{where}: the state from step is a {given}", expected=f"a {right}, as from start", do=_CORRECT
+                    f"{where}: the state from step is {article(given)}",
+                    expected=f"{article(right)}, as from start",
+                    do=_CORRECT,
                 )
             state, command = answer
             _check_numbers(state, "the state from step", where)
@@ -191,7 +193,7 @@ def check_law(law: Law, path: Path | None = None) -> None:
 def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -> None:
     if not hasattr(values, "_asdict"):
         raise ParameterError(
-            f"{where}: {what} is a {type(values).__name__}", expected="a NamedTuple of floats", do=_CORRECT
+            f"{where}: {what} is {article(type(values).__name__)}", expected="a NamedTuple of floats", do=_CORRECT
         )
     for name, value in values._asdict().items():
         check = _check_numbers if isinstance(value, tuple) else _check_number

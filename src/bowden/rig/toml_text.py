@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import Law
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 from bowden.core.quantity import declared
 from bowden.core.toml_text import quoted
 from bowden.identify.cable.model import IdentifiedCable
@@ -72,7 +72,7 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
         if type(value) is part.kind:
             return {"kind": tag} | section_tree(value)
     raise ParameterError(
-        f"a rig.toml has no words for a {type(value).__name__}",
+        f"a rig.toml has no words for {article(type(value).__name__)}",
         expected=f"one of {', '.join(part.kind.__name__ for part in kinds.values())}",
     )
 
