@@ -3,7 +3,6 @@
 import inspect
 import subprocess
 import sys
-import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,14 +29,11 @@ def fresh(code: str) -> str:
     return done.stdout.strip()
 
 
-def test_importing_the_package_loads_nothing_heavy_and_takes_no_time() -> None:
-    said = fresh(
-        "import sys, time; before = set(sys.modules); begin = time.perf_counter(); import bowden; "
-        "print(time.perf_counter() - begin, *sorted({name.split('.')[0] for name in set(sys.modules) - before}))"
-    )
-    seconds, *loaded = said.split()
-    assert not set(loaded) & set(HEAVY)
-    assert float(seconds) < 0.05
+def test_importing_the_package_loads_nothing_heavy_and_little_else() -> None:
+    loaded = fresh("import sys; before = set(sys.modules); import bowden; print(*set(sys.modules) - before)").split()
+    assert "bowden" in loaded
+    assert not {name.split(".")[0] for name in loaded} & set(HEAVY)
+    assert len(loaded) < 60
 
 
 @pytest.mark.parametrize("name", [name for name in bowden.__all__ if name != "__version__"])
@@ -152,14 +148,12 @@ def test_a_trace_is_read_by_what_is_in_the_file(kind: str, tmp_path: Path) -> No
 
 
 def test_a_fit_shows_itself_and_its_best_is_a_model() -> None:
-    begin = time.perf_counter()
     fit = bowden.identify(T, MOTOR, JOINT)
     assert fit.best.name == "line"
     assert repr(fit).startswith("Fit of log: use line, ")
     assert len(repr(fit).splitlines()) < 24
     assert "<svg" in fit._repr_html_()
     assert len(fit.plot()) == 2
-    assert time.perf_counter() - begin < 60.0
 
 
 def test_a_fit_comes_from_a_trace_a_log_and_a_file_alike(tmp_path: Path) -> None:
@@ -236,8 +230,10 @@ def test_a_rig_and_a_law_are_one_screen_each() -> None:
 
 
 def test_a_fit_goes_into_a_rig_as_it_is() -> None:
-    lag = 0.05 * np.sign(np.gradient(MOTOR))
-    fit = bowden.identify(T, MOTOR, 0.9 * (MOTOR - lag))
+    slid = [0.0]
+    for motor in MOTOR:  # a play of ±0.05 rad
+        slid.append(min(max(slid[-1], motor - 0.05), motor + 0.05))
+    fit = bowden.identify(T, MOTOR, 0.9 * np.array(slid[1:]) + 1e-4 * np.random.default_rng(1).normal(size=len(T)))
     assert fit.best.name != "line"
     runs = [bowden.simulate(bowden.Rig(cable=cable, duration=4.0), "adaptive") for cable in (fit, fit.best)]
     assert runs[0].stable
@@ -308,7 +304,10 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "a folder of numbers": (lambda: bowden.export(bowden.Rig(), 3), r"export: folder is 3; expected the path"),  # type: ignore[arg-type]
     "a study of numbers": (lambda: bowden.campaign(3), r"campaign: study is 3; expected the path"),  # type: ignore[arg-type]
     "no workers": (lambda: bowden.campaign("s.toml", workers=0), r"workers is 0; expected a whole number from 1"),
-    "a bus of numbers": (lambda: bowden.run(bowden.Rig(), channel=3).__enter__(), r"run: channel is 3; expected text"),  # type: ignore[arg-type]
+    "a bus of numbers": (
+        lambda: bowden.run(bowden.Rig(), channel=3).__enter__(),
+        r"run: channel is 3; expected the name of a bus",
+    ),  # type: ignore[arg-type]
     "an unknown law": (lambda: bowden.LAWS["adaptiv"], r"adaptive \(did you mean this\?\)"),
 }
 

@@ -54,7 +54,14 @@ RIG = Rig(duration=1.0)
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     "campaign": (
         made(bowden.campaign, "study.toml"),
-        {"study": NO_PATH, "out": NO_PATH, "workers": (0, *NO_WHOLE), "cluster": NO_TEXT, "progress": NO_CALL},
+        {
+            "study": NO_PATH,
+            "out": NO_PATH,
+            "rig": NO_RIG[2:],
+            "workers": (0, *NO_WHOLE),
+            "cluster": NO_TEXT,
+            "progress": NO_CALL,
+        },
     ),
     "check": (made(bowden.check, RIG), {"rig": NO_RIG, "law": NO_LAW, "preset": NO_TEXT}),
     "export": (
@@ -88,6 +95,17 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "Law.with_gains": (bowden.LAWS["adaptive"].with_gains, {"feedback_gain": ("1", None, {}), "nope": (1.0,)}),
     "Law.preset": (made(bowden.LAWS["adaptive"].preset, "paper"), {"name": NO_TEXT[:3]}),
+    "league": (
+        made(bowden.league, RIG),
+        {
+            "rig": NO_RIG[2:],
+            "laws": (3, "adaptive", ["adaptiv"], [3]),
+            "plants": (3, "bench", [3], ["bensh"]),
+            "scenarios": (3, "fast", [3], ["fasd"]),
+            "data": NO_PATH,
+            "progress": NO_CALL,
+        },
+    ),
     "MinimumJerk": (bowden.MinimumJerk, {"low": (0.0,)}),
     "MinimumJerk.periodic": (
         made(bowden.MinimumJerk.periodic, 0.0, 1.0, 4.0),
@@ -132,6 +150,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "rig": NO_RIG,
             "law": NO_LAW,
             "preset": NO_TEXT,
+            "study": NO_PATH,
             "seed": NO_WHOLE,
             "generations": (0, *NO_WHOLE),
             "progress": NO_CALL,

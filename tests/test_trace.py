@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from bowden.core.errors import BowdenError, LogError, OutputError
+from bowden.core.errors import BowdenError, LogError, OutputError, ParameterError
 from bowden.core.trace import Trace
 
 KINDS = ("parquet", "csv")

@@ -175,8 +175,12 @@ def refuse_no_number(dynamics: Dynamics, columns: Mapping[str, float], time: flo
     """
     for name, value in columns.items():
         if dynamics.file and not math.isfinite(value):
-            reads = name.endswith("_measured") and not user_file.is_ours(dynamics.observe)
-            where = user_file.line(dynamics.observe if reads else dynamics.advance, Path(dynamics.file))
+            reads = name.endswith("_measured")
+            own = dynamics.observe if reads else dynamics.advance
+            own = dynamics.parts.get("own_observe" if reads else "own_advance", own)  # of one that is turned round
+            if user_file.is_ours(own):  # encoders are read by ours
+                own = dynamics.parts.get("own_advance", dynamics.advance)
+            where = user_file.line(own, Path(dynamics.file))
             raise ParameterError(
                 f"{where}: the plant {dynamics.name!r} gave {value} for {name} at t = {time:.6g} s",
                 expected="a finite number",
