@@ -188,7 +188,9 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: Sequence[str]) -> list[
     """
     for name in wanted:
         if name not in known:
-            raise ParameterError(f"there is no {what} {name!r} in the league", expected=near(str(name), known))
+            raise ParameterError(
+                f"there is no {what} {name!r} in the league", expected=near(str(name), known), do="name one of them"
+            )
     return [value for name, value in known.items() if not wanted or name in wanted]
 
 
