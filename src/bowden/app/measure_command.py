@@ -48,7 +48,7 @@ def measure(
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         if twin:
-            live = live_run(stack.enter_context(own_twin(given)), measure=True)
+            live = live_run(stack.enter_context(own_twin(given)), measure=True, logged=given)
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin))
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)

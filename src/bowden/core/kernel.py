@@ -7,15 +7,17 @@ imported only then. Compiled code is cached on disk (`bowden.core.kernel_cache`)
 
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from types import FunctionType
 from typing import Any, TypeVar
 
+from bowden.core.errors import ParameterError, near
 from bowden.core.kernel_cache import keep
 from bowden.core.kernel_content import (
     Content,
     Parts,
+    circle,
     content_of,
     content_of_files,
     global_names,
@@ -23,6 +25,7 @@ from bowden.core.kernel_content import (
     is_primitive,
     meant,
     reaching,
+    stand_ins,
 )
 from bowden.core.primitives import PRIMITIVES, cos, exp, log, power, sel, sin, tanh, twin_of
 
@@ -41,7 +44,16 @@ def kernel(function: F) -> F:
     ...     return 2.0 * x
     >>> double(3.0), compiled(double)(3.0)
     (6.0, 6.0)
+
+    Raises:
+        ParameterError: what is no function.
     """
+    if not isinstance(function, FunctionType):
+        raise ParameterError(
+            f"kernel: function is {function!r}",
+            expected="a function",
+            do="put @kernel on the line before its def",
+        )
     function.__kernel__ = True  # type: ignore[attr-defined]  # functions take attributes; mypy has no type for it
     return function
 
@@ -87,10 +99,29 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
         template: a kernel.
         name: what to call this variant, for whoever reads a profile or the cache folder.
         replacements: name of a stand-in → kernel to put there.
+
+    Raises:
+        ParameterError: a name that no stand-in has which the template reaches.
     """
     assert isinstance(template, FunctionType)
     parts = tuple(sorted(replacements.items()))
+    there = stand_ins(template, parts)
+    for part, _ in parts:
+        if part not in there:
+            raise ParameterError(
+                f"specialise: {template.__qualname__} reaches no stand-in {part!r}",
+                expected=near(part, sorted(there)),
+                do="correct the name, or leave it out",
+            )
     return _compile(template, f"{template.__qualname__}_{name}", parts, within=False)
+
+
+def reached(
+    template: Callable[..., Any], replacements: Mapping[str, Callable[..., Any]]
+) -> dict[str, Callable[..., Any]]:
+    """Those replacements that a template reaches: of a set that is made for several templates."""
+    there = stand_ins(template, tuple(sorted(replacements.items())))
+    return {name: part for name, part in replacements.items() if name in there}
 
 
 @cache
@@ -116,6 +147,14 @@ def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType
 
     What differs has another name, in this process and in those that the cache's code came from.
     """
+    if found := circle(function, parts):
+        code = found[0].__code__
+        raise ParameterError(
+            f"{code.co_filename}, line {code.co_firstlineno}: the kernel {found[0].__name__!r} calls itself"
+            + "".join(f", by {one.__name__!r}" for one in found[1:]),
+            expected="kernels that call others",
+            do="write it as a loop: for i in range(n)",
+        )
     content = content_of(function, parts)
     namespace, replaced = dict(function.__globals__), dict(parts)
     for key in global_names(function.__code__):
