@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.kernel import exp, kernel, sin
 from bowden.models.cable.backlash import push
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
@@ -206,15 +206,15 @@ def worn_advance(
 
 
 @kernel
-def worn_observe(plant: WornParameters, body: WornBody, normals: Array) -> tuple[WornBody, Heard]:
+def worn_observe(plant: WornParameters, body: WornBody, normals: Array) -> tuple[WornBody, Measurement]:
     """What its sensors say; the joint's says the same again while its link is lost."""
     worn, moving = plant.worn, plant.moving
     joint = reading(body.seen, normals[0], moving.joint_encoder)
     if body.time % worn.lost_every < worn.lost and body.time > worn.lost_every:
         joint = body.last
     motor = reading(body.cable.motor.position, normals[1], moving.motor_encoder)
-    heard = Heard(joint, motor, np.nan, np.nan)
-    return WornBody(body.cable, body.load, body.load_speed, body.joint, body.seen, joint, body.time), heard
+    measured = Measurement(joint, motor, np.nan, np.nan)
+    return WornBody(body.cable, body.load, body.load_speed, body.joint, body.seen, joint, body.time), measured
 
 
 @kernel
