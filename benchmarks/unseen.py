@@ -1,6 +1,6 @@
 """Every law on cells that nobody tuned for: ``python benchmarks/unseen.py --set development``; see docs/unseen.md.
 
-Each law is told the same of a rig by the one rule of `bowden.control.knowledge`, and has its own gains for all cells.
+Each law knows the same of a rig by the one rule of `bowden.control.knowledge`, and has its own gains for all cells.
 A law's cost in a cell is its RMSE over the whole run, from rest; an unstable run costs more than any other. Looks at
 the validation and judging sets are counted in ``unseen_looks.toml`` before anything is run.
 """
@@ -29,7 +29,7 @@ from unseen_cells import DURATION, SETS, Cell, case_of, draw
 LOOKS = Path(__file__).with_name("unseen_looks.toml")
 COUNTS = {"development": 300, "validation": 300, "judging": 400}
 """Cells of a set where no seeds are given."""
-YARDSTICK = "active_disturbance_rejection"
+BASELINE = "active_disturbance_rejection"
 """The law that chatter and the share of worse cells are taken to."""
 OURS = "bowden"
 NEAR, WORSE = 1.1, 1.2
@@ -82,9 +82,9 @@ class Standing:
     late_median: float
     late_most: float
     worse: float
-    """Share more than 20 % worse than the yardstick [–]."""
+    """Share more than 20 % worse than the baseline [–]."""
     chatter: float
-    """Median of the command's total variation over the yardstick's [–]."""
+    """Median of the command's total variation over the baseline's [–]."""
     most_chatter: float
     """The same at 95 % [–]."""
     unstable: int
@@ -110,7 +110,7 @@ def _standing(law: str, table: dict[int, dict[str, Run]]) -> Standing:
     rows = [row for row in table.values() if law in row]
     whole = np.array([ratio(row[law].rmse_deg, min(run.rmse_deg for run in row.values())) for row in rows])
     late = np.array([ratio(row[law].late_deg, min(run.late_deg for run in row.values())) for row in rows])
-    compared = [(row[law], row[YARDSTICK]) for row in rows if YARDSTICK in row]
+    compared = [(row[law], row[BASELINE]) for row in rows if BASELINE in row]
     chatter = [mine.travel_deg / its.travel_deg for mine, its in compared if mine.stable and its.stable]
     worse = [mine.rmse_deg > WORSE * its.rmse_deg or (its.stable and not mine.stable) for mine, its in compared]
     return Standing(

@@ -1,4 +1,4 @@
-"""Cells that no law has seen: a rig, its sheath's path, what is asked of it and what the laws are told, from a number.
+"""Cells that no law has seen: a rig, its sheath's path, what is asked of it and what the laws know, from a number.
 
 Every cell is drawn from its set's key and its number alone. Each of its parts belongs to a family of `FAMILIES`; the
 parts are drawn independently, so that a judging set has combinations that nobody thought of.
@@ -55,7 +55,7 @@ FAMILIES: dict[str, dict[str, float]] = {
         "moved at rest": 2,
         "moved at turns": 2,
     },
-    "servo": {"as told": 5, "under-damped": 2, "wrongly told": 2},
+    "servo": {"as known": 5, "under-damped": 2, "wrongly known": 2},
     "reference": {
         "periodic": 3,
         "point to point": 3,
@@ -66,7 +66,7 @@ FAMILIES: dict[str, dict[str, float]] = {
         "stepped": 1,
         "noisy velocity": 1,
         "no derivatives": 1,
-        "held": 1,  # told anew 20 to 100 times a second, without derivatives
+        "held": 1,  # given anew 20 to 100 times a second, without derivatives
     },
     "wearer": {"none": 5, "pushes": 2, "tremor": 2, "walking": 2, "breathing": 1},
     "knowledge": {"nothing of the cable": 5, "slope": 4, "identified": 1},
@@ -92,7 +92,7 @@ class Cell:
     bend: BendPath
     reference: Trajectory
     known: Knowledge
-    """What every law is told."""
+    """What every law knows."""
     initial_motor: float
     """[rad]"""
     allowed: float
@@ -135,14 +135,14 @@ def draw(set_name: str, number: int) -> Cell:
         load_lag=float(random.uniform(0.005, 0.06)) if families["load"] == "lagging" else 0.0,
     )
     rig = WornRig(inner, _worn(random, families, motion))
-    asked = motion.told.sample(np.linspace(0.0, DURATION, 2001))[:, 0]
+    asked = motion.asked.sample(np.linspace(0.0, DURATION, 2001))[:, 0]
     start, allowed = float(asked[0]), max(float(np.ptp(asked)), 5.0 * RADIANS) + _by_the_wearer(rig.worn)
     motor = inner.resting_motor(start, float(path(np.zeros(1))[0]))
-    return Cell(number, families, rig, path, motion.told, _known(random, families, rig), motor, allowed)
+    return Cell(number, families, rig, path, motion.asked, _known(random, families, rig), motor, allowed)
 
 
 def case_of(cell: Cell, laws: Any) -> Case:
-    """The cell for `bowden.sim.many.simulate_many`, with laws that know what is told."""
+    """The cell for `bowden.sim.many.simulate_many`, with laws that know what is known."""
     return Case(cell.rig, laws, cell.reference, cell.bend, cell.number, cell.initial_motor)
 
 
@@ -189,14 +189,14 @@ def _cable(random: np.random.Generator, families: dict[str, str]) -> Cable:
 class _Motion:
     """What is asked for, and when it rests and turns."""
 
-    told: Trajectory
+    asked: Trajectory
     holds: list[tuple[float, float]]
     turns: list[float]
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Set points that jump; their velocity is told as 0."""
+    """Set points that jump; their velocity is given as 0."""
 
     times: tuple[float, ...]
     positions: tuple[float, ...]
@@ -242,8 +242,8 @@ class Blended:
 
 
 @dataclass(frozen=True)
-class Told:
-    """A motion as a poor source tells it: with a noisy velocity, without derivatives, or held between its ticks."""
+class PoorSource:
+    """A motion as a poor source gives it: with a noisy velocity, without derivatives, or held between its ticks."""
 
     motion: Trajectory
     noise: float
@@ -264,7 +264,7 @@ class Told:
 
     def describe(self) -> dict[str, Any]:
         """See `Trajectory.describe`."""
-        return {"kind": "told", "motion": self.motion.describe(), "noise": self.noise, "tick": self.tick}
+        return {"kind": "poor_source", "motion": self.motion.describe(), "noise": self.noise, "tick": self.tick}
 
 
 def _motion(random: np.random.Generator, families: dict[str, str], stroke: float) -> _Motion:
@@ -274,7 +274,7 @@ def _motion(random: np.random.Generator, families: dict[str, str], stroke: float
         noise = float(random.uniform(0.5, 5.0)) * RADIANS if kind == "noisy velocity" else 0.0
         tick = 1.0 / float(random.uniform(20.0, 100.0)) if kind == "held" else 0.0
         seed = int(random.integers(0, 2**31))
-        return _Motion(Told(inner.told, noise, kind == "noisy velocity", tick, seed), inner.holds, inner.turns)
+        return _Motion(PoorSource(inner.asked, noise, kind == "noisy velocity", tick, seed), inner.holds, inner.turns)
     return _moves(random, families, stroke, kind)
 
 
@@ -306,11 +306,11 @@ def _moves(random: np.random.Generator, families: dict[str, str], stroke: float,
         else:
             jump = float(random.choice([-1.0, 1.0]) * random.uniform(1.0, 20.0)) * RADIANS
             at[-1] = float(np.clip(at[-2] + jump, 0.0, stroke))
-    told: Trajectory = Steps(tuple(times), tuple(at)) if kind == "stepped" else PointToPoint(tuple(times), tuple(at))
+    asked: Trajectory = Steps(tuple(times), tuple(at)) if kind == "stepped" else PointToPoint(tuple(times), tuple(at))
     steps = np.diff(at)
     moved = [k for k in range(len(steps)) if steps[k] != 0.0]
     turns = [times[k] for j, k in itertools.pairwise(moved) if steps[j] * steps[k] < 0.0]
-    return _Motion(told, holds, turns)
+    return _Motion(asked, holds, turns)
 
 
 def _stop_and_reverse(random: np.random.Generator, stroke: float) -> _Motion:
@@ -395,7 +395,7 @@ def _worn(random: np.random.Generator, families: dict[str, str], motion: _Motion
         way = float(random.choice([-1.0, 1.0]) * random.uniform(0.5, 4.0)) * RADIANS
         worn = worn._replace(creep=way, creep_time=float(random.uniform(3.0, 20.0)))
     if families["stop"] == "stop":
-        asked = motion.told.sample(np.linspace(0.0, DURATION, 2001))[:, 0]
+        asked = motion.asked.sample(np.linspace(0.0, DURATION, 2001))[:, 0]
         worn = worn._replace(stop=float(asked.min() + np.ptp(asked) * random.uniform(0.85, 0.99)))
     if families["sensor"] == "lagging sensor":
         worn = worn._replace(sensor_lag=float(random.uniform(0.003, 0.02)))
@@ -414,8 +414,8 @@ def _by_the_wearer(worn: Worn) -> float:
 
 
 def _known(random: np.random.Generator, families: dict[str, str], rig: WornRig) -> Knowledge:
-    """What every law is told: servo and clock, wrongly at times; of the cable nothing, its slope, or also its width."""
-    known, wrong = knowledge_of(rig), families["servo"] == "wrongly told"
+    """What every law knows: servo and clock, wrongly at times; of the cable nothing, its slope, or also its width."""
+    known, wrong = knowledge_of(rig), families["servo"] == "wrongly known"
     off = [float(value) for value in random.uniform(0.75, 1.3, 4)]
     late, slope = float(random.integers(-1, 2)), rig.inner.cable.slope
     if wrong:
