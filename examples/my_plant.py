@@ -2,12 +2,9 @@
 
 Try it from Python:
 
-    from bowden.control import LAWS
-    from bowden.control.reference import PeriodicMinimumJerk
-    from bowden.plants.user_plant import load
-    from bowden.sim.run import simulate
+    import bowden
 
-    trace = simulate(load("examples/my_plant.py"), LAWS["adaptive"], PeriodicMinimumJerk(0.0, 1.0, 5.0), duration=20.0)
+    trace = bowden.simulate(bowden.Rig(plant="examples/my_plant.py"), "adaptive", duration=20.0)
 """
 
 from typing import Any, NamedTuple
