@@ -19,6 +19,9 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of
 
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+"""Notes of turned cables, and of laws with little margin on them."""
+
 ROOT = Path(__file__).parents[1]
 OWN = ROOT / "examples" / "my_plant.py"
 BOUC_WEN = BoucWen()._asdict() | {"slope": 0.9}
@@ -71,7 +74,9 @@ def test_a_plant_is_checked(kind: str) -> None:
     assert found.gain_margin_db is not None
 
 
-@pytest.mark.parametrize("kind", CABLED)
+@pytest.mark.parametrize(
+    "kind", [kind if kind in ("play", "own") else pytest.param(kind, marks=pytest.mark.long) for kind in CABLED]
+)
 def test_a_plant_is_tuned_for(kind: str) -> None:
     rig = short(kind)
     found = tuned(rig, seed=0, generations=1, progress=lambda what, share: None)
