@@ -58,7 +58,10 @@ def league(
                 played.append(cell)
         except KeyboardInterrupt:
             interrupted = True
-        standings = design.standings([one.cell for one in played])
+    standings = design.standings([one.cell for one in played])
+    if not json:
+        _print_table(standings)  # drawing takes a while
+    with progress_bar(quiet=json) as progress:
         progress("drawing the page", 1.0)
         page = league_page(played, standings, motions, interrupted=interrupted)
         with whole_files(out) as folder:
@@ -68,7 +71,6 @@ def league(
     if json:
         print_json({"cells": [asdict(one.cell) for one in played], "seconds": seconds()})
     else:
-        _print_table(standings)
         print(f"\nPage: {out / 'league.html'}  ({seconds():.1f} s)")
     if interrupted:
         raise InterruptedPartway(f"{len(played)} cells played and written to {out}")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, program
 from bowden.core.nested import form_of, numbers_of
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
@@ -103,7 +103,7 @@ class _Key:
         names = ("plant_rest", "plant_advance", "plant_look")
         kernels = self.dynamics.kernels()
         parts = {name: part for name, part in kernels.items() if name in names or not name.startswith("plant_")}
-        loop = specialise(open_loop, self.dynamics.name, **parts)
+        loop = program(open_loop, self.dynamics.name, **parts)
         with self.dynamics.explained():
             loop(self.dynamics.plant, self.sheath, commands, record)
         for k in np.flatnonzero(~np.isfinite(record).all(axis=0))[:1]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
-from bowden.core.kernel import specialise
+from bowden.core.kernel import program
 from bowden.core.nested import form_of, numbers_of
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
 from bowden.sim.batch import FIGURES, ROWS, BatchInputs, BatchLimits, One, run_batch
@@ -269,4 +269,4 @@ def compiled_batch(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fail
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return specialise(run_batch, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+    return program(run_batch, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
