@@ -14,22 +14,22 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from admittance_unseen import unseen, unseen_felt
-from bowden.control import LAWS
-from bowden.control.admittance.port import passive_to
-from bowden.control.admittance.virtual_elbow import Admittance
-from bowden.core.units import RADIANS
-from bowden.design.admittance_study import (
+from admittance_study import (
     FIRM,
     QUIET,
     PushedReference,
     back_driven,
-    felt,
     misjudged,
     pushed,
     sweep,
     swinging,
 )
+from admittance_unseen import unseen, unseen_felt
+from bowden.control import LAWS
+from bowden.control.admittance.port import passive_to
+from bowden.control.admittance.virtual_elbow import Admittance
+from bowden.core.units import RADIANS
+from bowden.design.felt import felt
 from bowden.models.suit.arm import arm_of
 from bowden.plants.suit_parts import Suit
 from bowden.rig.presets.suit import suit

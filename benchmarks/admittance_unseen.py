@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from admittance_study import PushedReference, pushed, swinging
 from bowden.core.units import RADIANS
-from bowden.design.admittance_study import Felt, PushedReference, felt, pushed, swinging
+from bowden.design.felt import Felt, felt
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit
 from wearers import random_wearer

@@ -110,5 +110,5 @@ def run_random_plant(law: Law, number: int, duration: float = 40.0) -> Outcome:
 
 def _case(law: Law, number: int, duration: float) -> Case:
     drawn = random_plant(number, duration)
-    knowing = informed(law, Knowledge(servo_frequency=drawn.servo_frequency, delay=drawn.delay))
-    return Case(drawn.plant, (knowing,), drawn.reference, drawn.bend, number, 0.0)
+    informed_law = informed(law, Knowledge(servo_frequency=drawn.servo_frequency, delay=drawn.delay))
+    return Case(drawn.plant, (informed_law,), drawn.reference, drawn.bend, number, 0.0)

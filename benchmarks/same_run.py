@@ -6,7 +6,6 @@ import numpy as np
 
 from bowden.core.units import DEGREES
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.live_run import live_run
@@ -14,6 +13,7 @@ from bowden.live.row import NOTHING_READ
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
 from bowden.safety.supervisor import Mode, Observed, Request
+from support.simulated_drive import SimulatedDrive
 
 LONGEST = 60.0
 """Preflight and approach are over by then [s]."""

@@ -6,6 +6,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from admittance_study import MIDDLE
 from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.admittance.virtual_elbow import Admittance
@@ -13,7 +14,6 @@ from bowden.control.source import TABLE
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.design.admittance_study import MIDDLE
 from bowden.hardware.twin.bench import FOLLOW
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.live_run import live_run
@@ -176,7 +176,7 @@ def test_a_live_reference_is_held_inside_the_supervisors_limits() -> None:
     held, tracked = live.notes
     assert held == "the reference of [admittance] is held within 4° to 75°, inside [limits]"
     assert tracked.startswith("limits.tracking_deg is 5.73; where a motion turns, friction leaves the motor 28° behind")
-    assert live.told()["admittance"]["estimated"] == 1.0
+    assert live.settings()["admittance"]["estimated"] == 1.0
     assert live_run(Rig.read("rig.toml"), measure=True).source() is TABLE
 
 

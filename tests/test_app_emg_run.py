@@ -162,7 +162,7 @@ def test_a_rig_without_a_source_runs_by_its_reference_and_with_one_by_emg(tmp_pa
     by_emg = live_of(path, "lsl:EMG")
     assert by_emg.emg is not None
     assert by_emg.limits.uses_emg == 1.0
-    assert by_emg.told()["emg"]["source"] == "lsl:EMG"
+    assert by_emg.settings()["emg"]["source"] == "lsl:EMG"
     assert live_of(rig(tmp_path, "source = 'lsl:A'"), "lsl:B").emg.source == "lsl:B"  # type: ignore[union-attr]
 
 
@@ -255,8 +255,11 @@ def test_figures_are_of_motions_and_their_delays() -> None:
         "joint": joint,
         "reference": np.where(time_s < 2.5, joint, joint + np.radians(3.0)),
     }
-    run_by, ear = SimpleNamespace(source="lsl:EMG", course=CourseSettings()), SimpleNamespace(stream="LSL", lost="")
-    found = figures(log, run_by, ear)  # type: ignore[arg-type]
+    run_by, emg_process = (
+        SimpleNamespace(source="lsl:EMG", course=CourseSettings()),
+        SimpleNamespace(stream="LSL", lost=""),
+    )
+    found = figures(log, run_by, emg_process)  # type: ignore[arg-type]
     assert found["motions"] == 2
     assert found["onset_to_cycle_ms"] == {"p50": 15.0, "p99": 19.9, "max": 20.0}
     assert found["onset_to_command_ms"]["max"] == pytest.approx(210.0)
@@ -264,7 +267,7 @@ def test_figures_are_of_motions_and_their_delays() -> None:
     assert found["peak_after_first_second_deg"] == pytest.approx(3.0)
     assert (found["samples"], found["lost"], found["age_ms"]["p50"]) == (5999, 2, 4.0)
     run_by.course = CourseSettings(proportional=1.0)
-    follows = figures(log, run_by, ear)  # type: ignore[arg-type]
+    follows = figures(log, run_by, emg_process)  # type: ignore[arg-type]
     told = ("motions", "onset_to_cycle_ms", "onset_to_command_ms", "onset_to_joint_ms", "peak_after_first_second_deg")
     assert [follows[name] for name in told] == [None] * 5
 

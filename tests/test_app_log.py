@@ -250,8 +250,8 @@ def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.Captu
     Path("rig.toml").write_text("[control]\nlaw = 'my_law.py:MINE'\n")
     rig = Rig.read("rig.toml")
     for asked in (rig, rig.with_law("my_law.py:MINE")):
-        assert live_run_of.live_run(asked).told()["law_file"] == f"{Path.cwd()}/my_law.py:MINE"
-    told = live_run_of.live_run(rig).told()
+        assert live_run_of.live_run(asked).settings()["law_file"] == f"{Path.cwd()}/my_law.py:MINE"
+    told = live_run_of.live_run(rig).settings()
     settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT) | {
         "law": "mine",
         "law_file": told["law_file"],
@@ -259,7 +259,7 @@ def test_a_law_of_ones_own_is_found_again(rows: np.ndarray, capsys: pytest.Captu
     write(Path("mine.mcap"), rows, settings)
     found = document(["replay", "mine.mcap"], capsys, "log_replay")
     assert (found["law"], found["same_law"], found["wish_largest"]) == ("mine", True, 0)
-    assert "law_file" not in live_run_of.live_run(rig.with_law("observer")).told()
+    assert "law_file" not in live_run_of.live_run(rig.with_law("observer")).settings()
 
 
 def test_a_log_alone_is_enough(rows: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -272,7 +272,7 @@ def test_a_log_alone_is_enough(rows: np.ndarray, tmp_path: Path, capsys: pytest.
         "[reference]\nkind = 'recorded'\nfile = 'motion.csv'\n"
     )
     rig = Rig.read("rig.toml")
-    told = live_run_of.live_run(rig).told()
+    told = live_run_of.live_run(rig).settings()
     settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT) | json.loads(json.dumps(told))
     write(Path("alone.mcap"), rows, settings | {"law": "mine"})
     for name in ("own.py", "motion.csv", "rig.toml"):

@@ -96,7 +96,7 @@ def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -
         log=Path(log),
         emergency=emergency,
         ready=ready,
-        ear=None,
+        emg_process=None,
     )
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(picture(session, values, auto=False))

@@ -10,13 +10,13 @@ import pytest
 
 from bowden.app import main
 from bowden.control import LAWS
-from bowden.control.source import TABLE, Heard
+from bowden.control.source import TABLE, Measurement
 from bowden.core.errors import LogError, near
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import LAW, LAW_BEGINS, Cycle, Filters, Plan, WishSource, led
-from bowden.design.admittance_study import felt
+from bowden.design.felt import felt
 from bowden.live.events import Changes
 from bowden.live.live_run import Live, live_run
 from bowden.live.log_replay import source_for
@@ -48,7 +48,7 @@ def live(law: str) -> Live:
 
 def told(ran: Live) -> dict[str, Any]:
     """What the log of a run keeps, as it comes back from the file."""
-    settings = run_settings(ran.law, ran.limits, Filters(), DT) | ran.told()
+    settings = run_settings(ran.law, ran.limits, Filters(), DT) | ran.settings()
     found: dict[str, Any] = json.loads(json.dumps(settings))
     return found
 
@@ -175,10 +175,10 @@ def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pyte
     differences, state, asked = [], None, None
     for row in rows[1:].tolist():
         sample = Sample(row[at["joint_seen"]], row[at["motor_seen"]])
-        heard = Heard(*sample, row[at["current"]], math.nan)
+        measured = Measurement(*sample, row[at["current"]], math.nan)
         if state is None:
-            state, asked = other.start(sample), source.start(heard)
-        asked, reference, added = source.step(asked, heard, Reference(0.0, 0.0, 0.0), DT)
+            state, asked = other.start(sample), source.start(measured)
+        asked, reference, added = source.step(asked, measured, Reference(0.0, 0.0, 0.0), DT)
         state, command = other.step(state, sample, reference, DT)
         differences.append(led(ran.limits, command, added) - row[at["wish"]])
 

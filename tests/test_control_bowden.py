@@ -76,8 +76,10 @@ def test_a_cable_that_runs_the_other_way_is_the_same_cable() -> None:
 
 def test_a_model_spares_the_learning() -> None:
     plant = CablePlant(cable=play(Play(0.7, 0.06)), servo=paper.bench().servo)
-    knowing = LAWS["bowden"].with_gains(slope=0.7, width=0.12, doubt=0.1)
-    first = [rmse(simulate(plant, law, paper.minimum_jerk(), duration=10.0).error) for law in (LAWS["bowden"], knowing)]
+    informed_laws = LAWS["bowden"].with_gains(slope=0.7, width=0.12, doubt=0.1)
+    first = [
+        rmse(simulate(plant, law, paper.minimum_jerk(), duration=10.0).error) for law in (LAWS["bowden"], informed_laws)
+    ]
     assert first[1] < 0.5 * first[0]
 
 

@@ -178,7 +178,7 @@ def test_the_order_is_own_told_preset_and_the_rigs_own() -> None:
         LAWS["bowden"], suit_preset=None, presets={"mine": LAWS["bowden"].gains._replace(delay=0.002, lag=0.01)}
     )
     told = configured(law, known)
-    assert told.gains == law.gains._replace(**{name: getattr(known, name) for name in law.told})
+    assert told.gains == law.gains._replace(**{name: getattr(known, name) for name in law.from_rig})
     preset = configured(law, known, preset="mine")
     assert preset.gains == told.gains._replace(delay=0.002, lag=0.01)
     own = configured(law, known, preset="mine", gains={"delay": 0.003, "slope": 1.1})
@@ -229,7 +229,10 @@ def test_the_parameters_of_a_model_of_the_cable_are_those_that_are_told_it() -> 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"told": {"slop": "slope"}}, "told of law 'uncompensated' names 'slop'; expected slope (did you mean this?)"),
+        (
+            {"from_rig": {"slop": "slope"}},
+            "from_rig of law 'uncompensated' names 'slop'; expected slope (did you mean this?)",
+        ),
         ({"feeds_back": frozenset({"current"})}, "feeds_back of law 'uncompensated' names 'current'"),
         ({"suit_preset": "suit"}, "suit_preset of law 'uncompensated' names 'suit'"),
     ],
@@ -242,7 +245,7 @@ def test_a_law_cannot_declare_what_is_not_there(changes: dict[str, Any], said: s
 
 @pytest.mark.parametrize("what", ["servo_freqency", "cable.slop", "cable"])
 def test_a_law_cannot_be_told_what_no_rig_knows(what: str) -> None:
-    law = dataclasses.replace(LAWS["uncompensated"], told={"slope": what})
+    law = dataclasses.replace(LAWS["uncompensated"], from_rig={"slope": what})
     with pytest.raises(ParameterError, match=f"gain slope of law 'uncompensated' is told '{what}'; expected "):
         informed(law, Knowledge())
 
@@ -303,7 +306,7 @@ def test_a_law_that_is_not_there_is_a_key_error_with_the_likely_name() -> None:
 def test_the_random_plants_tell_the_servo_wrongly_and_the_delay() -> None:
     drawn, seen = random_plant(4, 40.0), []
     law = LAWS["bowden"]
-    probe = dataclasses.replace(law, told={**law.told, "lag": seen_by(seen)})
+    probe = dataclasses.replace(law, from_rig={**law.from_rig, "lag": seen_by(seen)})
     run_random_plant(probe, 4, 0.01)
     known = seen[0]
     assert (known.servo_frequency, known.delay) == (drawn.servo_frequency, drawn.delay)

@@ -250,7 +250,7 @@ def test_what_a_study_tells_its_laws_is_not_tuned(study: Path) -> None:
     laws = runs.laws(nominal.with_gains(servo_frequency=1.0, feedback=0.7))
     assert len({law.gains.servo_frequency for law in laws}) == 10
     assert {law.gains.feedback for law in laws} == {0.7}
-    assert loaded.told_apart == {"servo_frequency"}
+    assert loaded.gains_varied == {"servo_frequency"}
 
 
 def test_an_interrupted_search_leaves_its_best_gains(

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from bowden.control import LAWS
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
-from bowden.core.nested import flat, floated
+from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.export.code import Style
 from bowden.export.law import law_module
 from bowden.export.module import files
 from bowden.export.readme import FLAGS
 from bowden.export.replay import replay_source
+from support.states import floated
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER = shutil.which("cc")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
-from bowden.core.nested import flat, floated
+from bowden.core.nested import flat
 from bowden.core.signals import DriveReading
 from bowden.export.checked import Argument, Function
 from bowden.export.code import Style
@@ -25,6 +25,7 @@ from bowden.safety.supervisor import Mode, Observed, Request, Verdict, begin, su
 from bowden.sensing.intent import IntentSettings, intent_start, intent_step
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 from bowden.sim.emg import contractions
+from support.states import floated
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER = shutil.which("cc")

@@ -13,7 +13,6 @@ from bowden.core.quantity import Quantity
 from bowden.export.parts import emg_modules
 from bowden.hardware.drives import family as drive_families
 from bowden.hardware.drives.family import DriveFamily, DriveNeeds, family_named, family_of, names
-from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.ports import Drive, EmgChunk, Power
 from bowden.hardware.twin.bench import TwinBench
@@ -22,6 +21,7 @@ from bowden.rig.rig import Rig
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DETECTORS, detector_named
 from bowden.sensing.stream import OnsetDetector
+from support.simulated_drive import SimulatedDrive
 
 
 class ToyParameters(NamedTuple):
@@ -159,7 +159,7 @@ def test_a_new_detector_hears_scores_and_is_exported(monkeypatch: pytest.MonkeyP
     assert (found.score.misses, found.score.false_activations) == (0, 0)
     heard = Listener(1000.0, 0, detector=kind)
     heard.take(EmgChunk(signal[:700, None], np.arange(700) / 1000.0), 0.7)
-    assert heard.heard.flexor == 1.0
+    assert heard.reading.flexor == 1.0
     _, module = emg_modules(1000.0, kind)
     assert module.prefix == "toy"
     with pytest.raises(ParameterError, match="toy"):

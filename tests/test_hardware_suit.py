@@ -272,12 +272,17 @@ def test_the_loops_offset_is_that_of_the_simulated_drive() -> None:
     motor, map_ = GearedMotor(friction_feedforward=2.0), spool_map(SUIT.geometry, SUIT.spool_radius)
     offset, running = TorqueOffset(2.0, 10, map_), Verdict(0.0, 3.0, float(Mode.RUNNING), 0.0, 0.0)
     state = SpoolState(spool_of(0.0, map_), 0.0, 0.0, 0.0, spool_of(0.0, map_), 0.0, 0.0)
-    still = state._replace(heard=spool_of(0.0, map_))
+    still = state._replace(settled_target=spool_of(0.0, map_))
     free = motor._replace(friction_feedforward=0.0)
     for k in range(3000):
         target = 0.3 * math.sin(2.0 * k * 1e-3) + (1e-3 * math.sin(k) if k > 2000 else 0.0)
         for _ in range(10):
-            state = drive_motor(motor, still._replace(heard=state.heard, push=state.push), spool_of(target, map_), 1e-4)
+            state = drive_motor(
+                motor,
+                still._replace(settled_target=state.settled_target, push=state.push),
+                spool_of(target, map_),
+                1e-4,
+            )
         without = drive_motor(free, still, spool_of(target, map_), 1e-4)
         torque = (state.current - without.current) * motor.gear * motor.torque_constant
         if abs(state.current) < motor.current_limit and abs(without.current) < motor.current_limit:

@@ -10,13 +10,14 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core import primitives
 from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, stand_in, tanh
-from bowden.core.nested import flat, floated, rebuilt
+from bowden.core.nested import flat, rebuilt
 from bowden.core.signals import Reference, Sample
 from bowden.export import symbol
 from bowden.models import plausible
 from bowden.models.cable import backlash, bouc_wen, sheath
 from bowden.models.drive import encoder, motor, servo, thermal
 from bowden.models.suit import geometry
+from support.states import floated
 
 EXTREMES = [0.0, -0.0, 5e-324, -5e-324, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled
 from bowden.models.suit.arm import (
-    WEARERS,
     Arm,
     Wearer,
     arm_of,
@@ -19,6 +18,7 @@ from bowden.models.suit.arm import (
     resting_angle,
     wearer_torque,
 )
+from support.wearers import WEARERS
 
 
 def test_the_defaults_are_a_body_of_75_kg_and_1_75_m() -> None:

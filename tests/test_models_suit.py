@@ -216,7 +216,7 @@ def test_the_feed_forward_of_friction_takes_away_what_the_pd_loop_leaves_both_wa
     motor = MOTOR._replace(friction_feedforward=MOTOR.friction / MOTOR.efficiency)
     state, lag, speed = SpoolState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 2.0 / 50.0, 0.5
     for way in (1.0, -1.0):
-        target = state.heard
+        target = state.settled_target
         for _ in range(20_000):
             target += way * speed * 1e-4
             state = turn_spool(motor, drive_motor(motor, state, target, 1e-4), 0.0, 0.0, 1e-4)
@@ -232,7 +232,7 @@ def test_the_feed_forward_does_not_chatter_and_fades_at_rest() -> None:
         assert state.push == 0.0
     moved = drive_motor(motor, state, 0.1, 0.1)
     assert moved.push > 0.9
-    target = moved.heard
+    target = moved.settled_target
     rested = moved._replace(position=target)
     for _ in range(50_000):
         rested = drive_motor(motor, rested, target, 1e-4)

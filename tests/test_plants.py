@@ -21,7 +21,7 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.servo import Servo
 from bowden.plants import cables
-from bowden.plants.bench import PAPER_ENCODER, Bench
+from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
@@ -31,6 +31,7 @@ from bowden.rig.rig import Rig
 from bowden.sim.many import Case, simulate_many
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
+from support.sensors import PAPER_ENCODER
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_plant.py"
 MOTION = PeriodicMinimumJerk(0.0, 1.0, 5.0)

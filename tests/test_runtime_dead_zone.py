@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.knowledge import MEASURED, informed, measured
+from bowden.control.knowledge import MEASURED, informed, with_measured_width
 from bowden.control.knowledge import dead_zone as of_model
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, WishSource
-from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.live.dead_zone import dead_zone
 from bowden.live.preflight import Preflight, begin, step
 from bowden.live.replay import replay
@@ -20,6 +19,7 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 from loop_rig import LoopRig, twin_bench
+from support.simulated_drive import SimulatedDrive
 
 LAW, LIMITS, BENCH = LAWS["bowden"], Limits(), default_bench()
 
@@ -68,20 +68,20 @@ def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path)
     ],
 )
 def test_what_is_known_better_is_kept(gains: dict[str, float], width: float, begins: tuple[float, float]) -> None:
-    after = measured(LAW.with_gains(**gains), width).gains
+    after = with_measured_width(LAW.with_gains(**gains), width).gains
     assert (after.width, after.doubt) == begins
 
 
 def test_what_is_measured_is_better_than_a_presets_guess_and_worse_than_a_model() -> None:
-    suit = measured(LAW.preset("suit"), 0.1)
+    suit = with_measured_width(LAW.preset("suit"), 0.1)
     assert (suit.gains.width, suit.gains.doubt, suit.gains.lag) == (0.1, MEASURED, 0.09)
     model = informed(LAW, knowledge_of(BENCH, identified=True))
-    assert measured(model, 0.1).gains == model.gains
+    assert with_measured_width(model, 0.1).gains == model.gains
 
 
 @pytest.mark.parametrize("name", ["adaptive", "offset_inverse", "observer"])
 def test_a_law_that_learns_no_dead_zone_is_told_nothing_of_it(name: str) -> None:
-    assert measured(LAWS[name], 0.1) is LAWS[name]
+    assert with_measured_width(LAWS[name], 0.1) is LAWS[name]
 
 
 def test_an_identified_cable_is_a_laws_first_guess() -> None:

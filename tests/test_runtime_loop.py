@@ -12,7 +12,6 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.clock import next_deadline
 from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.loop import Ended
@@ -25,6 +24,7 @@ from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
 from bowden.sim.run import simulate
 from loop_rig import PERIOD, LoopRig, twin_bench
+from support.simulated_drive import SimulatedDrive
 
 REFERENCE = PeriodicMinimumJerk(0.0, 1.0, 4.0)
 SECONDS = 6.0

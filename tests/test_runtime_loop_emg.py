@@ -8,7 +8,6 @@ import pytest
 from bowden.control import LAWS
 from bowden.core.clock import SECOND
 from bowden.cycle.one_cycle import Filters, WishSource
-from bowden.hardware.drives.simulated import SimulatedDrive
 from bowden.hardware.emg import intent_block
 from bowden.hardware.emg.course import CourseSettings, EmgCourse
 from bowden.hardware.emg.intent_block import IntentReader, IntentWriter, StreamReading
@@ -22,6 +21,7 @@ from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
 from bowden.sensing.intent import Intent, IntentSettings
 from loop_rig import LoopRig, twin_bench
+from support.simulated_drive import SimulatedDrive
 
 LAW, LIMITS = LAWS["adaptive"], Limits(uses_emg=1.0)
 SETTINGS = CourseSettings(IntentSettings(0.0, 1.0, 1.0))

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from admittance_study import swinging
 from bowden.control import LAWS
 from bowden.control.admittance.push import Push, push_source
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.reference import PointToPoint
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.clock import SECOND
 from bowden.core.errors import LogError
 from bowden.core.kernel import compiled
@@ -20,8 +21,7 @@ from bowden.core.signals import DriveReading, Reference
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, WishSource, led
 from bowden.cycle.torque_offset import TorqueOffset
-from bowden.design.admittance_study import felt, swinging
-from bowden.hardware.drives.simulated import SimulatedDrive
+from bowden.design.felt import felt
 from bowden.hardware.twin.suit import TwinSuit
 from bowden.live.loop import Ended
 from bowden.live.mcap_read import Recording
@@ -39,6 +39,7 @@ from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit_sources import behind, friction_of, push_of
 from loop_rig import LoopRig
+from support.simulated_drive import SimulatedDrive
 
 LAW, MIDDLE, CYCLES = LAWS["uncompensated"], 45.0 * RADIANS, 6000
 SUIT = Suit(motor=GearedMotor(friction_feedforward=2.79), wearer=swinging(25.0 * RADIANS))
@@ -118,9 +119,9 @@ def test_what_the_log_has_makes_the_same_reference_and_command_interpreted(follo
     rows = np.column_stack([log[name] for name in names])[begins : begins + 300].tolist()
     nothing, state = Reference(math.nan, math.nan, math.nan), None
     for joint, motor, current, position, velocity, wish in rows:
-        heard = Heard(joint, motor, current, math.nan)
-        state = SOURCE.start(heard) if state is None else state
-        state, made, added = SOURCE.step(state, heard, nothing, 1e-3)
+        measured = Measurement(joint, motor, current, math.nan)
+        state = SOURCE.start(measured) if state is None else state
+        state, made, added = SOURCE.step(state, measured, nothing, 1e-3)
         assert (made.position, made.velocity) == (position, velocity)
         assert made.position + added == wish
 

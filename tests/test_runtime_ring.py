@@ -169,7 +169,3 @@ def test_what_is_no_ring_is_refused(path: Path, tmp_path: Path) -> None:
         ring.Description(("a", "a"), ("s", "s"))
     with pytest.raises(ValueError, match="no column time"):
         ring.Description(("a",), ("s",))
-
-
-def test_where_rings_lie() -> None:
-    assert str(ring.ring_path("rig")) == "/dev/shm/bowden-rig.ring"

@@ -6,26 +6,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from admittance_unseen import unseen, unseen_felt
-from bowden.control import LAWS
-from bowden.control.admittance.push import ROOM, push_source, stretched
-from bowden.control.admittance.virtual_elbow import Admittance
-from bowden.control.reference import PointToPoint
-from bowden.control.source import TABLE, Heard
-from bowden.core.kernel import compiled
-from bowden.core.nested import flat
-from bowden.core.signals import Reference
-from bowden.core.units import RADIANS
-from bowden.design.admittance_study import (
+from admittance_study import (
     MIDDLE,
     PushedReference,
     back_driven,
-    felt,
     misjudged,
     pushed,
     sweep,
     swinging,
 )
+from admittance_unseen import unseen, unseen_felt
+from bowden.control import LAWS
+from bowden.control.admittance.push import ROOM, push_source, stretched
+from bowden.control.admittance.virtual_elbow import Admittance
+from bowden.control.reference import PointToPoint
+from bowden.control.source import TABLE, Measurement
+from bowden.core.kernel import compiled
+from bowden.core.nested import flat
+from bowden.core.signals import Reference
+from bowden.core.units import RADIANS
+from bowden.design.felt import felt
 from bowden.models.suit.arm import NEUTRAL, Arm, Wearer, arm_of, gravity_torque, passive_torque, wearer_torque
 from bowden.rig.presets.suit import suit
 from bowden.sim.run import simulate
@@ -110,10 +110,10 @@ def test_a_doubtful_push_moves_no_elbow_at_rest_and_any_push_one_that_moves() ->
     settings_ = push_of(SUIT, SURE, Admittance())
     source, told = push_source(settings_), Reference(0.0, 0.0, 0.0)
     for rate, moves in ((0.0, False), (0.5, True)):
-        state = source.start(Heard(0.7, 0.7, 0.0, 0.0))
+        state = source.start(Measurement(0.7, 0.7, 0.0, 0.0))
         for k in range(2000):
             load = -0.2 if k >= 1500 else 0.0
-            state, reference, _ = source.step(state, Heard(0.7 + rate * 1e-3 * k, 0.7, 0.0, load), told, 1e-3)
+            state, reference, _ = source.step(state, Measurement(0.7 + rate * 1e-3 * k, 0.7, 0.0, load), told, 1e-3)
         assert (reference.velocity > 0.2) == moves, reference.velocity
     assert settings_.rest.cell > 0.2
 
@@ -157,9 +157,9 @@ def test_without_room_the_lead_is_without_a_bound_as_older_logs_have_it(run: Any
 def test_who_pushes_for_ever_leads_no_reference_beyond_its_room() -> None:
     for law, room in (("bowden", ROOM), ("uncompensated", 0.0)):
         source = push_source(push_of(SUIT, LAWS[law], Admittance(high=1.0)))
-        state, told = source.start(Heard(0.7, 0.7, 0.0, 0.0)), Reference(0.0, 0.0, 0.0)
+        state, told = source.start(Measurement(0.7, 0.7, 0.0, 0.0)), Reference(0.0, 0.0, 0.0)
         for _ in range(1500):
-            state, reference, _ = source.step(state, Heard(0.7, 0.7, 0.0, -25.0), told, 1e-3)
+            state, reference, _ = source.step(state, Measurement(0.7, 0.7, 0.0, -25.0), told, 1e-3)
             assert reference.position <= 1.0 + room + 1e-12
         assert reference.position == pytest.approx(1.0 + room, abs=1e-9)
 
@@ -175,11 +175,11 @@ def test_a_limp_arm_floats_where_the_suit_carries_it() -> None:
 
 def test_a_lost_load_cell_stops_the_reference() -> None:
     source, dt = push_source(push_of(SUIT, SURE, Admittance())), 1e-3
-    state = source.start(Heard(0.7, 0.7, 0.0, 0.0))
+    state = source.start(Measurement(0.7, 0.7, 0.0, 0.0))
     told, speeds = Reference(0.0, 0.0, 0.0), []
     for k in range(900):
         load = -2.0 if k < 200 else np.nan
-        state, reference, added = source.step(state, Heard(0.7, 0.7, 0.0, load), told, dt)
+        state, reference, added = source.step(state, Measurement(0.7, 0.7, 0.0, load), told, dt)
         assert np.isfinite([*reference, added]).all()
         speeds.append(reference.velocity)
     assert speeds[199] > 0.5
@@ -189,10 +189,10 @@ def test_a_lost_load_cell_stops_the_reference() -> None:
 def test_a_source_is_the_same_compiled() -> None:
     for source in (TABLE, push_source(push_of(SUIT, LAWS["bowden"], Admittance(), estimated=True, carried=1.0))):
         start, step = compiled(source.start_kernel), compiled(source.step_kernel)
-        heard, told = Heard(0.7, 0.72, 0.5, 1.0), Reference(0.1, 0.2, 0.3)
-        slow, fast = source.start(heard), start(source.settings, heard)
+        measured, told = Measurement(0.7, 0.72, 0.5, 1.0), Reference(0.1, 0.2, 0.3)
+        slow, fast = source.start(measured), start(source.settings, measured)
         for k in range(200):
-            now = Heard(0.7 + 0.001 * k, 0.7 + 0.0012 * k, np.nan if k == 50 else 0.01 * k, 0.5)
+            now = Measurement(0.7 + 0.001 * k, 0.7 + 0.0012 * k, np.nan if k == 50 else 0.01 * k, 0.5)
             slow, *given = source.step(slow, now, told, 1e-3)
             fast, *twins = step(source.settings, fast, now, told, 1e-3)
             assert np.array_equal(flat((slow, *given)), flat((fast, *twins)), equal_nan=True)

@@ -15,7 +15,7 @@ from bowden.core.pairwise import pairwise_sum
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.drive.servo import Servo
-from bowden.plants.bench import PAPER_ENCODER, Bench
+from bowden.plants.bench import Bench
 from bowden.sim import many
 from bowden.sim.faulty import SensorFault
 from bowden.sim.injected import Injected
@@ -23,6 +23,7 @@ from bowden.sim.many import Case, Outcome, simulate_many
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, random_bend
 from drawn_plants import random_plant, run_random_plants
+from support.sensors import PAPER_ENCODER
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 5.0)
 STILL = constant_bend(np.pi)

@@ -24,12 +24,13 @@ from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.drive.servo import Servo
 from bowden.plants import cables, friction_cables
-from bowden.plants.bench import PAPER_ENCODER, Bench
+from bowden.plants.bench import Bench
 from bowden.plants.cable_body import lagged
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.pose_cable import poses
 from bowden.sim.run import simulate
 from bowden.sim.scenario import scripted_bend
+from support.sensors import PAPER_ENCODER
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
 TERMS = StaticTerms(np.array([0.03, -0.01, 0.004]), np.array([0.02]), 0.6, 0.7)

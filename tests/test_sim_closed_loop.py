@@ -22,9 +22,10 @@ from bowden.models.cable.bouc_wen import BoucWen, advance
 from bowden.models.cable.sheath import Sheath, joint_in_sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
-from bowden.plants.bench import PAPER_ENCODER, Bench
+from bowden.plants.bench import Bench
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend, scripted_bend
+from support.sensors import PAPER_ENCODER
 
 STROKE = PeriodicMinimumJerk(0.0, 70.0 * RADIANS, 10.0)
 SLOPE, BETA, BOUND = 0.938, 1.0 / 0.938, 0.05

@@ -19,7 +19,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
-from bowden.models.suit.arm import GRAVITY, WEARERS, Arm, arm_of, resting_angle
+from bowden.models.suit.arm import GRAVITY, Arm, arm_of, resting_angle
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.plants.suit_parts import Suit
 from bowden.report import arm_pictures, arm_renderer
@@ -31,6 +31,7 @@ from bowden.sim.arm_agreement import Agreement
 from bowden.sim.mujoco_arm import MujocoArm, arm_xml
 from bowden.sim.run import simulate
 from bowden.sim.suit_replay import parts_of, replay
+from support.wearers import WEARERS
 
 ROOT = Path(__file__).parents[1]
 PAPER = SuitGeometry()

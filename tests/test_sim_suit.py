@@ -14,7 +14,7 @@ from bowden.core.trace import Trace
 from bowden.core.units import DEGREES, RADIANS
 from bowden.identify.suit_friction import spool_friction
 from bowden.models.cable.sheath import Sheath
-from bowden.models.suit.arm import GRAVITY, WEARERS, Arm, Wearer, arm_of, gravity_torque, passive_torque, resting_angle
+from bowden.models.suit.arm import GRAVITY, Arm, Wearer, arm_of, gravity_torque, passive_torque, resting_angle
 from bowden.models.suit.flex_sensor import FlexSensor
 from bowden.models.suit.geometry import extensor_extension, flexor_extension, flexor_moment_arm
 from bowden.models.suit.suit_cable import Fabric, fabric_tension
@@ -22,6 +22,7 @@ from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
 from bowden.sim.run import simulate
 from bowden.sim.scenario import scripted_bend
+from support.wearers import WEARERS
 
 SUIT = Suit()
 STILL = Bends(math.pi, math.pi)

@@ -34,12 +34,13 @@ from bowden.models.drive.thermal import cold
 from bowden.plants.bench import Bench, prepare_bench
 from bowden.plants.plant import sheath_at
 from bowden.safety.supervisor import Mode, Request
-from bowden.sim.injected import HOUR, Injected, asleep, misled
+from bowden.sim.injected import Injected
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import constant_bend
 from support.fault_matrix import AFTER, LAST, MEASURED, REFERENCE, begins
 from support.injected_drive import DriveSettings, drive_moved, drive_read, drive_reading, drive_start
-from support.supervised import EMG_AGE, OPERATOR_AGE, RECORDED, misled_gains
+from support.injection import HOUR, asleep, misled_command, misled_gains
+from support.supervised import EMG_AGE, OPERATOR_AGE, RECORDED
 
 ENDING = 0.5
 """Time for which there are inputs beyond the matrix's run, in which the loop comes to its end [s]."""
@@ -58,10 +59,7 @@ def adaptive_start(gains: Any, sample: Sample) -> Any:
 @kernel
 def adaptive_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
     state, command = sound_adaptive_step(gains.gains, state, sample, reference, dt)
-    for i in range(len(gains.kinds)):
-        if gains.now[0] >= gains.onsets[i]:
-            command = misled(gains.kinds[i], gains.now[0] - gains.onsets[i], command, dt)
-    return state, command
+    return state, misled_command(gains, command, dt)
 
 
 @kernel
@@ -72,10 +70,7 @@ def our_start(gains: Any, sample: Sample) -> Any:
 @kernel
 def our_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
     state, command = our_sound_step(gains.gains, state, sample, reference, dt)
-    for i in range(len(gains.kinds)):
-        if gains.now[0] >= gains.onsets[i]:
-            command = misled(gains.kinds[i], gains.now[0] - gains.onsets[i], command, dt)
-    return state, command
+    return state, misled_command(gains, command, dt)
 
 
 KERNELS = {"adaptive": (adaptive_start, adaptive_step), "bowden": (our_start, our_step)}

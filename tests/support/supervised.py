@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law, law_start
 from bowden.control.reference import Trajectory
-from bowden.control.source import TABLE, Heard, source_start
+from bowden.control.source import TABLE, Measurement, source_start
 from bowden.core.kernel import kernel, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.cycle.one_cycle import (
@@ -45,20 +45,11 @@ from bowden.safety.supervisor import (
     Verdict,
     begin,
 )
-from bowden.sim.injected import (
-    FAULT,
-    NANOSECOND,
-    Injected,
-    Misled,
-    asleep,
-    disturbed,
-    in_seconds,
-    misled_start,
-    misled_step,
-)
+from bowden.sim.injected import FAULT, Injected
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
 from support.injected_drive import DriveSettings, drive_moved, drive_read, drive_reading, drive_start, true_joint
+from support.injection import NANOSECOND, asleep, disturbed, in_seconds, misled_gains, misled_start, misled_step
 
 
 class Outcome(NamedTuple):
@@ -136,7 +127,7 @@ def run_supervised(
     state = CycleState(
         seen,
         law_start(settings.gains, seen),
-        source_start(settings.source, Heard(seen.joint, seen.motor, 0.0, math.nan)),
+        source_start(settings.source, Measurement(seen.joint, seen.motor, 0.0, math.nan)),
         begin(limits, first, thermal),
     )
     record[:, :] = math.nan
@@ -301,10 +292,3 @@ def supervised(
         out,
     )
     return Outcome(*out.tolist()), record
-
-
-def misled_gains(law: Law, injected: tuple[tuple[Injected, float], ...], dt: float) -> Misled:
-    """The law's gains with the faults that are injected, and when they begin [s]."""
-    faults = injected or ((Injected.NOTHING, 1e6),)
-    kinds, onsets = ([int(kind) for kind, _ in faults], [round(onset / dt) for _, onset in faults])
-    return Misled(law.gains, np.array(kinds), np.array(onsets), np.zeros(1, dtype=np.int64))

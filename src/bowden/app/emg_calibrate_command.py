@@ -85,12 +85,12 @@ def _from_recordings(
     if not quiet:
         warn(log)
     levels = envelope_levels(log.values, log.rate, str(recording), mains, kind)
-    left_out = _told(levels.left_out, str(recording), quiet)
+    left_out = _report_left_out(levels.left_out, str(recording), quiet)
     if rest is None:
         return MuscleCalibration(levels.low, levels.high, log.channel, recording.name, mains), left_out
     calm = read_emg(rest, log.channel, rate)
     resting = envelope_levels(calm.values, calm.rate, str(rest), mains, kind)
-    left_out += _told(resting.left_out, str(rest), quiet)
+    left_out += _report_left_out(resting.left_out, str(rest), quiet)
     wearer = MuscleCalibration(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}", mains)
     return wearer, left_out
 
@@ -125,12 +125,12 @@ def _from_stream(
         stream.close()
     rest = envelope_levels(calm, stream.rate, "rest", mains, kind)
     contraction = envelope_levels(hard, stream.rate, "the contraction", mains, kind)
-    left_out = _told(rest.left_out, "rest", quiet)
-    left_out += _told(contraction.left_out, "the contraction", quiet)
+    left_out = _report_left_out(rest.left_out, "rest", quiet)
+    left_out += _report_left_out(contraction.left_out, "the contraction", quiet)
     return MuscleCalibration(rest.middle, contraction.high, with_unit(name, stream.unit), source, mains), left_out
 
 
-def _told(left_out: float, where: str, quiet: bool) -> float:
+def _report_left_out(left_out: float, where: str, quiet: bool) -> float:
     """How much of a recording was left out [s], once that is said."""
     if left_out >= 0.05 and not quiet:
         _tell(f"note: {where}: {left_out:.1f} s of dead electrode, movement, mains or clicks are left out")

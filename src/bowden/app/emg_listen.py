@@ -49,10 +49,10 @@ def listen(
         count += len(values[-1])
         progress(min(1.0, count / wanted))
         clock.sleep_until(clock.now() + SECOND // 100)
-    heard = np.concatenate(values)
+    received = np.concatenate(values)
     if check:
-        missing = int(np.sum(~np.isfinite(heard)))
+        missing = int(np.sum(~np.isfinite(received)))
         if missing:
-            raise StreamError(f"{missing} of {len(heard)} samples of {channel!r} did not come", do="begin anew")
-        check_signal(channel, heard, "the stream")
-    return heard
+            raise StreamError(f"{missing} of {len(received)} samples of {channel!r} did not come", do="begin anew")
+        check_signal(channel, received, "the stream")
+    return received

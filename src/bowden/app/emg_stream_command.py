@@ -57,9 +57,9 @@ def stream(
         "duration_s": lasting,
     }
     _begin(document, log.warnings, json)
-    with _until_told() as told, _bar(json, lasting) as progress:
+    with _until_stopped() as stopped, _bar(json, lasting) as progress:
         try:
-            sent = replay(outlet, log.values, log.rate * speed, loop, told, progress, wait)
+            sent = replay(outlet, log.values, log.rate * speed, loop, stopped, progress, wait)
         finally:
             outlet.close()
     if not json:
@@ -101,8 +101,8 @@ def serve(
     }
     _begin(document, log.warnings, json)
     try:
-        with _until_told() as told, _bar(json, len(values) / log.rate) as progress:
-            server.serve(told, progress)
+        with _until_stopped() as stopped, _bar(json, len(values) / log.rate) as progress:
+            server.serve(stopped, progress)
     finally:
         server.close()
 
@@ -119,12 +119,12 @@ def _begin(document: dict[str, Any], warnings: tuple[str, ...], json: bool) -> N
 
 
 @contextlib.contextmanager
-def _until_told() -> Iterator[Callable[[], bool]]:
+def _until_stopped() -> Iterator[Callable[[], bool]]:
     """Whether Ctrl-C or a signal to end has come."""
-    told = threading.Event()
-    before = {number: signal.signal(number, lambda *_: told.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    stopped = threading.Event()
+    before = {number: signal.signal(number, lambda *_: stopped.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield told.is_set
+        yield stopped.is_set
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -136,10 +136,10 @@ def _bar(quiet: bool, lasting: float) -> Iterator[Callable[[float], None]]:
     with progress_bar(quiet) as progress:
         shown = [-1.0]
 
-        def told(played: float) -> None:
+        def show(played: float) -> None:
             if abs(played - shown[0]) >= 0.1:
                 shown[0] = played
                 share = math.fmod(played, lasting) / lasting
                 progress(f"{played:.0f} s played", share)
 
-        yield told
+        yield show

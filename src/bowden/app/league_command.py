@@ -166,11 +166,11 @@ def _print_table(standings: list["Standing"]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from bowden.design.league import YARDSTICK
+    from bowden.design.league import BASELINE
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("law", no_wrap=True)
-    titles = ("cells\nwon", "RMSE\n°", f"over\n{YARDSTICK}", "chatter", "most\nchatter", "unstable\ncells", "cells")
+    titles = ("cells\nwon", "RMSE\n°", f"over\n{BASELINE}", "chatter", "most\nchatter", "unstable\ncells", "cells")
     for title in titles:
         table.add_column(title, justify="right", no_wrap=True)
     for one in standings:

@@ -53,8 +53,8 @@ def measure(
     found = document(session)
     files = _write(session, out) if found["ended_well"] else []
     if json:
-        told = {name: found[name] for name in _TOLD}
-        print_json({**told, "files": [str(file) for file in files], "seconds": seconds()})
+        shown = {name: found[name] for name in _KEYS}
+        print_json({**shown, "files": [str(file) for file in files], "seconds": seconds()})
     else:
         print_summary(found)
     if not files:
@@ -63,7 +63,7 @@ def measure(
         print(f"Next: bowden identify {files[0]}, and bowden identify-servo {files[1]}")
 
 
-_TOLD = ("log", "rig", "ended_well", "mode", "faults", "remedies", "preflight", "emergencies", "error")
+_KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "preflight", "emergencies", "error")
 """What the JSON document tells of the run, beside its files."""
 
 

@@ -76,7 +76,7 @@ def _interaction(rig: "Rig", trace: "Trace") -> dict[str, float | None] | None:
     """What the wearer felt of a suit that follows their push; None of any other run, and of one that ran away."""
     if rig.pushing is None or not trace.ended:
         return None
-    from bowden.design.admittance_study import felt
+    from bowden.design.felt import felt
 
     found = felt(trace, rig.pushing.suit.arm, rig.pushing.section.carried)
     return {"rms_nm": found.rms, "peak_nm": found.peak, "estimate_error_nm": found.estimate}

@@ -41,7 +41,7 @@ def tune(
         law = given.fitted()
     else:
         given, law = plants.rig, plants.nominal[0]
-    judges, fixed = (None, ()) if plants is None else (runs_of(plants), plants.told_apart)
+    judges, fixed = (None, ()) if plants is None else (runs_of(plants), plants.gains_varied)
     interrupted, others = False, None
     with (
         progress_bar(quiet=json) as report,

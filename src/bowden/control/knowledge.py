@@ -1,8 +1,8 @@
 """What a rig knows, and the one rule by which a law is told of it.
 
-A rig supplies a `Knowledge`. A law declares in `Law.told` which of it each of its gains takes:
+A rig supplies a `Knowledge`. A law declares in `Law.from_rig` which of it each of its gains takes:
 
-    told={"servo_frequency": "servo_frequency", "slope": "slope", "lead": lag}
+    from_rig={"servo_frequency": "servo_frequency", "slope": "slope", "lead": lag}
 
 a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. `informed` is the only place that tells,
 and `configured` puts a law's gains together for a rig:
@@ -129,50 +129,50 @@ def informed(law: Law, known: Knowledge) -> Law:
     Raises:
         ParameterError: the law declares something that there is not.
     """
-    untold = {gain: getattr(law.own, gain) for gain in law.told if gain not in law.chosen}
-    return _told(replace(law, gains=law.gains._replace(**untold)), known)
+    own = {gain: getattr(law.own, gain) for gain in law.from_rig if gain not in law.chosen}
+    return _with_known(replace(law, gains=law.gains._replace(**own)), known)
 
 
-def _told(law: Law, known: Knowledge) -> Law:
+def _with_known(law: Law, known: Knowledge) -> Law:
     """`informed`, with what is not known as it is."""
-    taken = {gain for gain, what in law.told.items() if what in _GUESSES} if _surer(law, known) else set()
-    told = {}
-    for gain in law.told:
+    taken = {gain for gain, what in law.from_rig.items() if what in _GUESSES} if _own_is_better(law, known) else set()
+    values = {}
+    for gain in law.from_rig:
         value = _value(law, gain, known)
         if gain not in law.chosen and gain not in taken and not math.isnan(value):
             low, high = law.limits.get(gain, (-math.inf, math.inf))
-            told[gain] = min(max(value, low), high)
-    return replace(law, gains=law.gains._replace(**told)) if told else law
+            values[gain] = min(max(value, low), high)
+    return replace(law, gains=law.gains._replace(**values)) if values else law
 
 
-def measured(law: Law, width: float) -> Law:
+def with_measured_width(law: Law, width: float) -> Law:
     """The law with a dead zone that was measured before the run [rad] as its first guess; NaN and 0 are none.
 
     It replaces a first guess that is in more doubt, whoever made it: a preset or a rig that is sure lowers the doubt.
     """
-    doubts = [gain for gain, what in law.told.items() if what == "doubt"]
+    doubts = [gain for gain, what in law.from_rig.items() if what == "doubt"]
     if not (width > 0.0 and doubts):  # without a doubt there is nothing that says how far to trust so small a motion
         return law
-    guesses = {gain for gain, what in law.told.items() if what in _GUESSES}
-    return _told(replace(law, chosen=law.chosen - guesses), Knowledge(width=width, doubt=MEASURED))
+    guesses = {gain for gain, what in law.from_rig.items() if what in _GUESSES}
+    return _with_known(replace(law, chosen=law.chosen - guesses), Knowledge(width=width, doubt=MEASURED))
 
 
 def cable_gains(law: Law) -> frozenset[str]:
     """Gains that are parameters of the law's model of the cable: known or not, and no choice."""
-    return frozenset(gain for gain, what in law.told.items() if isinstance(what, str) and what.startswith(_CABLE))
+    return frozenset(gain for gain, what in law.from_rig.items() if isinstance(what, str) and what.startswith(_CABLE))
 
 
 _GUESSES = ("slope", "width", "doubt")
 _CABLE = "cable."
 
 
-def _surer(law: Law, known: Knowledge) -> bool:
+def _own_is_better(law: Law, known: Knowledge) -> bool:
     """Whether the law's own guesses are in less doubt than the knowledge's."""
-    return any(what == "doubt" and getattr(law.gains, gain) < known.doubt for gain, what in law.told.items())
+    return any(what == "doubt" and getattr(law.gains, gain) < known.doubt for gain, what in law.from_rig.items())
 
 
 def _value(law: Law, gain: str, known: Knowledge) -> float:
-    what: Any = law.told[gain]
+    what: Any = law.from_rig[gain]
     if callable(what):
         return float(what(known))
     try:
@@ -180,5 +180,7 @@ def _value(law: Law, gain: str, known: Knowledge) -> float:
     except (AttributeError, TypeError) as error:
         names = [*(f for f in Knowledge._fields if f != "cable"), *(_CABLE + f for f in BoucWen._fields)]
         raise ParameterError(
-            f"gain {gain} of law {law.name!r} is told {what!r}", expected=near(str(what), names), do="correct `told`"
+            f"gain {gain} of law {law.name!r} is told {what!r}",
+            expected=near(str(what), names),
+            do="correct it",
         ) from error

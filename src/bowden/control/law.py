@@ -24,7 +24,7 @@ from bowden.core.signals import Reference, Sample
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 State = Any  # a NamedTuple of floats (nested ones allowed), one type a law
-Told = str | Callable[[Any], float]
+FromRig = str | Callable[[Any], float]
 """A field of `bowden.control.knowledge.Knowledge`, or a function of it; one of a nested tuple as ``cable.slope``."""
 
 
@@ -66,7 +66,7 @@ class Law:
     """Other named sets of gains, such as the ones a paper printed."""
     suit_preset: str | None = None
     """The preset with which the law begins on a suit, where a rig names no preset and no gains of its own."""
-    told: Mapping[str, Told] = field(default_factory=dict)
+    from_rig: Mapping[str, FromRig] = field(default_factory=dict)
     """Gain → what of a rig's `bowden.control.knowledge.Knowledge` it takes."""
     feeds_back: frozenset[str] = frozenset({"joint", "motor"})
     """The measured angles on which the command depends once the law has begun, by their names in `Sample`."""
@@ -88,12 +88,12 @@ class Law:
         """Keep the law's own gains, and refuse a declaration that cannot be.
 
         Raises:
-            ParameterError: `told` or `feeds_back` names what is not there, or `suit_preset` no preset.
+            ParameterError: `from_rig` or `feeds_back` names what is not there, or `suit_preset` no preset.
         """
         if self.own is None:
             object.__setattr__(self, "own", self.gains)
         for what, given, known in (
-            ("told", self.told, getattr(self.gains, "_fields", self.told)),
+            ("from_rig", self.from_rig, getattr(self.gains, "_fields", self.from_rig)),
             ("feeds_back", self.feeds_back, Sample._fields),
             ("suit_preset", {self.suit_preset} - {None}, self.presets),
         ):
@@ -116,7 +116,7 @@ class Law:
 
     def _rows(self) -> list[tuple[str, str]]:
         gains = ", ".join(f"{name} {value:.4g}" for name, value in zip(self.gains._fields, self.gains, strict=True))
-        rows = [("gains", gains), ("told", ", ".join(self.told)), ("presets", ", ".join(self.presets))]
+        rows = [("gains", gains), ("from the rig", ", ".join(self.from_rig)), ("presets", ", ".join(self.presets))]
         return [*rows, ("source", self.source)]
 
     def start(self, sample: Sample) -> State:

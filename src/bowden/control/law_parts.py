@@ -1,9 +1,10 @@
-"""What several laws share: the servo inverted for the reference, the direction of motion, limits."""
+"""What several laws share: the servo inverted for the reference, the direction of motion, the feedback, limits."""
 
+import math
 from collections.abc import Mapping
 
 from bowden.control.knowledge import Knowledge
-from bowden.control.law import Told
+from bowden.control.law import FromRig
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference
 
@@ -30,8 +31,20 @@ def half_width(known: Knowledge) -> float:
     return 0.5 * known.width
 
 
-LAG: Mapping[str, Told] = {"lead": lag, "lead_square": lag_square}
+LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
 """What a law is told that has `ahead` take the lag away."""
+
+LIMITS: Mapping[str, tuple[float, float]] = {
+    "velocity_band": (0.0, math.inf),
+    "switching_time": (0.0, 10.0),
+    "hold": (0.0, 10.0),
+    "proportional_gain": (0.0, 1e3),
+    "integral_gain": (0.0, 1e4),
+    "integral_limit": (0.0, math.inf),
+    "lead": (0.0, 10.0),
+    "lead_square": (0.0, 10.0),
+}
+"""`Law.limits` of gains that several laws have."""
 
 
 @kernel
@@ -84,3 +97,21 @@ def bounded(value: float, low: float, high: float, refused: float) -> float:
     (1.0, 0.5)
     """
     return sel((value >= low) * (value <= high), value, sel(value > high, high, sel(value < low, low, refused)))
+
+
+@kernel
+def fed_back(
+    wait: float, error: float, integral: float, missed: float, rate: float, limit: float, dt: float
+) -> tuple[float, float]:
+    """Error and its integral after one cycle; both stand still while the dead zone is crossed, see `waited` [rad].
+
+        ∫⁺ = ∫ + rate·e·Ts, not beyond ± limit
+
+    A `missed` (reference − joint) that is not a number counts as the `error` before.
+
+    >>> fed_back(0.0, 0.0, 0.25, 0.5, 2.0, 1.0, 0.5), fed_back(0.1, 0.125, 0.25, 0.5, 2.0, 1.0, 0.5)
+    ((0.5, 0.75), (0.125, 0.25))
+    """
+    error = bounded(sel(wait > 0.0, error, missed), -1e3, 1e3, error)
+    summed = integral + sel(wait > 0.0, 0.0, rate * error * dt)
+    return error, bounded(summed, -limit, limit, integral)

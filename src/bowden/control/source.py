@@ -1,7 +1,7 @@
 """Where a loop's reference comes from: a table that was made beforehand, or the wearer's push, cycle by cycle.
 
-    start(settings, heard) -> state
-    step(settings, state, heard, scheduled, dt) -> (state, reference, added)
+    start(settings, measured) -> state
+    step(settings, state, measured, scheduled, dt) -> (state, reference, added)
 
 `scheduled` is the table's reference at this instant; `added` is an angle of the motor that is added to the law's
 command. As laws are, sources are kernels in the portable subset, and `specialise` puts them in a loop.
@@ -16,7 +16,7 @@ from bowden.core.nested import columns
 from bowden.core.signals import Reference
 
 
-class Heard(NamedTuple):
+class Measurement(NamedTuple):
     """What a source may look at."""
 
     joint: float
@@ -30,13 +30,13 @@ class Heard(NamedTuple):
 
 
 @stand_in
-def source_start(settings: Any, heard: Heard) -> Any:
+def source_start(settings: Any, measured: Measurement) -> Any:
     """Stand-in for a source's ``start`` in a loop's source; `specialise` puts the source's own in its place."""
     raise NotImplementedError  # always replaced
 
 
 @stand_in
-def source_step(settings: Any, state: Any, heard: Heard, scheduled: Reference, dt: float) -> Any:
+def source_step(settings: Any, state: Any, measured: Measurement, scheduled: Reference, dt: float) -> Any:
     """Stand-in for a source's ``step``."""
     raise NotImplementedError  # always replaced
 
@@ -49,22 +49,22 @@ class Source:
     """For the record."""
     settings: Any
     """NamedTuple handed to the kernels."""
-    start_kernel: Callable[[Any, Heard], Any]
-    step_kernel: Callable[[Any, Any, Heard, Reference, float], tuple[Any, Reference, float]]
+    start_kernel: Callable[[Any, Measurement], Any]
+    step_kernel: Callable[[Any, Any, Measurement, Reference, float], tuple[Any, Reference, float]]
     state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state → its unit, where the state's type does not say."""
 
     def columns(self) -> dict[str, str]:
         """Column → unit of its state, as traces and logs have it: ``<name>.<field>``."""
-        return columns(self.start(Heard(0.0, 0.0, 0.0, 0.0)), self.name, self.state_units)
+        return columns(self.start(Measurement(0.0, 0.0, 0.0, 0.0)), self.name, self.state_units)
 
-    def start(self, heard: Heard) -> Any:
+    def start(self, measured: Measurement) -> Any:
         """The state with which the source begins."""
-        return self.start_kernel(self.settings, heard)
+        return self.start_kernel(self.settings, measured)
 
-    def step(self, state: Any, heard: Heard, scheduled: Reference, dt: float) -> tuple[Any, Reference, float]:
+    def step(self, state: Any, measured: Measurement, scheduled: Reference, dt: float) -> tuple[Any, Reference, float]:
         """The next state, the reference, and what is added to the law's command [rad]."""
-        return self.step_kernel(self.settings, state, heard, scheduled, dt)
+        return self.step_kernel(self.settings, state, measured, scheduled, dt)
 
 
 class Nothing(NamedTuple):
@@ -74,14 +74,14 @@ class Nothing(NamedTuple):
 
 
 @kernel
-def table_start(settings: Nothing, heard: Heard) -> Nothing:
+def table_start(settings: Nothing, measured: Measurement) -> Nothing:
     """A table remembers nothing."""
     return settings
 
 
 @kernel
 def table_step(
-    settings: Nothing, state: Nothing, heard: Heard, scheduled: Reference, dt: float
+    settings: Nothing, state: Nothing, measured: Measurement, scheduled: Reference, dt: float
 ) -> tuple[Nothing, Reference, float]:
     """The reference is what was scheduled."""
     return state, scheduled, 0.0

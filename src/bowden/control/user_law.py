@@ -2,7 +2,7 @@
 
 The file either defines a `Law` object, or the three parts of one: a NamedTuple ``Gains`` with a default for every
 field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
-likes, ``TOLD``, what its gains are told of a rig (`Law.told`). What it defines is
+likes, ``FROM_RIG``, what its gains are told of a rig (`Law.from_rig`). What it defines is
 tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
 compiler's rarely do. Compiled code is kept under the hash of the file (see
 `bowden.core.kernel_cache`), so an edited law is never met by stale code.
@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from bowden.control.knowledge import Knowledge, informed
-from bowden.control.law import Law, Told
+from bowden.control.law import FromRig, Law
 from bowden.control.law_parts import LAG
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
@@ -72,11 +72,11 @@ def explained(law: Law) -> Iterator[None]:
         yield
 
 
-_BY_NAME: Mapping[str, Told] = {
+_BY_NAME: Mapping[str, FromRig] = {
     **{name: name for name in ("servo_frequency", "servo_damping", "delay")},
     **LAG,
 }
-"""What gains of these names are told in a file that has the parts of a law and no `TOLD`."""
+"""What gains of these names are told in a file that has the parts of a law and no `FROM_RIG`."""
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> Law:
@@ -103,8 +103,10 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         gains = names["Gains"]()
     except Exception as error:
         raise user_file.mistake(error, path) from error
-    told = names.get("TOLD", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())})
-    return Law(path.stem, gains, names["start"], names["step"], source=str(path), told=told)
+    from_rig = names.get(
+        "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
+    )
+    return Law(path.stem, gains, names["start"], names["step"], source=str(path), from_rig=from_rig)
 
 
 def check_law(law: Law, path: Path | None = None) -> None:

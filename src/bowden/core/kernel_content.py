@@ -129,7 +129,7 @@ def _function(function: FunctionType, parts: Parts) -> str:
     replaced = dict(parts)
     attributes = frozenset(name for inner in _codes(function.__code__) for name in inner.co_names)
 
-    def told(value: Any) -> str:
+    def described(value: Any) -> str:
         return _value(value, attributes, parts)
 
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
@@ -139,8 +139,8 @@ def _function(function: FunctionType, parts: Parts) -> str:
         [
             f"{name} {hasattr(function, '__apart__')}",
             *_code(function.__code__),
-            *map(told, (*(function.__defaults__ or ()), *cells)),
-            *(f"{name}={told(value)}" for name, value in zip(names, values, strict=True)),
+            *map(described, (*(function.__defaults__ or ()), *cells)),
+            *(f"{name}={described(value)}" for name, value in zip(names, values, strict=True)),
         ]
     )
 

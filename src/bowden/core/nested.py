@@ -121,11 +121,6 @@ def from_columns(example: Any, row: Mapping[str, float], prefix: str = "") -> An
     return rebuilt(example, lambda path, old: type(old)(row[name_of((prefix, *path) if prefix else path)]))
 
 
-def floated(value: Any) -> Any:
-    """The same state with every number a float: compiled code takes whole numbers for another type."""
-    return rebuilt(value, lambda _, leaf: float(leaf))
-
-
 def flat(value: Any) -> tuple[Any, ...]:
     """The numbers of nested tuples in one tuple, in the order of `names`. Compiled, it is a primitive of kernels.
 

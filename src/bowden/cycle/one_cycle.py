@@ -5,7 +5,7 @@
 Law and source of the reference are stand-ins, and so are three parts that a loop may have or not, which `specialise`
 fills with `SUPERVISED` (the live loop, replay and the fault matrix) or with `BARE` (simulation of a law alone):
 
-    cycle_sense(settings, state, observed, dt) -> (sample, heard)           what law and source see of the readings
+    cycle_sense(settings, state, observed, dt) -> (sample, measured)           what law and source see of the readings
     cycle_lead(limits, command, added) -> wish                              the law's command, with what the source adds
     cycle_watch(limits, watched, observed, wish, dt) -> (watched, verdict)  the last word
 
@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.knowledge import measured
+from bowden.control.knowledge import with_measured_width
 from bowden.control.law import Law, law_start, law_step
-from bowden.control.source import TABLE, Heard, Source, source_start, source_step
+from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise, stand_in
 from bowden.core.nested import flat, restored
 from bowden.core.signals import DriveReading, Reference, Sample
@@ -95,7 +95,7 @@ class CycleState(NamedTuple):
 
 
 @stand_in
-def cycle_sense(settings: CycleSettings, state: CycleState, observed: Any, dt: float) -> tuple[Sample, Heard]:
+def cycle_sense(settings: CycleSettings, state: CycleState, observed: Any, dt: float) -> tuple[Sample, Measurement]:
     """Stand-in for what law and source are shown of the readings."""
     raise NotImplementedError  # always replaced
 
@@ -121,20 +121,20 @@ def one_cycle(
     Args:
         settings: of the run.
         state: after the cycle before.
-        observed: what there is to see in this cycle: `Heard` for a bare law, `Observed` under the supervisor.
+        observed: what there is to see in this cycle: `Measurement` for a bare law, `Observed` under the supervisor.
         plan: who has the motor, and the reference that is scheduled.
         dt: length of a cycle [s].
 
     Returns:
         The state after this cycle, the law's reference, the wish for the motor [rad], and what the drive is told.
     """
-    sample, heard = cycle_sense(settings, state, observed, dt)
+    sample, measured = cycle_sense(settings, state, observed, dt)
     law, source, reference, wish = state.law, state.source, plan.reference, state.supervisor.target
     if plan.source == LAW_BEGINS:
         law = law_start(settings.gains, sample)
-        source = source_start(settings.source, Heard(sample.joint, sample.motor, heard.current, heard.load))
+        source = source_start(settings.source, Measurement(sample.joint, sample.motor, measured.current, measured.load))
     if plan.source >= LAW_BEGINS:
-        source, reference, added = source_step(settings.source, source, heard, plan.reference, dt)
+        source, reference, added = source_step(settings.source, source, measured, plan.reference, dt)
         law, command = law_step(settings.gains, law, sample, reference, dt)
         wish = cycle_lead(settings.limits, command, added)
     elif plan.source == MOTION:
@@ -151,7 +151,9 @@ class Unwatched(NamedTuple):
 
 
 @kernel
-def as_measured(settings: CycleSettings, state: CycleState, observed: Heard, dt: float) -> tuple[Sample, Heard]:
+def as_measured(
+    settings: CycleSettings, state: CycleState, observed: Measurement, dt: float
+) -> tuple[Sample, Measurement]:
     """`cycle_sense` of a bare law: the readings as they are."""
     return Sample(observed.joint, observed.motor), observed
 
@@ -179,15 +181,15 @@ def bare_settings(gains: Any, source: Any) -> CycleSettings:
 
 
 @kernel
-def bare_start(settings: CycleSettings, heard: Heard) -> CycleState:
+def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
     """The state with which a bare law begins."""
-    sample = Sample(heard.joint, heard.motor)
-    law, source = law_start(settings.gains, sample), source_start(settings.source, heard)
-    return CycleState(sample, law, source, Unwatched(heard.motor))
+    sample = Sample(measured.joint, measured.motor)
+    law, source = law_start(settings.gains, sample), source_start(settings.source, measured)
+    return CycleState(sample, law, source, Unwatched(measured.motor))
 
 
 @kernel
-def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt: float) -> tuple[Sample, Heard]:
+def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt: float) -> tuple[Sample, Measurement]:
     """`cycle_sense` under the supervisor: the angles that the supervisor itself goes by, each behind its low-pass.
 
     While an angle is missing or not credible the law has the last one that was, so that what the supervisor bridges
@@ -198,13 +200,13 @@ def believed(settings: CycleSettings, state: CycleState, observed: Observed, dt:
         low_pass(state.sample.joint, seen.joint.value, filters.joint, dt),
         low_pass(state.sample.motor, seen.motor.value, filters.motor, dt),
     )
-    heard = Heard(
+    measured = Measurement(
         sample.joint if seen.joint_lost + seen.joint_jump == 0.0 else math.nan,
         sample.motor if seen.motor_lost + seen.motor_jump == 0.0 else math.nan,
         observed.reading.current,
         math.nan,
     )
-    return sample, heard
+    return sample, measured
 
 
 @kernel
@@ -260,7 +262,7 @@ def cycle_in_place(
     before = CycleState(
         restored(begun, sample),
         restored(law_start(settings.gains, begun), law),
-        restored(source_start(settings.source, Heard(0.0, 0.0, 0.0, 0.0)), source),
+        restored(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
         restored(begin(settings.limits, like, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
     after, reference, wish, verdict = one_cycle(settings, before, observed, plan, dt)
@@ -319,7 +321,7 @@ class Cycle:
         """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time."""
         joint, motor = (0.0 if math.isnan(angle) else float(angle) for angle in (reading.joint, reading.motor))
         sample = Sample(joint, motor)
-        law, source = self.law.start(sample), self.source.start(Heard(joint, motor, 0.0, math.nan))
+        law, source = self.law.start(sample), self.source.start(Measurement(joint, motor, 0.0, math.nan))
         fresh = CycleState(sample, law, source, begin(self.limits, reading, thermal))
         self.state = fresh
         observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -329,7 +331,7 @@ class Cycle:
 
     def know(self, width: float) -> None:
         """Let the law begin with the dead zone that was measured [rad], where it takes one; NaN is none."""
-        self._settings = self._settings._replace(gains=measured(self.law, width).gains)
+        self._settings = self._settings._replace(gains=with_measured_width(self.law, width).gains)
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""

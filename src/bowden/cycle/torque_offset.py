@@ -32,7 +32,7 @@ def _in_place(spool: Array, memory: Array, target: float, acts: float, dt: float
     push = FrictionPush(memory[1], memory[2])
     for _ in range(int(s[1])):
         push = turn_push(push, turned, dt / s[1])
-    memory[1] = sel(acts > 0.0, push.heard, turned)
+    memory[1] = sel(acts > 0.0, push.settled_target, turned)
     memory[2] = sel(acts > 0.0, push.direction, 0.0)
     memory[0] = s[0] * memory[2]
 

@@ -20,7 +20,7 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.user_plant import UserPlant
 from bowden.sim.many import Case, Shown, simulate_each
 
-YARDSTICK = "adaptive"
+BASELINE = "adaptive"
 """The law that ratios are taken to: the paper's."""
 
 
@@ -72,8 +72,8 @@ class Standing:
     won: float
     """Share of the cells in which no other law had a lower RMSE from rest [–]."""
     ratio: float | None
-    """Median of its RMSE from rest over the yardstick's, an unstable cell counting as the largest; None where the
-    yardstick did not play, or the median is an unstable cell [–]."""
+    """Median of its RMSE from rest over the baseline's, an unstable cell counting as the largest; None where the
+    baseline did not play, or the median is an unstable cell [–]."""
     rmse_deg: float | None
     """Median RMSE from rest, an unstable cell counting as the largest [deg]."""
     chatter: float | None
@@ -112,8 +112,10 @@ def play(
             initial = found.plant.resting_motor(start, float(found.bend(np.zeros(1))[0]))
             progress(f"{found.name}, {scenario.name}", done / total)
             travel = _exact_travel(found, reference, scenario.duration, initial)
-            knowing = tuple(configured(law, found.known or knowledge_of(found.plant)) for law in laws)
-            runs = simulate_each(Case(found.plant, knowing, reference, found.bend, seed, initial), scenario.duration)
+            informed_laws = tuple(configured(law, found.known or knowledge_of(found.plant)) for law in laws)
+            runs = simulate_each(
+                Case(found.plant, informed_laws, reference, found.bend, seed, initial), scenario.duration
+            )
             for law in laws:
                 progress(f"{found.name}, {scenario.name}, {law.name}", done / total)
                 with guard(law):
@@ -167,19 +169,19 @@ def standings(cells: Sequence[Cell]) -> list[Standing]:
 def _standing(law: str, rows: Sequence[dict[str, Cell]]) -> Standing:
     errors = [_error(row[law]) for row in rows]
     best = [min(map(_error, row.values())) for row in rows]
-    compared = [(_error(row[law]), _error(row[YARDSTICK])) for row in rows if YARDSTICK in row]
+    compared = [(_error(row[law]), _error(row[BASELINE])) for row in rows if BASELINE in row]
     ratios = [error / other if math.isfinite(other) else 0.0 for error, other in compared if error < math.inf]
     ratios += [math.inf] * sum(error == math.inf for error, _ in compared)
     chatters = [row[law].chatter for row in rows]
-    heard = [chatter for chatter in chatters if chatter is not None]
+    finite = [chatter for chatter in chatters if chatter is not None]
     return Standing(
         law=law,
         cells=len(rows),
         won=sum(error < math.inf and error == least for error, least in zip(errors, best, strict=True)) / len(rows),
         ratio=_finite(median(ratios)) if ratios else None,
         rmse_deg=_finite(median(errors)),
-        chatter=median(heard) if heard else None,
-        most_chatter=max(heard, default=None),
+        chatter=median(finite) if finite else None,
+        most_chatter=max(finite, default=None),
         unstable=sum(not row[law].stable for row in rows),
     )
 

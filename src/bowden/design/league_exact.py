@@ -81,9 +81,9 @@ def exact_path(
         memory = cable_advance(cable, memory, motor, motor, width, factor, dt)
         error = references[k] - cable_look(cable, memory, motor, width, factor).joint
         side = 1.0 if error > 0.0 else -1.0
-        worth = 1e-9 if side * speeds[k] > 0.0 or side * heading > 0.0 else _TURN_BACK
+        tolerance = 1e-9 if side * speeds[k] > 0.0 or side * heading > 0.0 else _TURN_BACK
         path[k] = motor
-        if np.abs(error) < worth:
+        if np.abs(error) < tolerance:
             continue
         near, left = 0.0, -np.abs(error)
         stride = max(1e-5, np.abs(error))

@@ -94,8 +94,10 @@ def _reduced(into: Array, driven: Array, out: Array, direct: Array, scale: Array
     a, b = into / scale[:, None], driven / scale[:, None]  # both now free of units
     links = np.abs(a) > _NOISE
     reached = _spread(np.any(np.abs(b) > _NOISE, axis=1), links)
-    heard = _spread(np.abs(out) > _NOISE * max(float(np.max(np.abs([*out, *direct]), initial=0.0)), 1e-300), links.T)
-    keep = np.flatnonzero(reached & heard)
+    observable = _spread(
+        np.abs(out) > _NOISE * max(float(np.max(np.abs([*out, *direct]), initial=0.0)), 1e-300), links.T
+    )
+    keep = np.flatnonzero(reached & observable)
     s = scale[keep]
     return LawModel(
         a=a[np.ix_(keep, keep)] * s[:, None] / s[None, :],

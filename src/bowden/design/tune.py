@@ -24,7 +24,7 @@ from bowden.design import findings
 from bowden.design.advice import gains_that_matter
 from bowden.design.check import STROKE, Check, Estimates, check, visited_estimates
 from bowden.design.evolution import Array, Population, Score
-from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, lack
+from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, shortfall
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.plants.knowledge_of import knowledge_of
@@ -216,12 +216,12 @@ class _Search:
     def begin(self, share: float) -> None:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
         count = len(self.names)
-        told = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).gains
-        known = np.log([getattr(told, name) / getattr(self.law.gains, name) for name in self.names])
+        informed_gains = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).gains
+        known = np.log([getattr(informed_gains, name) / getattr(self.law.gains, name) for name in self.names])
         points = [np.zeros(count), np.clip(known, *_REACH)]
         for _ in range(round(share * _DRAWS)):
             points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
-        lacking = list(self.workers(lack, [self._task(self._law(point)) for point in points]))
+        lacking = list(self.workers(shortfall, [self._task(self._law(point)) for point in points]))
         first = [points[i] for i in sorted(range(len(points)), key=lambda i: (lacking[i], i))]
         first = first[: max(_MEMBERS, round(share * _SIMULATED))]
         scores = self._judge(first, [(0.0, 2.0 * max(self.errors_before))] * len(first), at_once=False)
@@ -295,7 +295,7 @@ class _Search:
             for point, (lacking, value) in zip(points, wanted, strict=True)
         ]
         found: Iterable[Judged] = self.workers(judge, tasks)
-        return [(judged.lack, judged.worst) for judged in found]
+        return [(judged.shortfall, judged.worst) for judged in found]
 
     def _confirm(self, rounds: int = 1) -> None:
         """Check members that are better than the best, the best of them first, two at a time."""
@@ -324,7 +324,7 @@ class _Search:
             tried = plain.with_gains(**{name: value})
             if tried.gains != plain.gains:
                 judged = judge(self._task(tried, worst * _SAME))
-                plain = tried if judged.lack == 0.0 and judged.worst <= worst * _SAME else plain
+                plain = tried if judged.shortfall == 0.0 and judged.worst <= worst * _SAME else plain
         again = checked(self._task(plain))
         return (plain, again, max(errors(self._task(plain)))) if keeps(again) else (law, found, worst)
 
@@ -354,6 +354,6 @@ class _Search:
                 tasks = [
                     self._task(self._law(point, base), limit)._replace(rig=rig, runs=NineRuns(rig)) for point in points
                 ]
-                if any(judged.lack == 0.0 and judged.worst < limit for judged in self.workers(judge, tasks)):
+                if any(judged.shortfall == 0.0 and judged.worst < limit for judged in self.workers(judge, tasks)):
                     return said
         return ""

@@ -41,7 +41,7 @@ class Task(NamedTuple):
 class Judged(NamedTuple):
     """What came of it."""
 
-    lack: float
+    shortfall: float
     """0 where the margins are there, else the largest share of them that is missing."""
     errors: tuple[float, ...]
     """RMSE of each run [rad]; infinite where it is unstable or was given up, 0 where it was not needed any more."""
@@ -54,14 +54,16 @@ class Judged(NamedTuple):
 
 def judge(task: Task) -> Judged:
     """The margins, where they are wide enough the errors, and where these are small enough the margins on the way."""
-    missing = lack(task)
+    missing = shortfall(task)
     if missing:
         return Judged(missing, ())
     found = Judged(0.0, errors(task))
-    return found._replace(lack=_lack_on_the_way(task)) if found.worst <= task.limit and found.worst < np.inf else found
+    if found.worst <= task.limit and found.worst < np.inf:
+        return found._replace(shortfall=_shortfall_on_the_way(task))
+    return found
 
 
-def lack(task: Task) -> float:
+def shortfall(task: Task) -> float:
     """The largest share of the wanted margins that is missing over all linear loops; 0 for none."""
     resolution = task.rig.bench.joint_encoder.resolution or 1e-6
     missing = 0.0
@@ -86,7 +88,7 @@ def _thinned(bench: Plant) -> Plant:
     return changed(bench, sample_time=cycles * bench.sample_time, delay=-(-bench.delay // cycles))
 
 
-def _lack_on_the_way(task: Task) -> float:
+def _shortfall_on_the_way(task: Task) -> float:
     """What is missing at the ends of what these gains make of the estimates; all of it where a trial gets nowhere."""
     bench, law = task.rig.bench, task.law
     trials = [run_trial(bench, law, bend, task.rig.stroke) for bend in dict.fromkeys(task.rig.bends)]
@@ -95,7 +97,7 @@ def _lack_on_the_way(task: Task) -> float:
     visited = visited_estimates(law, trials, bench.sample_time)
     ends = [choose(visited, key=lambda values: values[name]) for name in visited[0] for choose in (min, max)]
     different = [values for i, values in enumerate(ends) if values not in [*task.estimates, *ends[:i]]]
-    return lack(task._replace(estimates=tuple(different)))
+    return shortfall(task._replace(estimates=tuple(different)))
 
 
 def errors(task: Task) -> tuple[float, ...]:

@@ -89,7 +89,7 @@ def graph_of(trace: KernelTrace, leaves: Mapping[str, Symbol], results: Sequence
             arguments = tuple(register[i] for i in taken[: 1 if kind in _OF_ONE else 2])
             raw.append(Operation(kind, arguments, "", trace.places.get(expressions[k].element_hash())))
         register[given[0]] = len(raw) - 1
-    return _tidy(raw, found)
+    return _simplified(raw, found)
 
 
 @cache
@@ -101,7 +101,7 @@ def _kinds(casadi: Any) -> dict[int, str]:
 _OF_ONE = {"neg", "fabs", "sqrt", "floor", "sign", "tanh", "exp", "sin", "cos", "log", "not"}
 
 
-def _tidy(raw: list[Operation], results: list[int]) -> Graph:
+def _simplified(raw: list[Operation], results: list[int]) -> Graph:
     """True choices, nothing twice, nothing unused, in the order in which Python met them."""
     same: dict[tuple[Any, ...], int] = {}
     stands_for: list[int] = []

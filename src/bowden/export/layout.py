@@ -119,17 +119,17 @@ class Structs:
         name = f"{self.prefix}_{called or snake(identifier(type(value).__name__))}"
         if name not in self.written:
             kind: Any = type(value)
-            told = meanings(kind)
-            rows = [self._field(field, inner, told, units or {}) for field, inner in value._asdict().items()]
+            meaning_of = meanings(kind)
+            rows = [self._field(field, inner, meaning_of, units or {}) for field, inner in value._asdict().items()]
             self.written[name] = "typedef struct {\n" + "\n".join(rows) + f"\n}} {name};\n"
         return name
 
-    def _field(self, field: str, value: Any, told: Mapping[str, str], units: Mapping[str, str]) -> str:
+    def _field(self, field: str, value: Any, meaning_of: Mapping[str, str], units: Mapping[str, str]) -> str:
         array = isinstance(value, tuple) and not is_named(value)
         kind = self.name(value[0] if array else value)
         size = f"[{len(value)}]" if array else ""
         unit = f"[{'–' if units[field] == '1' else units[field]}]" if field in units else ""
-        text = told.get(field, "")
+        text = meaning_of.get(field, "")
         return f"    {kind} {identifier(field)}{size};{comment(text if '[' in text else f'{text} {unit}')}"
 
 

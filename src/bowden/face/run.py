@@ -107,7 +107,7 @@ def live_session(
     """
     from bowden.design.verdict import verdicts
     from bowden.hardware.drives.family import family_of
-    from bowden.live.emg_ear import Ear
+    from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin
@@ -116,18 +116,18 @@ def live_session(
     if not twin:  # another run's bus is told at once; the drive claims it for good
         family_of(rig.drive).claim(rig.drive)()
     with contextlib.ExitStack() as stack:
-        ear = None if live.emg is None else stack.enter_context(contextlib.closing(Ear(rig)))
+        emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
         checked = verdicts(rig, [live.law], name, force=force)[0]
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
         for note in (*live.notes, *pushing, checked.note):
             if note:
                 tell(note)
         require(live.limits, live.rig.sample_time, "little_margin" if force else checked.name or "little_margin")
-        if ear is not None:
-            ear.await_ready()  # a stream that cannot be used is told before anything else is started
+        if emg_process is not None:
+            emg_process.await_ready()  # a stream that cannot be used is told before anything else is started
         if twin:
             live = live_run(stack.enter_context(own_twin(rig)))
-        yield stack.enter_context(Session(live, new_log(out, live.law.name), ear, remembers=not twin))
+        yield stack.enter_context(Session(live, new_log(out, live.law.name), emg_process, remembers=not twin))
 
 
 def new_log(folder: Path, name: str) -> Path:

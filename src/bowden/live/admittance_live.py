@@ -119,7 +119,7 @@ def _inside(given: Admittance, limits: Limits) -> Admittance:
     if low < high:
         return given._replace(low=low, high=high)
     expected = []
-    for (from_, to), told in (
+    for (from_, to), name in (
         (
             joint,
             f"{MARGIN / RADIANS:g}° or more inside the joint's limits, {_span(limits.joint_low, limits.joint_high)}",
@@ -127,7 +127,7 @@ def _inside(given: Admittance, limits: Limits) -> Admittance:
         (motor, f"inside the motor's limits, {_span(*motor)}"),
     ):
         if given.low < low == from_ or given.high > high == to:
-            expected.append(told)
+            expected.append(name)
     raise ParameterError(
         f"admittance.low_deg is {given.low / RADIANS:g} and high_deg {given.high / RADIANS:g}",
         expected=f"some of it {' and '.join(expected)}",

@@ -12,7 +12,7 @@ from bowden.cycle.one_cycle import WishSource
 from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
-    from bowden.live.emg_ear import Ear
+    from bowden.live.emg_process import EmgProcess
     from bowden.rig.emg_setup import EmgRun
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Columns(Protocol):
         ...
 
 
-def figures(log: Columns, run: "EmgRun", ear: "Ear") -> dict[str, Any]:
+def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> dict[str, Any]:
     """Of a run's log, as JSON values; delays count from the sample with which a contraction was told.
 
     In the proportional mode the joint follows the envelope: there are no motions to speak of.
@@ -55,14 +55,14 @@ def figures(log: Columns, run: "EmgRun", ear: "Ear") -> dict[str, Any]:
     age = log["emg.age"][led]
     return {
         "source": run.source,
-        "stream": ear.stream,
+        "stream": emg_process.stream,
         "motions": len(at) if triggered else None,
         **{f"onset_to_{name}_ms": _spread(delays) for name, delays in moves.items()},
         "peak_after_first_second_deg": float(settled.max() / RADIANS) if len(settled) else None,
         "age_ms": _spread(age.tolist()),
         "samples": int(log["emg.samples"][-1]) if len(time) else 0,
         "lost": int(log["emg.lost"][-1]) if len(time) else 0,
-        "why_lost": ear.lost or None,
+        "why_lost": emg_process.lost or None,
     }
 
 

@@ -57,9 +57,9 @@ def _run(given: dict[str, Any]) -> int:
     try:
         what = stream.open()
         flexor, extensor = columns(run, stream)
-        heard = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
-        heard.take(EmgChunk(np.zeros((2, len(stream.channels))), np.zeros(2)), 0.0)  # compiles
-        heard = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
+        listener = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
+        listener.take(EmgChunk(np.zeros((2, len(stream.channels))), np.zeros(2)), 0.0)  # compiles
+        listener = Listener(stream.rate, flexor, extensor, levels(run), run.detector)
         block = IntentWriter(Path(given["block"]))
         lasts, lost = _lasts(run), ""
         _raise_priority()
@@ -70,7 +70,7 @@ def _run(given: dict[str, Any]) -> int:
         now = clock.now() / SECOND
         ends = 0 if lasts is None else round((now + lasts) * SECOND)
         while word != _CLOSED:
-            block.write(heard.take(stream.read(now), now)._replace(ends=ends))
+            block.write(listener.take(stream.read(now), now)._replace(ends=ends))
             if stream.lost() != lost:
                 lost = stream.lost()
                 _say("lost", lost)

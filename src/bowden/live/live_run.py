@@ -89,7 +89,7 @@ class Live:
         torque, spool, substeps = self.needs.torque_offset, self.needs.spool, self.rig.substeps
         return None if spool is None or torque == 0.0 else TorqueOffset(torque, substeps, spool)
 
-    def _told_push(self) -> Mapping[str, Any]:
+    def _push_settings(self) -> Mapping[str, Any]:
         spool = plain(self.needs.spool)
         return {"torque": self.needs.torque_offset, "substeps": self.rig.substeps, "spool": spool}
 
@@ -102,7 +102,7 @@ class Live:
         slope = 1.0 if suit is not None else self.rig.slope
         return Script(self.table, self.start, speed, checks, self.rig.sample_time, course, slope)
 
-    def told(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, Any]:
         """What the log keeps of the run, beside the law and the limits: all of the rig, so that a log is enough."""
         law = self.rig.law
         return {
@@ -110,8 +110,8 @@ class Live:
             "seed": self.rig.seed,
             "rig": self.rig.document(),
             **({"law_file": _where(law)} if isinstance(law, LawFile) and not self.measure else {}),
-            **({"emg": self.emg.told()} if self.emg else {}),
-            **({"push": self._told_push()} if self.needs.torque_offset > 0.0 else {}),
+            **({"emg": self.emg.settings()} if self.emg else {}),
+            **({"push": self._push_settings()} if self.needs.torque_offset > 0.0 else {}),
             **({} if self.pushing is None else {"admittance": plain(self.source().settings)}),
         }
 

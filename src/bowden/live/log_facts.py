@@ -93,8 +93,8 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield name, str(document[name])
     for name, column in (("lateness", "lateness_s"), ("run time", "run_time_s")):
         if document[column] is not None:
-            told = (f"{share.replace('_', '.')} {1e6 * value:.1f}" for share, value in document[column].items())
-            yield name, f"{', '.join(told)} µs"
+            shares = (f"{share.replace('_', '.')} {1e6 * value:.1f}" for share, value in document[column].items())
+            yield name, f"{', '.join(shares)} µs"
     if document["overruns"] is not None:
         yield "overruns", str(document["overruns"])
     yield "software", ", ".join(document["software"].values())

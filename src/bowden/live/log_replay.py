@@ -64,8 +64,8 @@ def _known_of(settings: Mapping[str, Any]) -> Knowledge:
     """What the rig of a log knows; of a cable whose model the log names and does not have, nothing."""
     if "rig" not in settings:
         return Knowledge()
-    known, told = _rig_of(settings["rig"]).knowledge, settings["rig"]
-    if "format" in told or told.get("cable", {}).get("model") is None:
+    known, document = _rig_of(settings["rig"]).knowledge, settings["rig"]
+    if "format" in document or document.get("cable", {}).get("model") is None:
         return known
     return known._replace(cable=Knowledge().cable, motor_zero=Knowledge().motor_zero)
 
@@ -117,15 +117,15 @@ def source_for(found: Recording, law: Law) -> Source:
 _WITHOUT = "replay it without --law, which needs no rig"
 
 
-def _suit_of(told: Any) -> tuple[Suit, float]:
+def _suit_of(document: Any) -> tuple[Suit, float]:
     """Suit and friction share of a log's rig."""
-    rig = _rig_of(told)
+    rig = _rig_of(document)
     if rig.worn is None:
         raise LogError("the log's rig wears no suit", do=_WITHOUT)
     return rig.worn, rig.admittance.friction_share
 
 
-def _rig_of(told: Any) -> Rig:
+def _rig_of(document: Any) -> Rig:
     """A log's rig.
 
     Of a log that has a rig.toml's sections alone, what a replay does not need is left out, lest files be looked for
@@ -133,10 +133,10 @@ def _rig_of(told: Any) -> Rig:
     """
     where = Path("the log's rig")
     try:
-        if "format" in told:
-            return Rig.unpack(told)
-        cable = {key: value for key, value in told.get("cable", {}).items() if key != "model"}
-        others = {key: value for key, value in told.items() if key not in ("cable", "reference", "control", "emg")}
+        if "format" in document:
+            return Rig.unpack(document)
+        cable = {key: value for key, value in document.get("cable", {}).items() if key != "model"}
+        others = {key: value for key, value in document.items() if key not in ("cable", "reference", "control", "emg")}
         return Rig.of_tree(without_none(others | {"cable": cable}), where)
     except BowdenError as error:
         raise LogError(error.what, expected=error.expected, do=_WITHOUT) from error

@@ -21,13 +21,13 @@ def rig_of_log(path: Path) -> Rig:
         LogError: the log has no rig, or one that this version cannot read.
     """
     settings = LogReader(path).settings
-    told = settings.get("rig")
-    if not isinstance(told, Mapping):
+    document = settings.get("rig")
+    if not isinstance(document, Mapping):
         raise LogError(f"{path} does not say with which rig it ran", do="give the rig.toml of that run")
     try:
-        if "format" in told:
-            return Rig.unpack(told).replace(origin=str(path))
-        tree = without_none(told)
+        if "format" in document:
+            return Rig.unpack(document).replace(origin=str(path))
+        tree = without_none(document)
         law = settings.get("law_file") or settings.get("law")
         control = {"law": law, "gains": settings.get("gains", {})} if isinstance(law, str) else {}
         rig = Rig.of_tree(tree | {"control": control}, path)
@@ -38,8 +38,8 @@ def rig_of_log(path: Path) -> Rig:
 
 def hash_of(settings: Mapping[str, Any]) -> str | None:
     """The hash of the rig that a log's settings name; None of a log without one."""
-    told = settings.get("rig")
-    return told.get("hash") if isinstance(told, Mapping) else None
+    document = settings.get("rig")
+    return document.get("hash") if isinstance(document, Mapping) else None
 
 
 def without_none(tree: Any) -> Any:

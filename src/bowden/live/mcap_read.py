@@ -99,7 +99,7 @@ def _trace(log: Recording | LogReader, rows: NDArray[np.float64]) -> Trace:
     if not len(rows):
         raise LogError("the log has no row", do="nothing can be made of it")
     kept = ("columns", "units", "settings", "crc32")
-    told = {name: value for name, value in log.about.items() if name not in kept}
+    about = {name: value for name, value in log.about.items() if name not in kept}
     columns = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(log.columns)}
     units = dict(zip(log.columns, log.units, strict=True))
-    return Trace(columns, units, {**log.settings, "log": told}, log.settings.get("seed"))
+    return Trace(columns, units, {**log.settings, "log": about}, log.settings.get("seed"))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.cycle.one_cycle import WishSource
-from bowden.design.admittance_study import beside_load, rms_and_peak, settled
+from bowden.design.felt import beside_load, rms_and_peak, settled
 
 if TYPE_CHECKING:
     from bowden.live.mcap_read import Recording

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.control.source import TABLE, Heard, Source
+from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import LogError
 from bowden.core.nested import from_columns
 from bowden.core.signals import DriveReading, Reference, Sample
@@ -104,14 +104,14 @@ def replay(
     for k, array in enumerate(found.rows):
         row = array.tolist()
         if gaps[k]:
-            told = dict(zip(found.columns, row, strict=True))
-            sample = Sample(told["joint_seen"], told["motor_seen"])
-            law_begun, begun = law.start(sample), source.start(Heard(sample.joint, sample.motor, 0.0, np.nan))
+            first = dict(zip(found.columns, row, strict=True))
+            sample = Sample(first["joint_seen"], first["motor_seen"])
+            law_begun, begun = law.start(sample), source.start(Measurement(sample.joint, sample.motor, 0.0, np.nan))
             cycle.state = CycleState(
                 sample,
-                from_columns(law_begun, told, "law") if same else law_begun,
-                begun if source is TABLE else from_columns(begun, told, source.name),
-                from_columns(STOPPED, told, "supervisor"),
+                from_columns(law_begun, first, "law") if same else law_begun,
+                begun if source is TABLE else from_columns(begun, first, source.name),
+                from_columns(STOPPED, first, "supervisor"),
             )
             continue
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
@@ -134,9 +134,9 @@ def _torques(found: Recording, gaps: Any, period: float) -> Any:
     if push is None or not set(COLUMNS) <= set(found.columns):
         return None
     offset = TorqueOffset(*push)
-    told = found.rows[:, [found.columns.index(name) for name in COLUMNS]].tolist()
+    recorded = found.rows[:, [found.columns.index(name) for name in COLUMNS]].tolist()
     said = found.rows[:, [found.columns.index(name) for name in _VERDICT]].tolist()
-    for k, (gap, row, verdict) in enumerate(zip(gaps, told, said, strict=True)):
+    for k, (gap, row, verdict) in enumerate(zip(gaps, recorded, said, strict=True)):
         if gap:
             offset.take(row)
             continue
@@ -146,15 +146,15 @@ def _torques(found: Recording, gaps: Any, period: float) -> Any:
     return differences
 
 
-def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, told: Any, torques: Any) -> Replay:
+def _compared(found: Recording, gaps: Any, wishes: Any, said: Any, recorded: Any, torques: Any) -> Replay:
     law_had = ~gaps & (found["source"] >= LAW_BEGINS)
     wish = found["wish"]
     equal = (wishes == wish) | (np.isnan(wishes) & np.isnan(wish))
     difference = np.where(equal, 0.0, wishes - wish)[law_had]
     difference = difference[np.isfinite(difference)]
-    other = ~gaps & ((said[:, 1:] != told[:, 1:]).any(axis=1) | (np.isnan(said[:, 0]) != np.isnan(told[:, 0])))
+    other = ~gaps & ((said[:, 1:] != recorded[:, 1:]).any(axis=1) | (np.isnan(said[:, 0]) != np.isnan(recorded[:, 0])))
     other |= torques is not None and np.isnan(torques)
-    command = np.abs(said[:, 0] - told[:, 0])[~gaps]
+    command = np.abs(said[:, 0] - recorded[:, 0])[~gaps]
     command = command[np.isfinite(command)]
     time = found["time"]
 

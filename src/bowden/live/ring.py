@@ -68,11 +68,6 @@ class Batch(NamedTuple):
     """(n, width)"""
 
 
-def ring_path(name: str) -> Path:
-    """Where a ring of that name lies."""
-    return FOLDER / f"bowden-{name}.ring"
-
-
 def create(path: Path, description: Description, capacity: int = CAPACITY) -> None:
     """Make an empty ring; the memory is taken now, so that no later write can fail for want of it.
 

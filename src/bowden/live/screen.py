@@ -50,8 +50,8 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
     table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
-    if session.ear is not None:
-        table.add_row("EMG", _emg(row, session.ear.unit, session.ear.lost))
+    if session.emg_process is not None:
+        table.add_row("EMG", _emg(row, session.emg_process.unit, session.emg_process.lost))
     if "admittance.push.torque" in row:
         table.add_row("push", _push(row))
     table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C")

@@ -20,7 +20,7 @@ from bowden.core.trace import Trace
 from bowden.live import control_block, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
-from bowden.live.emg_ear import Ear
+from bowden.live.emg_process import EmgProcess
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
 from bowden.live.provenance import rig_revision
@@ -35,7 +35,7 @@ from bowden.safety.supervisor import Mode, Request
 
 _START = 900.0
 """A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
-_TOLD_AFTER = 3.0
+_ANSWER_WITHIN = 3.0
 """A wait of so long is explained [s]."""
 _END = 10.0
 """From the wish to end to the process' end [s]."""
@@ -53,12 +53,12 @@ class Session:
     Args:
         live: the run.
         log: the file to record to.
-        ear: of a run by EMG, started and ready; it is closed with the run.
+        emg_process: of a run by EMG, started and ready; it is closed with the run.
         remembers: whether the motor's warmth is taken from the run before and kept for the next one.
     """
 
-    def __init__(self, live: Live, log: Path, ear: Ear | None = None, *, remembers: bool = True) -> None:
-        self.live, self.log, self.ear, self._remembers = live, log, ear, remembers
+    def __init__(self, live: Live, log: Path, emg_process: EmgProcess | None = None, *, remembers: bool = True) -> None:
+        self.live, self.log, self.emg_process, self._remembers = live, log, emg_process, remembers
         self.clock = MonotonicClock()
         self.ended: dict[str, Any] | None = None
         """What the loop said at its end."""
@@ -94,11 +94,11 @@ class Session:
         live, now = self.live, self.clock.now()
         _sweep()
         settings = run_settings(live.law, live.limits, live.cycle().filters, live.rig.sample_time)
-        by_emg, pushed, wall = self.ear is not None, live.push() is not None, round(unix_seconds() * SECOND)
-        told = description(
-            *(live.law, {**settings, **live.told()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
+        by_emg, pushed, wall = self.emg_process is not None, live.push() is not None, round(unix_seconds() * SECOND)
+        about = description(
+            *(live.law, {**settings, **live.settings()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
         )
-        create(self._ring, told)
+        create(self._ring, about)
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
         self._scenario = TwinScenario(live.rig.drive_parameters, now / SECOND)
@@ -114,15 +114,15 @@ class Session:
             "thermal": thermal,
             "ring": str(self._ring),
             "block": str(self._block),
-            "emg": None if self.ear is None else str(self.ear.block),
+            "emg": None if self.emg_process is None else str(self.emg_process.block),
             "start_ns": now,
         }
         self._loop = self._start(["bowden.live.loop_process"], json.dumps(given))
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
         self.ready = self._await_ready()
-        if self.ear is not None:
-            self.ear.go()
+        if self.emg_process is not None:
+            self.emg_process.go()
 
     def _start(self, words: list[str], given: str | None = None) -> "subprocess.Popen[str]":
         """A process apart from this terminal's signals: what ends it is our word, or our death.
@@ -170,7 +170,7 @@ class Session:
     def _answer(self) -> dict[str, Any] | None:
         """The first thing that the loop's process says; None where it ended without a word."""
         with contextlib.suppress(queue.Empty):
-            return self._said.get(timeout=_TOLD_AFTER)
+            return self._said.get(timeout=_ANSWER_WITHIN)
         if sys.stderr.isatty():
             print("bowden: the loop is made ready; the first time it is compiled, for a minute", file=sys.stderr)
         with contextlib.suppress(queue.Empty):
@@ -197,7 +197,7 @@ class Session:
         """Whether the loop cycles."""
         return self._loop.poll() is None
 
-    def _hear_the_end(self) -> None:
+    def _await_end(self) -> None:
         """Take what the loop's process said at its end, once it has ended."""
         self._listener.join(1.0)
         with contextlib.suppress(queue.Empty):
@@ -293,9 +293,9 @@ class Session:
             if self._not_kept:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
                 print(f"bowden: note: {what}; the next run takes it for cold", file=sys.stderr)
-            self._hear_the_end()
-        if self.ear is not None:
-            self.ear.close()
+            self._await_end()
+        if self.emg_process is not None:
+            self.emg_process.close()
         if hasattr(self, "_recorder"):
             self.rows.recorder.stop()
             with contextlib.suppress(subprocess.TimeoutExpired):

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 def document(session: "Session") -> dict[str, Any]:
     """The figures of a run that has ended, as JSON values."""
-    emg, ear = session.live.emg, session.ear
+    emg, emg_process = session.live.emg, session.emg_process
     pushing = session.live.pushing
-    more = (*(() if ear is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
+    more = (*(() if emg_process is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
     log = read(session.log, tuple(dict.fromkeys((*_NEEDED, *more))))
     led = log["source"] >= WishSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
@@ -51,7 +51,7 @@ def document(session: "Session") -> dict[str, Any]:
         "lateness": asdict(figures(log["lateness"])) if len(log.rows) else None,
         "run_time_median_us": _median_us(log["run_time"]),
         "overruns": ended.get("overruns"),
-        "emg": None if emg is None or ear is None else emg_summary.figures(log, emg, ear),
+        "emg": None if emg is None or emg_process is None else emg_summary.figures(log, emg, emg_process),
         "interaction": None if pushing is None else push_summary.figures(log, pushing, session.live.rig.sample_time),
         "grants": session.ready["grants"],
         "log": str(session.log),

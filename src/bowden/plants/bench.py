@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
-from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.sheath import Sheath, joint_in_sheath, slope_factor
 from bowden.models.drive.encoder import Encoder
@@ -258,7 +257,3 @@ def _bench_in_substeps(
     h = advance_prepared(h, travel, bench.hysteresis)
     motor = ServoState(offset + applied, velocity, (velocity - before) / bench.servo.dt)
     return bench_at(bench, motor, h, next_width, factor)
-
-
-PAPER_ENCODER = Encoder(resolution=360.0 / 16384 * RADIANS, noise=0.01 * RADIANS)
-"""4096 lines counted fourfold (0.022°) and 0.01° of noise: a stated choice, the paper names none."""

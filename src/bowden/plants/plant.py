@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, stand_in
@@ -86,7 +86,7 @@ def plant_advance(plant: Any, body: Any, applied: float, sheath: SheathState, ne
 
 
 @stand_in
-def plant_observe(plant: Any, body: Any, normals: Array) -> tuple[Any, Heard]:
+def plant_observe(plant: Any, body: Any, normals: Array) -> tuple[Any, Measurement]:
     """Stand-in for a plant's ``observe``."""
     raise NotImplementedError  # always replaced
 
@@ -110,11 +110,11 @@ def body_as_it_is(plant: Any, body: Any) -> Any:
 
 
 @kernel
-def read_encoders(plant: Any, body: Any, normals: Array) -> tuple[Any, Heard]:
+def read_encoders(plant: Any, body: Any, normals: Array) -> tuple[Any, Measurement]:
     """The ``observe`` of a plant with an encoder at the joint and one at the motor, and nothing else to hear."""
     joint = reading(body.joint, normals[0], plant.joint_encoder)
     motor = reading(body.motor.position, normals[1], plant.motor_encoder)
-    return body, Heard(joint, motor, np.nan, np.nan)
+    return body, Measurement(joint, motor, np.nan, np.nan)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Dynamics:
     """Parameters: a NamedTuple of numbers, arrays and other NamedTuples."""
     rest: Callable[[Any, float, SheathState], Any]
     advance: Callable[[Any, Any, float, SheathState, SheathState], Any]
-    observe: Callable[[Any, Any, Array], tuple[Any, Heard]]
+    observe: Callable[[Any, Any, Array], tuple[Any, Measurement]]
     effort: Callable[[Any, Any, SheathState], float]
     columns: Mapping[str, str]
     """Fields of what ``look`` gives, in their order, each with its unit."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.kernel import apart, kernel
 from bowden.models.cable.sheath import Sheath, slope_factor, width
 from bowden.models.drive.encoder import Encoder, reading
@@ -121,7 +121,7 @@ def suit_step(
     for i in range(suit.substeps):
         bend = bends.before + (bends.after - bends.before) * (i + 1.0) / suit.substeps
         at = state.spool.position
-        spool = SpoolState(at, state.spool.velocity, 0.0, 0.0, at, 0.0, state.spool.told)
+        spool = SpoolState(at, state.spool.velocity, 0.0, 0.0, at, 0.0, state.spool.torque_offset)
         if powered:
             spool = drive_motor(suit.motor, state.spool, target, step)
         state = _substep(suit, state, spool, bend, wearer, step)
@@ -300,14 +300,14 @@ def worn_advance(
 
 
 @kernel
-def worn_observe(plant: WornSuit, body: WornBody, normals: Array) -> tuple[WornBody, Heard]:
+def worn_observe(plant: WornSuit, body: WornBody, normals: Array) -> tuple[WornBody, Measurement]:
     """See `bowden.plants.plant`: flex sensor, encoder, the drive's current and a load cell."""
     state = body.suit
     flex, joint = flex_step(plant.joint_sensor, body.flex, state.joint, normals[0], normals[1], plant.dt)
     motor = reading(suit_motor(plant.suit, state), normals[2], plant.motor_encoder)
     current = state.spool.current + CURRENT_NOISE * normals[3]
     load = cell_reading(plant.load_cell, state.interaction, normals[4])
-    return WornBody(state, flex), Heard(joint, motor, current, load)
+    return WornBody(state, flex), Measurement(joint, motor, current, load)
 
 
 @kernel

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
@@ -63,10 +63,10 @@ class UserParameters(NamedTuple):
 
 
 @kernel
-def read_both(plant: UserParameters, body: Any, normals: Array) -> tuple[Any, Heard]:
+def read_both(plant: UserParameters, body: Any, normals: Array) -> tuple[Any, Measurement]:
     """The ``observe`` of a plant that has none: an encoder at the joint and one at the motor."""
     joint = reading(body.joint, normals[0], plant.joint_encoder)
-    return body, Heard(joint, reading(body.motor, normals[1], plant.motor_encoder), np.nan, np.nan)
+    return body, Measurement(joint, reading(body.motor, normals[1], plant.motor_encoder), np.nan, np.nan)
 
 
 @kernel
@@ -83,7 +83,7 @@ class UserPlant(NamedTuple):
     """NamedTuple of numbers and arrays."""
     rest: Callable[[Any, float, SheathState], Any]
     advance: Callable[[Any, Any, float, SheathState, SheathState], Any]
-    observe: Callable[[Any, Any, Array], tuple[Any, Heard]] = read_both
+    observe: Callable[[Any, Any, Array], tuple[Any, Measurement]] = read_both
     effort: Callable[[Any, Any, SheathState], float] = effort_unknown
     sheath: Sheath = Sheath()
     servo: Servo = Servo()
@@ -178,13 +178,13 @@ class UserPlant(NamedTuple):
             for k in range(_TRIAL_CYCLES):
                 where = user_file.line(self.observe, path)
                 answer = self.observe(handed, body, np.zeros(2))
-                if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Heard)):
+                if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Measurement)):
                     raise ParameterError(
-                        f"{where}: observe returns {answer!r}", expected="a pair, body and Heard", do=_CORRECT
+                        f"{where}: observe returns {answer!r}", expected="a pair, body and Measurement", do=_CORRECT
                     )
-                body, heard = answer
-                _check_number(heard.joint, "the joint's reading", where)
-                _check_number(heard.motor, "the motor's reading", where)
+                body, measured = answer
+                _check_number(measured.joint, "the joint's reading", where)
+                _check_number(measured.motor, "the motor's reading", where)
                 effort = self.effort(handed, body, still)
                 if not isinstance(effort, float):
                     line = user_file.line(self.effort, path)

@@ -9,7 +9,7 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from bowden.core import style
-from bowden.design.league import YARDSTICK, Cell, Played, Standing
+from bowden.design.league import BASELINE, Cell, Played, Standing
 from bowden.design.league_cells import LeagueScenario
 from bowden.report.page import Page
 
@@ -23,7 +23,7 @@ _LOWEST, _HIGHEST = 0.01, 30.0
 """Ends of the small plots' logarithmic scale [deg]."""
 
 _COLOURS = ((0.25, "#bfe6d5"), (0.5, "#e0f3ea"), (1.0, "#f6f6f6"), (2.0, "#fbe6d6"), (math.inf, "#f5c9ab"))
-"""RMSE over the yardstick's, up to → background."""
+"""RMSE over the baseline's, up to → background."""
 
 
 def league_page(
@@ -53,7 +53,7 @@ def league_page(
         return page
     page.heading("Ranking")
     page.table(
-        ["law", "cells won", "RMSE", f"over {YARDSTICK}", "chatter", "most chatter", "unstable", "cells"],
+        ["law", "cells won", "RMSE", f"over {BASELINE}", "chatter", "most chatter", "unstable", "cells"],
         [_ranked(one) for one in standings],
         caption="Cells won: share in which no law had a lower RMSE from rest. RMSE [°], ratio to the paper's law and "
         "chatter are medians over the cells; an unstable cell counts as the largest error.",
@@ -68,7 +68,7 @@ def league_page(
     page.text(
         "<p>Each cell shows the RMSE from rest [°], the chatter in brackets, and the largest error over time on a "
         f"logarithmic scale from {_LOWEST:g}° to {_HIGHEST:g}°, the same in all cells. Colour is the RMSE over that of "
-        f"<code>{YARDSTICK}</code>: green below a half, darker below a quarter; red above one, darker above two. The "
+        f"<code>{BASELINE}</code>: green below a half, darker below a quarter; red above one, darker above two. The "
         "lowest RMSE of a row is bold.</p>"
     )
     page.text(_cells_table(played, laws))
@@ -122,10 +122,10 @@ def _cell(one: Played | None, row: Mapping[str, Played]) -> Markup:
     if one.cell.rmse_deg is None:
         return Markup('<td style="background:#f0a98a">unstable</td>')
     errors = [other.cell.rmse_deg for other in row.values() if other.cell.rmse_deg is not None]
-    yardstick = row[YARDSTICK].cell.rmse_deg if YARDSTICK in row else None
+    baseline = row[BASELINE].cell.rmse_deg if BASELINE in row else None
     colour = "#ffffff"
-    if yardstick is not None and one.cell.law != YARDSTICK:
-        colour = next(shade for limit, shade in _COLOURS if one.cell.rmse_deg <= limit * yardstick)
+    if baseline is not None and one.cell.law != BASELINE:
+        colour = next(shade for limit, shade in _COLOURS if one.cell.rmse_deg <= limit * baseline)
     chatter = "" if one.cell.chatter is None else f" ({one.cell.chatter:.2g})"
     return Markup('<td style="background:{};white-space:nowrap;font-weight:{}">{}{}<br>{}</td>').format(
         colour,

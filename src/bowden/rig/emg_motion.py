@@ -44,15 +44,15 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     of = levels(run)
     signal = found.values[:, flexor]
     settings, chain = filters_of(of, run.detector)
-    told = OnsetDetector(found.rate, settings, run.detector).feed(signal)
+    found_by = OnsetDetector(found.rate, settings, run.detector).feed(signal)
     share = share_of(EnvelopeFilter(found.rate, chain).feed(signal).envelope, of)
-    trouble, extends = told.trouble, np.zeros(len(signal))
+    trouble, extends = found_by.trouble, np.zeros(len(signal))
     if extensor is not None:
         other = OnsetDetector(found.rate, None, run.detector).feed(found.values[:, extensor])
         trouble, extends = np.maximum(trouble, other.trouble), other.active
     share[trouble > 0.0] = np.nan
     at = np.minimum((np.arange(int(len(signal) / found.rate / dt)) * dt * found.rate).astype(int), len(signal) - 1)
-    return EmgMotion(run, told.active[at], extends[at], share[at], dt)
+    return EmgMotion(run, found_by.active[at], extends[at], share[at], dt)
 
 
 class EmgMotion:

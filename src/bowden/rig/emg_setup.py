@@ -46,7 +46,7 @@ class EmgRun:
         """Channels that the stream must have."""
         return tuple(name for name in (self.flexor, self.extensor) if name is not None)
 
-    def told(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, Any]:
         """What the log keeps of it."""
         levels = None if self.wearer is None else self.wearer._asdict()
         course = self.course._asdict() | {"intent": self.course.intent._asdict()}
@@ -177,8 +177,8 @@ def _check_wearer(run: EmgRun, channel: str, unit: str) -> None:
 def _parts(channel: str, unit: str = "") -> tuple[str, str]:
     """A channel's plain name and its unit."""
     named = _UNIT.search(channel)
-    told = (named[1] if named else unit).replace("u", "µ")
-    return (channel[: named.start()] if named else channel), told
+    unit = (named[1] if named else unit).replace("u", "µ")
+    return (channel[: named.start()] if named else channel), unit
 
 
 def levels(run: EmgRun) -> Levels | None:

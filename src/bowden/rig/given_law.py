@@ -94,7 +94,7 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
     chosen = {
         name: value
         for name, value in law.gains._asdict().items()
-        if name in law.chosen - known.chosen or (value != getattr(known.gains, name) and name not in law.told)
+        if name in law.chosen - known.chosen or (value != getattr(known.gains, name) and name not in law.from_rig)
     }
     return base, chosen
 

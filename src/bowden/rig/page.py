@@ -25,10 +25,11 @@ _HEAD = """\
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own values.",
     "",
-    "- What the rig tells a law comes first (the column *told*), then the preset, then `[control.gains]`. What a",
-    "  preset leaves as the law's own is told. Every command that runs a law goes by this.",
-    "- `slope`, `width` and `doubt` are told where the cable was identified (`cable.model`); `cable.…` always.",
-    "- The uncompensated law is told only the motor angle at which the joint is at zero: encoders that are not zeroed",
+    "- What the rig gives a law comes first (the column *from the rig*), then the preset, then `[control.gains]`. What",
+    "  a preset leaves as the law's own comes from the rig. Every command that runs a law goes by this.",
+    "- `slope`, `width` and `doubt` come from the rig where its cable was identified (`cable.model`);",
+    "  `cable.…` always.",
+    "- The uncompensated law takes only the motor angle at which the joint is at zero: encoders that are not zeroed",
     "  together are no backlash. Its slope stays 1, as in the paper; set it where the joint is geared.",
     "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",
     "- The observer's preset `paper` is that of Table 1: it knows the default bench's cable less well than it is.",
@@ -87,9 +88,9 @@ def markdown() -> str:
     lines.append("")
     for law in LAWS.values():
         lines += [f"### {law.name}", "", f"Presets: {', '.join(law.presets) or 'none'}. Source: {law.source}.", ""]
-        lines += ["| gain | default | told | meaning |", "|---|---|---|---|"]
+        lines += ["| gain | default | from the rig | meaning |", "|---|---|---|---|"]
         lines += [
-            f"| `{name}` | {value:g} | {_told(law, name)} | {meaning} |" for name, value, meaning in gains_of(law)
+            f"| `{name}` | {value:g} | {_from_rig(law, name)} | {meaning} |" for name, value, meaning in gains_of(law)
         ]
         lines.append("")
     return "\n".join(lines)
@@ -129,9 +130,9 @@ def _meanings(kind: type) -> dict[str, str]:
     return meanings
 
 
-def _told(law: Law, gain: str) -> str:
+def _from_rig(law: Law, gain: str) -> str:
     """What of the rig a gain takes, as `bowden.control.knowledge.Knowledge` has it; of a function its first line."""
-    what = law.told.get(gain)
+    what = law.from_rig.get(gain)
     if callable(what):
         return " ".join((what.__doc__ or what.__name__).split(".")[0].split())
     return "" if what is None else f"`{what}`"

@@ -362,9 +362,9 @@ def supervise(
     aim = np.fmax(state.target - step, np.fmin(state.target + step, aim))
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
     idle = (outside(mode, PREFLIGHT, RELEASING) > 0.0) + (mode == RELEASING) * (enabled == 0.0) > 0.0
-    told = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
+    reported = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
     decided = Decided(mode, passed, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
     return (
         SupervisorState(target, decided, seen.servo, seen.motor, seen.joint, seen.anchor, seen.sums, seen.heat),
-        Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, told, active),
+        Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, reported, active),
     )

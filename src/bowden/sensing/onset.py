@@ -71,7 +71,7 @@ class OnsetState(NamedTuple):
     """The band's last samples, the newest first, over the longest mains period."""
     hum: float
     """Power above 20 Hz of movement and mains, averaged over a second of rest."""
-    murky: float
+    mains_seen: float
     """Share of that second with such trouble."""
     leap: float
     """Recent largest step from one sample to the next."""
@@ -179,14 +179,14 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     idle = state.active < 0.5
     rate = sel(idle * (trouble != 1.0) > 0.0, onset.stay, 0.0)
     mains = (trouble == 2.0) * (power > by.level * swing)  # what swings slowly is movement, which does not stay
-    murky = state.murky + rate * (sel(mains, 1.0, 0.0) - state.murky)
+    mains_seen = state.mains_seen + rate * (sel(mains, 1.0, 0.0) - state.mains_seen)
     hum = state.hum + rate * (sel(trouble == 2.0, power, 0.0) - state.hum)
-    usual = murky > 0.5
+    usual = mains_seen > 0.5
     seen = (trouble == 0.0) + (trouble == 2.0) * usual > 0.0
     off = flat > sel(state.age * dt < by.settle, by.off, by.settle)
     again = off + idle * usual * (power < by.gone * hum) > 0.0
     age = sel(again, 0.0, sel(idle * seen > 0.0, state.age + 1.0, state.age))
-    murky, hum = sel(again, 0.0, murky), sel(again, 0.0, hum)
+    mains_seen, hum = sel(again, 0.0, mains_seen), sel(again, 0.0, hum)
 
     # rest
     settling = age * dt < by.settle
@@ -220,7 +220,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     rest = sel(rested, np.fmax(before, calm), rest)
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
     held = sel(active > 0.5, state.held + dt, 0.0)
-    told = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
+    reported = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
     after = OnsetState(
         origin,
         raw,
@@ -230,7 +230,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         slow,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
         hum,
-        murky,
+        mains_seen,
         leap,
         stuck,
         age,
@@ -251,7 +251,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         active,
         held,
     )
-    return after, told, trouble
+    return after, reported, trouble
 
 
 @kernel

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.kernel import apart, kernel
 from bowden.core.metrics import LATE, SMALLEST_STROKE
 from bowden.core.nested import refilled
@@ -132,12 +132,12 @@ def run_batch(
         state = bare_start(settings, first)
         lasted = cycles
         for k in range(cycles):
-            body, heard = plant_observe(one.plant, body, normals[k])
-            sample = as_it_is(one.fault, Sample(heard.joint, heard.motor), scratch[4:6], k)
-            heard = Heard(sample.joint, sample.motor, heard.current, heard.load)
+            body, measured = plant_observe(one.plant, body, normals[k])
+            sample = as_it_is(one.fault, Sample(measured.joint, measured.motor), scratch[4:6], k)
+            measured = Measurement(sample.joint, sample.motor, measured.current, measured.load)
             scheduled = Reference(references[0, k], references[1, k], references[2, k])
             plan = Plan(LAW, one.initial_motor, scheduled)
-            state, reference, command, _ = one_cycle(settings, state, heard, plan, one.dt)
+            state, reference, command, _ = one_cycle(settings, state, measured, plan, one.dt)
             now, seen = sheath_at(sheath, k), plant_look(one.plant, body)
             scratch[0, k], scratch[1, k] = command, seen.joint
             scratch[6, k], scratch[7, k] = reference.position, reference.velocity

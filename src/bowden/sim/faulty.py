@@ -34,5 +34,5 @@ def faulty(fault: SensorFault, sample: Sample, kept: NDArray[np.float64], k: int
     if not fault.begin <= k < fault.end:
         return sample
     true = DriveReading(sample.motor, sample.joint, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    told = misread(int(fault.kind), k - int(fault.begin), true, kept[0], kept[1], k)
-    return Sample(told.joint, told.motor)
+    misread_sample = misread(int(fault.kind), k - int(fault.begin), true, kept[0], kept[1], k)
+    return Sample(misread_sample.joint, misread_sample.motor)

@@ -1,27 +1,22 @@
 """Faults that can be injected into a cycle while it runs: at the sensors, the bus, the drive, the clock, the law.
 
 One table for all loops: the sensors of a simulation (`bowden.sim.faulty`), the fault matrix, and the live loop on a
-simulated drive. What breaks in drive and cable themselves is done by the drive of those two (`tests/support`).
+simulated drive. What breaks in drive, cable, clock and law is done by the loop of those two (`tests/support`).
 """
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, stand_in
-from bowden.core.signals import DriveReading, Reference, Sample
-from bowden.safety.supervisor import STOP, Observed
+from bowden.core.kernel import kernel
+from bowden.core.signals import DriveReading
 
 NOT_READY, DISABLED, SWITCHED_ON, ENABLED, FAULT = 0.0, 1.0, 3.0, 4.0, 7.0
 """States of CiA 402, numbers of `hardware.drives.cia402.State`, which this floor cannot see."""
 CONSUMER = 50
 """Cycles without the host's heartbeat after which the drive stops by itself."""
-NANOSECOND = 1e-9
-"""[s]"""
-HOUR = 3600.0
-"""By which a clock steps [s]."""
 
 
 class Injected(IntEnum):
@@ -185,117 +180,3 @@ def misread(
         emergency,
         bus_errors,
     )
-
-
-@kernel
-def aged(age: float, cycles: int, dt: float) -> float:
-    """An age so many cycles later [s], by a clock that counts nanoseconds."""
-    return in_seconds(np.floor(age / NANOSECOND + 0.5) + cycles * np.floor(dt / NANOSECOND + 0.5))
-
-
-@kernel
-def in_seconds(nanoseconds: float) -> float:
-    """As the live loop makes seconds of its clock [s]."""
-    return nanoseconds * NANOSECOND
-
-
-@kernel
-def disturbed(kind: int, since: int, observed: Observed, dt: float) -> Observed:
-    """What a cycle observes of clock, operator, recorder and EMG with a fault that began `since` cycles ago.
-
-    A clock that steps forward stays there; one cycle's reading of it may be an hour back. All ages are by that clock.
-    """
-    lateness, elapsed, request = observed.lateness, observed.elapsed, observed.request
-    operator_age, recorder, emg_age = observed.operator_age, observed.recorder, observed.emg_age
-    step = 0.0
-    if kind == Injected.CLOCK_BACK:
-        step = -HOUR if since == 0 else 0.0
-        elapsed += HOUR if since == 1 else 0.0
-    elif kind == Injected.CLOCK_FORWARD:
-        step = HOUR if since == 0 else 0.0
-        recorder = 0.0 if since == 0 else recorder  # an hour without a sign of life
-    elif kind == Injected.OPERATOR_LOST:
-        operator_age = aged(operator_age, since, dt)
-    elif kind == Injected.RECORDER_LOST:
-        recorder = 0.0
-    elif kind == Injected.STOP:
-        request = STOP if since == 0 else request
-    elif kind == Injected.EMG_SILENT:
-        emg_age = aged(emg_age, since, dt)
-    elif kind == Injected.EMG_TIMELESS:
-        emg_age = np.nan
-    return Observed(
-        observed.reading,
-        lateness + step,
-        elapsed + step,
-        request,
-        operator_age + step,
-        recorder,
-        observed.preflight,
-        emg_age + step,
-    )
-
-
-@kernel
-def asleep(kind: int, since: int) -> int:
-    """Cycles that the loop misses after this one."""
-    if kind == Injected.OVERRUN and since == 0:
-        return 22
-    return 3 if kind == Injected.OVERRUNS else 0
-
-
-@kernel
-def misled(kind: int, since: int, wish: float, dt: float) -> float:
-    """The law's wish with a fault."""
-    if kind == Injected.LAW_NAN:
-        return np.nan
-    if kind == Injected.LAW_STEP:
-        return wish + 0.6
-    if kind == Injected.LAW_BEYOND:
-        return 3.0 + wish
-    if kind == Injected.LAW_RAMP:
-        return wish + 60.0 * dt * since
-    if kind == Injected.LAW_SHAKES:
-        return wish + (0.07 + 0.002 * since) * (1.0 if since % 2 else -1.0)
-    return wish
-
-
-class Misled(NamedTuple):
-    """The gains of a law that goes wrong."""
-
-    gains: Any
-    """Of the law itself."""
-    kinds: NDArray[np.int64]
-    """What is injected (n,)."""
-    onsets: NDArray[np.int64]
-    """Cycles from which on (n,)."""
-    now: NDArray[np.int64]
-    """This cycle (1,); the loop writes it."""
-
-
-@stand_in
-def sound_start(gains: Any, sample: Sample) -> Any:
-    """Stand-in for the start of the law that is to go wrong."""
-    raise NotImplementedError  # always replaced
-
-
-@stand_in
-def sound_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    """Stand-in for its step."""
-    raise NotImplementedError  # always replaced
-
-
-@kernel
-def misled_start(gains: Misled, sample: Sample) -> Any:
-    """A law that goes wrong begins as the law does."""
-    return sound_start(gains.gains, sample)
-
-
-@kernel
-def misled_step(gains: Misled, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    """The law's own step, and what is injected into its command."""
-    state, command = sound_step(gains.gains, state, sample, reference, dt)
-    for i in range(len(gains.kinds)):
-        if gains.now[0] >= gains.onsets[i]:
-            command = misled(gains.kinds[i], gains.now[0] - gains.onsets[i], command, dt)
-    return state, command

@@ -212,7 +212,7 @@ class Given:
         cycles = len(group[0].edges) - 1
         references, which = _distinct([ready.reference for ready in group], id)
         sheaths, bent = _distinct([ready.sheath for ready in group], id)
-        noises, heard = _distinct(group, _noise)
+        noises, noise = _distinct(group, _noise)
         normals = np.empty((len(noises), cycles, group[0].dynamics.normals))
         for row, ready in zip(normals, noises, strict=True):
             ready.case.plant.draw(ready.case.seed, row)
@@ -224,7 +224,7 @@ class Given:
             normals,
         )
         self._dynamics, self._fails = group[0].dynamics, group[0].case.fault is not None
-        self.rows = np.array([[cycles, which[i], bent[i], heard[i]] for i in range(len(group))], dtype=np.int64)
+        self.rows = np.array([[cycles, which[i], bent[i], noise[i]] for i in range(len(group))], dtype=np.int64)
         """Of each run, as `bowden.sim.batch.run_batch` takes them."""
         self.scratch: Array = np.empty((ROWS, cycles))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden import __version__
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
-from bowden.control.source import TABLE, Heard, Source
+from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, program
 from bowden.core.nested import flat
@@ -87,11 +87,11 @@ def run_loop(
     settings = bare_settings(gains, source)
     state = bare_start(settings, first)
     for k in range(cycles):
-        body, heard = plant_observe(plant, body, normals[k])
-        sample = as_it_is(fault, Sample(heard.joint, heard.motor), kept, k)
-        heard = Heard(sample.joint, sample.motor, heard.current, heard.load)
+        body, measured = plant_observe(plant, body, normals[k])
+        sample = as_it_is(fault, Sample(measured.joint, measured.motor), kept, k)
+        measured = Measurement(sample.joint, sample.motor, measured.current, measured.load)
         scheduled = Reference(references[0, k], references[1, k], references[2, k])
-        state, reference, command, _ = one_cycle(settings, state, heard, Plan(LAW, initial_motor, scheduled), dt)
+        state, reference, command, _ = one_cycle(settings, state, measured, Plan(LAW, initial_motor, scheduled), dt)
         references[0, k], references[1, k], references[2, k] = reference
         now = sheath_at(sheath, k)
         record[0, k] = sample.joint

@@ -34,7 +34,7 @@ SUIT_FIGURES: dict[str, tuple[str, str]] = {
     "hottest_winding_c": ("°C", "of the motor"),
 }
 """The same, of a suit that is worn."""
-_WORTH, _WORTH_WORN, _FEWEST = 15_000.0, 1_000.0, 16
+_SECONDS, _WORN_SECONDS, _FEWEST = 15_000.0, 1_000.0, 16
 """Simulated seconds of one law in a chunk at most, a few seconds of work on the bench and on the suit; and how many
 chunks there are at least, so that few runs spread over the cores, too."""
 
@@ -42,8 +42,8 @@ chunks there are at least, so that few runs spread over the cores, too."""
 def chunks(study: Study) -> list[range]:
     """The numbers of the runs of each chunk; they do not depend on who computes them."""
     runs = study.file.runs
-    worth = _WORTH_WORN if study.worn else _WORTH
-    size = max(1, min(5000, round(worth / study.duration / len(study.laws)), -(-runs // _FEWEST)))
+    seconds = _WORN_SECONDS if study.worn else _SECONDS
+    size = max(1, min(5000, round(seconds / study.duration / len(study.laws)), -(-runs // _FEWEST)))
     return [range(first, min(first + size, runs)) for first in range(0, runs, size)]
 
 

@@ -87,7 +87,7 @@ class Study:
         return tuple(self.rig.fitted(given) for given in self.given)
 
     @cached_property
-    def told_apart(self) -> frozenset[str]:
+    def gains_varied(self) -> frozenset[str]:
         """Gains of the first law that its runs are told differently, judged by the first of them."""
         nominal, first = self.nominal[0].gains, range(min(self.file.runs, _LOOKED_AT))
         laws = [self.run(number)[1][0] for number in first]

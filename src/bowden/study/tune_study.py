@@ -128,6 +128,6 @@ def _in_run(study: Study, case: Case, law: Law) -> Law:
     changed = {
         name: value
         for name, value in law.gains._asdict().items()
-        if name not in study.told_apart and value != getattr(nominal.gains, name)
+        if name not in study.gains_varied and value != getattr(nominal.gains, name)
     }
     return own.with_gains(**changed)

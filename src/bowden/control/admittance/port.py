@@ -88,7 +88,7 @@ class Held(NamedTuple):
     """From the states to the states (m, n, n)."""
     b: Array
     """From the target (m, n)."""
-    hears: Array
+    torque_input: Array
     """Torque of the wearer on the suit, of the states (n,)."""
 
 
@@ -105,8 +105,8 @@ def held_loops(port: Port, wearers: list[Body]) -> list[Held]:
         pull = (port.across, 0.0, -port.joint_stiffness - body.stiffness, -body.damping, 0.0)
         whole[i, 3] = np.array(pull) / body.inertia
     moved = expm(whole * port.dt)
-    hears = np.array([-port.across, 0.0, port.joint_stiffness, 0.0])
-    return [held, Held(port, moved[:, :4, :4], moved[:, :4, 4], hears)] if wearers else [held]
+    torque_input = np.array([-port.across, 0.0, port.joint_stiffness, 0.0])
+    return [held, Held(port, moved[:, :4, :4], moved[:, :4, 4], torque_input)] if wearers else [held]
 
 
 def _drive(port: Port) -> Array:
@@ -136,7 +136,7 @@ def sampled_loops(held: Held, settings: Admittance) -> Array:
     dt, d = port.dt, port.delay
     below = settings.inertia + dt * (settings.damping + dt * settings.stiffness)
     velocity = np.zeros(n + 2 + d)  # q̇⁺ as a row of the state
-    velocity[:n] = dt / below * held.hears
+    velocity[:n] = dt / below * held.torque_input
     velocity[n], velocity[n + 1] = -dt * settings.stiffness / below, settings.inertia / below
     position, acceleration = dt * velocity, velocity / dt
     position[n] += 1.0
@@ -160,8 +160,10 @@ def impedance(port: Port, settings: Admittance, omega: Array) -> NDArray[np.comp
     rates, pushed = drive[:2, :2], drive[:2, 2]
     loop = sampled_loops(held, settings)[0]
     # what φ itself brings in: as torque into the admittance, and as load of the spool between two samples
-    silent, heard = (sampled_loops(held._replace(hears=np.array([h, 0.0])), settings)[0, :, 0] for h in (0.0, 1.0))
-    by_torque = port.joint_stiffness * (heard - silent)
+    silent, driven = (
+        sampled_loops(held._replace(torque_input=np.array([h, 0.0])), settings)[0, :, 0] for h in (0.0, 1.0)
+    )
+    by_torque = port.joint_stiffness * (driven - silent)
     answer = np.empty(len(omega), dtype=np.complex128)
     for i, w in enumerate(omega):
         z = np.exp(1j * w * dt)

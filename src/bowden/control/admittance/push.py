@@ -43,7 +43,7 @@ from bowden.control.admittance.virtual_elbow import (
     admittance_step,
     beyond_band,
 )
-from bowden.control.source import Heard, Source
+from bowden.control.source import Measurement, Source
 from bowden.core.kernel import kernel, sel, sin, tanh
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
@@ -128,11 +128,11 @@ class PushState(NamedTuple):
 
 
 @kernel
-def push_start(settings: Push, heard: Heard) -> PushState:
+def push_start(settings: Push, measured: Measurement) -> PushState:
     """At rest where the motor is: the law's first command then moves nothing."""
-    estimate = interaction_start(settings.chain, spool_of(heard.motor, settings.chain.map), heard.joint)
-    virtual = admittance_start(settings.admittance, heard.motor)
-    return PushState(virtual, Pushed(0.0, 0.0, heard.joint), estimate)
+    estimate = interaction_start(settings.chain, spool_of(measured.motor, settings.chain.map), measured.joint)
+    virtual = admittance_start(settings.admittance, measured.motor)
+    return PushState(virtual, Pushed(0.0, 0.0, measured.joint), estimate)
 
 
 @kernel
@@ -145,21 +145,21 @@ def stretched(settings: Push, position: float, push: float) -> float:
     virtual, under = settings.admittance, settings.under
     known = (push > -np.inf) * (push < np.inf)
     most = sel(under.room < np.inf, virtual.torque_limit, np.inf)
-    told = np.fmax(-most, np.fmin(most, sel(known, push, 0.0)))
+    pushed = np.fmax(-most, np.fmin(most, sel(known, push, 0.0)))
     down = np.fmin(0.0, virtual.low - under.room - position)
     up = np.fmax(0.0, virtual.high + under.room - position)
-    return position + np.fmax(down, np.fmin(up, under.compliance * told))
+    return position + np.fmax(down, np.fmin(up, under.compliance * pushed))
 
 
 @kernel
 def push_step(
-    settings: Push, state: PushState, heard: Heard, scheduled: Reference, dt: float
+    settings: Push, state: PushState, measured: Measurement, scheduled: Reference, dt: float
 ) -> tuple[PushState, Reference, float]:
     """One cycle: torque, admittance, and the motor's lead."""
     chain, under = settings.chain, settings.under
-    spool = spool_of(heard.motor, chain.map)
-    estimate = interaction_step(chain, settings.doubt, state.estimate, spool, heard.joint, heard.current, dt)
-    torque = sel(settings.estimated > 0.5, estimate.torque, heard.load)
+    spool = spool_of(measured.motor, chain.map)
+    estimate = interaction_step(chain, settings.doubt, state.estimate, spool, measured.joint, measured.current, dt)
+    torque = sel(settings.estimated > 0.5, estimate.torque, measured.load)
     held = settings.carried * settings.weight * sin(estimate.joint + settings.elevation)
     push = held - torque
     slow = state.push.slow + dt / (settings.rest.smoothing + dt) * (estimate.joint - state.push.slow)
@@ -167,8 +167,8 @@ def push_step(
     goal, lag = sel(still, 1.0, 0.0), sel(still, settings.rest.patience, settings.rest.leave)
     rested = state.push.rested + dt / (lag + dt) * (goal - state.push.rested)
     doubt = sel(settings.estimated > 0.5, settings.rest.sure * estimate.doubt, settings.rest.cell)
-    told = beyond_band(push, rested * doubt)
-    virtual, reference = admittance_step(settings.admittance, state.virtual, told, dt)
+    pushed = beyond_band(push, rested * doubt)
+    virtual, reference = admittance_step(settings.admittance, state.virtual, pushed, dt)
     ratio = chain.map.radius / flexor_arm(reference.position, chain.map)
     effort = under.friction * tanh(reference.velocity / under.speed) + held * ratio
     added = under.lead * reference.velocity + under.lead_square * reference.acceleration

@@ -135,9 +135,9 @@ def admittance_step(
         dt: Ts, length of the cycle [s].
     """
     known = (torque > -np.inf) * (torque < np.inf)
-    heard = np.fmax(-settings.torque_limit, np.fmin(settings.torque_limit, sel(known, torque, 0.0)))
+    bounded = np.fmax(-settings.torque_limit, np.fmin(settings.torque_limit, sel(known, torque, 0.0)))
     spring = settings.stiffness * (state.position - settings.rest)
-    free = settings.inertia * state.velocity + dt * (beyond_band(heard, settings.dead_band) - spring)
+    free = settings.inertia * state.velocity + dt * (beyond_band(bounded, settings.dead_band) - spring)
     free = free / (settings.inertia + dt * (settings.damping + dt * settings.stiffness))
     wanted = sel(known, free, state.velocity * settings.decay / (settings.decay + dt))
 

@@ -21,7 +21,7 @@ is told the command that acts, which is one cycle old.
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
 from bowden.core.kernel import exp, kernel
 from bowden.core.signals import Reference, Sample
 
@@ -143,7 +143,7 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Han, IEEE Transactions on Industrial Electronics 56(3), 2009; Gao, ACC 2003; Miklosovic et al., ACC 2006",
-    told={
+    from_rig={
         **LAG,
         "slope": "slope",
         "natural_frequency": "servo_frequency",
@@ -153,12 +153,11 @@ LAW = Law(
     feeds_back=frozenset({"joint"}),
     compensates_lag=True,
     limits={
+        **LIMITS,
         "natural_frequency": (1e-3, 1e4),
         "damping": (0.0, 100.0),
         "observer_bandwidth": (1e-3, 1e5),
         "control_bandwidth": (0.0, 1e4),
-        "lead": (0.0, 10.0),
-        "lead_square": (0.0, 10.0),
     },
     state_units={
         "joint": "rad",

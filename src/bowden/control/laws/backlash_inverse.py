@@ -22,7 +22,7 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded, turned, waited
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded, fed_back, turned, waited
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -144,9 +144,8 @@ def step(
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
     direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
     wait = waited(state.wait, direction - state.direction, gains.hold, dt)
-    error = bounded(sel(wait > 0.0, state.error, reference.position - sample.joint), -1e3, 1e3, state.error)
-    wished = state.integral + sel(wait > 0.0, 0.0, gains.integral_gain * error * dt)
-    integral = bounded(wished, -gains.integral_limit, gains.integral_limit, state.integral)
+    missed = reference.position - sample.joint
+    error, integral = fed_back(wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt)
     upward = 0.5 * (1.0 + direction)
     inverse = (ahead(reference, gains.lead, gains.lead_square) + upward * right + (1.0 - upward) * left) / slope
     command = inverse + (gains.proportional_gain * error + integral) / gains.slope
@@ -182,22 +181,15 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Tao, Kokotović, IEEE Transactions on Automatic Control 38(10), 1993, and their book of 1996",
-    told=LAG,
+    from_rig=LAG,
     compensates_lag=True,
     settling=settling,
     limits={
+        **LIMITS,
         "largest_crossing": (0.0, math.inf),
         "adaptation_gain": (0.0, 500.0),
         "forgetting_time": (0.0, 1e6),
         "contact_travel": (0.0, math.inf),
-        "velocity_band": (0.0, math.inf),
-        "switching_time": (0.0, 10.0),
-        "proportional_gain": (0.0, 1e3),
-        "integral_gain": (0.0, 1e4),
-        "integral_limit": (0.0, math.inf),
-        "hold": (0.0, 10.0),
-        "lead": (0.0, 10.0),
-        "lead_square": (0.0, 10.0),
     },
     state_units={
         "slope": "rad/rad",

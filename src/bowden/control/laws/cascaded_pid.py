@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -95,18 +95,15 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Wu et al., cascaded PID for a cable-driven lower-limb exoskeleton; Dinh et al. 2017, Section 1, [16]",
-    told={**LAG, "slope": "slope"},
+    from_rig={**LAG, "slope": "slope"},
     compensates_lag=True,
     limits={
-        "proportional_gain": (0.0, 1e3),
-        "integral_gain": (0.0, 1e4),
+        **LIMITS,
         "derivative_gain": (0.0, 10.0),
         "correction_limit": (0.0, math.inf),
         "motor_gain": (0.0, 1e3),
         "motor_rate_gain": (0.0, 10.0),
         "derivative_time": (0.0, 10.0),
-        "lead": (0.0, 10.0),
-        "lead_square": (0.0, 10.0),
     },
     state_units={
         "integral": "rad",

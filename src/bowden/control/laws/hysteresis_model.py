@@ -16,7 +16,18 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded, half_width, turned, waited
+from bowden.control.law_parts import (
+    LAG,
+    LEAD,
+    LEAD_SQUARE,
+    LIMITS,
+    ahead,
+    bounded,
+    fed_back,
+    half_width,
+    turned,
+    waited,
+)
 from bowden.core.kernel import exp, kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -83,9 +94,8 @@ def step(
     left = exp(-sel(travel > 0.0, travel, -travel) / gains.friction_travel)
     friction = bounded(side + (state.friction - side) * left, -1.0, 1.0, state.friction)
     wait = waited(state.wait, direction - state.direction, gains.hold, dt)
-    error = bounded(sel(wait > 0.0, state.error, reference.position - sample.joint), -1e3, 1e3, state.error)
-    wished = state.integral + sel(wait > 0.0, 0.0, gains.integral_gain * error * dt)
-    integral = bounded(wished, -gains.integral_limit, gains.integral_limit, state.integral)
+    missed = reference.position - sample.joint
+    error, integral = fed_back(wait, state.error, state.integral, missed, gains.integral_gain, gains.integral_limit, dt)
     wanted = ahead(reference, gains.lead, gains.lead_square) + gains.proportional_gain * error + integral
     lost = gains.half_width * direction + gains.friction_stretch * friction
     return HysteresisModelState(direction, friction, wait, error, integral), wanted / gains.slope + lost
@@ -97,21 +107,14 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Kesner, Howe, IEEE ICRA 2011 and IEEE Transactions on Robotics 2014; Dinh et al. 2017, Section 1, [15]",
-    told={**LAG, "slope": "slope", "half_width": half_width},
+    from_rig={**LAG, "slope": "slope", "half_width": half_width},
     feeds_back=frozenset({"joint"}),
     compensates_lag=True,
     limits={
+        **LIMITS,
         "half_width": (0.0, math.inf),
         "friction_stretch": (0.0, math.inf),
         "friction_travel": (1e-9, math.inf),
-        "velocity_band": (0.0, math.inf),
-        "switching_time": (0.0, 10.0),
-        "proportional_gain": (0.0, 1e3),
-        "integral_gain": (0.0, 1e4),
-        "integral_limit": (0.0, math.inf),
-        "hold": (0.0, 10.0),
-        "lead": (0.0, 10.0),
-        "lead_square": (0.0, 10.0),
     },
     state_units={"direction": "1", "friction": "1", "wait": "s", "error": "rad", "integral": "rad"},
 )

@@ -16,8 +16,8 @@ import math
 from typing import NamedTuple
 
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, ahead, bounded, half_width, turned, waited
-from bowden.core.kernel import kernel, sel
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, fed_back, half_width, turned, waited
+from bowden.core.kernel import kernel
 from bowden.core.signals import Reference, Sample
 
 
@@ -73,9 +73,10 @@ def step(
     velocity = (reference.velocity + gains.lead * reference.acceleration) / gains.slope
     direction = turned(state.direction, velocity, gains.velocity_band, gains.switching_time, dt)
     wait = waited(state.wait, direction - state.direction, gains.hold, dt)
-    error = bounded(sel(wait > 0.0, state.error, reference.position - sample.joint), -1e3, 1e3, state.error)
-    wished = state.correction + sel(wait > 0.0, 0.0, gains.error_rate * error * dt)
-    correction = bounded(wished, -gains.correction_limit, gains.correction_limit, state.correction)
+    missed = reference.position - sample.joint
+    error, correction = fed_back(
+        wait, state.error, state.correction, missed, gains.error_rate, gains.correction_limit, dt
+    )
     wanted = ahead(reference, gains.lead, gains.lead_square) + gains.error_share * error + correction
     return OffsetInverseState(direction, wait, error, correction), wanted / gains.slope + gains.half_width * direction
 
@@ -86,19 +87,15 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Agrawal, Peine, Yao, Choi, IEEE ICRA 2010; Dinh et al. 2017, Section 1, [13]",
-    told={**LAG, "slope": "slope", "half_width": half_width},
+    from_rig={**LAG, "slope": "slope", "half_width": half_width},
     feeds_back=frozenset({"joint"}),
     compensates_lag=True,
     limits={
+        **LIMITS,
         "half_width": (0.0, math.inf),
-        "velocity_band": (0.0, math.inf),
-        "switching_time": (0.0, 10.0),
         "error_share": (0.0, 1e3),
         "error_rate": (0.0, 1e4),
         "correction_limit": (0.0, math.inf),
-        "hold": (0.0, 10.0),
-        "lead": (0.0, 10.0),
-        "lead_square": (0.0, 10.0),
     },
     state_units={"direction": "1", "wait": "s", "error": "rad", "correction": "rad"},
 )

@@ -50,7 +50,7 @@ LAW = Law(
     start_kernel=start,
     step_kernel=step,
     source="Dinh et al. 2017, Section 3.1, Fig. 7B",
-    told={"motor_zero": "motor_zero"},
+    from_rig={"motor_zero": "motor_zero"},
     feeds_back=frozenset(),
     state_units={"command": "rad"},
 )

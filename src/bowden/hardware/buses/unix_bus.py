@@ -65,7 +65,7 @@ class UnixBus(can.BusABC):
         self.channel_info = f"bowden_unix bus {folder}"
         self.undelivered = 0
         """Frames that a node which does not read, or has died, did not get."""
-        self._unlooked = LOOK_EVERY
+        self._reads_since_look = LOOK_EVERY
         self._links: list[socket.socket] = []
         self._mute: list[socket.socket] = []
         """Links whose other end has gone, kept until what it said last is read."""
@@ -110,7 +110,7 @@ class UnixBus(can.BusABC):
 
     def _open_door(self) -> bool:
         """Take in everyone who has joined since; whether anyone has."""
-        before, self._unlooked = len(self._links), 0
+        before, self._reads_since_look = len(self._links), 0
         while True:
             try:
                 _, rights, _, _ = self._door.recvmsg(16, _RIGHTS)
@@ -135,8 +135,8 @@ class UnixBus(can.BusABC):
         """
         flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame | ERROR * msg.is_error_frame
         frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
-        self._unlooked += 1
-        if self._unlooked >= LOOK_EVERY or not self._links:
+        self._reads_since_look += 1
+        if self._reads_since_look >= LOOK_EVERY or not self._links:
             self._open_door()
         for link in tuple(self._links):
             try:

@@ -62,7 +62,7 @@ class Dialogue:
             return False
         return True
 
-    def hears(self, number: int, span: float) -> bool:
+    def receives(self, number: int, span: float) -> bool:
         """Whether a node of that number says anything within `span` [s]."""
         self._network.scanner.nodes.clear()
         threading.Event().wait(span)

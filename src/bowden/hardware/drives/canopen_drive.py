@@ -84,7 +84,7 @@ class CanopenDrive:
         self._sent = int(Controlword.DISABLE_VOLTAGE)
         self._counts = 0  # the motor's position, as it came last
         self._values = NOTHING
-        self._heartbeat_heard, self._heartbeat_sent = math.nan, -math.inf
+        self._heartbeat_at, self._heartbeat_sent = math.nan, -math.inf
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
@@ -112,17 +112,17 @@ class CanopenDrive:
                 temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
                 if drive.tension_scale != 0.0:
                     tension = drive.tension_scale * (sensors.analog - drive.tension_zero)
-            elif cob_id == frames.HEARTBEAT + node and (told := frames.unpack_heartbeat(data)) is not None:
-                self._heartbeat_heard = now
-                self._operational = self._operational and told == frames.OPERATIONAL
+            elif cob_id == frames.HEARTBEAT + node and (state := frames.unpack_heartbeat(data)) is not None:
+                self._heartbeat_at = now
+                self._operational = self._operational and state == frames.OPERATIONAL
             elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
                 emergency = emergency or float(code)  # of several in a cycle the first is the cause
         self._before, self._state = self._state, self._statusword_state if self._operational else State(0)
-        if math.isnan(self._heartbeat_heard):
-            self._heartbeat_heard = now  # of the first cycle: from here on it can be late
+        if math.isnan(self._heartbeat_at):
+            self._heartbeat_at = now  # of the first cycle: from here on it can be late
         self._values = DriveReading(
             motor, joint, current, tension, temperature, motor_age, joint_age,
-            now - self._heartbeat_heard, float(self._state), emergency, float(self._bus_errors),
+            now - self._heartbeat_at, float(self._state), emergency, float(self._bus_errors),
         )  # fmt: skip
         return self._values
 

@@ -63,7 +63,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
             torque, or the rig's limits are beyond its own.
     """
     with dialogue(bus, drive.node_id, drive.answer_timeout) as node:
-        if node.hears(drive.host_id, LISTENING):
+        if node.receives(drive.host_id, LISTENING):
             raise DriveError(
                 f"a node {drive.host_id}, which is our own number, is on the bus already",
                 expected="one host",

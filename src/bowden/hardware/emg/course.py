@@ -107,7 +107,7 @@ class EmgCourse:
         self._mode = self._memory[:1].data
         self._reference = self._memory[14:].data
         self._step = compiled(_in_place)
-        self._heard, self._age = StreamReading(), math.inf
+        self._latest, self._age = StreamReading(), math.inf
         self.over = False
         """Whether a recording is about to end, and the run with it."""
         self.begin()
@@ -116,29 +116,29 @@ class EmgCourse:
 
     def look(self, now: int) -> float:
         """Take in what the stream says at `now` [ns]; how long ago its newest sample was taken [s]."""
-        heard = self._heard = self._reader.read()
-        self._age = (now - heard.newest) * 1e-9 if heard.newest else math.inf
-        self.over = 0 < heard.ends < now + _BEFORE
+        latest = self._latest = self._reader.read()
+        self._age = (now - latest.newest) * 1e-9 if latest.newest else math.inf
+        self.over = 0 < latest.ends < now + _BEFORE
         return self._age
 
     def begin(self) -> None:
         """Be at rest where the joint is extended; a contraction that is on is none that begins."""
-        low, heard = self._low, self._heard
-        rest = intent_start(low)._replace(flexor=heard.flexor, extensor=heard.extensor)
+        low, latest = self._low, self._latest
+        rest = intent_start(low)._replace(flexor=latest.flexor, extensor=latest.extensor)
         self._memory[:] = (*rest[:3], *rest.begin, *rest[4:], low, 0.0, 0.0, low, 0.0, 0.0)
 
     def step(self, dt: float) -> Reference:
         """The reference of this cycle, `dt` [s] after the one before."""
-        heard = self._heard
-        share = math.nan if heard.trouble > 0.0 else heard.share
-        self._step(self._settings, self._memory, heard.flexor, heard.extensor, share, dt)
+        latest = self._latest
+        share = math.nan if latest.trouble > 0.0 else latest.share
+        self._step(self._settings, self._memory, latest.flexor, latest.extensor, share, dt)
         return Reference(*self._reference)
 
     def row(self) -> tuple[float, ...]:
         """What is recorded of this cycle: `COLUMNS`."""
-        heard = self._heard
-        onset = (heard.onset - self._start) * 1e-9 if heard.onset else math.nan
+        latest = self._latest
+        onset = (latest.onset - self._start) * 1e-9 if latest.onset else math.nan
         return (
-            *(self._age, heard.flexor, heard.extensor, heard.share, heard.level, heard.trouble, onset),
-            *(heard.samples, heard.lost, self._mode[0]),
+            *(self._age, latest.flexor, latest.extensor, latest.share, latest.level, latest.trouble, onset),
+            *(latest.samples, latest.lost, self._mode[0]),
         )

@@ -77,15 +77,15 @@ class IntentWriter(_Mapped):
         LogError: there is no block.
     """
 
-    def write(self, heard: StreamReading) -> None:
+    def write(self, reading: StreamReading) -> None:
         """Put all words, as one."""
         whole, real, at = self._whole, self._real, _FIRST + _WHOLE
         whole[_SEQUENCE] += 1
         self._barrier()
         for i in range(_WHOLE):
-            whole[_FIRST + i] = int(heard[i])
-        for i in range(len(heard) - _WHOLE):
-            real[at + i] = heard[_WHOLE + i]
+            whole[_FIRST + i] = int(reading[i])
+        for i in range(len(reading) - _WHOLE):
+            real[at + i] = reading[_WHOLE + i]
         self._barrier()
         whole[_SEQUENCE] += 1
 

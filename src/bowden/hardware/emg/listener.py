@@ -91,36 +91,36 @@ class Listener:
         self._flexor = _Muscle(flexor, rate, settings, chain, detector)
         self._extensor = None if extensor is None else _Muscle(extensor, rate, None, chain, detector)
         self._levels = levels
-        self.heard = StreamReading()
+        self.reading = StreamReading()
 
     def take(self, chunk: EmgChunk, now: float) -> StreamReading:
         """Take in what has come by `now` [s]; what the stream says now."""
-        count, heard = len(chunk.times), self.heard
+        count, reading = len(chunk.times), self.reading
         if not count:
-            return heard
+            return reading
         begins = self._flexor.feed(chunk.values)
         extends = self._extensor
         if extends is not None:
             begins = begins | extends.feed(chunk.values)
         at = np.flatnonzero(begins)
-        onset = heard.onset if not len(at) else round(min(float(chunk.times[at[-1]]), now) * SECOND)
+        onset = reading.onset if not len(at) else round(min(float(chunk.times[at[-1]]), now) * SECOND)
         columns = [muscle.column for muscle in self._muscles()]
         missing = ~np.isfinite(chunk.values[:, columns]).all(axis=1)
         came = np.flatnonzero(~missing)
-        newest = round(min(float(chunk.times[came[-1]]), now) * SECOND) if len(came) else heard.newest
-        self.heard = StreamReading(
-            max(newest, heard.newest),
+        newest = round(min(float(chunk.times[came[-1]]), now) * SECOND) if len(came) else reading.newest
+        self.reading = StreamReading(
+            max(newest, reading.newest),
             onset,
-            heard.samples + count,
-            heard.lost + int(missing.sum()),
-            heard.ends,
+            reading.samples + count,
+            reading.lost + int(missing.sum()),
+            reading.ends,
             self._flexor.active,
             0.0 if extends is None else extends.active,
             float(share_of(np.array([self._flexor.level]), self._levels)[0]),
             self._flexor.level,
             max(muscle.trouble for muscle in self._muscles()),
         )
-        return self.heard
+        return self.reading
 
     def _muscles(self) -> list[_Muscle]:
         return [self._flexor, *([] if self._extensor is None else [self._extensor])]

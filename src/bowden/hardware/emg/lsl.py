@@ -68,7 +68,7 @@ class LslStream:
         self._lost = "it is not open"
         self._corrections: deque[float] = deque(maxlen=_CORRECTIONS)
         self._offset = self._correction = 0.0
-        self._first = self._stamp = self._heard = -math.inf
+        self._first = self._stamp = self._received_at = -math.inf
         self._kept: list[EmgChunk] = []
         self._counted = 0
 
@@ -200,7 +200,7 @@ class LslStream:
         with contextlib.suppress(RuntimeError):  # there is none for a moment after a stream has come back
             self._correct(self._inlet.time_correction(0.0))
         if not len(stamps):
-            if now - self._heard > SILENCE:
+            if now - self._received_at > SILENCE:
                 self._lost = f"nothing from the LSL stream {self._name!r} for {1e3 * SILENCE:g} ms"
             return []
         values = values.astype(np.float64)
@@ -218,7 +218,7 @@ class LslStream:
                 missing = self._times.gap(float(stamps[after]) + self._correction + self._offset)
                 chunks.append(EmgChunk(np.full((len(missing), values.shape[1]), np.nan), missing))
             begin = int(after)
-        self._stamp, self._heard, self._lost = float(stamps[-1]), now, ""
+        self._stamp, self._received_at, self._lost = float(stamps[-1]), now, ""
         return chunks
 
     def lost(self) -> str:

@@ -62,7 +62,7 @@ class TrignoStream:
         self._lost = "it is not open"
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
-        self._heard = math.inf
+        self._received_at = math.inf
 
     def open(self) -> str:
         """See `EmgStream.open`."""
@@ -81,7 +81,7 @@ class TrignoStream:
             dialogue.close()
             raise
         self._closing.clear()
-        self._lost, self._heard, self._sensible = "", self._now(), False
+        self._lost, self._received_at, self._sensible = "", self._now(), False
         self._thread = threading.Thread(target=self._run, args=(dialogue,), name="trigno", daemon=True)
         self._thread.start()
         try:
@@ -107,11 +107,11 @@ class TrignoStream:
         if not self._sensible:
             said = self._lost or f"{self._address.said()} has started, and sends nothing"
             raise StreamError(f"{said}, in {_WAIT:g} s", do="look whether the sensors are on and in reach")
-        first, begin = self._held, self._heard
+        first, begin = self._held, self._received_at
         measured, until = 0.0, self._now() + _LONGEST_TRIAL
         while abs(measured / self.rate - 1.0) > _RATE_ERROR and self._now() < until:  # a computer may stall meanwhile
             self._clock.sleep_until(self._clock.now() + int(_TRIAL * SECOND))
-            measured = (self._held - first) / max(self._heard - begin, 1e-3)
+            measured = (self._held - first) / max(self._received_at - begin, 1e-3)
         if abs(measured / self.rate - 1.0) > _RATE_ERROR:
             raise StreamError(
                 f"{self._address.said()} announces {self.rate:.6g} Hz and sends {measured:.4g} samples a second",
@@ -157,7 +157,7 @@ class TrignoStream:
         samples = Samples()
         self._anew, self._sense = True, 1.0
         dialogue.data.settimeout(_LOOK)
-        self._heard = came = self._now()
+        self._received_at = came = self._now()
         while not self._closing.is_set():
             data = b""
             try:
@@ -173,11 +173,11 @@ class TrignoStream:
             now = self._now()
             came = now if data else came
             if data and self._take(samples.feed(data), now):
-                self._heard, self._lost, self._sensible = now, "", True
-            if now - self._heard > SILENCE:
+                self._received_at, self._lost, self._sensible = now, "", True
+            if now - self._received_at > SILENCE:
                 what = "what comes from {} is no EMG" if now - came < SILENCE else "nothing comes from {}"
                 self._lost = what.format(self._address.said())
-            if now - self._heard > _GIVE_UP:
+            if now - self._received_at > _GIVE_UP:
                 return
 
     def _take(self, sent: NDArray[np.float32], now: float) -> bool:

@@ -143,7 +143,7 @@ class TrignoServer:
             for key, _ in self._selector.select(self._pause()):
                 if isinstance(key.data, str):
                     self._accept(key.fileobj, key.data)  # type: ignore[arg-type] # it is a listener's socket
-                elif not self._hear(key.data):
+                elif not self._receive(key.data):
                     self._drop(key.data)
             self._play()
             progress(self._sent * self._size / self._rate if self.started is not None else 0.0)
@@ -168,7 +168,7 @@ class TrignoServer:
             greeting = self._random.randbytes(80) if garbage else f"{GREETING} 3.6.0".encode() + 2 * END
             client.send(greeting)
 
-    def _hear(self, client: _Client) -> bool:
+    def _receive(self, client: _Client) -> bool:
         """Answer a client's commands; whether it is still there."""
         try:
             data = client.socket.recv(4096)

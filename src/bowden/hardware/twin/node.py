@@ -59,9 +59,9 @@ class TwinNode:
         self._waiting: deque[tuple[float, int, bytes]] = deque()
         self._history: deque[tuple[frames.Motion, frames.Sensors]] = deque(maxlen=1000)
         self.syncs = 0
-        self.host_heard = -math.inf
+        self.host_heartbeat = -math.inf
         """When the host's heartbeat came last [s]."""
-        self.scenario_told = False
+        self.scenario_noted = False
         """Whether the sheath's motion has begun, or somebody has said when it does."""
         self._moved = -math.inf
         self._power_up(-math.inf)
@@ -119,7 +119,7 @@ class TwinNode:
         elif cob_id == frames.NMT and len(data) == 2 and data[1] in (0, node):
             self._obey(data[0], now)
         elif cob_id == frames.HEARTBEAT + (self.objects[0x1016, 1] >> 16 & 0x7F) and self.objects[0x1016, 1]:
-            self.host_heard, self._watching = now, True
+            self.host_heartbeat, self._watching = now, True
 
     def tick(self, now: float) -> None:
         """Let time pass: bench, heartbeats in both directions, faults, frames that wait."""
@@ -162,7 +162,7 @@ class TwinNode:
         limit = 1e-3 * (self.objects[0x1016, 1] & 0xFFFF)
         if not limit:
             self._watching = False
-        if self._watching and now - self.host_heard >= limit:
+        if self._watching and now - self.host_heartbeat >= limit:
             self._watching = False
             option = self.objects[0x6007, 0]
             if self.objects[0x1029, 1] == 0 and self.nmt == frames.OPERATIONAL:
@@ -211,8 +211,8 @@ class TwinNode:
             self.error = 0
             self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(0, 0), now)
         if state is State.OPERATION_ENABLED:
-            if not self.scenario_told:
-                self.scenario_told = True
+            if not self.scenario_noted:
+                self.scenario_noted = True
                 self.bench.start_scenario(now)
             self._journal(now, "torque_on", "")
         elif before in WITH_TORQUE and state not in WITH_TORQUE:
@@ -221,7 +221,9 @@ class TwinNode:
     def _torque_off(self, now: float, why: str) -> None:
         self.bench.advance(now)
         if self.bench.doing != OFF:
-            self._journal(now, "torque_off", f"{why}; {1e3 * (now - self.host_heard):.3f} ms after the last heartbeat")
+            self._journal(
+                now, "torque_off", f"{why}; {1e3 * (now - self.host_heartbeat):.3f} ms after the last heartbeat"
+            )
         self.bench.doing = OFF
 
     def _fail(self, code: int, now: float) -> None:

@@ -213,6 +213,6 @@ def dictionary(made: Made) -> dict[Key, Entry]:
 
 def overridden(entries: dict[Key, Entry], others: dict[Key, int | None]) -> dict[Key, Entry]:
     """Objects some of which have other values; None takes one away."""
-    told = {key: value for key, value in others.items() if value is not None}
-    changed = {key: entries.get(key, Entry(4, 0))._replace(value=value) for key, value in told.items()}
+    given = {key: value for key, value in others.items() if value is not None}
+    changed = {key: entries.get(key, Entry(4, 0))._replace(value=value) for key, value in given.items()}
     return {key: entry for key, entry in (entries | changed).items() if others.get(key, 0) is not None}

@@ -120,7 +120,7 @@ class TwinSuit:
         self._time += elapsed
         self._held = math.nan if self.doing != BRAKE else self.motor if math.isnan(self._held) else self._held
         command = self._held if self.doing == BRAKE else self.command
-        state = self._state._replace(spool=self._state.spool._replace(told=self.torque_offset or 0.0))
+        state = self._state._replace(spool=self._state.spool._replace(torque_offset=self.torque_offset or 0.0))
         self._state = self._advance(
             *(self._cabled(), state, command, self.doing != OFF, before, after),
             *(wearer, count, self._substep),

@@ -28,7 +28,7 @@ TICK = 1e-3
 PRIORITY = 20
 """Real-time priority that the twin takes where it may: below the loop's [–]."""
 
-MOST_TOLD = 500
+MOST_ENTRIES = 500
 """Entries of the journal in one answer."""
 
 
@@ -149,8 +149,8 @@ class Twin:
                 return self._status(now)
             case "journal":
                 since = float(request.get("since", -1.0))
-                told = [entry for entry in self._journal if entry[0] > since][-MOST_TOLD:]
-                return {"journal": [{"time": time, "event": event, "detail": said} for time, event, said in told]}
+                recent = [entry for entry in self._journal if entry[0] > since][-MOST_ENTRIES:]
+                return {"journal": [{"time": time, "event": event, "detail": said} for time, event, said in recent]}
             case "inject":
                 injection = parse(str(request.get("fault", "")))
                 self._refuse(injection.name)
@@ -165,7 +165,7 @@ class Twin:
                 return {"time": now}
             case "scenario":
                 at = now if request.get("at") is None else float(request["at"])
-                self._node.scenario_told = True
+                self._node.scenario_noted = True
                 self._node.bench.start_scenario(at)
                 self._note(now, "scenario", f"{at:.6f}")
                 return {"time": at}
@@ -200,7 +200,7 @@ class Twin:
             "current": bench.current,
             "interaction": bench.interaction,
             "temperature": bench.temperature,
-            "last_heartbeat": node.host_heard if math.isfinite(node.host_heard) else None,
+            "last_heartbeat": node.host_heartbeat if math.isfinite(node.host_heartbeat) else None,
             "syncs": node.syncs,
             "unsent": self._unsent,
             "longest_wait": self._longest_wait,

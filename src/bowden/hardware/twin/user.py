@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.control.source import Heard
+from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, specialise
 from bowden.hardware.twin.bench import FOLLOW, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
 from bowden.plants.plant import (
@@ -54,10 +54,10 @@ def one_on(
 
 
 @kernel
-def sensed(plant: Any, body: Any, normals: NDArray[np.float64]) -> Heard:
+def sensed(plant: Any, body: Any, normals: NDArray[np.float64]) -> Measurement:
     """What the sensors say of a body."""
-    _, heard = plant_observe(plant, body, normals)
-    return heard
+    _, measured = plant_observe(plant, body, normals)
+    return measured
 
 
 class TwinUser:
@@ -189,5 +189,5 @@ class TwinUser:
     def read_encoders(self) -> tuple[float, float]:
         """See `TwinPlant.read_encoders`: what the plant's own ``observe`` makes of where it is now."""
         body = self._cycle.body._replace(joint=self.joint, motor=self.motor, motor_velocity=self.velocity)
-        heard = Heard(*self._sensed(self._dynamics.plant, body, self._random.standard_normal(2)))
-        return heard.joint, heard.motor
+        measured = Measurement(*self._sensed(self._dynamics.plant, body, self._random.standard_normal(2)))
+        return measured.joint, measured.motor

@@ -121,7 +121,7 @@ def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
     vague = [key for key in shape if not fitted.uncertainty[key] < abs(fitted.parameters[key])]
     if not vague:
         return []
-    told = ", ".join(
+    listed = ", ".join(
         f"{key} = {fitted.parameters[key]:.3g}"
         + (
             f" ± {fitted.uncertainty[key]:.2g}"
@@ -131,7 +131,7 @@ def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
         for key in vague
     )
     return [
-        f"nearly unidentifiable in bouc_wen: {told}; the curve it draws is still determined, single values are not: "
+        f"nearly unidentifiable in bouc_wen: {listed}; the curve it draws is still determined, single values are not: "
         "record reversals in mid-stroke, at several amplitudes, and move slowly through them"
     ]
 

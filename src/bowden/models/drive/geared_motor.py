@@ -65,18 +65,18 @@ class SpoolState(NamedTuple):
     """[A]"""
     offset: float
     """y, what the integral adds to the target [rad]."""
-    heard: float
+    settled_target: float
     """The target without its motions of less than `DEAD` [rad]."""
     push: float
     """Direction of the feed-forward, −1…1 [–]."""
-    told: float
+    torque_offset: float
     """Torque offset that the drive is told from outside, at the spool [N·m]."""
 
 
 class FrictionPush(NamedTuple):
     """What a push against friction remembers."""
 
-    heard: float
+    settled_target: float
     """The target without its motions of less than `DEAD` [rad]."""
     direction: float
     """Of the push, −1…1 [–]."""
@@ -115,26 +115,28 @@ def check_geared_motor(motor: GearedMotor) -> None:
 @kernel
 def turn_push(push: FrictionPush, target: float, dt: float) -> FrictionPush:
     """The push `dt` [s] later, for a `target` of the spool [rad]; portable."""
-    heard = np.fmax(target - DEAD, np.fmin(target + DEAD, push.heard))
-    moves = np.abs(heard - push.heard) > 0.0
-    goal, lag = sel(moves, np.sign(heard - push.heard), 0.0), sel(moves, TURNING, FADING)
-    return FrictionPush(heard, push.direction + (goal - push.direction) * dt / (lag + dt))
+    settled = np.fmax(target - DEAD, np.fmin(target + DEAD, push.settled_target))
+    moves = np.abs(settled - push.settled_target) > 0.0
+    goal, lag = sel(moves, np.sign(settled - push.settled_target), 0.0), sel(moves, TURNING, FADING)
+    return FrictionPush(settled, push.direction + (goal - push.direction) * dt / (lag + dt))
 
 
 @kernel
 def drive_motor(motor: GearedMotor, state: SpoolState, target: float, dt: float) -> SpoolState:
     """The drive's current for a `target` of the spool [rad], and its integral a step of `dt` [s] later."""
     omega, error, velocity = motor.servo.natural_frequency, target - state.position, state.velocity
-    push = turn_push(FrictionPush(state.heard, state.push), target, dt)
+    push = turn_push(FrictionPush(state.settled_target, state.push), target, dt)
     wanted = motor.inertia * omega * (omega * (error + state.offset) - 2.0 * motor.servo.damping * velocity)
-    wanted = wanted + motor.friction_feedforward * push.direction + state.told
+    wanted = wanted + motor.friction_feedforward * push.direction + state.torque_offset
     constant = motor.gear * motor.torque_constant
     lowest = np.fmax(-motor.current_limit, (-motor.supply - constant * velocity) / motor.resistance)
     highest = np.fmin(motor.current_limit, (motor.supply - constant * velocity) / motor.resistance)
     current = np.fmax(lowest, np.fmin(highest, wanted / constant))
     free = 1.0 if np.abs(error) > BAND and lowest < wanted / constant < highest else 0.0
     offset = state.offset + free * dt * motor.integral * error
-    return SpoolState(state.position, velocity, current, offset, push.heard, push.direction, state.told)
+    return SpoolState(
+        state.position, velocity, current, offset, push.settled_target, push.direction, state.torque_offset
+    )
 
 
 @kernel
@@ -155,4 +157,6 @@ def turn_spool(motor: GearedMotor, state: SpoolState, load: float, stiffness: fl
     held = effort * (motor.friction + (1.0 - motor.efficiency) * carried)
     velocity = np.sign(free) * np.fmax(0.0, np.abs(free) - held)
     turned = state.position + dt * velocity
-    return SpoolState(turned, velocity, state.current, state.offset, state.heard, state.push, state.told)
+    return SpoolState(
+        turned, velocity, state.current, state.offset, state.settled_target, state.push, state.torque_offset
+    )

@@ -83,16 +83,6 @@ class Wearer(NamedTuple):
     """Of that motion [Hz]."""
 
 
-WEARERS: dict[str, Wearer] = {
-    "none": Wearer(),
-    "weak": Wearer(share=0.3),
-    "tremor": Wearer(tremor=0.5, tremor_frequency=5.0),
-    "resisting": Wearer(stiffness=1.0, damping=0.5, centre=45.0 * RADIANS),
-    "constant": Wearer(constant=-1.0),
-}
-"""One of each kind; their sizes are stated choices."""
-
-
 def arm_of(mass: float = 75.0, height: float = 1.75, *, elevation: float = 0.0, load: float = 0.0) -> Arm:
     """Forearm and hand of a body.
 

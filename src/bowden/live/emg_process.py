@@ -20,7 +20,7 @@ _END = 5.0
 """From the wish to end to the process' end [s]."""
 
 
-class Ear:
+class EmgProcess:
     """A process that hears EMG.
 
     Args:

@@ -1,33 +1,28 @@
-"""What the wearer's push is worth on a suit: stable against whom, and how little of the suit one feels.
+"""A suit that moves by its wearer's push: stable against whom, and how little of the suit one feels.
 
 **Stability.** A wearer of some stiffness and damping wants the elbow at 45° while the suit begins at 60°. The run
 counts as stable where the elbow has come to rest: its speed over the last two seconds is below `QUIET` RMS.
 
-**Transparency.** A wearer moves the elbow as a sine of 0.5 Hz; the figure is the RMS of the suit's torque on the elbow
-less the share of the arm's weight that it is to carry, after the first four seconds or half of a shorter run. A stiff
+**Transparency.** A wearer moves the elbow as a sine of 0.5 Hz; the figures are those of `bowden.design.felt`. A stiff
 wearer (`FIRM`) makes the same motion whatever the suit does, so that the figures compare.
 """
 
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowden.control.admittance.push import push_source
 from bowden.control.admittance.virtual_elbow import Admittance
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint
 from bowden.core.trace import Trace
-from bowden.core.units import DEGREES, RADIANS
-from bowden.models.suit.arm import GRAVITY, Arm, Wearer
+from bowden.core.units import RADIANS
+from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit
 from bowden.sim.run import simulate
 from bowden.sim.suit_sources import push_of
-
-Array = NDArray[np.float64]
 
 MIDDLE = 45.0 * RADIANS
 """Of the elbow's range [rad]."""
@@ -35,8 +30,6 @@ FIRM = (100.0, 3.0)
 """Stiffness [N·m/rad] and damping [N·m·s/rad] of a wearer who makes the motion that they want."""
 QUIET = 0.02
 """Speed of an elbow that counts as at rest [rad/s]."""
-SETTLED = 4.0
-"""What comes before, or before half of a shorter run, does not count in what a wearer feels [s]."""
 _BEGIN = 60.0 * RADIANS
 _TAIL = 2.0
 
@@ -54,26 +47,6 @@ class PushedReference:
     estimated: bool = False
     carried: float = 0.0
     """Share of the arm's weight that the suit holds up; the wearer holds the rest [–]."""
-
-
-@dataclass(frozen=True)
-class Felt:
-    """What a wearer felt of the suit."""
-
-    rms: float
-    """Of the suit's torque less what it is to carry [N·m]."""
-    peak: float
-    """The same [N·m]."""
-    low: float
-    """Least angle of the elbow [deg]."""
-    high: float
-    """Largest [deg]."""
-    estimate: float | None
-    """RMS error of the estimated torque; None where nothing was estimated [N·m]."""
-    by_current: float | None
-    """The same of the estimate from the current alone [N·m]."""
-    by_stretch: float | None
-    """The same of the estimate from both angles alone [N·m]."""
 
 
 def swinging(
@@ -94,45 +67,6 @@ def swinging(
         centre=MIDDLE,
         swing=amplitude,
         swing_frequency=frequency,
-    )
-
-
-def settled(time: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
-    """Which samples of a run count, from their times since its begin (n,) [s]."""
-    return time >= min(SETTLED, 0.5 * float(time[-1]))
-
-
-def beside_load(torque: Array, joint: Array, arm: Arm, carried: float) -> Array:
-    """The suit's torque on the elbow less what it is to carry (n,) [N·m].
-
-    Args:
-        torque: of the suit on the elbow (n,) [N·m].
-        joint: angle of the elbow (n,) [rad].
-        arm: whose weight that is.
-        carried: share of it that the suit holds up [–].
-    """
-    return torque - carried * GRAVITY * arm.mass * arm.centre * np.sin(joint + arm.elevation)
-
-
-def rms_and_peak(values: Array) -> tuple[float, float]:
-    """Root mean square and largest size."""
-    return _rms(values), float(np.max(np.abs(values)))
-
-
-def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
-    """The figures of a run."""
-    tail = settled(trace.time)
-    joint, torque = trace["joint"][tail], trace["interaction_torque"][tail]
-    rms, peak = rms_and_peak(beside_load(torque, joint, arm, carried))
-    names = ("torque", "from_current", "from_stretch")
-    have = "admittance.estimate.torque" in trace.columns
-    errors = [_rms(trace[f"admittance.estimate.{name}"][tail] - torque) if have else None for name in names]
-    return Felt(
-        rms,
-        peak,
-        float(np.min(joint)) * DEGREES,
-        float(np.max(joint)) * DEGREES,
-        *errors,
     )
 
 
@@ -202,7 +136,7 @@ def sweep(
         wearer = Wearer(share=1.0 - how.carried, stiffness=stiffness, damping=damping, centre=MIDDLE)
         run = pushed(suit, how, wearer, believed=believed, duration=duration, begin=_BEGIN, seed=seed)
         tail = run.time >= duration - _TAIL
-        speed = _rms(run["joint_velocity"][tail]) if run.ended else np.inf
+        speed = float(np.sqrt(np.mean(np.square(run["joint_velocity"][tail])))) if run.ended else np.inf
         yield Settled(stiffness, damping, speed)
 
 
@@ -218,7 +152,3 @@ def misjudged(suit: Suit) -> Suit:
         motor=suit.motor._replace(friction=0.9 * suit.motor.friction),
         joint_sensor=suit.joint_sensor._replace(offset=0.4 * RADIANS, gain=0.01),
     )
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
