@@ -10,7 +10,8 @@ import pytest
 
 from bowden.app import main
 from bowden.control import LAWS
-from bowden.core import native_code
+from bowden.core import kernel as kernel_module
+from bowden.core import kernel_cache, native_code
 from bowden.core.kernel import compiled, kernel, program, specialise, stand_in, tanh
 
 
@@ -82,9 +83,8 @@ def halved(x: float) -> float:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder for compiled code."""
-    from bowden.core import kernel_cache
-
+    """An empty folder for compiled code, and no program that this process knows already."""
+    kernel_module._program.cache_clear()
     monkeypatch.setattr(kernel_cache, "cache_folder", lambda: tmp_path)
     return tmp_path
 

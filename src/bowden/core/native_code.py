@@ -33,7 +33,7 @@ _WHOLE = {"d": ctypes.c_double, "q": ctypes.c_int64, "b": ctypes.c_bool, "p": ct
 _GIVEN_BACK = {"float64": "d", "int64": "q", "none": ""}
 """What a kernel may give back, as Numba calls it."""
 
-_AS_LLVM_HAS_IT = {"double": "d", "i64": "q", "i1": "b", "ptr": "p"}
+_AS_LLVM_HAS_IT = {"double": "d", "i64": "q", "i8": "b", "ptr": "p"}
 
 _LIBM = frozenset(dir(math)) | {"cbrt", "exp2", "fabs", "fmax", "fmin", "nearbyint", "rint", "round"}
 _MEMORY = {"memcpy", "memmove", "memset"}
