@@ -44,7 +44,7 @@ test: lint
 	$(BIN)/python -m pytest -m 'live and not long' tests
 
 computed: .venv/dev
-	env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -n 2 --dist loadfile -m 'not live and not long'
+	env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not live and not long'
 
 long: .venv/dev
 	$(BIN)/python -m pytest -n 2 -m 'long and not live'
@@ -58,9 +58,7 @@ types: .venv/dev
 	$(BIN)/mypy
 
 docs: .venv/dev
-	$(BIN)/python -c 'from pathlib import Path; from bowden.rig.page import write_docs; write_docs(Path("docs"))'
-	$(BIN)/python -c 'from pathlib import Path; from bowden.app.safety_page import write_docs; write_docs(Path("docs"))'
-	$(BIN)/python -c 'from pathlib import Path; from bowden.study.page import write_docs; write_docs(Path("docs"))'
+	$(BIN)/python tools/make_docs.py
 
 bench: .venv/dev
 	$(PIP) --editable '.[bench]'

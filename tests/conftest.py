@@ -32,6 +32,13 @@ def shared_data() -> Path:
 
 
 @pytest.fixture
+def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages with an empty element for each figure, whose drawing takes longest of all; not for tests marked `drawn`."""
+    if request.node.get_closest_marker("drawn") is None:
+        monkeypatch.setattr("bowden.core.style.svg", lambda figure, prefix: "<svg></svg>")
+
+
+@pytest.fixture
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder in which commands keep what they know of a motor; the test's own, and not the user's."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))

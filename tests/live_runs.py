@@ -17,6 +17,7 @@ import numpy as np
 from bowden.app.main import run
 from bowden.hardware.realtime import Settings
 from bowden.live.lateness import bare_loop_apart
+from bowden.safety.faults import Fault
 
 ROOT = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]
@@ -56,13 +57,18 @@ def started(rig: Path, out: Path, *options: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
+class NotBegunError(AssertionError):
+    """A run that was refused; with what it said."""
+
+
 def finished(process: "subprocess.Popen[str]") -> dict[str, Any]:
     """What a run that comes to its end says, as its schema has it."""
     try:
         said, errors = process.communicate(timeout=300.0)
     finally:
         process.kill()
-    assert said, errors
+    if not said:
+        raise NotBegunError(errors)
     found: dict[str, Any] = json.loads(said)
     schema = json.loads((ROOT / "docs" / "json" / "run.schema.json").read_text(encoding="utf-8"))
     jsonschema.validate(found, schema)
@@ -70,9 +76,15 @@ def finished(process: "subprocess.Popen[str]") -> dict[str, Any]:
 
 
 def finished_well(rig: Path, folder: Path, *options: str) -> dict[str, Any]:
-    """What the first run says that comes to its end."""
+    """What the first run says that comes to its end; one that a late loop does not let begin is a try as well."""
     for number in tries():
-        found = finished(started(rig, folder / f"out{number}", *options))
+        process = started(rig, folder / f"out{number}", *options)
+        try:
+            found = finished(process)
+        except NotBegunError as error:
+            if Fault.LATE.meaning not in str(error):
+                raise
+            found = {"ended_well": False, "error": str(error)}
         if found["ended_well"]:
             break
     assert found["ended_well"], json.dumps(found)

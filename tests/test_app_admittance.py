@@ -24,6 +24,8 @@ from bowden.rig.rig import Rig
 from bowden.sim.scenario import constant_bend
 from bowden.sim.suit_sources import behind, push_of
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 RIG = """
 [suit]
@@ -54,6 +56,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.drawn
 def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["simulate", "rig.toml", "--json", "--out", "out"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -18,13 +18,15 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 
+import study_page
 from bowden.app import main
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.study import pack as study_pack
-from bowden.study import page as study_page
 from bowden.study import workers as campaign_workers
 from bowden.study.load import load
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 ROOT = Path(__file__).parents[1]
 STUDY = """

@@ -16,6 +16,8 @@ from bowden.rig.one_run import run_of
 from bowden.study.load import load
 from bowden.study.rows import SUIT_FIGURES, table_of
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 STUDY = """
 laws = ["uncompensated", "adaptive"]
 runs = 6

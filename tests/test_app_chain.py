@@ -9,6 +9,8 @@ from bowden.app.main import run
 from bowden.identify.cable.model_file import load_model
 from bowden.rig.presets.bench import default_bench
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 EXAMPLE = Path(__file__).parents[1] / "examples" / "identify.toml"
 
 

@@ -12,12 +12,15 @@ from bowden.control import LAWS
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import BoucWen
-from bowden.rig.page import json_schema, markdown, toml_text
+from bowden.paper.bench import observer as paper_observer
+from bowden.rig.page import toml_text
 from bowden.rig.presets.bench import default_bench, minimum_jerk
-from bowden.rig.presets.bench import observer as paper_observer
 from bowden.rig.rig import Rig
 from bowden.rig.sections import BENDS, REFERENCES, RigFile
 from bowden.sim.run import simulate
+from rig_page import json_schema, markdown
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 ROOT = Path(__file__).parents[1]
 

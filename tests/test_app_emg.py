@@ -20,6 +20,8 @@ from bowden.sensing.envelope import DEFAULTS
 from bowden.sensing.stream import EnvelopeFilter
 from bowden.sim.emg import background, contractions
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 SPANS = [(2.0, 3.0, 0.2), (5.0, 6.0, 0.4)]
 
@@ -55,6 +57,7 @@ def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: s
     return found
 
 
+@pytest.mark.drawn
 def test_a_recording_is_scored_in_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
     recording = write("a.csv", signal(), start=100.0)
     known = labels(spans=[(on + 100.0, off + 100.0) for on, off, _ in SPANS])

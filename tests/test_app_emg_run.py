@@ -18,6 +18,8 @@ from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.emg_setup import columns
 from bowden.rig.rig import Rig
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RATE = 1000.0
 WEARER = '[emg]\nchannel = "{channel}"\nrest = {rest}\nmvc = {mvc}\nsource = "mvc.csv"\n'
 

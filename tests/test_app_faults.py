@@ -22,6 +22,8 @@ from bowden.core.trace import Trace
 from bowden.design import trial  # noqa: F401  # takes the loop by name, before a test puts another in its place
 from bowden.rig import one_run
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SHORT = "[reference]\nkind = 'periodic_minimum_jerk'\nperiod_s = 4.0\n[scenario]\nduration_s = 1.0\n"
 TWO_LAWS = ["simulate", "rig.toml", "--law", "uncompensated", "--law", "observer"]
 LAW = (Path(__file__).parents[1] / "examples" / "my_law.py").read_text()
@@ -109,18 +111,19 @@ def test_a_file_that_is_called_like_a_temporary_one_is_left_alone(folder: Path) 
     assert Path("a.txt").read_text() == "new"
 
 
+@pytest.mark.drawn
 @pytest.mark.usefixtures("small_files")
-@pytest.mark.parametrize("there", [False, True])
-def test_a_disk_that_fills_up_leaves_nothing_of_a_simulation(there: bool, capsys: pytest.CaptureFixture[str]) -> None:
-    if there:
-        Path("deep/er").mkdir(parents=True)
-        Path("deep/er/observer.parquet").write_text("from before")
-    before = tree()
-    capsys.readouterr()
-    assert run([*TWO_LAWS, "--duration", "0.2", "--out", "deep/er", "--json"]) == 2
-    said = "cannot write deep/er/simulate.html: File too large; choose another place or make room there"
-    assert one_line(capsys) == f"bowden: {said}\n"
-    assert tree() == before
+def test_a_disk_that_fills_up_leaves_nothing_of_a_simulation(capsys: pytest.CaptureFixture[str]) -> None:
+    for there in (False, True):
+        if there:
+            Path("deep/er").mkdir(parents=True)
+            Path("deep/er/observer.parquet").write_text("from before")
+        before = tree()
+        capsys.readouterr()
+        assert run([*TWO_LAWS, "--duration", "0.2", "--out", "deep/er", "--json"]) == 2
+        said = "cannot write deep/er/simulate.html: File too large; choose another place or make room there"
+        assert one_line(capsys) == f"bowden: {said}\n"
+        assert tree() == before
 
 
 def test_a_disk_that_is_full_leaves_nothing_of_a_simulation(

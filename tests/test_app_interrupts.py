@@ -12,6 +12,8 @@ import pytest
 from bowden.app import main
 from bowden.design.processes import starting
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 callback = ctypes.CFUNCTYPE(None)
 
 

@@ -31,6 +31,8 @@ from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROOT = Path(__file__).parents[1]
 CYCLES, DT = 3000, 1e-3
 LAW_USED = LAWS["adaptive"].with_gains(feedback_gain=4.0)
@@ -192,6 +194,7 @@ def test_identify_reads_an_export_of_a_run(rows: np.ndarray) -> None:
     assert np.array_equal(log.joint, rows[:1500, columns.index("joint")])
 
 
+@pytest.mark.drawn
 def test_a_page_is_drawn(capsys: pytest.CaptureFixture[str]) -> None:
     assert document(["plot", "run.mcap"], capsys, "log_plot")["files"] == ["run.html"]
     page = Path("run.html").read_text(encoding="utf-8")

@@ -12,6 +12,8 @@ from bowden.live.mcap_reader import Damage
 from bowden.live.measured import NEEDED, motions
 from bowden.safety.supervisor import Mode
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 PERIOD = 1e-3
 SERVO = 600
 MOTION = np.concatenate([0.3 * np.sin(2.0 * np.pi * 3.0 * PERIOD * np.arange(900)) ** 2, np.full(100, 0.1)])

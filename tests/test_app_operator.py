@@ -88,6 +88,26 @@ def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin(
             pass
 
 
+def test_a_loop_that_is_late_now_and_then_is_waited_for_and_that_is_said_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    late = [row(time=0.05 * k, faults=2.0**Fault.LATE) for k in range(400)]
+    session = FakeSession([*late, row(time=20.1, mode=float(Mode.PREFLIGHT))])
+    steps = automatic(session)  # type: ignore[arg-type]
+    for _ in range(405):
+        next(steps)
+    assert session.asked.count(Request.ARM) >= 400
+    said = capsys.readouterr().err
+    assert said.startswith("bowden: note: not armed yet, loop too late: ")
+    assert said.count("\n") == 1
+    for and_more, seconds in ((0.0, 30.0), (2.0**Fault.MOTOR_STALE, 3.0)):
+        session = FakeSession([row(time=0.05 * k, faults=2.0**Fault.LATE + and_more) for k in range(1000)])
+        with pytest.raises(SafetyError, match=r"does not arm EPOS4, node 1; .*loop too late"):
+            for _ in automatic(session):  # type: ignore[arg-type]
+                pass
+        assert session.seen == pytest.approx(seconds / 0.05, abs=3)
+
+
 def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -> str:
     ready = {"drive": "EPOS4, node 1"}
     session: Any = SimpleNamespace(

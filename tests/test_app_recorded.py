@@ -12,6 +12,8 @@ from bowden.core.units import RADIANS
 from bowden.rig.recorded import read_motion
 from bowden.rig.sections import RecordedFile
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def motion(folder: Path, text: str | bytes, **keys: str | float) -> RecordedFile:
     (folder / "motion.csv").write_bytes(text.encode() if isinstance(text, str) else text)
@@ -76,5 +78,5 @@ def test_what_cannot_be_followed_is_refused_in_one_line(
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     for ending in ("csv", "parquet"):
-        with pytest.raises(BowdenError, match="does not exist"):
+        with pytest.raises(BowdenError, match="no such file"):
             read_motion(RecordedFile(file=f"none.{ending}"), tmp_path)

@@ -40,7 +40,7 @@ duration_s = 4.0
 reading_age = 10.0  # a computer shared with others stalls for longer than a rig's may
 """
 SAME_END = (signal.SIGINT, signal.SIGHUP)
-"""These end a run as SIGTERM does."""
+"""These end a run as SIGTERM does, with which another test ends one."""
 
 
 @pytest.fixture(scope="module")
@@ -149,19 +149,23 @@ def test_a_run_is_as_good_as_its_simulation_and_every_cycle_is_in_the_log(
     assert found["rmse_deg"] == pytest.approx(pure.metrics().rmse_deg, rel=0.5)
 
 
-@pytest.mark.parametrize("end", [signal.SIGTERM, *(pytest.param(s, marks=pytest.mark.long) for s in SAME_END)])
+@pytest.mark.long
+@pytest.mark.parametrize("end", SAME_END)
 def test_a_signal_ends_in_a_controlled_release(
     end: signal.Signals, rig: Path, twin: RunningTwin, tmp_path: Path
 ) -> None:
     process = in_the_law(rig, twin, tmp_path)
     since = twin.control.status()["time"]
     process.send_signal(end)
-    found = finished(process)
+    assert_released(finished(process), twin)
+    assert twin.control.journal(since)
+
+
+def assert_released(found: dict[str, Any], twin: RunningTwin) -> None:
     modes = read(Path(found["log"]))["mode"]
     order = modes[np.flatnonzero(np.diff(modes, prepend=-1.0))].astype(int).tolist()
     assert order[-2:] in ([4, 0], [4, 5]), "released, and then without power"
     assert not twin.control.status()["torque"]
-    assert twin.control.journal(since)
 
 
 def test_without_its_operator_the_loop_releases_and_ends(rig: Path, twin: RunningTwin, tmp_path: Path) -> None:
@@ -183,7 +187,7 @@ def test_without_its_operator_the_loop_releases_and_ends(rig: Path, twin: Runnin
     assert 4.0 in read(log)["mode"]
 
 
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("end", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.long)])
 def test_without_its_loop_the_torque_is_off_50_ms_after_the_last_heartbeat(
     end: signal.Signals, rig: Path, twin: RunningTwin, tmp_path: Path
 ) -> None:
@@ -243,18 +247,21 @@ def with_own_twin(rig: Path, out: Path) -> "subprocess.Popen[str]":
     pytest.fail(f"no run reached the law: {said}")
 
 
-def test_two_runs_on_one_rig_are_refused(rig: Path, twin: RunningTwin, tmp_path: Path) -> None:
+def test_two_runs_on_one_rig_are_refused_and_the_first_ends_in_a_controlled_release(
+    rig: Path, twin: RunningTwin, tmp_path: Path
+) -> None:
     for number in tries():
         process = in_the_law(rig, twin, tmp_path)
         second = started(rig, tmp_path / f"second-{number}", "--channel", twin.channel)
         _, errors = second.communicate(timeout=60.0)
         still = process.poll() is None
-        process.terminate()
-        finished(process)
+        process.send_signal(signal.SIGTERM)
+        found = finished(process)
         if still:
             break
         restart(twin)  # the first was stopped by right before the second came
     assert still
+    assert_released(found, twin)
     assert second.returncode == 2
     assert "end the other run first" in errors
     assert len(errors.strip().splitlines()) == 1

@@ -16,8 +16,8 @@ pytestmark = pytest.mark.usefixtures("state")
     ("objects", "text", "said"),
     [
         ([], "[drive]\nnode_id = 5\n", "no drive answers as node 5; there is node 1"),
-        (["1000:0=0x00030191"], "", "device profile 401"),
-        (["6061:0=1"], "", "stays in mode 1"),
+        pytest.param(["1000:0=0x00030191"], "", "device profile 401", marks=pytest.mark.long),
+        pytest.param(["6061:0=1"], "", "stays in mode 1", marks=pytest.mark.long),
         (["607D:1=-1000", "607D:2=1000", "6502:0=0x3A5"], "", "lowest motor angle is -0.3"),
     ],
 )

@@ -13,6 +13,8 @@ from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.sim.run import simulate
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 MOTION = '[reference]\nkind = "periodic_minimum_jerk"\nlow_deg = 0.0\nhigh_deg = 60.0\nperiod_s = 4.0\n'
 
 
@@ -96,6 +98,7 @@ def test_a_suit_that_is_neither_worn_nor_not_is_refused(tmp_path: Path) -> None:
         Rig.read(written(tmp_path, MOTION + '[suit]\nworn = "yes"\n'))
 
 
+@pytest.mark.drawn
 def test_the_page_of_a_run_shows_what_the_suit_pulls(tmp_path: Path) -> None:
     setup = Rig.read(written(tmp_path, MOTION + "[suit]\nworn = true\n"))
     assert setup.worn is not None

@@ -12,6 +12,8 @@ from bowden.core.units import RADIANS
 from bowden.rig.presets.bench import default_bench
 from bowden.sim.run import simulate
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 EXAMPLE = Path(__file__).parents[1] / "examples" / "my_law.py"
 SOURCE = EXAMPLE.read_text()
 RETURN = "return State(integral), command"

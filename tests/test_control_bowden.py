@@ -7,7 +7,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
-from bowden.core.kernel import compiled
+from bowden.core.kernel import compiled, kernel
 from bowden.core.metrics import rmse
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
@@ -16,13 +16,14 @@ from bowden.models.cable.backlash import Play
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
-from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
+from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
 from bowden.plants.cable_plant import CablePlant
 from bowden.plants.cables import bouc_wen, play
 from bowden.plants.friction_cables import lumped
 from bowden.rig.presets import bench as paper
 from bowden.sim.run import simulate
 from drawn_plants import run_random_plant
+from support import bench_runs
 
 
 def error_deg(trace: Trace) -> float:
@@ -31,21 +32,21 @@ def error_deg(trace: Trace) -> float:
 
 @pytest.fixture(scope="module")
 def moved() -> Trace:
-    return paper.run(LAWS["bowden"], moved=True)
+    return bench_runs.run(LAWS["bowden"], moved=True)
 
 
 def test_bench_from_rest_knowing_nothing(moved: Trace) -> None:
-    assert error_deg(paper.run(LAWS["bowden"])) <= 0.10
+    assert error_deg(bench_runs.run(LAWS["bowden"])) <= 0.10
     assert error_deg(moved) <= 0.20
 
 
 def test_it_beats_the_papers_adaptive_law_where_that_was_tuned(moved: Trace) -> None:
-    assert error_deg(paper.run(LAWS["bowden"])) < 0.5 * error_deg(paper.run(LAWS["adaptive"]))
-    assert error_deg(moved) < 0.6 * error_deg(paper.run(LAWS["adaptive"], moved=True))
+    assert error_deg(bench_runs.run(LAWS["bowden"])) < 0.5 * error_deg(bench_runs.run(LAWS["adaptive"]))
+    assert error_deg(moved) < 0.6 * error_deg(bench_runs.run(LAWS["adaptive"], moved=True))
 
 
 def test_estimates_end_at_the_cables_parameters(moved: Trace) -> None:
-    cable, constant = paper.bench().cable, paper.run(LAWS["bowden"])
+    cable, constant = paper.bench().cable, bench_runs.run(LAWS["bowden"])
     for trace in (constant, moved):
         for name in ("law.slopes.up", "law.slopes.down"):
             assert trace[name][-1] == pytest.approx(trace["slope"][-1], rel=0.02)
@@ -115,17 +116,23 @@ def unspoilt(_tick: int, joint: float, motor: float) -> tuple[float, float]:
     return joint, motor
 
 
+@kernel
+def ten_ticks(state: ServoState, target: float, servo: ServoStep) -> ServoState:
+    for _ in range(10):
+        state = servo_step(state, target, servo)
+    return state
+
+
 def played(reference: np.ndarray, seen: Seen = unspoilt, start: float = 0.0) -> np.ndarray:
     """Error and command [rad] (2, n) on a pure play behind a servo, with samples that `seen` may spoil."""
     law, servo, state = LAWS["bowden"], prepare(FAST, 1e-4), ServoState(0.0, 0.0, 0.0)
-    step, servo_tick, applied, tendon = compiled(law.step_kernel), compiled(servo_step), start, 0.0
+    step, servo_cycle, applied, tendon = compiled(law.step_kernel), compiled(ten_ticks), start, 0.0
     memory, told = compiled(law.start_kernel)(law.gains, Sample(*seen(0, 0.0, start))), []
     for tick, wanted in enumerate(reference):
         sample = Sample(*map(float, seen(tick, SLOPE * tendon, start + state.position)))
         memory, command = step(law.gains, memory, sample, Reference(*map(float, wanted)), 1e-3)
         told.append((SLOPE * tendon - wanted[0], command))
-        for _ in range(10):
-            state = servo_tick(state, applied - start, servo)
+        state = servo_cycle(state, applied - start, servo)
         applied = command
         tendon = min(max(tendon, state.position - HALF_WIDTH), state.position + HALF_WIDTH)
     return np.array(told).T
@@ -227,5 +234,5 @@ def test_masses_that_swing_are_calmed() -> None:
     )
     assert trace["law.feedback.calm"][-1] < 0.7
     assert error_deg(trace) < 0.7
-    quiet = paper.run(LAWS["bowden"])
+    quiet = bench_runs.run(LAWS["bowden"])
     assert quiet["law.feedback.calm"].min() == 1.0

@@ -21,6 +21,7 @@ from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import Play, joint_angle, push
 from bowden.models.cable.bouc_wen import saturation
 from bowden.rig.presets import bench as paper
+from support import bench_runs
 
 DT = 1e-3
 REST = Reference(0.0, 0.0, 0.0)
@@ -212,7 +213,7 @@ def test_the_feedback_is_the_tuning_rule_s_choice(name: str, share: str, rate: s
 
 def peak(law: Law) -> float:
     """Largest error at constant bend [deg]."""
-    found = paper.run(law).metrics().peak_deg
+    found = bench_runs.run(law).metrics().peak_deg
     assert found is not None
     return found
 
@@ -262,7 +263,7 @@ def test_the_observer_s_prediction_is_the_servo_s() -> None:
 
 def measured(law: Law, moved: bool) -> tuple[float, float, float]:
     """RMSE from rest and after 10 s [deg], and the command's total variation over the reference's."""
-    trace = paper.run(law, moved=moved)
+    trace = bench_runs.run(law, moved=moved)
     found = trace.metrics()
     assert trace.stable
     assert found.rmse_deg is not None

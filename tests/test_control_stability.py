@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.laws.adaptive import AdaptiveGains
+from bowden.control.laws.adaptive import AdaptiveGains, ultimate_bounds
 from bowden.control.stability import (
     StateSpace,
     adaptive_model,
@@ -13,7 +13,6 @@ from bowden.control.stability import (
     margins,
     response,
     servo_model,
-    ultimate_bounds,
 )
 from bowden.core.signals import Reference, Sample
 from bowden.models.drive.servo import Servo

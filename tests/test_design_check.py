@@ -13,7 +13,8 @@ import pytest
 from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.control.stability import adaptive_model, margins, servo_model, ultimate_bounds
+from bowden.control.laws.adaptive import ultimate_bounds
+from bowden.control.stability import adaptive_model, margins, servo_model
 from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
 from bowden.design.check import STROKE, check

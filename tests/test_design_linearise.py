@@ -1,5 +1,7 @@
 """The numerical linear model of a law against the one by hand, and which states are found to be estimates."""
 
+from typing import NamedTuple
+
 import control
 import numpy as np
 import pytest
@@ -7,9 +9,10 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.stability import adaptive_model, margins, response, servo_model
+from bowden.core.kernel import kernel, power, sel
 from bowden.core.nested import flat, names
 from bowden.core.signals import Reference, Sample
-from bowden.design.linearise import find_estimates, linearise
+from bowden.design.linearise import NoNumberError, find_estimates, linearise
 from bowden.models.drive.servo import Servo
 from bowden.rig.presets.bench import default_bench
 
@@ -99,3 +102,45 @@ def test_a_long_model_has_the_response_of_its_poles() -> None:
     model = linearise(LAWS["uncompensated"], DT).by_joint._replace(a=a, b=np.ones((12, 1)), c=np.ones((1, 12)), d=0.1)
     truth = control.ss(a, np.ones((12, 1)), np.ones((1, 12)), [[0.1]], DT)(np.exp(1j * OMEGA * DT))
     np.testing.assert_allclose(response(model, OMEGA, DT), truth, rtol=1e-9)
+
+
+class Nothing(NamedTuple):
+    gain: float = 1.0
+
+
+class Kept(NamedTuple):
+    before: float
+
+
+@kernel
+def begin(gains: Nothing, sample: Sample) -> Kept:
+    return Kept(0.0)
+
+
+@kernel
+def heedless(gains: Nothing, state: Kept, sample: Sample, reference: Reference, dt: float) -> tuple[Kept, float]:
+    unheeded = sel(reference.velocity == 0.0, 0.0, gains.gain / reference.velocity)
+    return state, reference.position - gains.gain * sample.joint + unheeded
+
+
+@kernel
+def rooted(gains: Nothing, state: Kept, sample: Sample, reference: Reference, dt: float) -> tuple[Kept, float]:
+    return state, reference.position - gains.gain * power(sample.joint, 0.5)
+
+
+@kernel
+def spoilt(gains: Nothing, state: Kept, sample: Sample, reference: Reference, dt: float) -> tuple[Kept, float]:
+    return Kept(sample.joint / reference.velocity), reference.position
+
+
+def test_a_division_by_zero_that_no_command_shows_is_none() -> None:
+    """Compiled, as a law runs, it is an infinity that `sel` leaves out."""
+    model = linearise(Law("heedless", Nothing(2.0), begin, heedless, source=""), DT)
+    assert model.d == pytest.approx([2.0, 0.0])
+
+
+@pytest.mark.parametrize(("step", "what"), [(rooted, "its command"), (spoilt, "its state before")])
+def test_a_law_that_gives_no_number_at_rest_has_no_model(step: object, what: str) -> None:
+    law = Law("mine", Nothing(), begin, step, source="")  # type: ignore[arg-type]
+    with pytest.raises(NoNumberError, match=f"mine has no linear model: {what} is no finite number at rest at 0°"):
+        linearise(law, DT)

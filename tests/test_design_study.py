@@ -10,7 +10,7 @@ BENCH = default_bench()
 ADAPTIVE = LAWS["adaptive"]
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(60, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.long)])
 def test_verdicts_agree_with_long_simulations(count: int) -> None:
     """`make bench` judges 500 other rigs."""
     found = Study(tuple(study(BENCH, count, seed=1)))

@@ -9,10 +9,8 @@ from bowden.control.our_law.held_feedback import Setting, listen, no_feedback, s
 from bowden.control.reference import PointToPoint
 from bowden.control.stability import StateSpace, margins
 from bowden.core.units import DEGREES, RADIANS
-from bowden.design.suit_linear import corners, suit_model, worst_margins
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
-from bowden.paper.suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
 from bowden.plants.suit_parts import prepare_suit
 from bowden.rig.presets.suit import (
     DRIVE_INTEGRAL,
@@ -24,6 +22,8 @@ from bowden.rig.presets.suit import (
     suit_ours,
 )
 from bowden.sim.run import simulate
+from suit_gains import ESTIMATES, FEEDBACK_GAINS, SMOOTHINGS
+from suit_linear import corners, suit_model, worst_margins
 from wearers import random_wearer, wear
 
 

@@ -1,5 +1,6 @@
 """Tuned gains keep their margins and beat the defaults in the worst case; rig.toml keeps everything else."""
 
+import contextlib
 import json
 import pickle
 import tomllib
@@ -19,11 +20,13 @@ from bowden.core.errors import OutputError, ParameterError
 from bowden.design.check import check
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
+from bowden.design.processes import two_workers
 from bowden.design.tune import tune
 from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
+from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
 from bowden.study import tune_study
@@ -79,7 +82,7 @@ def test_the_nine_runs_in_one_call_are_the_runs_alone_to_the_last_bit() -> None:
 )
 def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(name: str) -> None:
     bench = RIGS[name]
-    found = tune(bench, ADAPTIVE, generations=4)
+    found = tune(bench, ADAPTIVE, generations=2)
     again = check(bench, found.law, bends=BENDS)
     assert again.verdict == "holds"
     assert again.gain_margin_db is not None
@@ -95,6 +98,16 @@ def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(
     assert found.gains == {n: v for n, v in found.law.gains._asdict().items() if v != getattr(ADAPTIVE.gains, n)}
 
 
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search of a quarter of the size in one process, where it matters that there is one and not what it finds."""
+    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
+    monkeypatch.setattr("bowden.design.tune._DRAWS", 100)
+    monkeypatch.setattr("bowden.design.tune._SIMULATED", 20)
+    monkeypatch.setattr("bowden.design.tune._MEMBERS", 8)
+
+
+@pytest.mark.usefixtures("few")
 def test_the_result_does_not_depend_on_who_does_the_work() -> None:
     def backwards(function: Callable[[Task], Any], tasks: Iterable[Task]) -> list[Any]:
         return [function(pickle.loads(pickle.dumps(task))) for task in reversed(list(tasks))][::-1]
@@ -158,11 +171,12 @@ def test_the_file_keeps_its_comments_and_the_other_keys() -> None:
         with_gains("[control]\ngains = { a = 2.0 }\n", {"a": 1.0}, [], Path("rig.toml"))
 
 
+@pytest.mark.usefixtures("few")
 def test_the_command_writes_the_gains_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 6)  # of many, so that it takes seconds
+    monkeypatch.setattr("bowden.design.tune.GENERATIONS", 3)  # of many, so that it takes seconds
     rig = "# soft\n[cable]\nslope = 0.6\nrate_per_rad = 4.0\n"
     Path("rig.toml").write_text(rig)
     assert run(["tune", "rig.toml", "--json"]) == 0
@@ -189,7 +203,7 @@ duration_s = 4.0
 
 
 @pytest.fixture
-def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def study(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("bowden.design.tune.GENERATIONS", 1)
     Path("rig.toml").write_text("# soft\n[cable]\nrate_per_rad = 4.0\n[servo]\nnatural_frequency_hz = 4.0\n")
@@ -208,14 +222,17 @@ def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_no
     assert found["before"]["runs"] == found["after"]["runs"] == 10
     assert found["after"]["unstable"] == 0
     assert found["after"]["rmse_worst_deg"] < 0.95 * found["before"]["rmse_worst_deg"]
-    loaded = load(study, Path("rig.toml"))  # with the new gains now
+    loaded = load(study, Rig.read("rig.toml"), own_law=True)  # with the new gains now
     for numbers, worst in ((range(10), document["worst_rmse_deg"]), (range(10, 20), found["after"]["rmse_worst_deg"])):
         assert max(table_of(loaded, numbers)["rmse_deg"].to_pylist()) == pytest.approx(worst, rel=1e-12)
     assert "10 other plants, 0 unstable" in Path("rig.toml").read_text(encoding="utf-8")
 
 
-def test_a_law_of_ones_own_is_tuned_against_a_study(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_law_of_ones_own_is_tuned_against_a_study(
+    study: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Its gains go to other processes, which know the study's copy of its file as well."""
+    monkeypatch.setattr("bowden.face.tune.two_workers", two_workers)
     Path("my_law.py").write_bytes((ROOT / "examples" / "my_law.py").read_bytes())
     Path("rig.toml").write_text('[control]\nlaw = "my_law.py"\n')
     assert run(["tune", "rig.toml", "--study", "study.toml", "--json"]) == 0, capsys.readouterr().err
@@ -227,7 +244,7 @@ def test_a_law_of_ones_own_is_tuned_against_a_study(study: Path, capsys: pytest.
     [
         (STUDY + '"control.gains.error_gain" = 0.1\n', "study.toml varies control.gains.error_gain; expected a study"),
         ("runs = 3\n", "runs is 3; expected 4 or more"),
-        ('rig = "other.toml"\n', "its rig is 'other.toml', and the command's rig.toml; expected the same file"),
+        ('rig = "other.toml"\n', "its rig is 'other.toml', and the given one rig.toml; expected the same file"),
         ('[set]\n"suit.worn" = true\n', "a suit is worn"),
     ],
 )
@@ -244,7 +261,7 @@ def test_studies_that_gains_cannot_be_tuned_against(
 def test_what_a_study_tells_its_laws_is_not_tuned(study: Path) -> None:
     study.write_text(STUDY + "[told]\nservo_frequency = { uniform = [0.8, 1.2] }\n")
     Path("rig.toml").write_text('[control]\nlaw = "bowden"\n')
-    loaded = load(study, Path("rig.toml"))
+    loaded = load(study, Rig.read("rig.toml"), own_law=True)
     runs = tune_study.runs_of(loaded)
     (nominal,) = loaded.nominal
     laws = runs.laws(nominal.with_gains(servo_frequency=1.0, feedback=0.7))

@@ -25,8 +25,8 @@ from support.states import floated
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER = shutil.which("cc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
-CYCLES = 100_000
-INTERPRETED = 2_000
+CYCLES = 30_000
+INTERPRETED = 1_000
 EXTREMES = [0.0, -0.0, 5e-324, -2e-310, 1e-300, 1.0, -1.0, 1e16, 1e154, -1e308, math.inf, -math.inf, math.nan]
 DT = 1e-3
 Array = NDArray[np.float64]

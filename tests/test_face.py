@@ -3,7 +3,6 @@
 import inspect
 import subprocess
 import sys
-import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,14 +28,11 @@ def fresh(code: str) -> str:
     return done.stdout.strip()
 
 
-def test_importing_the_package_loads_nothing_heavy_and_takes_no_time() -> None:
-    said = fresh(
-        "import sys, time; before = set(sys.modules); begin = time.perf_counter(); import bowden; "
-        "print(time.perf_counter() - begin, *sorted({name.split('.')[0] for name in set(sys.modules) - before}))"
-    )
-    seconds, *loaded = said.split()
-    assert not set(loaded) & set(HEAVY)
-    assert float(seconds) < 0.05
+def test_importing_the_package_loads_nothing_heavy_and_little_else() -> None:
+    loaded = fresh("import sys; before = set(sys.modules); import bowden; print(*set(sys.modules) - before)").split()
+    assert "bowden" in loaded
+    assert not {name.split(".")[0] for name in loaded} & set(HEAVY)
+    assert len(loaded) < 60
 
 
 @pytest.mark.parametrize("name", [name for name in bowden.__all__ if name != "__version__"])
@@ -151,14 +147,12 @@ def test_a_trace_is_read_by_what_is_in_the_file(kind: str, tmp_path: Path) -> No
 
 
 def test_a_fit_shows_itself_and_its_best_is_a_model() -> None:
-    begin = time.perf_counter()
     fit = bowden.identify(T, MOTOR, JOINT)
     assert fit.best.name == "line"
     assert repr(fit).startswith("Fit of log: use line, ")
     assert len(repr(fit).splitlines()) < 24
     assert "<svg" in fit._repr_html_()
     assert len(fit.plot()) == 2
-    assert time.perf_counter() - begin < 60.0
 
 
 def test_a_fit_comes_from_a_trace_a_log_and_a_file_alike(tmp_path: Path) -> None:
@@ -235,8 +229,10 @@ def test_a_rig_and_a_law_are_one_screen_each() -> None:
 
 
 def test_a_fit_goes_into_a_rig_as_it_is() -> None:
-    lag = 0.05 * np.sign(np.gradient(MOTOR))
-    fit = bowden.identify(T, MOTOR, 0.9 * (MOTOR - lag))
+    slid = [0.0]
+    for motor in MOTOR:  # a play of ±0.05 rad
+        slid.append(min(max(slid[-1], motor - 0.05), motor + 0.05))
+    fit = bowden.identify(T, MOTOR, 0.9 * np.array(slid[1:]) + 1e-4 * np.random.default_rng(1).normal(size=len(T)))
     assert fit.best.name != "line"
     runs = [bowden.simulate(bowden.Rig(cable=cable, duration=4.0), "adaptive") for cable in (fit, fit.best)]
     assert runs[0].stable

@@ -203,7 +203,7 @@ def test_no_bus_and_nobody_on_it_are_said_in_a_line(tmp_path: Path) -> None:
         CanopenDrive(DriveParameters(channel=str(tmp_path / "empty"))).bring_up()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.long), signal.SIGTERM])
 def test_it_ends_cleanly(rig: Path, tmp_path: Path, number: signal.Signals) -> None:
     channel = tmp_path / "b"
     with running_twin(rig, channel) as running:

@@ -18,6 +18,8 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.report import identify_page as identify_page_module
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json"
 
 TIME = np.arange(2000) / 100.0
@@ -53,6 +55,7 @@ def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
     return parsed
 
 
+@pytest.mark.drawn
 def test_the_document_and_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     found = document(capsys, "log.csv", "--out", "deep/er")
     assert found["best"] == "bouc_wen"

@@ -241,6 +241,16 @@ def test_files_that_cannot_be_opened(tmp_path: Path, write: Write) -> None:
         read_log(write("hello" * 100, "log.mat"))
 
 
+def test_a_trace_in_parquet_is_a_log(tmp_path: Path, write: Write) -> None:
+    wanted = read_log(write(text()))
+    columns = {"time": wanted.time, "motor": np.degrees(wanted.motor), "joint": np.degrees(wanted.joint)}
+    Trace(columns, {"time": "s", "motor": "deg", "joint": "deg"}).to_parquet(tmp_path / "trace.parquet")
+    found = read_log(tmp_path / "trace.parquet")
+    assert found.warnings == ()
+    for name in ("time", "motor", "joint"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-12)
+
+
 def test_a_file_that_may_not_be_read(write: Write) -> None:
     path = write(text())
     path.chmod(0)

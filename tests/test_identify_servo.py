@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from bowden.app.main import run
 from bowden.core.errors import LogError
-from bowden.core.kernel import compiled
+from bowden.core.kernel import compiled, kernel
 from bowden.core.units import RADIANS
 from bowden.identify.servo.fit import ServoEstimate, identify_servo
-from bowden.models.drive.servo import Servo, ServoState, prepare, servo_step
+from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 Array = NDArray[np.float64]
 SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify_servo.schema.json"
@@ -26,15 +28,21 @@ def log(servo: Servo, delay: float, kind: str, seed: int = 0, dt: float = 1e-3) 
     command = 20.0 * RADIANS * ((time > 0.3) * 1.0 - (time > 1.5) * 0.5)
     if kind == "chirp":
         command = 20.0 * RADIANS * np.sin(2.0 * np.pi * (0.2 * time + 14.8 * time**2 / 6.0))
-    step, prepared = compiled(servo_step), prepare(servo, dt / 50.0)
-    state, motor = ServoState(0.0, 0.0, 0.0), np.empty(len(time))
-    for k in range(len(time)):
-        motor[k] = state.position
-        for i in range(50):
-            state = step(state, float(command[max(0, int(np.floor(k + (i + 0.5) / 50.0 - delay / dt)))]), prepared)
+    motor = np.empty(len(time))
+    compiled(follow)(command, delay / dt, prepare(servo, dt / 50.0), motor)
     noisy = motor + 0.01 * RADIANS * np.random.default_rng(seed).standard_normal(len(time))
     count = 0.022 * RADIANS
     return time, command, count * np.round(noisy / count)
+
+
+@kernel
+def follow(command: Array, late: float, prepared: ServoStep, motor: Array) -> None:
+    """The motor (n,) behind a command that comes `late` samples late."""
+    state = ServoState(0.0, 0.0, 0.0)
+    for k in range(len(command)):
+        motor[k] = state.position
+        for i in range(50):
+            state = servo_step(state, command[max(0, int(np.floor(k + (i + 0.5) / 50.0 - late)))], prepared)
 
 
 def near(found: ServoEstimate | None, truth: float, relative: float) -> bool:
@@ -121,12 +129,15 @@ def test_the_command_writes_keys_of_a_rig(folder: Path, capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["none.csv"], "cannot read none.csv"),
-        (["step.csv", "--motor", "spool"], "no column 'spool' of numbers among time_ms, target_deg, motor_deg"),
+        (["none.csv"], "none.csv does not exist"),
+        (
+            ["step.csv", "--motor", "spool"],
+            "no column 'spool' for the motor among 'time_ms', 'target_deg', 'motor_deg'",
+        ),
         (["step.csv", "--command", "motor_deg"], "one column is taken twice"),
         (["step.csv", "--unit", "grad"], "--unit is 'grad'"),
         (["plain.csv"], "does not say its unit"),
-        (["empty.csv"], "empty.csv is not a table"),
+        (["empty.csv"], "empty.csv is empty"),
         (["step.csv", "--sample-time-ms", "0"], "--sample-time-ms is 0"),
     ],
 )

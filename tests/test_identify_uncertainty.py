@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bowden.core.kernel import compiled, kernel
 from bowden.core.units import RADIANS
 from bowden.identify.cable.bouc_wen import BoucWenCable, fit_terms
 from bowden.identify.cable.bouc_wen_search import bounds
@@ -35,8 +36,15 @@ def motion(seed: int) -> Array:
 
 
 def read(angle: Array, encoder: Encoder, seed: int) -> Array:
-    normal = np.random.default_rng(seed).standard_normal(len(angle))
-    return np.array([reading(a, n, encoder) for a, n in zip(angle, normal, strict=True)])
+    normal, seen = np.random.default_rng(seed).standard_normal(len(angle)), np.empty(len(angle))
+    compiled(readings)(angle, normal, encoder, seen)
+    return seen
+
+
+@kernel
+def readings(angle: Array, normal: Array, encoder: Encoder, seen: Array) -> None:
+    for k in range(len(angle)):
+        seen[k] = reading(angle[k], normal[k], encoder)
 
 
 def path_of(motor: Array, joint: Array, seed: int, encoders: tuple[Encoder, Encoder]) -> Path:

@@ -165,12 +165,15 @@ print("numba" in sys.modules)
 """
 
 
-def test_a_warm_check_and_simulation_do_without_numba_whatever_the_law(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "laws", [["uncompensated", "adaptive"], pytest.param([*LAWS], marks=pytest.mark.long)], ids=len
+)
+def test_a_warm_check_and_simulation_do_without_numba_whatever_the_law(tmp_path: Path, laws: list[str]) -> None:
     """The first call may need it: it fills what the tests keep."""
     assert main.run(["init", str(tmp_path / "rig.toml")]) == 0
     for _ in range(2):
         done = subprocess.run(
-            [sys.executable, "-c", WITHOUT, *LAWS], cwd=tmp_path, capture_output=True, text=True, check=False
+            [sys.executable, "-c", WITHOUT, *laws], cwd=tmp_path, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines()[-1] == "False"

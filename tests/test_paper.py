@@ -1,4 +1,4 @@
-"""The paper's bench: claims and verdicts, the calibration, the rule for the gains, the report."""
+"""The paper's bench: claims and verdicts, the calibration, the rule for the gains, the report, and what pages quote."""
 
 import json
 import re
@@ -13,7 +13,6 @@ from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
-from bowden.paper.calibrate import calibrate
 from bowden.paper.claims import Claim, claims, judge, select
 from bowden.paper.errata_law import largest_pole
 from bowden.paper.gain_choice import choose_gains
@@ -21,6 +20,10 @@ from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reprodu
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.run import simulate
+from calibrate import calibrate
+from support import bench_runs
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +132,7 @@ def test_table_1_does_not_hang_on_the_seed_of_the_encoders() -> None:
 
 
 def test_default_gains_stay_stable_for_ten_minutes() -> None:
-    trace = paper.run(LAWS["adaptive"], moved=True, duration=600.0)
+    trace = bench_runs.run(LAWS["adaptive"], moved=True, duration=600.0)
     last = trace.time > 500.0
     assert trace.stable
     assert rmse(trace.error[last]) * DEGREES < 0.5
@@ -199,3 +202,41 @@ def test_claims_file_is_plain_toml() -> None:
     preset = (resources.files("bowden.rig.presets") / "paper.toml").read_text(encoding="utf-8")
     assert set(tomllib.loads(claims)) == {"claims"}
     assert set(tomllib.loads(preset)) == {"chosen", "calibration", "suit"}
+
+
+FIGURES = {
+    "table1.observer.constant": ("{:.3f}°", "README.md"),
+    "table1.observer.varying": ("{:.3f}°", "README.md"),
+    "table1.adaptive.constant": ("{:.3f}°", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
+    "table1.adaptive.varying": ("{:.3f}°", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
+    "fig4.ratio": ("{:.3f}", "docs/theory.md"),
+    "fig4.mismatch": ("{:.1f} mm", "docs/theory.md"),
+    "fig4.residual": ("{:.2f} mm", "docs/theory.md"),
+    "fig14.convergence.slope_inverse": ("{:.0f} s", "docs/theory.md", "docs/adaptive_gains.md"),
+    "fig14.convergence.bound": ("{:.0f} s", "docs/theory.md", "docs/adaptive_gains.md"),
+    "fig16.adaptive.bandwidth": ("{:.0f} rad/s", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.spools.flexor_travel": ("{:.1f} mm", "docs/theory.md"),
+    "erratum.eq14.command": ("{:.3f}°", "docs/theory.md"),
+    "erratum.eq14.absorbed": ("{:.3f}°", "docs/theory.md"),
+    "erratum.gains.pole": ("{:.2f}", "docs/adaptive_gains.md"),
+    "erratum.gains.fastest_servo": ("{:.1f} rad/s", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.gains.static": ("{:.3f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.gains.static_after_10s": ("{:.3f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.lyapunov": ("{:.0f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.lyapunov.default": ("{:.0f}°", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.monotone.slope": ("{:.2f}", "docs/theory.md"),
+    "erratum.monotone.wrong_way": ("{:.2f}°", "docs/theory.md"),
+    "erratum.monotone.noise": ("{:.2f}°", "docs/theory.md", "docs/decisions/0006-stated-choices.md"),
+    "erratum.convergence.slope_inverse": ("{:.2f}", "docs/theory.md", "docs/adaptive_gains.md"),
+    "erratum.convergence.bound": ("{:.2f} rad", "docs/theory.md"),
+    "erratum.rmse": ("{:.4f}°", "docs/theory.md"),
+}
+"""Claim → how its computed figure is quoted, and where."""
+
+
+def test_quoted_figures_are_the_computed_ones(computed: dict[str, float]) -> None:
+    for claim, (form, *pages) in FIGURES.items():
+        quote = form.format(computed[claim]).replace("-", "−")
+        for page in pages:
+            text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+            assert quote in text, f"{page} does not quote {claim}, {quote}"

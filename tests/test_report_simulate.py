@@ -11,6 +11,8 @@ from bowden.core.errors import LogError, OutputError
 from bowden.core.trace import Trace
 from bowden.report.simulate_page import write_simulation
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 UNITS = {"time": "s", "current": "A", "motor_velocity": "rad/s", "width": "1"}
 
 
@@ -50,6 +52,7 @@ def written(traces: dict[str, Trace], folder: Path) -> str:
     return (folder / "run.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.drawn
 def test_several_laws_side_by_side(tmp_path: Path) -> None:
     html = written({"adaptive": run(1.01, moved=True), "mine <b>": run(0.9, noise=1e-3)}, tmp_path)
     assert len(html) < 5_000_000
@@ -77,6 +80,7 @@ def test_the_table_carries_the_trace_s_own_figures(tmp_path: Path) -> None:
     assert "How the sheath was moved" not in html
 
 
+@pytest.mark.drawn
 def test_a_run_that_ran_away_is_told_and_has_dashes(tmp_path: Path) -> None:
     html = written({"steady": run(), "wild": run(lasts=3.0)}, tmp_path)
     assert "wild is unstable on this bench: its numbers ran away after 3.00 s" in html
@@ -86,6 +90,7 @@ def test_a_run_that_ran_away_is_told_and_has_dashes(tmp_path: Path) -> None:
     assert "unstable" in written({"wild": run(lasts=3.0)}, tmp_path)  # also alone
 
 
+@pytest.mark.drawn
 def test_a_run_that_ran_away_at_once_is_shown(tmp_path: Path) -> None:
     assert "ran away after 0.00 s" in written({"wild": run(lasts=-1.0)}, tmp_path)
 

@@ -70,10 +70,11 @@ class Losing(SimulatedDrive):
 
 
 def run_of(
-    folder: Path, lost: str = "", after: int = 0, suit: Suit = SUIT, off: float = math.nan
+    folder: Path, lost: str = "", after: int = 0, suit: Suit = SUIT, off: float = math.nan, cycles: int = CYCLES
 ) -> tuple[Ended, Recording, list[float]]:
-    """A run of `CYCLES`, and the torques that the wearer felt under the law [N·m]; the measurement of that name is
-    `lost` so many cycles `after` the law has the motor, or `off` once.
+    """A run of so many cycles, and the torques that the wearer felt under the law [N·m].
+
+    The measurement of that name is `lost` so many cycles `after` the law has the motor, or `off` once.
     """
     plant, pushes = TwinSuit(suit, constant_bend(suit.sheath.bend), 1.0, 1, MIDDLE, 1.0), list[float]()
     drive = Losing(plant)
@@ -87,7 +88,7 @@ def run_of(
         drive.missing = bool(lost) and rig.led > after
 
     checks = Preflight(first=20.0 * RADIANS, settle=0.6, noise=0.03, follows=0.25, moved=1.5 * RADIANS)
-    script = Script(np.tile([MIDDLE, 0.0, 0.0], (CYCLES, 1)), MIDDLE, 0.5, checks, 1e-3)
+    script = Script(np.tile([MIDDLE, 0.0, 0.0], (cycles, 1)), MIDDLE, 0.5, checks, 1e-3)
     push = TorqueOffset(suit.motor.friction_feedforward, suit.substeps, spool_map(suit.geometry, suit.spool_radius))
     rig = LoopRig(folder, LAW, LIMITS, drive, script, between, arms=(100,), quits=300, source=SOURCE, push=push)
     return *rig.run(), pushes
@@ -164,7 +165,7 @@ def test_a_torque_offset_that_is_no_number_is_a_difference(followed: Any) -> Non
     ],
 )
 def test_a_lost_measurement_releases_and_no_push_is_made_of_it(tmp_path: Path, lost: str, fault: Fault) -> None:
-    ended, log, _ = run_of(tmp_path, lost, 1500)
+    ended, log, _ = run_of(tmp_path, lost, 1500, cycles=2500)
     assert ended.mode == Mode.LATCHED
     assert ended.faults & 2**fault
     gone = int(np.argmax(np.isnan(log[lost]) & (log["source"] == WishSource.LAW)))
@@ -194,7 +195,7 @@ def test_a_reference_goes_no_further_than_its_range_whoever_pushes(tmp_path: Pat
 )
 def test_a_reading_that_the_supervisor_bridges_is_no_push(reading: str, off: float, tmp_path: Path) -> None:
     still = SUIT._replace(wearer=SUIT.wearer._replace(swing=0.0))
-    ended, log, _ = run_of(tmp_path, reading, 1500, still, off)
+    ended, log, _ = run_of(tmp_path, reading, 1500, still, off, cycles=2500)
     led = np.flatnonzero(log["source"] == WishSource.LAW)[1300:1900]
     assert ended.faults == 0
     assert np.abs(np.diff(log[reading][led])).max() > 2.0
@@ -209,7 +210,7 @@ def test_friction_that_leaves_a_motor_far_behind_holds_it_in_the_preflight(
     made_up = friction_of(SUIT) * (1.0 - left * RADIANS / behind(SUIT))
     suit = SUIT._replace(motor=SUIT.motor._replace(friction_feedforward=made_up))
     assert behind(suit, made_up) == pytest.approx(left * RADIANS)
-    _, log, pushes = run_of(tmp_path, suit=suit)
+    _, log, pushes = run_of(tmp_path, suit=suit, cycles=500)
     assert (len(pushes) > 0) == moves
     assert log["preflight_reason"].max() == (Reason.NONE if moves else Reason.MOTOR_STILL)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from bowden.app.safety_page import faults_table, limits_table, with_tables, write_docs
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
+from safety_page import faults_table, limits_table, with_tables, write_docs
 
 DOCS = Path(__file__).parents[1] / "docs"
 

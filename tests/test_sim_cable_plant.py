@@ -49,6 +49,9 @@ TIMED = {
 }
 LONG = ("sliding", "lumped_dahl", "poses")
 """Of a kind that another one of the list shows in less time."""
+shown_by_less = pytest.mark.parametrize(
+    "cable", [pytest.param(c, id=n, marks=[pytest.mark.long] * (n in LONG)) for n, c in (CABLES | TIMED).items()]
+)
 timeless_cable = pytest.mark.parametrize("cable", list(CABLES.values()), ids=list(CABLES))
 every_cable = pytest.mark.parametrize("cable", list((CABLES | TIMED).values()), ids=list(CABLES | TIMED))
 
@@ -80,9 +83,7 @@ def test_a_moved_sheath_is_the_benchs() -> None:
     assert ours["slope"].tolist() == theirs["slope"].tolist()
 
 
-@pytest.mark.parametrize(
-    "cable", [pytest.param(c, id=n, marks=[pytest.mark.long] * (n in LONG)) for n, c in (CABLES | TIMED).items()]
-)
+@shown_by_less
 def test_every_cable_runs_under_a_law_and_tells_what_made_it(cable: cables.Cable) -> None:
     plant = noisy(CablePlant(cable, sheath=Sheath(bend=2.0)))
     run = lambda seed, duration: simulate(  # noqa: E731  # one call, three runs
@@ -260,7 +261,7 @@ def test_a_slack_cable_transmits_nothing_until_it_is_taken_up() -> None:
     assert trace["joint"].max() > 0.8
 
 
-@every_cable
+@shown_by_less
 def test_a_run_that_ran_away_says_so(cable: cables.Cable) -> None:
     trace = simulate(CablePlant(cable), LAWS["adaptive"].preset("paper"), STROKE, duration=30.0)
     assert not trace.stable

@@ -144,7 +144,7 @@ def energy(suit: Suit, state: SuitState) -> float:
     return stored
 
 
-@pytest.mark.parametrize("kind", ["play", "capstan"])
+@pytest.mark.parametrize("kind", ["play", pytest.param("capstan", marks=pytest.mark.long)])
 def test_unpowered_the_energy_only_falls(kind: str) -> None:
     """Let go at 70° with a shove: what is stored and moves never grows, with all friction in."""
     cable = SUIT.flexor._replace(kind=kind)
@@ -177,7 +177,7 @@ def test_a_frictionless_undamped_suit_keeps_its_energy() -> None:
     assert energy(suit, state) == pytest.approx(first, abs=0.05 * moving)
 
 
-@pytest.mark.parametrize("kind", ["play", "capstan"])
+@pytest.mark.parametrize("kind", [pytest.param("play", marks=pytest.mark.long), "capstan"])
 def test_halving_the_sub_step_changes_little(kind: str) -> None:
     coarse, fine, finer = (run(kind, substeps=n)["joint"][:7000] * DEGREES for n in (10, 20, 40))
     assert np.max(np.abs(fine - finer)) < 0.6 * np.max(np.abs(coarse - finer)) + 1e-6

@@ -14,7 +14,7 @@ from bowden.core import style
 from bowden.core.style import COLOURS, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.rig.presets import bench as paper
+from bowden.paper.bench import run_bench
 
 _SECONDS = 60.0
 _SETTLED = 20.0  # s; the loops show what comes after the second period
@@ -23,7 +23,7 @@ _SETTLED = 20.0  # s; the loops show what comes after the second period
 def loops_and_error() -> Figure:
     """Joint over reference without compensation and under the adaptive law, and both errors over time."""
     figure, axes = style.new_figure(columns=3, width=10.0, height=3.1)
-    runs = {name: paper.run(LAWS[name], duration=_SECONDS) for name in ("uncompensated", "adaptive")}
+    runs = {name: run_bench(LAWS[name], duration=_SECONDS) for name in ("uncompensated", "adaptive")}
     for panel, title, (name, trace) in zip(axes, ("No compensation", "Adaptive law"), runs.items(), strict=False):
         part = trace.time >= _SETTLED
         panel.plot(*_degrees(trace, "reference", "reference", part), ":", color=COLOURS["reference"], label="desired")

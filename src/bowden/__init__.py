@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from bowden.face.export import export as export
     from bowden.face.identify import identify as identify
     from bowden.face.identify import read_log as read_log
+    from bowden.face.league import league as league
     from bowden.face.motion import MinimumJerk as MinimumJerk
     from bowden.face.read_trace import read_trace as read_trace
     from bowden.face.run import run as run
@@ -67,6 +68,7 @@ _HOMES = {
     "export": "bowden.face.export",
     "identify": "bowden.face.identify",
     "kernel": "bowden.core.kernel",
+    "league": "bowden.face.league",
     "read_log": "bowden.face.identify",
     "read_trace": "bowden.face.read_trace",
     "run": "bowden.face.run",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
+from bowden.app.given_rig import read_given
 from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ def campaign(
     out: Annotated[
         Path | None,
         typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the results; out/campaign/STUDY."),
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="A rig.toml, or the log of a run, for a study that names no rig.")
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes on this machine; one for each core.")] = None,
     cluster: Annotated[
@@ -34,7 +38,7 @@ def campaign(
     from bowden.face.campaign import Partway, computed
     from bowden.study.load import load
 
-    loaded = load(study)
+    loaded = load(study, None if rig is None else read_given(rig))
     folder = out or Path("out/campaign") / study.stem
     output_folder(folder)
     if run is not None:
@@ -42,7 +46,8 @@ def campaign(
 
         run_alone(loaded, run, folder / f"run-{run}", json=json)
         return
-    again = f"bowden campaign {study}" + (f" --out {out}" if out else "") + " --run"
+    more = (f" --rig {rig}" if rig else "") + (f" --out {out}" if out else "")
+    again = f"bowden campaign {study}{more} --run"
     with progress_bar(quiet=json) as progress:
         try:
             found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=progress)
@@ -57,7 +62,8 @@ def campaign(
             "chunks_kept": found.kept,
             "chunks_set_aside": len(found.notes),
         }
-        print_json(summary.document() | counts | {"files": [str(file) for file in files], "seconds": seconds()})
+        about = {"rig": loaded.rig.hash}
+        print_json(about | summary.document() | counts | {"files": [str(file) for file in files], "seconds": seconds()})
         return
     _print_table(summary)
     print(f"\nRows: {loaded.file.runs * len(loaded.laws)} in {files[0]}, SHA-256 {summary.digest}")

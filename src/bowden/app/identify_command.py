@@ -78,22 +78,19 @@ def _drawn(fit: "Fit") -> str:
 
 def document(fit: "Fit") -> dict[str, Any]:
     """The figures of a fit for JSON, without the seconds; what does not exist is None."""
+    from bowden.core.metrics import finite
     from bowden.core.units import DEGREES
 
     models = {
         name: {
             "parameters": dict(fitted.parameters),
-            "uncertainty": {key: _finite(value) for key, value in fitted.uncertainty.items()},
-            "train_rms_deg": _finite(fitted.train_rms * DEGREES),
-            "test_rms_deg": _finite(fitted.test_rms * DEGREES),
+            "uncertainty": {key: finite(value) for key, value in fitted.uncertainty.items()},
+            "train_rms_deg": finite(fitted.train_rms * DEGREES),
+            "test_rms_deg": finite(fitted.test_rms * DEGREES),
         }
         for name, fitted in fit.models.items()
     }
     return {"best": fit.best.name, "models": models, "warnings": list(fit.warnings), "samples": fit.samples}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _print_table(fit: "Fit") -> None:

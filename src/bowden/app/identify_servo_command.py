@@ -17,7 +17,7 @@ _NO_CYCLE = 0.05
 
 
 def identify_servo(
-    log: Annotated[Path, typer.Argument(help="CSV, csv.gz or Parquet: time, command and motor of a step or a chirp.")],
+    log: Annotated[Path, typer.Argument(help="CSV, csv.gz, .mat or Parquet: time, command, motor of a step or chirp.")],
     time: Annotated[str | None, typer.Option(help="Column of times; guessed where it is not given.")] = None,
     command: Annotated[str | None, typer.Option(help="Column of the motor's target angle.")] = None,
     motor: Annotated[str | None, typer.Option(help="Column of the motor's measured angle.")] = None,

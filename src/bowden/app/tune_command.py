@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.console import InterruptedPartway, print_json, progress_bar, seconds
+from bowden.app.given_rig import read_given
 
 if TYPE_CHECKING:
-    from bowden.control.law import Law
-    from bowden.design.processes import Mapper
-    from bowden.design.tune import Report, Tuning
-    from bowden.study.study import Study
+    from bowden.design.tune import Tuning
 
 
 def tune(
-    rig: Annotated[Path, typer.Argument(help="The bench, law and scenario; its [control.gains] are rewritten.")],
+    rig: Annotated[Path, typer.Argument(help="The rig, whose [control.gains] are rewritten; of a run's log, nothing.")],
     study: Annotated[
         Path | None,
         typer.Option(help="Tune against the plants of this study, and judge by others of them (docs/campaign.md)."),
@@ -31,46 +29,30 @@ def tune(
     """
     from bowden.core.units import DEGREES
     from bowden.design.tune import BrokenOff
-    from bowden.face.tune import bends_of, tuned, workers_for
-    from bowden.rig.rig import Rig
-    from bowden.study.tune_study import runs_of
+    from bowden.face.tune import tuned
 
-    plants = None if study is None else _plants(study, rig)
-    if plants is None:
-        given = Rig.read(rig)
-        law = given.fitted()
-    else:
-        given, law = plants.rig, plants.nominal[0]
-    judges, fixed = (None, ()) if plants is None else (runs_of(plants), plants.gains_varied)
-    interrupted, others = False, None
-    with (
-        progress_bar(quiet=json) as report,
-        workers_for(given) as workers,
-    ):
+    given = read_given(rig)
+    interrupted = False
+    with progress_bar(quiet=json) as report:
         try:
-            found = tuned(given, law, seed=seed, workers=workers, runs=judges, fixed=fixed, progress=report)
+            found = tuned(given, study, seed=seed, progress=report)
         except BrokenOff as broken:
             found, interrupted = broken.tuning, True
-        try:
-            if plants is not None and not interrupted:
-                others = _judged(plants, law, found.law, workers, report)
-        except KeyboardInterrupt:
-            interrupted = True
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
-    runs = "nine runs of 20 s" if plants is None else f"{_count(plants)} plants of {plants.path.name}"
-    evidence = _evidence(found, bends_of(given), runs, interrupted=interrupted)
-    evidence += [] if others is None else _said_of(others)
-    files = [] if dry_run or not found.gains else [str(_written(rig, found, evidence))]
+    evidence = _evidence(found, interrupted=interrupted)
+    recorded = rig.suffix == ".mcap"
+    files = [] if dry_run or recorded or not found.gains else [str(_written(rig, found, evidence))]
     if interrupted:
         where = f"written to {files[0]}" if files else "not written"
         raise InterruptedPartway(f"the best gains after {found.generations} generations are {where}")
+    before = {name: found.stood[name] for name in found.gains}
     if json:
         document: dict[str, Any] = {
-            "law": law.name,
+            "law": found.law.name,
             "rig": given.hash,
             "gains": dict(found.gains),
-            "before": {name: getattr(law.gains, name) for name in found.gains},
+            "before": before,
             "verdict": found.found.verdict,
             "verdict_before": found.before.verdict,
             "gain_margin_db": found.found.gain_margin_db,
@@ -78,48 +60,24 @@ def tune(
             "delay_margin_s": found.found.delay_margin_s,
             "worst_rmse_deg": found.worst_rmse * DEGREES,
             "worst_rmse_before_deg": None if found.worst_before is None else found.worst_before * DEGREES,
-            "study": others,
+            "study": found.study,
         }
         print_json(document | {"files": files, "seconds": seconds()})
         return
     for line in evidence:
         print(line)
     for name, value in found.gains.items():
-        print(f"  {name} = {value:g}  (was {getattr(law.gains, name):g})")
-    print(f"{'Wrote ' + str(rig) if files else 'Nothing written'}  ({seconds():.1f} s)")
+        print(f"  {name} = {value:g}  (was {before[name]:g})")
+    nothing = "Nothing written: a log stays as it is" if recorded else "Nothing written"
+    print(f"{'Wrote ' + str(rig) if files else nothing}  ({seconds():.1f} s)")
 
 
-def _plants(path: Path, rig: Path) -> "Study":
-    from bowden.study.load import load
-    from bowden.study.tune_study import check_study
-
-    found = load(path, rig)
-    check_study(found)
-    return found
-
-
-def _count(plants: "Study") -> int:
-    from bowden.study.tune_study import runs_of
-
-    return runs_of(plants).count
-
-
-def _judged(plants: "Study", before: "Law", after: "Law", workers: "Mapper", report: "Report") -> dict[str, Any]:
-    """What gains before and after make of plants that they were not tuned against."""
-    from bowden.study.tune_study import judged, parts, runs_of, spread
-
-    work, found = parts(runs_of(plants), before, after), []
-    for done, outcomes in enumerate(workers(judged, work)):
-        found += outcomes
-        report("judging by other plants", 0.9 + 0.1 * done / len(work))
-    spreads = {"before": spread([one for one, _ in found]), "after": spread([one for _, one in found])}
-    return {"name": plants.path.stem, "tuned_on": _count(plants)} | spreads
-
-
-def _evidence(found: "Tuning", bends: tuple[float, float], runs: str, *, interrupted: bool) -> list[str]:
+def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
     """Margins and the largest error, for the file and for who looks on."""
     from bowden.core.units import DEGREES
+    from bowden.design.findings import study_text
 
+    low, high = found.bends
     before = "unstable" if found.worst_before is None else f"{found.worst_before * DEGREES:.3g}°"
     before += f", {found.before.verdict}"
     margins = [
@@ -129,32 +87,18 @@ def _evidence(found: "Tuning", bends: tuple[float, float], runs: str, *, interru
     ]
     early = f", interrupted after {found.generations} generations" if interrupted else ""
     return [
-        f"found by bowden tune{early}; margins over bends of {bends[0] * DEGREES:.0f} to {bends[1] * DEGREES:.0f}°: "
+        f"found by bowden tune{early}; margins over bends of {low * DEGREES:.0f} to {high * DEGREES:.0f}°: "
         f"{' and '.join(margins) or 'no feedback'}",
-        f"largest RMSE over {runs}: {found.worst_rmse * DEGREES:.3g}° (before: {before})",
+        f"largest RMSE over {found.runs}: {found.worst_rmse * DEGREES:.3g}° (before: {before})",
+        *([] if found.study is None else [study_text(found.study, when) for when in ("after", "before")]),
     ]
-
-
-def _said_of(others: dict[str, Any]) -> list[str]:
-    """The other plants in a line for the gains before and after."""
-    lines = []
-    for when in ("after", "before"):
-        one = others[when]
-        figures = [one[f"rmse_{name}_deg"] for name in ("median", "90", "worst")]
-        median, most, worst = ("none" if value is None else f"{value:.3g}°" for value in figures)
-        lines.append(
-            f"{one['runs']} other plants, {'' if when == 'after' else 'before: '}{one['unstable']} unstable; "
-            f"RMSE median {median}, 90 % {most}, worst {worst}"
-        )
-    return lines
 
 
 def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     """The rig with the gains in it."""
-    from bowden.core.files import whole_file
+    from bowden.core.files import write_text
     from bowden.design import gains_text
 
     text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig)
-    with whole_file(rig) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(rig, text)
     return rig

@@ -86,12 +86,8 @@ def _given(rig: Path) -> "Rig":
 def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> None:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.drives.family import family_of
-    from bowden.hardware.twin.bench import TwinBench
-    from bowden.hardware.twin.plant import TwinPlant
-    from bowden.hardware.twin.suit import TwinSuit
     from bowden.hardware.twin.twin import raise_priority
-    from bowden.hardware.twin.user import TwinUser
-    from bowden.plants.user_plant import UserPlant
+    from bowden.rig.twin_plant import twin_plant_of
 
     monotonic = MonotonicClock()
 
@@ -100,15 +96,7 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
 
     drive = rig.drive_parameters
     family = family_of(drive)
-    rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, clock())
-    plant: TwinPlant
-    if rig.worn is not None:
-        plant = TwinSuit(rig.worn, *rest)
-    elif isinstance(rig.cabled, UserPlant):
-        plant = TwinUser(rig.cabled, *rest)
-    else:
-        plant = TwinBench(rig.cabled, *rest)
-    running = family.twin(drive, plant, clock, objects)
+    running = family.twin(drive, twin_plant_of(rig, clock()), clock, objects)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: running.stop())
     if until_orphaned:

@@ -14,7 +14,7 @@ import difflib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from bowden.core import shown
 from bowden.core.errors import ParameterError, near
@@ -38,6 +38,15 @@ def law_start(gains: Any, sample: Sample) -> Any:
 def law_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
     """Stand-in for a law's ``step``."""
     raise NotImplementedError  # always replaced
+
+
+class UltimateBounds(NamedTuple):
+    """The sets in which a law's own proof lets its errors end."""
+
+    filtered_error: float
+    """Bound on |s| [rad·s]."""
+    error: float
+    """Bound on |e| [rad]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,6 +84,9 @@ class Law:
     settling: Callable[[Any], float] | None = None
     """Gains → how long the law moves until its estimates have settled [s]; the check tries it for as long. A law that
     does not say is tried for as long as the check ever does."""
+    proven: "Callable[[Any, float, float], UltimateBounds | None] | None" = None
+    """Gains, the cable's slope [rad/rad] and half its dead zone at the joint [rad] → where the law's own proof lets its
+    errors end; None where it says nothing, as of gains for which it does not hold."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, check_positive
 from bowden.core.quantity import Quantity
 from bowden.models.minimum_jerk import minimum_jerk_over
 
@@ -34,12 +34,6 @@ def _minimum_jerk(start: float | Array, end: float | Array, duration: float | Ar
     return np.stack(minimum_jerk_over(start, end, duration, time)).T
 
 
-def _positive(what: str, **values: float) -> None:
-    for name, value in values.items():
-        if not (value > 0.0 and np.isfinite(value)):
-            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0")
-
-
 def _finite(what: str, **values: float | tuple[float, ...]) -> None:
     for name, value in values.items():
         if not np.isfinite(value).all():
@@ -55,7 +49,7 @@ class PeriodicMinimumJerk:
     period: Annotated[float, Quantity("there and back", "s", gt=0.0, le=1e5)]
 
     def __post_init__(self) -> None:
-        _positive("periodic minimum jerk", period=self.period)
+        check_positive("periodic minimum jerk", period=self.period)
         _finite("periodic minimum jerk", low=self.low, high=self.high)
 
     def sample(self, time: Array) -> Array:
@@ -116,7 +110,7 @@ class Chirp:
     duration: Annotated[float, Quantity("how long the sweep takes", "s", key="sweep_s", gt=0.0, le=1e5)]
 
     def __post_init__(self) -> None:
-        _positive("chirp", duration=self.duration, f0=self.f0, f1=self.f1)
+        check_positive("chirp", duration=self.duration, f0=self.f0, f1=self.f1)
         _finite("chirp", amplitude=self.amplitude)
 
     def sample(self, time: Array) -> Array:
@@ -152,7 +146,7 @@ class Multisine:
             raise ParameterError(
                 "multisine: lists of different lengths", expected="one amplitude and phase a frequency"
             )
-        _positive("multisine", ramp=self.ramp, lowest_frequency=min(self.frequencies))
+        check_positive("multisine", ramp=self.ramp, lowest_frequency=min(self.frequencies))
         _finite("multisine", amplitudes=self.amplitudes, phases=self.phases, centre=self.centre)
         _finite("multisine", frequencies=self.frequencies)
 

@@ -168,35 +168,3 @@ def _crossings(values: Array) -> list[tuple[int, float]]:
     """Where `values` passes zero: the index before it, and the fraction of the step."""
     index = np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))
     return [(int(i), float(values[i] / (values[i] - values[i + 1]))) for i in index]
-
-
-class UltimateBounds(NamedTuple):
-    """The sets in which the paper's proof (Eqs 15–27) lets the errors end."""
-
-    filtered_error: float
-    """Bound on |s| [rad·s]."""
-    error: float
-    """Bound on |e| [rad]."""
-
-
-def ultimate_bounds(gains: AdaptiveGains, slope: float, uncertainty: float) -> UltimateBounds:
-    """|s| ≤ √(2f/(β·ϱ)) and |e| ≤ (2/λ)·√(2f/(β·ϱ)), with the paper's ϱ and f.
-
-        ϱ = min(2κ/β, σ1·δ1, σ2·δ2),    f = σ1·β²/2 + σ2·Dm²/2 + 0.2785·ε
-
-    From Eq. 20 to 22 the last term lost its factor β·Dm (erratum 9); it is taken here as printed.
-
-    Args:
-        gains: of the law.
-        slope: the cable's αφ = 1/β [rad/rad].
-        uncertainty: Dm, bound of the hysteresis' height [rad].
-    """
-    beta = 1.0 / slope
-    rate = min(
-        2.0 * gains.feedback_gain / beta,
-        gains.slope_leakage * gains.slope_adaptation,
-        gains.bound_leakage * gains.bound_adaptation,
-    )
-    f = 0.5 * gains.slope_leakage * beta**2 + 0.5 * gains.bound_leakage * uncertainty**2 + 0.2785 * gains.smoothing
-    s = float(np.sqrt(2.0 * f / (beta * rate)))
-    return UltimateBounds(s, 2.0 * s / gains.error_gain)

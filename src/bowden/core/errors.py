@@ -1,6 +1,7 @@
 """Errors that carry evidence: what was given, what was expected, what to do."""
 
 import difflib
+import math
 from collections.abc import Iterable
 
 
@@ -61,3 +62,14 @@ def near(name: str, known: Iterable[str]) -> str:
     if len(ordered) > _MOST_NAMES:
         ordered = [*ordered[: _MOST_NAMES - 1], f"{len(ordered) - _MOST_NAMES + 1} others"]
     return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"
+
+
+def check_positive(what: str, **values: float) -> None:
+    """Refuse numbers that are not above zero and finite.
+
+    Raises:
+        ParameterError: one is not.
+    """
+    for name, value in values.items():
+        if not (value > 0.0 and math.isfinite(value)):
+            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0")

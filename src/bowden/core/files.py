@@ -39,6 +39,16 @@ def whole_file(path: Path | str) -> Iterator[Path]:
         yield stage / target.name
 
 
+def write_text(path: Path | str, text: str) -> None:
+    """Write a text file whole or not at all, in UTF-8.
+
+    Raises:
+        OutputError: see `whole_file`.
+    """
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 @contextlib.contextmanager
 def _folders(target: Path) -> Iterator[None]:
     """`target` and its parents, made where they are missing and removed again when something goes wrong."""

@@ -115,6 +115,11 @@ def _degrees(angle: float | None) -> float | None:
     return None if angle is None else angle * DEGREES
 
 
+def finite(value: float) -> float | None:
+    """The figure, or None where it does not exist, as documents have it."""
+    return value if math.isfinite(value) else None
+
+
 def rmse(error: Array) -> float:
     """√(Σe²/N): Eq. 16 with the mean under the root (whether it is printed so cannot be told; erratum 11).
 

@@ -91,15 +91,25 @@ def columns(example: Any, prefix: str = "", units: Mapping[str, str] | None = No
 
 def unit_at(value: Any, path: Path) -> str:
     """The unit that the types say for a leaf, the innermost that says one; nothing where none does."""
-    unit = ""
+    return said_at(value, path, _units_of)
+
+
+def said_at(value: Any, path: Path, of: Callable[[Any], Mapping[str, str]]) -> str:
+    """What the innermost type on the way to a leaf says of its field; nothing where none does.
+
+    Args:
+        value: nested.
+        path: to the leaf.
+        of: type → field → what it says.
+    """
+    said = ""
     for step in path:
         if isinstance(step, str):
-            kind: Any = type(value)
-            unit = _units_of(kind).get(step, unit)
+            said = of(type(value)).get(step, said)
             value = getattr(value, step)
         else:
             value = value[step]
-    return unit
+    return said
 
 
 @cache

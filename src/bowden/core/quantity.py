@@ -4,11 +4,14 @@ A field that a user may set is declared once, `Annotated[float, Quantity(…)]`.
 ways, its range, the pages of documentation and the schemas are made from that.
 """
 
+import ast
 import dataclasses
+import inspect
 import math
+import textwrap
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -192,3 +195,25 @@ def optional(kind: Any) -> Any:
         (inner,) = (part for part in kind.__args__ if part is not type(None))
         return inner
     return None
+
+
+@cache
+def meanings(kind: Any) -> Mapping[str, str]:
+    """What the fields of a NamedTuple mean: as declared, or the text below each, or the comment behind it."""
+    said = {one.name: f"{one.quantity.meaning} [{one.quantity.unit}]" for one in declared(kind)}
+    try:
+        source = textwrap.dedent(inspect.getsource(kind))
+        body = ast.parse(source).body[0]
+    except (OSError, SyntaxError, TypeError):
+        return said
+    if not isinstance(body, ast.ClassDef):
+        return said
+    lines, found = source.splitlines(), {}
+    for node, after in zip(body.body, [*body.body[1:], None], strict=True):
+        if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
+            continue
+        text = lines[node.lineno - 1][node.end_col_offset or 0 :].partition("#")[2]
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+            text = after.value.value
+        found[node.target.id] = " ".join(text.split())
+    return found | said

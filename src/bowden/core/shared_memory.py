@@ -2,6 +2,7 @@
 
 import mmap
 import os
+import threading
 from pathlib import Path
 
 from bowden.core.errors import LogError, OutputError
@@ -35,3 +36,16 @@ def mapped(path: Path, words: int, what: str) -> mmap.mmap:
             os.close(handle)
     except (OSError, ValueError) as error:
         raise LogError(f"cannot open the {what} {path}: {error}", do="start the run first") from error
+
+
+class Barrier:
+    """Called, it lets no access to memory move across; Python has a lock, let go and taken again, for that."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._lock.acquire()
+
+    def __call__(self) -> None:
+        """See the class."""
+        self._lock.release()
+        self._lock.acquire()

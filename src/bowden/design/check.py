@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.control.laws.adaptive import AdaptiveGains
-from bowden.control.stability import Margins, frequencies, margins, response, servo_model, ultimate_bounds
+from bowden.control.stability import Margins, frequencies, margins, response, servo_model
 from bowden.core import shown
 from bowden.core.errors import ParameterError
 from bowden.core.nested import flat, from_columns, names
@@ -81,9 +80,9 @@ class Check:
     command_per_count: float
     """Step of the command for one count of the joint's encoder [rad]."""
     ultimate_s: float | None
-    """The paper's bound on |s| [rad·s]; None for other laws."""
+    """The bound on |s| that the law's own proof gives [rad·s]; None where it has none."""
     ultimate_error: float | None
-    """The paper's bound on |e| [rad]; None for other laws."""
+    """The bound on |e| likewise [rad]."""
     advice: str = ""
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
 
@@ -188,9 +187,9 @@ def check(
     reserve = _reserve(bench, law, points, worst.bend, stroke, seed) if bounded and _severity(worst) >= 1.0 else None
     verdict, reason = _judge(worst, bounded, chatters, reserve)
     bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
-    if isinstance(law.gains, AdaptiveGains) and _has_bounds(law.gains):
+    if law.proven is not None:
         found = transmission(bench, ends[1], stroke)
-        bound = ultimate_bounds(law.gains, found.slope, 0.5 * found.dead_zone)
+        bound = law.proven(law.gains, found.slope, 0.5 * found.dead_zone)
     return Check(
         law=law.name,
         verdict=verdict,
@@ -294,12 +293,6 @@ def _predicted_cycle(
             model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or _IDEAL, estimates=values)
             cycles.append(predict(gains, plant, model, bench.sample_time, amplitudes))
     return max((cycle for cycle in cycles if cycle), key=lambda cycle: cycle.amplitude, default=None)
-
-
-def _has_bounds(gains: AdaptiveGains) -> bool:
-    """Whether the paper's proof says anything: it divides by these."""
-    named = (gains.error_gain, gains.feedback_gain, gains.slope_leakage, gains.bound_leakage)
-    return min(*named, gains.slope_adaptation, gains.bound_adaptation) > 0.0
 
 
 def _severity(point: Point) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.metrics import rmse
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 from bowden.models.suit.arm import GRAVITY, Arm
@@ -58,7 +59,7 @@ def beside_load(torque: Array, joint: Array, arm: Arm, carried: float) -> Array:
 
 def rms_and_peak(values: Array) -> tuple[float, float]:
     """Root mean square and largest size."""
-    return _rms(values), float(np.max(np.abs(values)))
+    return rmse(values), float(np.max(np.abs(values)))
 
 
 def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
@@ -68,7 +69,7 @@ def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
     rms, peak = rms_and_peak(beside_load(torque, joint, arm, carried))
     names = ("torque", "from_current", "from_stretch")
     have = "admittance.estimate.torque" in trace.columns
-    errors = [_rms(trace[f"admittance.estimate.{name}"][tail] - torque) if have else None for name in names]
+    errors = [rmse(trace[f"admittance.estimate.{name}"][tail] - torque) if have else None for name in names]
     return Felt(
         rms,
         peak,
@@ -76,7 +77,3 @@ def felt(trace: Trace, arm: Arm, carried: float = 0.0) -> Felt:
         float(np.max(joint)) * DEGREES,
         *errors,
     )
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,8 +1,8 @@
 """How a check and a tuning say and draw what they found."""
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from bowden.core.shown import listed, number
 from bowden.core.style import COLOURS, CYCLE, legend
@@ -56,9 +56,26 @@ def tuning_rows(tuning: "Tuning") -> list[tuple[str, str]]:
         ("gains", ", ".join(gains) or "as they were"),
         ("verdict", f"{found.verdict} (was {tuning.before.verdict})"),
         ("margins", listed((*margins, f"{delay} of delay" if delay else "")) or "no feedback"),
-        ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} (was {before})"),
+        ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} over {tuning.runs} (was {before})"),
+        *(("other plants", text) for text in ([] if tuning.study is None else [study_text(tuning.study, "after")])),
         ("search", f"{tuning.generations} generations"),
     ]
+
+
+def study_text(found: Mapping[str, Any], when: str) -> str:
+    """What gains make of plants that they were not tuned against.
+
+    Args:
+        found: `Tuning.study`.
+        when: ``before`` or ``after``.
+    """
+    one = found[when]
+    figures = [one[f"rmse_{name}_deg"] for name in ("median", "90", "worst")]
+    median, most, worst = ("none" if value is None else f"{value:.3g}°" for value in figures)
+    return (
+        f"{one['runs']} other plants, {'' if when == 'after' else 'before: '}{one['unstable']} unstable; "
+        f"RMSE median {median}, 90 % {most}, worst {worst}"
+    )
 
 
 def draw_check(axes: "Axes", found: "Check") -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
-from bowden.core.metrics import delay
+from bowden.core.metrics import delay, finite
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, LeagueScenario
 from bowden.design.league_exact import exact_travel
@@ -173,22 +173,18 @@ def _standing(law: str, rows: Sequence[dict[str, Cell]]) -> Standing:
     ratios = [error / other if math.isfinite(other) else 0.0 for error, other in compared if error < math.inf]
     ratios += [math.inf] * sum(error == math.inf for error, _ in compared)
     chatters = [row[law].chatter for row in rows]
-    finite = [chatter for chatter in chatters if chatter is not None]
+    defined = [chatter for chatter in chatters if chatter is not None]
     return Standing(
         law=law,
         cells=len(rows),
         won=sum(error < math.inf and error == least for error, least in zip(errors, best, strict=True)) / len(rows),
-        ratio=_finite(median(ratios)) if ratios else None,
-        rmse_deg=_finite(median(errors)),
-        chatter=median(finite) if finite else None,
-        most_chatter=max(finite, default=None),
+        ratio=finite(median(ratios)) if ratios else None,
+        rmse_deg=finite(median(errors)),
+        chatter=median(defined) if defined else None,
+        most_chatter=max(defined, default=None),
         unstable=sum(not row[law].stable for row in rows),
     )
 
 
 def _error(cell: Cell) -> float:
     return math.inf if cell.rmse_deg is None else cell.rmse_deg
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

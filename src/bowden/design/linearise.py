@@ -11,15 +11,21 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law, State, law_start, law_step
 from bowden.control.stability import StateSpace
+from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, program
 from bowden.core.nested import flat, name_of, names, rebuilt, restored
 from bowden.core.signals import Reference, Sample
+from bowden.core.units import RADIANS
 
 Array = NDArray[np.float64]
 
 _TRIAL_CYCLES = 20
 _NOISE = 1e-9
 """Part of a difference, counted in the widths that it was taken with, that is rounding."""
+
+
+class NoNumberError(ParameterError):
+    """A law that gives no number near rest, so that it has no linear model there."""
 
 
 class LawModel(NamedTuple):
@@ -63,6 +69,9 @@ def linearise(
         width: half of the difference in the two angles, an encoder's count for what the loop will see [rad].
         estimates: name of a state (``part.field`` where it nests) → the value at which it is frozen.
         at: joint and motor angle of the rest [rad]; the reference is there as well.
+
+    Raises:
+        NoNumberError: its command or a state of it is no finite number there.
     """
     frozen = estimates or {}
     rest = rebuilt(law.start(Sample(at, at)), lambda path, old: frozen.get(name_of(path), old))
@@ -73,6 +82,15 @@ def linearise(
         """Halves of the differences between each row and the one after it, commands with the opposite sign last."""
         stepped, commands = _walked(law, states, samples, at, dt, 1)
         both = np.column_stack([stepped, -commands])
+        finite = np.isfinite(both).all(axis=0)
+        if not finite.all():
+            first = [*(f"its state {name}" for name in names(rest)), "its command"][int(np.argmin(finite))]
+            raise NoNumberError(
+                f"{law.name} has no linear model: {first} is no finite number at rest at {at / RADIANS:g}° or a count "
+                "of the encoder beside it",
+                expected="a law that is defined there",
+                do="correct the law",
+            )
         return (both[::2] - both[1::2]) / 2.0
 
     moved = differences(

@@ -74,10 +74,18 @@ class Tuning:
     """Largest RMSE over all runs, from rest [rad]."""
     worst_before: float | None
     """The same of the gains before [rad]; None where a run was unstable."""
+    bends: tuple[float, float]
+    """Smallest and largest total bend of the sheath over which the margins hold [rad]."""
+    runs: str
+    """By what the errors were judged, in words."""
     generations: int
     """After which the search was over, or broken off."""
     given: rigs.Rig | None = None
     """The rig whose law was tuned, with these gains; None where a bench alone was handed over."""
+    study: Mapping[str, Any] | None = None
+    """Of a tuning against the plants of a study: its ``name``, how many it was ``tuned_on``, and what the gains
+    ``before`` and ``after`` make of other plants of it (`bowden.study.tune_study.PlantSpread`); None where they were
+    not judged by any."""
 
     @property
     def rig(self) -> rigs.Rig:
@@ -249,7 +257,16 @@ class _Search:
         changed = {name: value for name, value in law.gains._asdict().items() if value != stood[name]}
         before = max(self.errors_before)
         return Tuning(
-            law, changed, stood, found, self.before, worst, before if np.isfinite(before) else None, self.steps
+            law=law,
+            gains=changed,
+            stood=stood,
+            found=found,
+            before=self.before,
+            worst_rmse=worst,
+            worst_before=before if np.isfinite(before) else None,
+            bends=self.rig.bends,
+            runs=self.runs.described,
+            generations=self.steps,
         )
 
     def _names(self) -> list[str]:

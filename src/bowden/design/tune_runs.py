@@ -31,6 +31,10 @@ class TuningRuns(Protocol):
     def duration(self) -> float:
         """Of each run [s]."""
 
+    @property
+    def described(self) -> str:
+        """What they are, in words."""
+
     def cases(self) -> Sequence[Case]:
         """Each run with all that happens to it, but for the law."""
 
@@ -60,6 +64,11 @@ class NineRuns(NamedTuple):
     def duration(self) -> float:
         """[s]"""
         return _RUN
+
+    @property
+    def described(self) -> str:
+        """See `TuningRuns`."""
+        return f"nine runs of {_RUN:g} s"
 
     def cases(self) -> Sequence[Case]:
         """See `TuningRuns`."""

@@ -26,7 +26,7 @@ class CheckVerdict:
 def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[CheckVerdict]:
     """Check every law over the bends and the stroke of the run.
 
-    A law of the user's own that the check cannot judge (its step fails at rest, say) is let through with a note.
+    A law of the user's own that the check cannot judge, since it gives no number at rest, is let through with a note.
 
     Args:
         rig: of the run.
@@ -54,12 +54,13 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[C
 def _check(rig: Rig, law: Law) -> "Check | str":
     """What was found, or why nothing could be."""
     from bowden.design.check import check
+    from bowden.design.linearise import NoNumberError
 
     with user_law.explained(law):
         try:
             return check(rig.moved, law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
-        except (ArithmeticError, ValueError) as error:  # the plain step divides by zero, or gives what is no number
-            return f"{type(error).__name__}: {error}"
+        except NoNumberError as error:
+            return error.what
 
 
 def _why(rig: Rig, law: Law, found: "Check") -> str:
@@ -73,7 +74,7 @@ def _why(rig: Rig, law: Law, found: "Check") -> str:
 
 def _verdict(law: Law, found: "Check | str", rig: str) -> CheckVerdict:
     if isinstance(found, str):
-        return CheckVerdict(None, f"{law.name} cannot be checked ({found}); it runs unchecked")
+        return CheckVerdict(None, f"{law.name} cannot be checked ({found}) and runs unchecked")
     said = {
         "holds": "",
         "little_margin": f"{law.name} has little margin on {rig}: {found.reason}",

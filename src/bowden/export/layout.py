@@ -1,18 +1,14 @@
 """How a kernel's NamedTuples look in C: names, structs, and what each field means."""
 
-import ast
-import inspect
 import re
-import textwrap
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 from bowden.core import nested
 from bowden.core.nested import is_named
-from bowden.core.quantity import declared
+from bowden.core.quantity import meanings
 
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -66,28 +62,6 @@ def leaves(value: Any) -> Iterator[Leaf]:
 def rebuilt(value: Any, replace: Callable[[Leaf], Any]) -> Any:
     """The same structure with other leaves."""
     return nested.rebuilt(value, lambda path, number: replace(Leaf(path, number)))
-
-
-@cache
-def meanings(kind: Any) -> Mapping[str, str]:
-    """What the fields of a NamedTuple mean: as declared, or the text below each, or the comment behind it."""
-    said = {one.name: f"{one.quantity.meaning} [{one.quantity.unit}]" for one in declared(kind)}
-    try:
-        source = textwrap.dedent(inspect.getsource(kind))
-        body = ast.parse(source).body[0]
-    except (OSError, SyntaxError, TypeError):
-        return said
-    if not isinstance(body, ast.ClassDef):
-        return said
-    lines, found = source.splitlines(), {}
-    for node, after in zip(body.body, [*body.body[1:], None], strict=True):
-        if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
-            continue
-        text = lines[node.lineno - 1][node.end_col_offset or 0 :].partition("#")[2]
-        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
-            text = after.value.value
-        found[node.target.id] = " ".join(text.split())
-    return found | said
 
 
 def snake(name: str) -> str:

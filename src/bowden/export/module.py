@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.core.nested import is_named
+from bowden.core.nested import is_named, said_at
+from bowden.core.quantity import meanings
 from bowden.export.checked import Argument, Function, check_graph
 from bowden.export.code import FunctionBody, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
-from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, meanings, rebuilt
+from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, rebuilt
 from bowden.export.symbol import KernelTrace, Symbol, exactly
 
 
@@ -132,22 +133,9 @@ def _constants(module: Module, style: Style) -> list[tuple[str, str, str]]:
                 name = macro(module, argument, leaf.name)
                 whole = isinstance(leaf.value, int)
                 text = str(int(leaf.value)) if whole else style.number(leaf.value)
-                said = _said(argument.example, leaf.path)
+                said = said_at(argument.example, leaf.path, meanings)
                 found[name] = (name, f"({text})" if text.startswith("-") else text, comment(said))
     return list(found.values())
-
-
-def _said(value: Any, path: tuple[str | int, ...]) -> str:
-    """What the innermost field on a path means."""
-    said = ""
-    for step in path:
-        if isinstance(step, str):
-            kind: Any = type(value)
-            said = meanings(kind).get(step, said)
-            value = getattr(value, step)
-        else:
-            value = value[step]
-    return said
 
 
 def _signature(module: Module, one: Function, structs: Structs) -> str:

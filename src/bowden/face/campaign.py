@@ -13,6 +13,8 @@ from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.files import output_folder, whole_files
 from bowden.core.trace import Trace
 from bowden.face import arguments, given
+from bowden.face.given import GivenRig
+from bowden.rig.rig import Rig
 from bowden.study.figures import Summary, summarise
 from bowden.study.load import load
 from bowden.study.rows import SUIT_FIGURES, chunks
@@ -89,13 +91,14 @@ class Campaign:
                 shares = (("median", found.median), ("90 %", found.q90), ("99 %", found.q99), ("worst", found.most))
                 spread = "RMSE " + ", ".join(f"{name} {value:.3g}°" for name, value in shares)
             rows.append((one.law, shown.listed((spread, f"{one.unstable} unstable"))))
-        return [*rows, ("page", str(self.files[-1]))]
+        return [*rows, ("rig", self.study.rig.hash), ("page", str(self.files[-1]))]
 
 
 def campaign(
     study: str | Path,
     out: str | Path | None = None,
     *,
+    rig: GivenRig | None = None,
     workers: int | None = None,
     cluster: str | None = None,
     progress: Progress = lambda what, share: None,
@@ -108,6 +111,7 @@ def campaign(
     Args:
         study: the path of a study, a TOML file (docs/campaign.md).
         out: folder for the results; ``out/campaign/STUDY``.
+        rig: a `Rig`, or the path of a rig.toml or of a log, for a study that names none.
         workers: processes on this machine; one for each core.
         cluster: a dask scheduler's address, or ``local:N``, in place of these.
         progress: called with what is being done and the share of the work that is behind.
@@ -133,9 +137,10 @@ def campaign(
     folder = Path("out/campaign") / path.stem if out is None else arguments.path_of(out, "campaign: out")
     if workers is not None and not (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1):
         raise ParameterError(f"campaign: workers is {arguments.said(workers)}", expected="a whole number from 1 on")
-    loaded = load(path)
+    loaded = load(path, None if rig is None else given.rig_of(rig, "campaign"))
     output_folder(folder)
-    again = f"bowden campaign {path} --out {folder} --run"
+    named = f" --rig {rig}" if isinstance(rig, str | Path) else ""
+    again = "" if isinstance(rig, Rig) else f"bowden campaign {path}{named} --out {folder} --run"
     found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=progress)
     given.tell(found.notes)
     return found
@@ -151,7 +156,7 @@ def computed(
         folder: of the results.
         workers: see `campaign`.
         cluster: see `campaign`.
-        again: the command by which a run is repeated, but for its number; for the page.
+        again: the command by which a run is repeated, but for its number, for the page; empty where there is none.
         progress: see `campaign`.
 
     Raises:

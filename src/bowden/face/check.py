@@ -37,6 +37,7 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
 
 def checked(rig: Rig) -> Check:
     """The check of a rig's own law, with its advice."""
+    ranges.refuse_suit(rig, "margins are not checked on one")
     law = rig.fitted()
     bends, stroke = ranges.bends(rig), ranges.stroke(rig)
     with user_law.explained(law):

@@ -188,7 +188,9 @@ def _said(rig: str, law: Law, preset: str | None, *, float32: bool, turned: bool
     """What the code was made from."""
     gains = f" with the preset {preset}" if preset else ""
     kind = "float" if float32 else "double"
-    other_way = " Motor angles are counted the other way round, since the cable's slope is negative." if turned else ""
+    other_way = (
+        " Motor angles are counted the other way round, since the joint falls where the motor rises." if turned else ""
+    )
     return f"Written by bowden {bowden.__version__}: the law {law.name}{gains} for {rig}, in {kind}.{other_way}"
 
 
@@ -232,7 +234,7 @@ def _recording(rig: Rig, law: Law) -> str:
     duration = min(RECORDED, rig.duration)
     with user_law.explained(law):
         trace = simulate(
-            rig.cabled,
+            rig.moved,
             law,
             rig.trajectory,
             duration=duration,

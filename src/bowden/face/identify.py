@@ -83,7 +83,7 @@ def read_log(
     """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
     Args:
-        path: ``.csv``, ``.csv.gz`` or ``.mat``; rows of text may stand above the column names.
+        path: ``.csv``, ``.csv.gz``, ``.mat`` or ``.parquet``; rows of text may stand above the column names.
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.

@@ -1,22 +1,25 @@
 """`tune`: gains with margins for a rig."""
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, Tuning
 from bowden.design.tune import tune as search
-from bowden.design.tune_runs import TuningRuns
 from bowden.face import arguments, given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig import ranges
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
 from bowden.rig.rig import Rig
+from bowden.study import tune_study
+from bowden.study.load import load
+from bowden.study.study import Study
 
 Progress = Callable[[str, float], None]
 
@@ -26,6 +29,7 @@ def tune(
     law: GivenLaw | None = None,
     *,
     preset: str | None = None,
+    study: str | Path | None = None,
     seed: int = 0,
     generations: int | None = None,
     progress: Progress = lambda what, share: None,
@@ -36,6 +40,8 @@ def tune(
         rig: a `Rig`, or the path of a rig.toml (which is left as it is).
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law, to begin with.
+        study: the path of a study (docs/campaign.md) that names no rig, or this one: tune against plants of it in place
+            of the nine runs, and judge the gains by others of it.
         seed: of the search; with the same seed the result is the same.
         generations: of the search, whose time grows with them; 32 at 1 kHz.
         progress: called with what is being done and the share of the work that is behind.
@@ -44,8 +50,8 @@ def tune(
         The tuning: ``rig``, the rig with the law and these gains; ``gains`` that changed; margins and errors.
 
     Raises:
-        ParameterError: a rig, law or setting that cannot be used, or no gains that hold: with the nearest rig for which
-            there are some.
+        ParameterError: a rig, law, study or setting that cannot be used, or no gains that hold: with the nearest rig
+            for which there are some.
         BrokenOff: interrupted, a KeyboardInterrupt that carries the best gains so far as its ``tuning``.
 
     >>> tuning = tune(Rig(), "adaptive", generations=2)
@@ -56,55 +62,74 @@ def tune(
     for name, value, least in (("seed", seed, 0), ("generations", generations, 1)):
         if value is not None and not (isinstance(value, int) and not isinstance(value, bool) and value >= least):
             raise ParameterError(f"tune: {name} is {arguments.said(value)}", expected=f"a whole number from {least} on")
+    path = None if study is None else arguments.path_of(study, "tune: study")
     given.tell(whole.notes)
-    with workers_for(whole) as workers:
-        return tuned(whole, whole.fitted(), seed=seed, generations=generations, workers=workers, progress=progress)
+    return tuned(whole, path, seed=seed, generations=generations, progress=progress)
 
 
 def tuned(
-    rig: Rig,
-    law: Law,
-    *,
-    seed: int,
-    workers: Mapper,
-    progress: Progress,
-    generations: int | None = None,
-    runs: TuningRuns | None = None,
-    fixed: Collection[str] = (),
+    rig: Rig, study: Path | None = None, *, seed: int, progress: Progress, generations: int | None = None
 ) -> Tuning:
-    """The tuning of a law of a rig, which the tuning then has with these gains.
+    """The tuning of a rig's law, which the tuning's rig then has with these gains.
 
     Args:
         rig: whose bench, bends and stroke count.
-        law: with the gains from which the search starts.
+        study: see `tune`.
         seed: of the search.
-        workers: how a function is mapped over many gains.
         progress: called with what is being done and the share of the work that is behind.
         generations: see `tune`.
-        runs: by whose largest error gains are judged; nine on the rig where they are not given.
-        fixed: gains that are left as they begin.
-    """
 
-    def with_rig(found: Tuning) -> Tuning:
+    Raises:
+        ParameterError: see `tune`.
+        BrokenOff: interrupted, with gains that are better than those before.
+    """
+    ranges.refuse_suit(rig, "gains are not tuned on one")
+    plants = None if study is None else load(study, rig, own_law=True)
+    if plants is not None:
+        tune_study.check_study(plants)
+    looked_at = rig if plants is None else plants.rig
+    law = rig.fitted() if plants is None else plants.nominal[0]
+
+    def whole(found: Tuning) -> Tuning:
         return replace(found, given=rig.replace(gains={**rig.gains, **found.gains}))
 
-    try:
-        with user_law.explained(law):
-            found = search(
-                rig.cabled,
-                law,
-                bends=bends_of(rig),
-                stroke=ranges.stroke(rig),
-                seed=seed,
-                generations=generations,
-                runs=runs,
-                fixed=fixed,
-                workers=workers,
-                report=progress,
-            )
-    except BrokenOff as broken:
-        raise BrokenOff(with_rig(broken.tuning)) from None
-    return with_rig(found)
+    with workers_for(looked_at) as workers:
+        try:
+            with user_law.explained(law):
+                found = search(
+                    looked_at.cabled,
+                    law,
+                    bends=bends_of(looked_at),
+                    stroke=ranges.stroke(looked_at),
+                    seed=seed,
+                    generations=generations,
+                    runs=None if plants is None else tune_study.runs_of(plants),
+                    fixed=() if plants is None else plants.gains_varied,
+                    workers=workers,
+                    report=progress,
+                )
+        except BrokenOff as broken:
+            raise BrokenOff(whole(broken.tuning)) from None
+        if plants is None:
+            return whole(found)
+        try:
+            return replace(whole(found), study=_judged(plants, law, found.law, workers, progress))
+        except KeyboardInterrupt:
+            raise BrokenOff(whole(found)) from None
+
+
+def _judged(plants: Study, before: Law, after: Law, workers: Mapper, progress: Progress) -> dict[str, Any]:
+    """What gains before and after make of plants that they were not tuned against."""
+    runs = tune_study.runs_of(plants)
+    work, found = tune_study.parts(runs, before, after), []
+    for done, outcomes in enumerate(workers(tune_study.judged, work)):
+        found += outcomes
+        progress("judging by other plants", 0.9 + 0.1 * done / len(work))
+    spreads = {
+        "before": tune_study.spread([one for one, _ in found]),
+        "after": tune_study.spread([one for _, one in found]),
+    }
+    return {"name": plants.path.stem, "tuned_on": runs.count} | spreads
 
 
 def bends_of(rig: Rig) -> tuple[float, float]:

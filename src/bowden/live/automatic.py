@@ -1,5 +1,6 @@
 """A run without an operator's keys: armed, run, and watched to its end."""
 
+import sys
 from collections.abc import Iterator
 from typing import Any, Protocol
 
@@ -10,6 +11,8 @@ from bowden.safety.supervisor import Mode, Request
 
 _PATIENCE = 3.0
 """Time that readings are given to come in before arming is given up [s]."""
+_LATE_PATIENCE = 30.0
+"""The same where nothing but the loop's lateness speaks against it, which on a shared computer comes and goes [s]."""
 
 
 class Watched(Protocol):
@@ -25,8 +28,12 @@ class Watched(Protocol):
 
 
 def automatic(session: Watched) -> Iterator[bool]:
-    """Arm, run and wait for the end, one look at a time; ends when the run has ended."""
-    begun = None
+    """Arm, run and wait for the end, one look at a time; ends when the run has ended.
+
+    Raises:
+        SafetyError: what speaks against arming does not go.
+    """
+    begun, told = None, False
     for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
         while True:
             row = session.last()
@@ -39,11 +46,17 @@ def automatic(session: Watched) -> Iterator[bool]:
                 break
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
                 return
-            if row["faults"] and row["mode"] == Mode.STOPPED and row["time"] - begun > _PATIENCE:
-                found = faults.of(row["faults"])
+            waited = row["time"] - begun
+            if row["faults"] and row["mode"] == Mode.STOPPED and waited > _PATIENCE:
+                found = list(faults.of(row["faults"]))
                 listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in found)
-                do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
-                raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
+                if found != [Fault.LATE] or waited > _LATE_PATIENCE:
+                    do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
+                    raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
+                if not told:
+                    said = f"not armed yet, {listed}; it is waited for, {_LATE_PATIENCE:g} s at most"
+                    print(f"bowden: note: {said}", file=sys.stderr)
+                told = True
             session.ask(request)
             yield True
     while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):

@@ -13,7 +13,6 @@ counts last. A reader trusts a row whose number is right both before and after i
 import json
 import mmap
 import os
-import threading
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, OutputError
+from bowden.core.shared_memory import Barrier
 from bowden.live.ring_status import WORDS, RecorderStatus
 
 Row = NDArray[np.float64]
@@ -141,8 +141,7 @@ class _Mapped:
         self._slots = np.frombuffer(memory, np.float64, capacity * (width + 1), offset).reshape(capacity, width + 1)
         self._numbers = self._slots.view(np.int64)[:, 0]
         self.recorder = RecorderStatus(self._words)
-        self._fence = threading.Lock()
-        self._fence.acquire()
+        self._barrier = Barrier()
 
     @property
     def head(self) -> int:
@@ -153,11 +152,6 @@ class _Mapped:
     def closed(self) -> bool:
         """Whether the writer said that no further row will come."""
         return bool(self._words[_CLOSED_WORD])
-
-    def _barrier(self) -> None:
-        """No access to memory moves across; letting a lock go and taking it again is what Python has for that."""
-        self._fence.release()
-        self._fence.acquire()
 
 
 class RingWriter(_Mapped):

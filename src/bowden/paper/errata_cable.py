@@ -13,6 +13,7 @@ from bowden.core.units import DEGREES, RADIANS
 from bowden.models.cable.bouc_wen import BoucWen, advance, joint_angle, saturation, slope_of_h
 from bowden.models.cable.sheath import width
 from bowden.models.drive.encoder import Encoder
+from bowden.paper.bench import observer
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import self_fed
 from bowden.rig.presets import bench as paper
@@ -62,7 +63,7 @@ def run(runs: Runs) -> Finding:
 
 def exact_observer() -> Law:
     """The observer that knows the bench's cable exactly."""
-    return paper.observer(replace(paper.calibration(), observer_share=1.0))
+    return observer(replace(paper.calibration(), observer_share=1.0))
 
 
 def _observer_deg(law: Law, noise_deg: float) -> float:

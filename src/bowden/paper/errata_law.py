@@ -3,11 +3,12 @@
 import numpy as np
 
 from bowden.control import LAWS
-from bowden.control.laws.adaptive import PRINTED
-from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model, ultimate_bounds
+from bowden.control.laws.adaptive import PRINTED, ultimate_bounds
+from bowden.control.stability import adaptive_model, closed_loop_poles, servo_model
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.models.cable.backlash import Play
+from bowden.paper.bench import run_bench, true_bound
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.readings import BETA_ABSORBED, COMMAND_IN_EQ14
 from bowden.paper.static_plant import static_plant_run
@@ -19,14 +20,14 @@ def run(runs: Runs) -> Finding:
     """Errata 4, 7, 9 and 11."""
     plant = paper.bench()
     ours = rmse(runs.adaptive.error) * DEGREES
-    others = [rmse(paper.run(law).error) * DEGREES for law in (COMMAND_IN_EQ14, BETA_ABSORBED)]
-    printed = paper.run(LAWS["adaptive"].preset("paper"))
+    others = [rmse(run_bench(law).error) * DEGREES for law in (COMMAND_IN_EQ14, BETA_ABSORBED)]
+    printed = run_bench(LAWS["adaptive"].preset("paper"))
     bounds = {
-        name: ultimate_bounds(gains, plant.cable.slope, paper.true_bound())
+        name: ultimate_bounds(gains, plant.cable.slope, true_bound())
         for name, gains in (("printed", PRINTED), ("default", LAWS["adaptive"].gains))
     }
     static = static_plant_run(
-        PRINTED, Play(half_width=paper.true_bound() / plant.cable.slope), paper.minimum_jerk(), 60.0, plant.sample_time
+        PRINTED, Play(half_width=true_bound() / plant.cable.slope), paper.minimum_jerk(), 60.0, plant.sample_time
     )
     static_error = (static.joint - static.reference) * DEGREES
     return Finding(

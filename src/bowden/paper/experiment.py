@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bowden.control import LAWS
 from bowden.core.trace import Trace
-from bowden.rig.presets import bench as paper
+from bowden.paper.bench import observer, run_bench, run_chirp
 from bowden.rig.presets.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 
 if TYPE_CHECKING:
@@ -35,37 +35,37 @@ class Runs:
     @cached_property
     def uncompensated(self) -> Trace:
         """Fig. 9."""
-        return paper.run(LAWS["uncompensated"])
+        return run_bench(LAWS["uncompensated"])
 
     @cached_property
     def observer(self) -> Trace:
         """Fig. 12."""
-        return paper.run(paper.observer())
+        return run_bench(observer())
 
     @cached_property
     def observer_moved(self) -> Trace:
         """Fig. 15A."""
-        return paper.run(paper.observer(), moved=True)
+        return run_bench(observer(), moved=True)
 
     @cached_property
     def adaptive(self) -> Trace:
         """Fig. 13 and 14."""
-        return paper.run(LAWS["adaptive"])
+        return run_bench(LAWS["adaptive"])
 
     @cached_property
     def adaptive_moved(self) -> Trace:
         """Fig. 15B."""
-        return paper.run(LAWS["adaptive"], moved=True)
+        return run_bench(LAWS["adaptive"], moved=True)
 
     @cached_property
     def observer_chirp(self) -> Trace:
         """Fig. 16, observer."""
-        return paper.run_chirp(paper.observer())
+        return run_chirp(observer())
 
     @cached_property
     def adaptive_chirp(self) -> Trace:
         """Fig. 16, adaptive."""
-        return paper.run_chirp(LAWS["adaptive"])
+        return run_chirp(LAWS["adaptive"])
 
     @cached_property
     def suit_uncompensated(self) -> Trace:

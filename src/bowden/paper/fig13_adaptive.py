@@ -6,6 +6,7 @@ from bowden.control import LAWS
 from bowden.core.metrics import convergence_time, rmse
 from bowden.core.style import COLOURS, new_figure, thin
 from bowden.core.units import DEGREES
+from bowden.paper.bench import run_bench, true_bound
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import time_and_loop
 from bowden.rig.presets import bench as paper
@@ -18,7 +19,7 @@ def run(runs: Runs) -> Finding:
     trace = runs.adaptive
     period = paper.calibration().period
     beta, bound = trace["law.slope_inverse"], trace["law.bound"]
-    long = paper.run(LAWS["adaptive"], duration=_LONG)
+    long = run_bench(LAWS["adaptive"], duration=_LONG)
     times = [convergence_time(long.time, long[f"law.{name}"], period=period) for name in ("slope_inverse", "bound")]
     early = int(np.searchsorted(trace.time, 2.5))
     late = trace.time >= 10.0
@@ -26,7 +27,7 @@ def run(runs: Runs) -> Finding:
     cable = paper.bench().cable
     for axes, estimate, true, label in (
         (top, beta, 1.0 / cable.slope, r"$\hatβ$ [–]"),
-        (bottom, bound, paper.true_bound(), r"$\hat{D}_m$ [rad]"),
+        (bottom, bound, true_bound(), r"$\hat{D}_m$ [rad]"),
     ):
         axes.plot(*thin(trace.time, estimate, most=1500), color=COLOURS["adaptive"])
         axes.axhline(true, color=COLOURS["reference"], linestyle=":", linewidth=1.0)
@@ -47,7 +48,7 @@ def run(runs: Runs) -> Finding:
         },
         details={
             "after_10s": rmse(trace.error[late]) * DEGREES,
-            "true_bound": paper.true_bound(),
+            "true_bound": true_bound(),
             "long": _LONG,
             "beta_end": float(long["law.slope_inverse"][-1]),
             "bound_end": float(long["law.bound"][-1]),

@@ -3,6 +3,7 @@
 from bowden.control import LAWS
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
+from bowden.paper.bench import observer, run_bench, run_chirp
 from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.bench import Calibration
@@ -22,12 +23,12 @@ def predictions(fit: Calibration) -> list[float]:
     """The figures of `ROWS` under a calibration."""
 
     def deg(law_is_adaptive: bool, moved: bool) -> float:
-        law = LAWS["adaptive"] if law_is_adaptive else paper.observer(fit)
-        return rmse(paper.run(law, moved=moved, fit=fit).error) * DEGREES
+        law = LAWS["adaptive"] if law_is_adaptive else observer(fit)
+        return rmse(run_bench(law, moved=moved, fit=fit).error) * DEGREES
 
-    bandwidth = closed_loop_bandwidth(paper.run_chirp(paper.observer(fit), fit), paper.chirp())
+    bandwidth = closed_loop_bandwidth(run_chirp(observer(fit), fit), paper.chirp())
     return [
-        dead_zone_deg(paper.run(LAWS["uncompensated"], fit=fit)),
+        dead_zone_deg(run_bench(LAWS["uncompensated"], fit=fit)),
         deg(False, False),
         deg(False, True),
         float("nan") if bandwidth is None else bandwidth,

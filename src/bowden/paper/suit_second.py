@@ -1,7 +1,7 @@
 """The suit under two readings of its drive: PD, and with the integral that position regulators one buys have.
 
 The paper states its PD loop for the bench. On a drive with an integral spool and target agree but for moments, and the
-30° without compensation have to be the play's alone: the second calibration (`bowden.paper.calibrate_suit`). The
+30° without compensation have to be the play's alone: the second calibration (`benchmarks/calibrate_suit.py`). The
 compensated rows are predicted under each, with the adaptive law's gains by the same rule on the loop of each.
 """
 

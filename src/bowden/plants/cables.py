@@ -1,19 +1,24 @@
-"""Cables for `CablePlant`: play, a stack of plays, Bouc–Wen with static terms, and those that identification finds."""
+"""Cables for `CablePlant`: play, a stack of plays, Bouc–Wen with static terms, and each by its model's name."""
 
+import itertools
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import kernel
 from bowden.models.cable.backlash import Play, push
-from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable
+from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable, saturation, upright
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
+from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.plants.bench import Bench, check_bouc_wen
 from bowden.plants.cable_body import Seen
 from bowden.plants.cable_plant import Cable, CablePlant
+from bowden.plants.friction_cables import lumped, sliding
 
 
 class Stack(NamedTuple):
@@ -154,8 +159,8 @@ def identified(name: str, parameters: Mapping[str, float]) -> Cable:
     joint follows in the same direction. It begins at rest, with no hysteresis locked in, not where the log did.
 
     Args:
-        name: ``play``, ``bouc_wen``, ``bouc_wen_static`` or ``prandtl_ishlinskii``.
-        parameters: the model's, by name; radians.
+        name: ``play``, ``bouc_wen``, ``bouc_wen_static`` or ``prandtl_ishlinskii``, or one of `DISTRIBUTED`.
+        parameters: the model's, by name; SI and radians. What is left out of a distributed one is as its default.
 
     Raises:
         ParameterError: another name, or a parameter that is missing.
@@ -187,7 +192,23 @@ def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> 
     cable = identified(name, parameters)
     if name == "bouc_wen":
         return bench._replace(cable=cable.parameters.cable)
-    return as_cable_plant(bench)._replace(cable=cable)
+    plant = as_cable_plant(bench)._replace(cable=cable)
+    return plant._replace(sheath=bench.sheath._replace(loss=0.0)) if cable.physical else plant
+
+
+def bouc_wen_like(cable: Cable) -> BoucWen:
+    """The Bouc–Wen cable with the slope and the dead zone that another one has in the middle of a slow stroke and back.
+
+    How quickly its h follows is as the default's.
+    """
+    way = np.linspace(0.0, _SWEPT, _SWEEP + 1)
+    angles = np.concatenate([way, way[-2::-1]]).tolist()
+    memory, joints = cable.start(cable.prepared, 0.0, 1.0, 1.0), [0.0]
+    for before, after in itertools.pairwise(angles):
+        memory = cable.advance(cable.prepared, memory, before, after, 1.0, 1.0, _SWEEP_STEP)
+        joints.append(float(cable.look(cable.prepared, memory, after, 1.0, 1.0).joint))
+    height, like = abs(joints[_SWEEP // 2] - joints[-1 - _SWEEP // 2]), BoucWen()
+    return like._replace(slope=float(cable.slope), hysteresis_gain=-0.5 * height / float(saturation(like)))
 
 
 def as_cable_plant(bench: Bench | CablePlant) -> CablePlant:
@@ -211,7 +232,7 @@ def _stack(given: Mapping[str, float]) -> Cable:
 def _bouc_wen(given: Mapping[str, float]) -> Cable:
     cable = BoucWen(**{field: given[field] for field in BoucWen._fields})
     turned = -1.0 if cable.slope < 0.0 else 1.0
-    cable = cable._replace(slope=turned * cable.slope, hysteresis_gain=turned * cable.hysteresis_gain)
+    cable = upright(cable)
     if "static_centre" not in given:
         return bouc_wen(cable)
     static, heights = _numbered(given, "static_", first=2), _numbered(given, "hysteresis_gain_")
@@ -224,6 +245,27 @@ def _bouc_wen(given: Mapping[str, float]) -> Cable:
     return bouc_wen(cable, terms)
 
 
+def _sliding(given: Mapping[str, float]) -> Cable:
+    return sliding(_filled(Tendon(), given, "sliding"))
+
+
+def _lumped(given: Mapping[str, float], *, dahl: bool) -> Cable:
+    default = LumpedTendon(dahl=dahl, presliding=1e-4 if dahl else LumpedTendon().presliding)
+    own = {name: value for name, value in given.items() if name in _LUMPED}
+    tendon = {name: value for name, value in given.items() if name not in _LUMPED}
+    name = "lumped_dahl" if dahl else "lumped_coulomb"
+    return lumped(_filled(default, own, name)._replace(tendon=_filled(default.tendon, tendon, name)))
+
+
+def _filled(default: Any, given: Mapping[str, float], cable: str) -> Any:
+    """A tendon with some numbers of its own."""
+    known = [name for name, value in default._asdict().items() if isinstance(value, int | float)]
+    for name in given:
+        if name not in known:
+            raise ParameterError(f"a {cable!r} cable has no parameter {name!r}", expected=near(name, known))
+    return default._replace(**{name: type(getattr(default, name))(value) for name, value in given.items()})
+
+
 def _numbered(given: Mapping[str, float], prefix: str, first: int = 1) -> list[float]:
     count = sum(key.startswith(prefix) and key.removeprefix(prefix).isdigit() for key in given)
     return [given[f"{prefix}{k}"] for k in range(first, first + count)]
@@ -234,4 +276,13 @@ _IDENTIFIED: dict[str, Any] = {
     "bouc_wen": _bouc_wen,
     "bouc_wen_static": _bouc_wen,
     "prandtl_ishlinskii": _stack,
+    "sliding": _sliding,
+    "lumped_coulomb": partial(_lumped, dahl=False),
+    "lumped_dahl": partial(_lumped, dahl=True),
 }
+
+DISTRIBUTED = ("sliding", "lumped_coulomb", "lumped_dahl")
+"""Models of a tendon with friction all along its sheath (`bowden.plants.friction_cables`); no log is fitted to them."""
+_LUMPED = ("density", "inertia", "damping", "presliding", "step")
+_SWEPT, _SWEEP, _SWEEP_STEP = 1.0, 200, 0.01
+"""Stroke of the motor [rad], in how many steps, and the time of each [s]."""

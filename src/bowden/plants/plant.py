@@ -177,7 +177,8 @@ def refuse_no_number(dynamics: Dynamics, columns: Mapping[str, float], time: flo
     """
     for name, value in columns.items():
         if dynamics.file and not math.isfinite(value):
-            where = user_file.line(dynamics.advance, Path(dynamics.file))
+            own = dynamics.parts.get("own_advance", dynamics.advance)  # of one that is turned round
+            where = user_file.line(own, Path(dynamics.file))
             raise ParameterError(
                 f"{where}: the plant {dynamics.name!r} gave {value} for {name} at t = {time:.6g} s",
                 expected="a finite number",

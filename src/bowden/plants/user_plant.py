@@ -9,7 +9,8 @@ field, and two kernels,
 where `body` is a NamedTuple of floats that begins with ``joint``, ``motor`` and ``motor_velocity`` (the true angles and
 the speed of the spool), and `plant` has ``parameters``, ``dt``, and the motor and the encoders that it is used with.
 ``observe`` and ``effort`` (`bowden.plants.plant`) may be there too; without them each angle is read by an encoder, and
-the motor's current is not known.
+the motor's current is not known. Of a plant whose joint falls where its motor rises the motor is counted the other way
+round wherever it is used (`bowden.plants.turned`): laws take it that the joint follows the motor.
 
 What it defines is tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the
 line and a compiler's rarely do.
@@ -42,11 +43,14 @@ from bowden.plants.plant import (
     plain,
     sheath_state,
 )
+from bowden.plants.turned import turned_round
 
 Array = NDArray[np.float64]
 
 _CORRECT = "correct the plant there"
 _TRIAL_CYCLES = 20
+_ASIDE = 0.5
+"""Motor angle to both sides at which is seen which way the joint goes [rad]."""
 _FIRST = ("joint", "motor", "motor_velocity")
 
 
@@ -106,7 +110,7 @@ class UserPlant(NamedTuple):
         for part in ("servo", "motor", "joint_encoder", "motor_encoder", "sheath"):
             check_numbers(getattr(self, part), f"plant {self.name}.{part}")
         body = self._tried()
-        return Dynamics(
+        found = Dynamics(
             self.name,
             self._handed,
             self.rest,
@@ -116,6 +120,21 @@ class UserPlant(NamedTuple):
             dict.fromkeys(body._fields, "1") | {"joint": "rad", "motor": "rad", "motor_velocity": "rad/s"},
             file=str(self.path),
         )
+        return turned_round(found) if self.turned else found
+
+    @property
+    def turned(self) -> bool:
+        """Whether its joint falls where its motor rises, and its motor is therefore counted the other way round.
+
+        Raises:
+            ParameterError: ``rest`` fails, with its line.
+        """
+        still = sheath_state(self.sheath, self.sheath.bend)
+        try:
+            below, above = (float(self.rest(self._handed, motor, still).joint) for motor in (-_ASIDE, _ASIDE))
+        except Exception as error:
+            raise user_file.mistake(error, self.path) from error
+        return above < below
 
     @property
     def _handed(self) -> UserParameters:
@@ -124,9 +143,9 @@ class UserPlant(NamedTuple):
 
     @property
     def slope(self) -> float:
-        """Joint motion per motor motion: its parameter ``slope``, NaN without one [rad/rad]."""
+        """Joint motion per motor motion as it is used: its parameter ``slope``, NaN without one [rad/rad]."""
         found = getattr(self.parameters, "slope", math.nan)
-        return found if isinstance(found, float) else math.nan
+        return (-found if self.turned else found) if isinstance(found, float) else math.nan
 
     @property
     def path(self) -> Path:
@@ -148,8 +167,10 @@ class UserPlant(NamedTuple):
             ParameterError: it has its joint there at no motor angle.
         """
         sheath = sheath_state(self.sheath, self.sheath.bend if bend is None else bend)
-        handed = self._handed
-        return motor_for(joint, lambda motor: float(self.rest(handed, motor, sheath).joint), joint + 1e-3, self.name)
+        handed, way = self._handed, -1.0 if self.turned else 1.0
+        return motor_for(
+            joint, lambda motor: float(self.rest(handed, way * motor, sheath).joint), joint + 1e-3, self.name
+        )
 
     def describe(self) -> dict[str, Any]:
         """See `Plant.describe`."""

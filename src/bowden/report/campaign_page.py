@@ -41,7 +41,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
         summary: what the runs show.
         title: of the page.
         drawn: what differed from run to run.
-        again: the command that reruns one run, without its number.
+        again: the command that reruns one run, without its number; empty where Python alone can.
         duration: of a run [s].
     """
     page = Page(
@@ -85,7 +85,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
                 [
                     "ran away" if case.value is None else f"{case.value:.3g}",
                     ", ".join(f"{name} {_short(value)}" for name, value in case.drawn.items()),
-                    f"{again} {case.number}",
+                    f"{again} {case.number}" if again else f"campaign.trace({case.number})",
                 ]
                 for case in one.worst
             ],

@@ -31,6 +31,7 @@ def league_page(
     standings: Sequence[Standing],
     scenarios: Sequence[LeagueScenario],
     *,
+    rig: str = "",
     interrupted: bool = False,
 ) -> Page:
     """The page of a league.
@@ -39,12 +40,13 @@ def league_page(
         played: every cell, in the order in which it was played.
         standings: the laws from best to worst.
         scenarios: those that were to be played.
+        rig: hash of the one whose servo and clock all plants have.
         interrupted: whether it was broken off.
     """
     page = Page(
         "League of control laws",
         "Every law on every plant in every scenario, with one set of gains for each law, told only of the rig's servo "
-        "and delay.",
+        "and delay." + (f" Rig {rig}." if rig else ""),
     )
     if interrupted:
         page.notice("The league was interrupted: this page holds what had been played.")

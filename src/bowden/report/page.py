@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from bowden import __version__
 from bowden.core import style
-from bowden.core.files import whole_file
+from bowden.core.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -142,8 +142,7 @@ class Page:
             OutputError: the file cannot be written.
         """
         text = self.html()
-        with whole_file(path) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(path, text)
 
 
 def _column_class(cells: Sequence[str]) -> str:

@@ -74,7 +74,7 @@ def values_of(tree: Mapping[str, Any], path: Path, keep: Mapping[str, Any] | Non
     values["gains"] = Gains(file.control.gains)
     values["width"] = file.cable.width
     values["cable"] = _cable(file.cable, path, kept.get("cable"))
-    values["plant"] = _plant(file.cable.plant, path, kept.get("plant"))
+    values["plant"] = _plant(file.cable, path, kept.get("plant"))
     values["reference"] = _reference(file.reference, path, kept.get("reference"))
     bend = file.scenario.bend
     values["bend"] = value_of(BENDS[bend.kind].kind, bend.model_dump())
@@ -96,8 +96,12 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
         file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
         raise explained(error, path) from error
-    for name in ("model", "plant"):
-        given = sorted(file.cable.model_fields_set - {name})
+    if file.cable.parameters and file.cable.plant is None:
+        raise ParameterError(
+            f"{path}: [cable] has parameters and no plant", expected="a plant of your own", do="name it, or delete them"
+        )
+    for name, beside in (("model", set()), ("plant", {"parameters"})):
+        given = sorted(file.cable.model_fields_set - {name} - beside)
         if getattr(file.cable, name) is not None and given:
             raise ParameterError(
                 f"{path}: [cable] has a {name} and its own {', '.join(given)}",
@@ -131,13 +135,17 @@ def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
         return load_cable(path.parent / section.model, section.model)
 
 
-def _plant(name: str | None, path: Path, before: Any) -> PlantFile | None:
+def _plant(section: Any, path: Path, before: Any) -> PlantFile | None:
+    name = section.plant
     if name is None:
         return None
     if isinstance(before, PlantFile) and before.name == name:
-        return before
-    with asked_for_by(f"{path}: cable.plant"):
-        return plant_file(name, path.parent)
+        found = before
+    else:
+        with asked_for_by(f"{path}: cable.plant"):
+            found = plant_file(name, path.parent)
+    with asked_for_by(f"{path}: cable.parameters"):
+        return found.with_parameters(section.parameters)
 
 
 def _reference(section: Any, path: Path, before: Any) -> Trajectory:

@@ -23,6 +23,7 @@ def rows(rig: "Rig") -> list[tuple[str, str]]:
     cable = rig.cable
     parts = [f"{name} {value:.4g}" for name, value in zip(BoucWen._fields, rig.bench.cable, strict=True)]
     known = "by hand" if isinstance(cable, BoucWen) else f"identified as {cable.best}"  # type: ignore[union-attr]
+    said = [("plant", "suit on an arm" if rig.worn is not None else "bench"), ("cable", f"{known}: {', '.join(parts)}")]
     servo, clock = rig.servo, f"{rig.sample_time * 1e3:g} ms, delay of {rig.delay} cycles"
     encoders = [
         f"{name} {number(one.resolution * DEGREES, '°')} a count, {number(one.noise * DEGREES, '°')} of noise"
@@ -33,8 +34,7 @@ def rows(rig: "Rig") -> list[tuple[str, str]]:
     gains = ", ".join(f"{name} {value:.4g}" for name, value in rig.gains.items())
     return [
         ("law", listed((rig.law_name, f"preset {rig.preset}" if rig.preset else "", gains))),
-        ("plant", "suit on an arm" if rig.worn is not None else "bench"),
-        ("cable", f"{known}: {', '.join(parts)}"),
+        *([("plant", _own(rig))] if rig.plant is not None else said),
         ("servo", f"{servo.natural_frequency / HERTZ:.4g} Hz, damping {servo.damping:.4g}"),
         ("encoders", "; ".join(encoders)),
         ("clock", clock),
@@ -43,6 +43,13 @@ def rows(rig: "Rig") -> list[tuple[str, str]]:
         ("run", f"{rig.duration:g} s, seed {rig.seed}"),
         *(("note", note) for note in rig.notes),
     ]
+
+
+def _own(rig: "Rig") -> str:
+    """The plant of the user's own, with its numbers."""
+    plant = rig.own_plant
+    numbers = [f"{name} {value:.4g}" for name, value in plant.parameters._asdict().items() if isinstance(value, float)]
+    return f"{plant.name} of {plant.path.name}: {', '.join(numbers)}"
 
 
 def draw(axes: "Sequence[Axes]", rig: "Rig") -> None:

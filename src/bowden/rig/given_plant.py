@@ -1,12 +1,13 @@
 """The plant of one's own that a rig names: a user's file with its bytes, or a `UserPlant` of Python's."""
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bowden.core import user_file
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, near
 from bowden.plants import user_plant
 from bowden.plants.user_plant import UserPlant
 
@@ -27,7 +28,7 @@ class PlantFile(NamedTuple):
     source: bytes
     """What was in it."""
     changed: tuple[tuple[str, float], ...] = ()
-    """Parameters that were changed in Python, by name."""
+    """Parameters that differ from the file's, by name and in their order."""
 
     def load(self) -> UserPlant:
         """The plant; of a file that has changed since or is not there any more, what it was.
@@ -39,6 +40,29 @@ class PlantFile(NamedTuple):
         if not self.changed:
             return found
         return found._replace(parameters=found.parameters._replace(**dict(self.changed)))
+
+    def with_parameters(self, given: Mapping[str, float]) -> "PlantFile":
+        """The plant with these parameters in place of its file's, and all others as its file has them.
+
+        Raises:
+            ParameterError: no such parameter, or one that is no number.
+        """
+        own = _load(self._replace(changed=())).parameters._asdict()
+        for name in given:
+            if name not in own:
+                raise ParameterError(f"the plant {self.name!r} has no parameter {name!r}", expected=near(name, own))
+            if not isinstance(own[name], float):
+                raise ParameterError(
+                    f"the parameter {name!r} of the plant {self.name!r} is {own[name]!r} in its file",
+                    expected="one that is a float there",
+                    do="change it in the file",
+                )
+        return self._replace(changed=tuple((k, float(given[k])) for k in own if k in given and given[k] != own[k]))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Its parameters that are numbers, by name."""
+        return {name: one for name, one in self.load().parameters._asdict().items() if isinstance(one, float)}
 
 
 @lru_cache(64)

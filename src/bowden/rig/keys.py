@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from bowden.rig.given_plant import PlantFile
 from bowden.rig.rig import Rig
 from bowden.rig.sections import RigFile
 
@@ -29,6 +30,12 @@ def numeric_keys(tree: Mapping[str, Any]) -> dict[str, str]:
     if file.cable.model is not None or file.cable.plant is not None:
         found = {name: unit for name, unit in found.items() if not name.startswith("cable.")}
     return {name: unit for name, unit in found.items() if name not in _OWN}
+
+
+def plant_keys(rig: Rig) -> dict[str, str]:
+    """Dotted key → unit of the parameters of a rig's own plant, in the units of its file; none where it has none."""
+    own = rig.plant.parameters if isinstance(rig.plant, PlantFile) else ()
+    return {f"cable.parameters.{name}": "–" for name in own}
 
 
 def missing_for(key: str, rig: Rig) -> str | None:

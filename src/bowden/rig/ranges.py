@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from bowden.core.errors import ParameterError
 from bowden.rig.rig import Rig
 
 _INSTANTS = 2001
@@ -9,6 +10,24 @@ _SMALLEST = np.radians(5.0)
 """Stroke that stands for a reference that does not move [rad]."""
 _WHOLE = 60.0
 """A motion counts for at least so long [s]: a run that is cut short is judged as the whole one would be."""
+
+
+def refuse_suit(rig: Rig, what: str) -> None:
+    """Refuse a rig with a suit for what knows benches alone.
+
+    Args:
+        rig: any.
+        what: is done, for the message.
+
+    Raises:
+        ParameterError: a suit is worn.
+    """
+    if rig.worn is not None:
+        raise ParameterError(
+            f"{rig.origin}: a suit is worn, and {what}",
+            expected="a rig with a cable or a plant of its own",
+            do="set suit.worn = false; on the suit, simulate and campaign show what a law does",
+        )
 
 
 def bends(rig: Rig) -> tuple[float, float]:

@@ -3,18 +3,16 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.reference import Recorded
 from bowden.core.errors import LogError, near
+from bowden.core.table import read_table
 from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
 from bowden.rig.sections import RecordedFile
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 Array = NDArray[np.float64]
 
@@ -76,28 +74,17 @@ def read_motion(said: RecordedFile, folder: Path) -> RecordedMotion:
         LogError: no such file or column, text where a number should be, angles in degrees called radians.
         ParameterError: too few samples, values that are not finite, uneven time.
     """
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    path = folder / said.file
-    wanted = [said.time_column, said.position_column]
+    path, names = folder / said.file, (said.time_column, said.position_column)
+    table = read_table(path, names)
+    for name in names:
+        if name not in table.column_names:
+            raise LogError(
+                f"{path} has no column {name!r}", expected=near(name, table.column_names), do="correct it there"
+            )
     try:
-        table = parquet.read_table(path) if path.suffix == ".parquet" else _read_text(path, wanted)
-        for name in wanted:
-            if name not in table.column_names:
-                raise LogError(
-                    f"{path} has no column {name!r}", expected=near(name, table.column_names), do="correct it there"
-                )
-        time, position = (np.array(table[name].to_numpy(), dtype=np.float64) for name in wanted)
-    except FileNotFoundError as error:
-        raise LogError(
-            f"{path} does not exist", expected="a CSV, csv.gz or Parquet file", do="correct reference.file"
-        ) from error
-    except (OSError, ValueError, pa.ArrowException) as error:
-        text = " ".join(str(error).split())
-        raise LogError(
-            f"cannot read {path}: {text}", expected="columns of numbers under their names", do="correct the file"
-        ) from error
+        time, position = (np.array(table[name].to_numpy(), dtype=np.float64) for name in names)
+    except ValueError as error:
+        raise LogError(f"cannot read {path}: {error}", expected="columns of numbers", do="correct the file") from error
     angle = position * RADIANS if said.unit == "deg" else position
     if said.unit == "rad" and np.any(np.abs(angle) > CABLE_LOG_LIMIT):
         raise LogError(
@@ -107,17 +94,3 @@ def read_motion(said: RecordedFile, folder: Path) -> RecordedMotion:
     found = RecordedMotion(said, time, angle)
     _ = found.motion  # which refuses what cannot be
     return found
-
-
-def _read_text(path: Path, wanted: list[str]) -> "pa.Table":
-    """A CSV file with its wanted columns as numbers; lines that begin with # may stand above the names."""
-    import pyarrow as pa
-    from pyarrow import csv
-
-    with pa.input_stream(str(path)) as stream:  # decompresses by the file's ending
-        text = stream.read()
-    above = 0
-    while text[above : above + 1] == b"#":
-        above = text.index(b"\n", above) + 1
-    numbers = csv.ConvertOptions(column_types=dict.fromkeys(wanted, pa.float64()))
-    return csv.read_csv(pa.BufferReader(text[above:]), csv.ReadOptions(use_threads=False), convert_options=numbers)

@@ -22,7 +22,7 @@ from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.model import CableModel, IdentifiedCable
-from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
@@ -431,8 +431,8 @@ class Rig:
 
     @cached_property
     def turned(self) -> bool:
-        """Whether motor angles are counted the other way round, because the cable's slope is negative."""
-        return self._plain_cable.slope < 0.0
+        """Whether motor angles are counted the other way round, because the joint falls where the motor rises."""
+        return self._plain_cable.slope < 0.0 if self.plant is None else self.own_plant.turned
 
     @property
     def _plain_cable(self) -> BoucWen:
@@ -445,13 +445,9 @@ class Rig:
 
     @cached_property
     def bench(self) -> Bench:
-        """The bench, with the cable's plain Bouc–Wen model; one of a negative slope is turned round here."""
-        cable = self._plain_cable
-        if self.turned:
-            # joint = αφ·x + αh·h(x) is the same motion for −x, −αφ and −αh, since h(−x) = −h(x)
-            cable = cable._replace(slope=-cable.slope, hysteresis_gain=-cable.hysteresis_gain)
+        """The bench, with the cable's plain Bouc–Wen model; one of a negative slope is turned round."""
         return Bench(
-            cable=cable,
+            cable=upright(self._plain_cable),
             sheath=Sheath(self.sheath.bend, (1.0 if self.plant else self.width) * self.sheath.gap, self.sheath.loss),
             servo=self.servo,
             motor=self.motor,
@@ -575,7 +571,10 @@ class Rig:
             where = Path(self.origin).parent / self.cable.file if self.cable.file else "the identified cable"
             notes.append(f"{where} recommends {_LINE!r}; the bench runs the cable's bouc_wen model")
         if self.turned:
-            notes.append("the cable's slope is negative: motor angles are counted the other way round here")
+            why = (
+                "the cable's slope is negative" if self.plant is None else "the joint falls as the plant's motor rises"
+            )
+            notes.append(f"{why}: motor angles are counted the other way round here")
         return tuple(notes)
 
     @property
@@ -617,6 +616,16 @@ class Rig:
             ParameterError: a user's file that cannot be used.
         """
         return _loaded(self.law)
+
+    @property
+    def chosen_law(self) -> Law:
+        """The rig's law with the preset and the gains that the rig chooses, and told nothing: for other plants.
+
+        Raises:
+            ParameterError: a user's file that cannot be used, or an unknown preset or gain.
+        """
+        law = self.loaded_law if self.preset is None else self.loaded_law.preset(self.preset)
+        return law.with_gains(**self.gains)
 
     # what a live run takes from it
 

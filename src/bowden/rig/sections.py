@@ -96,6 +96,7 @@ _MODEL = Quantity("file of an identified cable, in place of all keys below", exa
 _PLANT = Quantity(
     'your own plant as "file.py:NAME", found from this file, in place of all other keys here', example="my_plant.py"
 )
+_PARAMETERS = Quantity("parameters of that plant that differ from its file, in its own units; with plant only")
 _GAIN = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 DEFAULT_CABLE = _BENCH.cable
@@ -215,7 +216,13 @@ _CableSection = section_of(
     BoucWen,
     _BENCH.cable,
     before={"model": key_of(str | None, _MODEL, None), "plant": key_of(str | None, _PLANT, None)},
-    after={"width": key_of(float, WIDTH, DEFAULT_WIDTH)},
+    after={
+        "width": key_of(float, WIDTH, DEFAULT_WIDTH),
+        "parameters": (
+            dict[str, float],
+            Field({}, description=_PARAMETERS.meaning, json_schema_extra={"unit": "–"}),
+        ),
+    },
 )
 EncodersSection: type[Section] = create_model(
     "EncodersSection",

@@ -10,7 +10,6 @@ from bowden.core.quantity import declared
 from bowden.core.toml_text import quoted
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import cable_text
-from bowden.plants.user_plant import UserPlant
 from bowden.rig import wearer_file
 from bowden.rig.declaration import in_file, items_of
 from bowden.rig.declaration import tree_of as section_tree
@@ -43,7 +42,8 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
     found["reference"] = _tagged(values["reference"], REFERENCES)
     cable = values["cable"]
     if values["plant"] is not None:
-        found["cable"] = {"plant": _plant(values["plant"]).name}
+        plant = as_file(values["plant"])
+        found["cable"] = {"plant": plant.name} | _parameters(plant)
     elif isinstance(cable, IdentifiedCable):
         found["cable"] = {"model": cable.file or "model.toml"}
     else:
@@ -77,15 +77,8 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
     )
 
 
-def _plant(given: UserPlant | PlantFile) -> PlantFile:
-    plant = as_file(given)
-    if plant.changed:
-        raise ParameterError(
-            f"a rig.toml has no words for the plant's {', '.join(name for name, _ in plant.changed)}",
-            expected="a plant as it stands in its file",
-            do="write it there, or hand the rig on with pack()",
-        )
-    return plant
+def _parameters(plant: PlantFile) -> dict[str, Any]:
+    return {"parameters": dict(plant.changed)} if plant.changed else {}
 
 
 def _control(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,9 +102,9 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
     tree, files = tree_of(values), {}
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
     if values["plant"] is not None:
-        plant = _plant(values["plant"])
+        plant = as_file(values["plant"])
         name = Path(plant.path).name
-        tree["cable"] = {"plant": name + plant.name.rpartition(".py")[2]}
+        tree["cable"] |= {"plant": name + plant.name.rpartition(".py")[2]}
         files[name] = plant.source
     elif isinstance(cable, IdentifiedCable):
         tree["cable"] = {"model": Path(tree["cable"]["model"]).name}

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bowden.core.errors import ParameterError
-from bowden.core.files import whole_file
+from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.sensing.envelope import MAINS_HZ
 
@@ -64,8 +64,7 @@ def write(path: Path, wearer: MuscleCalibration) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    with whole_file(path) as part:
-        part.write_text(text_of(wearer), encoding="utf-8")
+    write_text(path, text_of(wearer))
 
 
 def text_of(wearer: MuscleCalibration) -> str:

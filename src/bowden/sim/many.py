@@ -12,6 +12,7 @@ from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
 from bowden.core.kernel import program
 from bowden.core.nested import form_of, numbers_of
+from bowden.core.trace import Trace
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
 from bowden.sim.batch import FIGURES, ROWS, BatchInputs, BatchLimits, One, run_batch
 from bowden.sim.faulty import SensorFault
@@ -45,6 +46,24 @@ class Case(NamedTuple):
     def source_of(self, i: int) -> Source:
         """What makes the reference of law i."""
         return self.sources[i] if self.sources else TABLE
+
+    def trace(self, i: int, duration: float) -> Trace:
+        """The run of law i, with its trace, for `duration` [s].
+
+        Raises:
+            ParameterError: a duration or a part of the plant that cannot be.
+        """
+        return simulate(
+            self.plant,
+            self.laws[i],
+            self.reference,
+            duration=duration,
+            bend=self.bend,
+            seed=self.seed,
+            initial_motor=self.initial_motor,
+            source=self.source_of(i),
+            fault=self.fault,
+        )
 
 
 class Outcome(NamedTuple):
@@ -191,18 +210,7 @@ def _refuse_no_number(ready: Ready, number: int, outcome: Outcome, duration: flo
     """
     if not ready.dynamics.file or (outcome.ended and math.isfinite(outcome.rmse)):
         return
-    case = ready.case
-    simulate(
-        case.plant,
-        case.laws[number],
-        case.reference,
-        duration=duration,
-        bend=case.bend,
-        seed=case.seed,
-        initial_motor=case.initial_motor,
-        source=case.source_of(number),
-        fault=case.fault,
-    )
+    ready.case.trace(number, duration)
 
 
 class Given:

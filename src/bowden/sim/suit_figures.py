@@ -9,7 +9,6 @@ from bowden.core import metrics
 from bowden.core.metrics import LATE
 from bowden.core.trace import Trace
 from bowden.sim.many import Case, Outcome
-from bowden.sim.run import simulate
 
 _TENSIONS = ("flexor_tension", "flexor_motor_tension", "extensor_tension", "extensor_motor_tension")
 
@@ -38,27 +37,7 @@ def simulate_suits(cases: Iterable[Case], duration: float) -> Iterator[tuple[Sui
         ParameterError: a duration or a part of a suit that cannot be.
     """
     for case in cases:
-        yield tuple(suit_outcome(trace) for trace in traces_of(case, duration))
-
-
-def traces_of(case: Case, duration: float) -> Iterator[Trace]:
-    """The run of each law of a case, when it is asked for.
-
-    Raises:
-        ParameterError: a duration or a part of the plant that cannot be.
-    """
-    for i, law in enumerate(case.laws):
-        yield simulate(
-            case.plant,
-            law,
-            case.reference,
-            duration=duration,
-            bend=case.bend,
-            seed=case.seed,
-            initial_motor=case.initial_motor,
-            source=case.source_of(i),
-            fault=case.fault,
-        )
+        yield tuple(suit_outcome(case.trace(i, duration)) for i in range(len(case.laws)))
 
 
 def suit_outcome(trace: Trace) -> SuitOutcome:

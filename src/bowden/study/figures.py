@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.metrics import finite
 from bowden.study.sensitivity import Sensitivity, ranked, sensitivity
 from bowden.study.store import Store
 
@@ -112,14 +113,10 @@ def _document(one: LawFigures) -> dict[str, Any]:
         "figures": {name: asdict(spread) for name, spread in one.figures.items()},
         "worst": [asdict(case) for case in one.worst],
         "sensitivity": [
-            {"parameter": s.name, "rank_correlation": _finite(s.correlation), "variance_share": s.share}
+            {"parameter": s.name, "rank_correlation": finite(s.correlation), "variance_share": s.share}
             for s in one.sensitivities
         ],
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def summarise(store: Store, laws: Sequence[str], drawn: Sequence[str], more: Sequence[str] = ()) -> Summary:
@@ -159,7 +156,7 @@ def _of_law(law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[s
     worst = []
     for i in np.lexsort((number, -ranking))[:_WORST].tolist():
         row = {name: table[name][i].as_py() for name in drawn}
-        worst.append(Worst(int(number[i]), _finite(float(ranking[i])), row))
+        worst.append(Worst(int(number[i]), finite(float(ranking[i])), row))
     dependences, steps = [], {}
     for name in drawn:
         column = table[name]

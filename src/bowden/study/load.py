@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import Any
 
+from bowden.control import Law
 from bowden.core.errors import ParameterError
 from bowden.rig.config import checked_file, read_toml
-from bowden.rig.given_law import loaded, named
-from bowden.rig.keys import missing_for, nearest, numeric_keys, simulated, with_values
+from bowden.rig.given_law import LawFile, loaded, named, packable
+from bowden.rig.keys import missing_for, nearest, numeric_keys, plant_keys, simulated, with_values
 from bowden.rig.rig import Rig
 from bowden.study.distributions import Value
 from bowden.study.file import read_study
@@ -16,42 +17,48 @@ _TRIED = 100
 """Runs that are put together before any of them begins, so that most mistakes show at once."""
 
 
-def load(path: Path, over: Path | None = None) -> Study:
+def load(path: Path, over: Rig | None = None, *, own_law: bool = False) -> Study:
     """Read a study, and put its first runs together, so that what cannot be is refused before anything begins.
 
     Args:
         path: of the study.
-        over: a rig.toml in place of the study's own, with its law in place of the study's laws.
+        over: a rig for a study that names none, or names the file from which that rig was read.
+        own_law: take that rig's law in place of the study's laws.
 
     Raises:
         ParameterError: a file, key, distribution or value that cannot be used.
     """
     file, spreads = read_study(path)
     own = path.parent / file.rig if file.rig else None
-    if over is not None and own is not None and not (own.exists() and own.samefile(over)):
+    if over is not None and own is not None and not _same_file(own, Path(over.origin)):
         raise ParameterError(
-            f"{path}: its rig is {file.rig!r}, and the command's {over}",
+            f"{path}: its rig is {file.rig!r}, and the given one {over.origin}",
             expected="the same file, or a study without a rig",
             do="delete rig there, or give that file",
         )
-    found, folder = over or own, path.parent if over is None else over.parent
-    rig_path = found or path
+    rig_path = own or path if over is None else Path(over.origin)
     duration = {"duration": file.duration_s} if file.duration_s else {}
-    rig = _changed(found, file.set, path).replace(**duration)
+    rig = (_changed(own, file.set, path) if over is None else _set_in(over, file.set, path)).replace(**duration)
     if over is not None:
-        file = file.model_copy(update={"rig": str(over), "laws": [rig.law_name]})
+        file = file.model_copy(update={"rig": over.origin} | ({"laws": [rig.law_name]} if own_law else {}))
     if rig.emg.source is not None:
         raise ParameterError(
             f"{path}: its rig goes by EMG, emg.source is {rig.emg.source!r}",
             expected="a rig that goes by [reference]",
             do="delete emg.source, or copy the rig without it",
         )
-    given = tuple(named(name, folder) for name in file.laws)
+    given: tuple[str | LawFile, ...]
+    if own_law:
+        rig, own_one = _law_by_name(rig)
+        given = (own_one,)
+    else:
+        given = tuple(named(name, path.parent) for name in file.laws)
     laws = tuple(loaded(law) for law in given)
     names = [law.name for law in laws]
     if len(set(names)) < len(names):
         raise ParameterError(f"{path}: laws has two of one name: {', '.join(names)}", do="name each law once")
-    known = numeric_keys(rig.tree()) | {f"control.gains.{gain}": "–" for law in laws for gain in law.gains._fields}
+    known = numeric_keys(rig.tree()) | plant_keys(rig)
+    known |= {f"control.gains.{gain}": "–" for law in laws for gain in law.gains._fields}
     for key in file.vary:
         if key not in known:
             raise ParameterError(
@@ -80,26 +87,56 @@ def _unit(name: str, known: dict[str, str]) -> str:
     return "s" if name in ("fault.begin_s", "fault.length_s") else known.get(name, "–")
 
 
+def _same_file(one: Path, other: Path) -> bool:
+    return one.exists() and other.exists() and one.samefile(other)
+
+
+def _law_by_name(rig: Rig) -> tuple[Rig, str | LawFile]:
+    """A rig whose law is a name or a file, so that its runs can be made anywhere, and that law.
+
+    Raises:
+        ParameterError: a law of this process alone.
+    """
+    if not isinstance(rig.law, Law):
+        return rig, rig.law
+    law, chosen = packable(rig.law)
+    return rig.replace(law=law, gains={**chosen, **rig.gains}), law
+
+
+def _set_in(rig: Rig, changes: dict[str, Any], path: Path) -> Rig:
+    """A rig with what [set] changes."""
+    if not changes:
+        return rig
+    tree = rig.tree()
+    changed = _with_set(tree, tree, changes, path)
+    return Rig.of_tree(changed, Path(rig.origin), keep=rig)
+
+
+def _with_set(tree: dict[str, Any], known: dict[str, Any], changes: dict[str, Any], path: Path) -> dict[str, Any]:
+    try:
+        changed = with_values(tree, changes.items())
+    except KeyError as error:
+        raise ParameterError(
+            f"{path}: set has the unknown key {error.args[0]!r}",
+            expected=nearest(str(error.args[0]), numeric_keys(known)),
+        ) from error
+    checked_file(changed, path)
+    return changed
+
+
 def _changed(found: Path | None, changes: dict[str, Any], path: Path) -> Rig:
     """The rig of a file, or the default one, with what [set] changes; only both together need to make sense."""
     tree = read_toml(found) if found else {}
     whole = checked_file(tree, found or path).model_dump(exclude_none=True)
     if not changes:
         return Rig.of_tree(tree, found or path)
-    try:
-        changed = with_values(_as_given(tree, whole), changes.items())
-    except KeyError as error:
-        raise ParameterError(
-            f"{path}: set has the unknown key {error.args[0]!r}",
-            expected=nearest(str(error.args[0]), numeric_keys(whole)),
-        ) from error
-    checked_file(changed, path)
-    return Rig.of_tree(changed, found or path)
+    return Rig.of_tree(_with_set(_as_given(tree, whole), whole, changes, path), found or path)
 
 
 def _as_given(tree: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:
-    """All sections of a rig with their defaults, but a cable's parameters where the file names its model."""
-    return whole | ({"cable": tree["cable"]} if "model" in tree.get("cable", {}) else {})
+    """All sections of a rig with their defaults, but a cable's parameters where the file names its model or plant."""
+    named_there = {"model", "plant"} & tree.get("cable", {}).keys()
+    return whole | ({"cable": tree["cable"]} if named_there else {})
 
 
 def _check_ends(study: Study, column: Column) -> None:

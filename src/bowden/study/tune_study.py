@@ -35,6 +35,11 @@ class StudyRuns:
         """Of each run [s]."""
         return unpacked(self.pack).duration
 
+    @property
+    def described(self) -> str:
+        """What they are, in words."""
+        return f"{self.count} plants of {unpacked(self.pack).path.name}"
+
     def cases(self) -> Sequence[Case]:
         """Each run, but for the law."""
         return [case._replace(laws=()) for case in _cases(self.pack, 0, self.count)]

@@ -18,11 +18,12 @@ model-assisted form is taken instead, with φa, the reference with the servo's l
 is told the command that acts, which is one cycle old.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
 from bowden.core.kernel import exp, kernel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 
@@ -48,16 +49,11 @@ class ActiveDisturbanceRejectionGains(NamedTuple):
 class ActiveDisturbanceRejectionState(NamedTuple):
     """What the law remembers."""
 
-    joint: float
-    """z₁, estimated joint angle [rad]."""
-    joint_rate: float
-    """z₂, its rate [rad/s]."""
-    disturbance: float
-    """z₃, all acceleration that is not b₀·command [rad/s²]."""
-    command: float
-    """The last command [rad]."""
-    command_before: float
-    """The command before it, which acted over the last cycle [rad]."""
+    joint: Annotated[float, Quantity("z₁, estimated joint angle", "rad")]
+    joint_rate: Annotated[float, Quantity("z₂, its rate", "rad/s")]
+    disturbance: Annotated[float, Quantity("z₃, all acceleration that is not b₀·command", "rad/s²")]
+    command: Annotated[float, Quantity("the last command", "rad")]
+    command_before: Annotated[float, Quantity("the command before it, which acted over the last cycle", "rad")]
 
 
 class Prediction(NamedTuple):
@@ -158,12 +154,5 @@ LAW = Law(
         "damping": (0.0, 100.0),
         "observer_bandwidth": (1e-3, 1e5),
         "control_bandwidth": (0.0, 1e4),
-    },
-    state_units={
-        "joint": "rad",
-        "joint_rate": "rad/s",
-        "disturbance": "rad/s²",
-        "command": "rad",
-        "command_before": "rad",
     },
 )

@@ -19,10 +19,11 @@ around any servo that is as fast as Fig. 16 implies (erratum 7). They are kept a
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from bowden.control.law import Law
+from bowden.control.law import Law, UltimateBounds
 from bowden.core.kernel import kernel, tanh
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 
@@ -50,18 +51,12 @@ class AdaptiveGains(NamedTuple):
 class AdaptiveState(NamedTuple):
     """What the law remembers."""
 
-    integral: float
-    """∫e dt [rad·s]."""
-    slope_inverse: float
-    """β̂ [rad/rad]."""
-    bound: float
-    """D̂m [rad]."""
-    joint: float
-    """Last measured joint angle [rad]."""
-    joint_rate: float
-    """Filtered rate of the joint [rad/s]."""
-    filtered_error: float
-    """s [rad·s]."""
+    integral: Annotated[float, Quantity("∫e dt", "rad·s")]
+    slope_inverse: Annotated[float, Quantity("β̂", "rad/rad")]
+    bound: Annotated[float, Quantity("D̂m", "rad")]
+    joint: Annotated[float, Quantity("last measured joint angle", "rad")]
+    joint_rate: Annotated[float, Quantity("filtered rate of the joint", "rad/s")]
+    filtered_error: Annotated[float, Quantity("s", "rad·s")]
 
 
 @kernel
@@ -101,11 +96,41 @@ def settling(gains: AdaptiveGains) -> float:
     return 4.0 / slower if slower > 0.0 else math.inf
 
 
+def ultimate_bounds(gains: AdaptiveGains, slope: float, uncertainty: float) -> UltimateBounds:
+    """|s| ≤ √(2f/(β·ϱ)) and |e| ≤ (2/λ)·√(2f/(β·ϱ)), with the paper's ϱ and f.
+
+        ϱ = min(2κ/β, σ1·δ1, σ2·δ2),    f = σ1·β²/2 + σ2·Dm²/2 + 0.2785·ε
+
+    From Eq. 20 to 22 the last term lost its factor β·Dm (erratum 9); it is taken here as printed.
+
+    Args:
+        gains: of the law.
+        slope: the cable's αφ = 1/β [rad/rad].
+        uncertainty: Dm, bound of the hysteresis' height [rad].
+    """
+    beta = 1.0 / slope
+    rate = min(
+        2.0 * gains.feedback_gain / beta,
+        gains.slope_leakage * gains.slope_adaptation,
+        gains.bound_leakage * gains.bound_adaptation,
+    )
+    f = 0.5 * gains.slope_leakage * beta**2 + 0.5 * gains.bound_leakage * uncertainty**2 + 0.2785 * gains.smoothing
+    s = math.sqrt(2.0 * f / (beta * rate))
+    return UltimateBounds(s, 2.0 * s / gains.error_gain)
+
+
+def proven(gains: AdaptiveGains, slope: float, uncertainty: float) -> UltimateBounds | None:
+    """`ultimate_bounds`, for gains by which the proof divides."""
+    named = (gains.error_gain, gains.feedback_gain, gains.slope_leakage, gains.bound_leakage)
+    fine = min(*named, gains.slope_adaptation, gains.bound_adaptation) > 0.0
+    return ultimate_bounds(gains, slope, uncertainty) if fine else None
+
+
 PRINTED = AdaptiveGains(error_gain=2.0, feedback_gain=10.0, derivative_time=0.0)
 """The gains of Section 5.1.2, as printed."""
 
 SUIT = AdaptiveGains(error_gain=0.05, feedback_gain=3.0, smoothing=0.2)
-"""λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (`bowden.paper.suit_gains`)."""
+"""λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (`benchmarks/suit_gains.py`)."""
 
 LAW = Law(
     name="adaptive",
@@ -117,6 +142,7 @@ LAW = Law(
     suit_preset="suit",
     feeds_back=frozenset({"joint"}),
     settling=settling,
+    proven=proven,
     limits={
         "error_gain": (0.0, 1e3),
         "feedback_gain": (0.0, 1e4),
@@ -126,13 +152,5 @@ LAW = Law(
         "slope_leakage": (0.0, 1e3),
         "bound_leakage": (0.0, 1e3),
         "derivative_time": (0.0, 10.0),
-    },
-    state_units={
-        "integral": "rad·s",
-        "slope_inverse": "rad/rad",
-        "bound": "rad",
-        "joint": "rad",
-        "joint_rate": "rad/s",
-        "filtered_error": "rad·s",
     },
 )

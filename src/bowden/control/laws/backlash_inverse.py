@@ -19,11 +19,12 @@ width of the slot's end. A shorter motion teaches nothing.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded, fed_back, turned, waited
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 LARGEST_ANGLE = 100.0
@@ -68,38 +69,22 @@ class BacklashInverseGains(NamedTuple):
 class BacklashInverseState(NamedTuple):
     """What the law remembers."""
 
-    slope: float
-    """m̂ [rad/rad]."""
-    right: float
-    """p̂_r = m̂·ĉ_r, going up [rad]."""
-    left: float
-    """p̂_l = m̂·ĉ_l, going down [rad]."""
-    motor_square: float
-    """M₁₁, mean of motor² over the pushed motion [rad²]."""
-    motor_up: float
-    """−M₁₂, mean of motor, zero going down [rad]."""
-    motor_down: float
-    """−M₁₃, mean of motor, zero going up [rad]."""
-    share_up: float
-    """M₂₂, share of going up."""
-    share_down: float
-    """M₃₃, share of going down."""
-    product: float
-    """q₁, mean of motor·joint [rad²]."""
-    joint_up: float
-    """−q₂, mean of joint, zero going down [rad]."""
-    joint_down: float
-    """−q₃, mean of joint, zero going up [rad]."""
-    slot: float
-    """The slot that the motor drags, to know where it surely pushes the cable [rad]."""
-    direction: float
-    """d, −1…1, of the desired motor motion."""
-    wait: float
-    """Time left until the feedback acts again [s]."""
-    error: float
-    """The error that the feedback sees [rad]."""
-    integral: float
-    """ki·∫e dt [rad]."""
+    slope: Annotated[float, Quantity("m̂", "rad/rad")]
+    right: Annotated[float, Quantity("p̂_r = m̂·ĉ_r, going up", "rad")]
+    left: Annotated[float, Quantity("p̂_l = m̂·ĉ_l, going down", "rad")]
+    motor_square: Annotated[float, Quantity("M₁₁, mean of motor² over the pushed motion", "rad²")]
+    motor_up: Annotated[float, Quantity("−M₁₂, mean of motor, zero going down", "rad")]
+    motor_down: Annotated[float, Quantity("−M₁₃, mean of motor, zero going up", "rad")]
+    share_up: Annotated[float, Quantity("M₂₂, share of going up")]
+    share_down: Annotated[float, Quantity("M₃₃, share of going down")]
+    product: Annotated[float, Quantity("q₁, mean of motor·joint", "rad²")]
+    joint_up: Annotated[float, Quantity("−q₂, mean of joint, zero going down", "rad")]
+    joint_down: Annotated[float, Quantity("−q₃, mean of joint, zero going up", "rad")]
+    slot: Annotated[float, Quantity("the slot that the motor drags, to know where it surely pushes the cable", "rad")]
+    direction: Annotated[float, Quantity("d, −1…1, of the desired motor motion")]
+    wait: Annotated[float, Quantity("time left until the feedback acts again", "s")]
+    error: Annotated[float, Quantity("the error that the feedback sees", "rad")]
+    integral: Annotated[float, Quantity("ki·∫e dt", "rad")]
 
 
 @kernel
@@ -190,23 +175,5 @@ LAW = Law(
         "adaptation_gain": (0.0, 500.0),
         "forgetting_time": (0.0, 1e6),
         "contact_travel": (0.0, math.inf),
-    },
-    state_units={
-        "slope": "rad/rad",
-        "right": "rad",
-        "left": "rad",
-        "motor_square": "rad²",
-        "motor_up": "rad",
-        "motor_down": "rad",
-        "share_up": "1",
-        "share_down": "1",
-        "product": "rad²",
-        "joint_up": "rad",
-        "joint_down": "rad",
-        "slot": "rad",
-        "direction": "1",
-        "wait": "s",
-        "error": "rad",
-        "integral": "rad",
     },
 )

@@ -11,11 +11,12 @@ the law knows of a dead zone.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 
@@ -47,16 +48,11 @@ class CascadedPidGains(NamedTuple):
 class CascadedPidState(NamedTuple):
     """What the law remembers."""
 
-    integral: float
-    """ki·∫e dt [rad]."""
-    joint: float
-    """Last measured joint angle [rad]."""
-    joint_rate: float
-    """Filtered rate of the joint [rad/s]."""
-    motor: float
-    """Last measured motor angle [rad]."""
-    motor_rate: float
-    """Filtered rate of the motor [rad/s]."""
+    integral: Annotated[float, Quantity("ki·∫e dt", "rad")]
+    joint: Annotated[float, Quantity("last measured joint angle", "rad")]
+    joint_rate: Annotated[float, Quantity("filtered rate of the joint", "rad/s")]
+    motor: Annotated[float, Quantity("last measured motor angle", "rad")]
+    motor_rate: Annotated[float, Quantity("filtered rate of the motor", "rad/s")]
 
 
 @kernel
@@ -104,12 +100,5 @@ LAW = Law(
         "motor_gain": (0.0, 1e3),
         "motor_rate_gain": (0.0, 10.0),
         "derivative_time": (0.0, 10.0),
-    },
-    state_units={
-        "integral": "rad",
-        "joint": "rad",
-        "joint_rate": "rad/s",
-        "motor": "rad",
-        "motor_rate": "rad/s",
     },
 )

@@ -13,7 +13,7 @@ one; under a position servo friction can only show as stretch.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.control.law_parts import (
@@ -29,6 +29,7 @@ from bowden.control.law_parts import (
     waited,
 )
 from bowden.core.kernel import exp, kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 
@@ -64,16 +65,11 @@ class HysteresisModelGains(NamedTuple):
 class HysteresisModelState(NamedTuple):
     """What the law remembers."""
 
-    direction: float
-    """d, the side of the clearance on which the motor is held, −1…1."""
-    friction: float
-    """q, share of the full friction's stretch, −1…1."""
-    wait: float
-    """Time left until the feedback acts again [s]."""
-    error: float
-    """The error that the feedback sees [rad]."""
-    integral: float
-    """ki·∫e dt [rad]."""
+    direction: Annotated[float, Quantity("d, the side of the clearance on which the motor is held, −1…1")]
+    friction: Annotated[float, Quantity("q, share of the full friction's stretch, −1…1")]
+    wait: Annotated[float, Quantity("time left until the feedback acts again", "s")]
+    error: Annotated[float, Quantity("the error that the feedback sees", "rad")]
+    integral: Annotated[float, Quantity("ki·∫e dt", "rad")]
 
 
 @kernel
@@ -116,5 +112,4 @@ LAW = Law(
         "friction_stretch": (0.0, math.inf),
         "friction_travel": (1e-9, math.inf),
     },
-    state_units={"direction": "1", "friction": "1", "wait": "s", "error": "rad", "integral": "rad"},
 )

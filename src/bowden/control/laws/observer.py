@@ -8,12 +8,13 @@ the *measured* motor angle (the default), or by the reference divided by the slo
 its noise.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from bowden.control.law import Law
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
 
@@ -40,10 +41,8 @@ class ObserverGains(NamedTuple):
 class ObserverState(NamedTuple):
     """What the law remembers."""
 
-    h: float
-    """ĥ [–]."""
-    driver: float
-    """Last angle that drove ĥ [rad]."""
+    h: Annotated[float, Quantity("ĥ")]
+    driver: Annotated[float, Quantity("last angle that drove ĥ", "rad")]
 
 
 @kernel
@@ -85,5 +84,4 @@ LAW = Law(
     from_rig={name: f"cable.{name}" for name in BoucWen._fields},
     feeds_back=frozenset({"motor"}),
     limits={"rate": (1e-6, 1e4), "shape": (0.5, 1e4), "exponent": (1.0, 50.0), "from_reference": (0.0, 1.0)},
-    state_units={"h": "1", "driver": "rad"},
 )

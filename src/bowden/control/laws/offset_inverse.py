@@ -13,11 +13,12 @@ is the reference with the servo's lag and the delay taken away, which a bench wi
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, fed_back, half_width, turned, waited
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 
@@ -49,14 +50,10 @@ class OffsetInverseGains(NamedTuple):
 class OffsetInverseState(NamedTuple):
     """What the law remembers."""
 
-    direction: float
-    """d, on which side of the dead zone the motor is held, −1…1."""
-    wait: float
-    """Time left until the feedback acts again [s]."""
-    error: float
-    """The error that the feedback sees [rad]."""
-    correction: float
-    """∫e/Tc dt [rad]."""
+    direction: Annotated[float, Quantity("d, on which side of the dead zone the motor is held, −1…1")]
+    wait: Annotated[float, Quantity("time left until the feedback acts again", "s")]
+    error: Annotated[float, Quantity("the error that the feedback sees", "rad")]
+    correction: Annotated[float, Quantity("∫e/Tc dt", "rad")]
 
 
 @kernel
@@ -97,5 +94,4 @@ LAW = Law(
         "error_rate": (0.0, 1e4),
         "correction_limit": (0.0, math.inf),
     },
-    state_units={"direction": "1", "wait": "s", "error": "rad", "correction": "rad"},
 )

@@ -6,10 +6,11 @@ The paper's law has slope 1, and a motor encoder zeroed where the joint is at ze
 the two zeros is no backlash, and a law without it would have that angle as its error and little else.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from bowden.control.law import Law
 from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 
@@ -25,8 +26,7 @@ class UncompensatedGains(NamedTuple):
 class UncompensatedState(NamedTuple):
     """What the law remembers."""
 
-    command: float
-    """The last command [rad]."""
+    command: Annotated[float, Quantity("the last command", "rad")]
 
 
 @kernel
@@ -52,5 +52,4 @@ LAW = Law(
     source="Dinh et al. 2017, Section 3.1, Fig. 7B",
     from_rig={"motor_zero": "motor_zero"},
     feeds_back=frozenset(),
-    state_units={"command": "rad"},
 )

@@ -6,7 +6,6 @@ keeps what it had (a sequence lock, as in the ring). Neither side ever waits, an
 leaves words that grow old, which the supervisor sees.
 """
 
-import threading
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,13 +60,7 @@ class _Mapped:
         memory = shared_memory.mapped(path, _WORDS, "block of intent")
         self._whole = memoryview(memory).cast("q")
         self._real = memoryview(memory).cast("d")
-        self._fence = threading.Lock()
-        self._fence.acquire()
-
-    def _barrier(self) -> None:
-        """No access to memory moves across, as in the ring."""
-        self._fence.release()
-        self._fence.acquire()
+        self._barrier = shared_memory.Barrier()
 
 
 class IntentWriter(_Mapped):

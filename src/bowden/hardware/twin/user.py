@@ -18,6 +18,7 @@ from bowden.plants.plant import (
     SheathState,
     plant_advance,
     plant_effort,
+    plant_look,
     plant_observe,
     plant_rest,
     refuse_no_number,
@@ -60,6 +61,12 @@ def sensed(plant: Any, body: Any, normals: NDArray[np.float64]) -> Measurement:
     return measured
 
 
+@kernel
+def seen(plant: Any, body: Any) -> Any:
+    """Where a body truly is."""
+    return plant_look(plant, body)
+
+
 class TwinUser:
     """A user's plant at a time that only goes forward; see `TwinPlant`.
 
@@ -96,12 +103,13 @@ class TwinUser:
         self._bends = np.asarray(bend(edges), dtype=np.float64)
         self._random = np.random.default_rng(seed)
         kernels = dynamics.kernels()
-        rest, self._one_on, self._sensed = (
+        rest, self._one_on, self._sensed, self._seen = (
             specialise(one, dynamics.name, **{name: kernels[name] for name in used}, **dynamics.parts)
             for one, used in (
                 (begin, ("plant_rest",)),
                 (one_on, ("plant_observe", "plant_advance", "plant_effort")),
                 (sensed, ("plant_observe",)),
+                (seen, ("plant_look",)),
             )
         )
         self._time, self._first, self._began = now, now, math.inf
@@ -113,6 +121,7 @@ class TwinUser:
         with dynamics.explained():
             body = rest(dynamics.plant, float(initial_motor), self._sheath_at(now))
             self._cycle = PlantCycle(body, body, math.nan)
+            self._after = self._seen(dynamics.plant, body)
             self._step(initial_motor)
             self.read_encoders()  # compiles
 
@@ -131,15 +140,17 @@ class TwinUser:
             self._time = now - LONGEST_GAP
         while now - self._time >= self.plant.sample_time:
             self._time += self.plant.sample_time
-            self._step(self.command if self.doing == FOLLOW else self._cycle.after.motor)
+            self._step(self.command if self.doing == FOLLOW else self._after.motor)
 
     def _step(self, applied: float) -> None:
         """The cycle that begins at `_time`, from where the one before ended."""
         dt = self.plant.sample_time
         ends = self._sheath_at(self._time), self._sheath_at(self._time + dt)
         normals = self._random.standard_normal(2)
+        self._before = self._after
         self._cycle = PlantCycle(*self._one_on(self._dynamics.plant, self._cycle.after, float(applied), *ends, normals))
-        refuse_no_number(self._dynamics, self._cycle.after._asdict(), self._time + dt - self._first)
+        self._after = self._seen(self._dynamics.plant, self._cycle.after)
+        refuse_no_number(self._dynamics, self._after._asdict(), self._time + dt - self._first)
         self.temperature = stage_temperature(self.physics, self.temperature, self.current, dt)
 
     def _between(self, before: float, after: float) -> float:
@@ -152,17 +163,17 @@ class TwinUser:
     @property
     def motor(self) -> float:
         """See `TwinPlant.motor`."""
-        return self._between(self._cycle.body.motor, self._cycle.after.motor)
+        return self._between(self._before.motor, self._after.motor)
 
     @property
     def velocity(self) -> float:
         """See `TwinPlant.velocity`."""
-        return self._between(self._cycle.body.motor_velocity, self._cycle.after.motor_velocity)
+        return self._between(self._before.motor_velocity, self._after.motor_velocity)
 
     @property
     def joint(self) -> float:
         """See `TwinPlant.joint`."""
-        return self._between(self._cycle.body.joint, self._cycle.after.joint)
+        return self._between(self._before.joint, self._after.joint)
 
     @property
     def current(self) -> float:
@@ -188,6 +199,11 @@ class TwinUser:
 
     def read_encoders(self) -> tuple[float, float]:
         """See `TwinPlant.read_encoders`: what the plant's own ``observe`` makes of where it is now."""
-        body = self._cycle.body._replace(joint=self.joint, motor=self.motor, motor_velocity=self.velocity)
+        before, after = self._cycle.body, self._cycle.after
+        body = before._replace(
+            joint=self.joint,
+            motor=self._between(before.motor, after.motor),
+            motor_velocity=self._between(before.motor_velocity, after.motor_velocity),
+        )
         measured = Measurement(*self._sensed(self._dynamics.plant, body, self._random.standard_normal(2)))
         return measured.joint, measured.motor

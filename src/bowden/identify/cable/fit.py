@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bowden.core import shown
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
 from bowden.identify.cable.bouc_wen import BoucWenCable
@@ -241,8 +242,8 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         models[family.name] = ModelFit(
             model=model,
             uncertainty=standard_errors(fine, estimate, family),
-            train_rms=_rms(error[fitted_from:split]),
-            test_rms=_rms(error[split:]),
+            train_rms=rmse(error[fitted_from:split]),
+            test_rms=rmse(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
     warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, estimates[best]))
@@ -283,7 +284,3 @@ def _check_motion(log: Log, what: str, values: Array, do: str) -> None:
             expected="strokes well above the encoder's noise",
             do=do,
         )
-
-
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from bowden.identify.cable.line import Line
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.models.cable.bouc_wen import BoucWen
+from bowden.models.cable.capstan import Tendon
+from bowden.plants.cable_plant import Cable
+from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, identified
 
 Array = NDArray[np.float64]
 
@@ -25,7 +29,9 @@ _PREDICT = {
 }
 
 NAMES = tuple(_PREDICT)
-"""Every family's name, from the simplest on."""
+"""Every family's name that is fitted to a log, from the simplest on."""
+KNOWN = (*NAMES, *DISTRIBUTED)
+"""Every model that a cable may have."""
 
 _MEANINGS = (
     (
@@ -45,6 +51,21 @@ _MEANINGS = (
     (r"initial_h", "1", "h at the log's start"),
     (r"static_\d+", "rad", "coefficient of the Chebyshev polynomial of that degree in the motor"),
     (r"static_centre", "rad", "motor angle at the middle of the fitted range"),
+    (r"length", "m", "L, of the sheath"),
+    (r"stiffness", "N", "EA, of tendon and sheath in series: force per strain"),
+    (r"friction", "1", "μ, between tendon and sheath"),
+    (r"bend", "rad", "θ₀, total bend of the sheath when its relative width is 1"),
+    (r"motor_radius", "m", "r_m, of the spool"),
+    (r"joint_radius", "m", "r_j, of the pulley"),
+    (r"spring", "N·m/rad", "stiffness of the spring that pulls the joint back"),
+    (r"pretension", "N·m", "torque of that spring at joint angle zero"),
+    (r"slack", "m", "tendon to be taken up before it is taut, at motor angle zero"),
+    (r"elements", "1", "n, into how many the sheath is cut"),
+    (r"density", "kg/m", "of the tendon"),
+    (r"inertia", "kg·m²", "of the joint"),
+    (r"damping", "N·m·s/rad", "of the joint"),
+    (r"presliding", "m", "z₀, how far a node gives before it slides"),
+    (r"step", "s", "longest step of the calculation"),
     (r"static_half_range", "rad", "half the fitted range; the polynomials' argument is (motor − centre)/half range"),
 )
 
@@ -74,7 +95,7 @@ class CableModel:
     """
 
     name: str
-    """One of `NAMES`."""
+    """One of `KNOWN`."""
     parameters: Mapping[str, float]
     """By name; SI and radians."""
     others: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False, repr=False)
@@ -88,8 +109,10 @@ class CableModel:
         Raises:
             ParameterError: an unknown model, or a parameter that is missing.
         """
+        if self.name in DISTRIBUTED:
+            return _moved(identified(self.name, self.parameters), motor)
         if self.name not in _PREDICT:
-            raise ParameterError(f"there is no cable model {self.name!r}", expected=f"one of {', '.join(NAMES)}")
+            raise ParameterError(f"there is no cable model {self.name!r}", expected=f"one of {', '.join(KNOWN)}")
         try:
             return _PREDICT[self.name](self.parameters, np.ascontiguousarray(motor, dtype=np.float64))
         except KeyError as error:
@@ -138,9 +161,13 @@ class IdentifiedCable:
     def bouc_wen(self) -> BoucWen:
         """The cable as the plain Bouc–Wen model has it, which every identification fits.
 
+        Of a distributed cable that comes without one it is the model with that cable's slope and dead zone.
+
         Raises:
             ParameterError: it has none, or one with a slope of zero.
         """
+        if self.best in DISTRIBUTED and "bouc_wen" not in self.models:
+            return _like(tuple(sorted(self.model().parameters.items())))
         cable = self.model("bouc_wen").to_bouc_wen()
         if cable.slope == 0.0:
             raise ParameterError(
@@ -148,3 +175,18 @@ class IdentifiedCable:
                 do="identify a log in which the joint moves",
             )
         return cable
+
+
+@lru_cache(16)
+def _like(parameters: tuple[tuple[str, float], ...]) -> BoucWen:
+    """Of a distributed cable; moved slowly, one with mass is as the same tendon without."""
+    return bouc_wen_like(identified("sliding", {k: value for k, value in parameters if k in Tendon._fields}))
+
+
+def _moved(cable: Cable, motor: Array) -> Array:
+    """The joint along a motion of the motor, a hundredth of a second from sample to sample (n,) [rad]."""
+    memory, joints = cable.start(cable.prepared, float(motor[0]), 1.0, 1.0), np.empty(len(motor))
+    for i, after in enumerate(motor.tolist()):
+        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, 1.0, 1.0, 0.01)
+        joints[i] = cable.look(cable.prepared, memory, after, 1.0, 1.0).joint
+    return joints

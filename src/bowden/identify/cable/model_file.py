@@ -10,11 +10,12 @@ import numpy as np
 
 from bowden import __version__
 from bowden.core.errors import ParameterError
-from bowden.core.files import whole_file
+from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
-from bowden.identify.cable.model import NAMES, CableModel, IdentifiedCable, meaning
+from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
+from bowden.plants.cables import DISTRIBUTED
 
 
 def write_model(path: Path | str, fit: Fit, source: str) -> None:
@@ -29,8 +30,7 @@ def write_model(path: Path | str, fit: Fit, source: str) -> None:
         OutputError: the file cannot be written.
     """
     text = model_text(fit, source)
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def model_text(fit: Fit, source: str) -> str:
@@ -94,7 +94,7 @@ def load_model(path: Path | str, name: str | None = None) -> CableModel:
     file = Path(path)
     models, best = _document(file)
     wanted = best if name is None else name
-    if wanted not in models or wanted not in NAMES:
+    if wanted not in models or wanted not in KNOWN:
         raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
     return CableModel(wanted, _checked(file, wanted, models[wanted]))
 
@@ -111,10 +111,10 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     """
     file = Path(path)
     models, best = _document(file)
-    for wanted in ("bouc_wen", best):
-        if wanted not in models or wanted not in NAMES:
+    for wanted in (best,) if best in DISTRIBUTED else ("bouc_wen", best):
+        if wanted not in models or wanted not in KNOWN:
             raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
-    found = {one: _checked(file, one, table) for one, table in models.items() if one in NAMES}
+    found = {one: _checked(file, one, table) for one, table in models.items() if one in KNOWN}
     return IdentifiedCable(best, found, name or str(file))
 
 

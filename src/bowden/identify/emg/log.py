@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
+from bowden.core.table import read_table
 from bowden.identify.cable.checks import check_finite, even_time
-from bowden.identify.log.columns import FACTORS, split_name
-from bowden.identify.log.table import read_table
+from bowden.identify.log.columns import FACTORS, TIMES, split_name
 from bowden.sensing.onset_settings import QUICKEST, SAFE, SLOWEST
 
 Array = NDArray[np.float64]
 
-_TIMES = ("time", "t", "timestamp", "seconds", "sec", "clock")
 _LABELS = (("onset", "start"), ("offset", "end"))
 """Names of the columns of labels."""
 _SHORTEST = 2.0
@@ -101,7 +100,7 @@ def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None =
 
 
 def _times(table: dict[str, Array]) -> list[str]:
-    return [name for name in table if split_name(name)[0] in _TIMES]
+    return [name for name in table if split_name(name)[0] in TIMES]
 
 
 def _signals(table: dict[str, Array], path: Path) -> list[str]:

@@ -1,4 +1,4 @@
-"""Which column of a log is the time, the motor and the joint, and in which unit."""
+"""Which column of a log is the time, the motor, the joint or whatever is looked for, and in which unit."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from bowden.core.errors import LogError
 from bowden.core.units import RADIANS
 
-ROLES = ("time", "motor", "joint")
+TIMES = ("time", "t", "timestamp", "times", "elapsed", "seconds", "sec", "clock")
+"""Common names of a column of times, the likeliest first."""
 
-_NAMES: Mapping[str, Sequence[str]] = {
-    "time": ("time", "t", "timestamp", "times", "elapsed", "seconds", "sec", "clock"),
+CABLE: Mapping[str, Sequence[str]] = {
+    "time": TIMES,
     "motor": (
         *("motor_measured", "motor", "motor_angle", "motor_position", "motor_pos", "phi_in", "theta_in", "q_in"),
         *("phi_motor", "theta_motor", "q_motor", "input", "input_angle", "proximal", "proximal_angle", "actuator"),
@@ -22,7 +23,7 @@ _NAMES: Mapping[str, Sequence[str]] = {
         *("elbow_angle", "jaw", "pulley", "load", "link", "out"),
     ),
 }
-"""Common names, the likeliest first: what an encoder read before what a simulation knows."""
+"""Role in a cable's log → common names, the likeliest first: what an encoder read before what a simulation knows."""
 
 _UNITS = {
     **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
@@ -73,33 +74,39 @@ def split_name(name: str) -> tuple[str, str | None]:
     return re.sub(r"[^0-9a-zµ°]+", "_", base.lower()).strip("_"), unit
 
 
-def find_columns(names: Sequence[str], given: Mapping[str, str | None], where: str) -> dict[str, LogColumn]:
-    """Time, motor and joint among a log's columns.
+def find_columns(
+    names: Sequence[str], given: Mapping[str, str | None], where: str, known: Mapping[str, Sequence[str]] = CABLE
+) -> dict[str, LogColumn]:
+    """Time, motor and joint, or other roles, among a log's columns.
 
     Args:
         names: the columns as written.
         given: role → name that the user gave, or None to guess.
         where: the log, for messages.
+        known: role → its common names.
 
     Raises:
         LogError: a column is not there; the message lists those that are.
     """
     found: dict[str, LogColumn] = {}
     missing: list[str] = []
-    for role in ROLES:
+    for role in known:
         wanted = given.get(role)
-        index = _guess(role, names) if wanted is None else _named(wanted, names)
+        index = _guess(known[role], names) if wanted is None else _named(wanted, names)
         if index is None:
             missing.append(f"a column {wanted!r} for the {role}" if wanted is not None else f"a {role} column")
         else:
             found[role] = LogColumn(index, names[index].strip(), split_name(names[index])[1])
     listed = ", ".join(repr(name.strip()) for name in names[:12]) + (", …" if len(names) > 12 else "")
     if missing:
+        *first, last = known
+        options = ", ".join(f"--{role}" for role in first) + f" and --{last}"
+        keywords = ", ".join(f"{role}=" for role in first) + f" and {last}="
         raise LogError(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
-            do="name the columns: --time, --motor and --joint, or time=, motor= and joint= in Python",
+            do=f"name the columns: {options}, or {keywords} in Python",
         )
-    if len({column.index for column in found.values()}) < len(ROLES):
+    if len({column.index for column in found.values()}) < len(found):
         chosen = ", ".join(f"{role} = {column.name!r}" for role, column in found.items())
         raise LogError(f"{where}: one column is taken twice ({chosen})", expected="three different columns")
     return found
@@ -113,6 +120,6 @@ def _named(wanted: str, names: Sequence[str]) -> int | None:
     return lower.index(wanted.lower()) if lower.count(wanted.lower()) == 1 else None
 
 
-def _guess(role: str, names: Sequence[str]) -> int | None:
+def _guess(known: Sequence[str], names: Sequence[str]) -> int | None:
     plain = [split_name(name)[0] for name in names]
-    return next((plain.index(name) for name in _NAMES[role] if name in plain), None)
+    return next((plain.index(name) for name in known if name in plain), None)

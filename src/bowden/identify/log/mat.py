@@ -1,6 +1,6 @@
 """MATLAB files as logs: vectors of one length, at the top or inside a struct."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.identify.log.columns import ROLES, LogColumn, find_columns
+from bowden.identify.log.columns import LogColumn, find_columns
 
 Array = NDArray[np.float64]
 
@@ -25,9 +25,9 @@ def is_matlab(path: Path, head: bytes) -> bool:
 
 
 def read_matlab(
-    path: Path, given: Mapping[str, str | None]
+    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]]
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
-    """The three columns of a MATLAB file of version 4 to 7.
+    """The columns of a MATLAB file of version 4 to 7; see `find_columns`.
 
     Raises:
         LogError: not such a file, no such variables, or vectors of different lengths.
@@ -43,21 +43,21 @@ def read_matlab(
             f"{path} cannot be read as a MATLAB file: {error}", do="save it in MATLAB with save(…, '-v7'), or as CSV"
         ) from error
     vectors = dict(_vectors(content))
-    if len(vectors) < len(ROLES):
+    if len(vectors) < len(known):
         for name, value in content.items():
             if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiuc":
                 raise LogError(
                     f"{path}: {name!r} is a matrix of {value.shape[0]} × {value.shape[1]}",
-                    expected="a vector each for time, motor and joint",
+                    expected=f"a vector each for {', '.join(known)}",
                     do="save its columns under names of their own",
                 )
     if not vectors:
         raise LogError(
             f"{path}: no vector of numbers in it",
-            expected="vectors for time, motor and joint",
+            expected=f"vectors for {', '.join(known)}",
             do="save them under those names",
         )
-    columns = find_columns(list(vectors), given, str(path))
+    columns = find_columns(list(vectors), given, str(path), known)
     for column in columns.values():
         if np.iscomplexobj(vectors[column.name]):
             raise LogError(f"{path}: {column.name!r} is complex", expected="real numbers", do="save its real part")

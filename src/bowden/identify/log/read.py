@@ -1,6 +1,6 @@
-"""Reading and checking the log of a cable: CSV (also gzipped) and MATLAB files."""
+"""Reading and checking the log of a cable: CSV (also gzipped), MATLAB and Parquet files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.table import read_table
 from bowden.identify.cable import checks
-from bowden.identify.log.columns import FACTORS, LogColumn
+from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
 
@@ -34,12 +35,12 @@ class Log:
 
 @dataclass(frozen=True)
 class RawLog:
-    """Three columns as a file holds them."""
+    """The columns of a log as a file holds them."""
 
     columns: Mapping[str, LogColumn]
-    """time, motor and joint → where they were found."""
+    """Role (time, motor, joint) → where it was found."""
     values: Mapping[str, Array]
-    """time, motor and joint → (n,), in the file's units."""
+    """Role → (n,), in the file's units."""
     place: Callable[[int], str]
     """Sample → where it stands in the file, for messages."""
 
@@ -55,7 +56,7 @@ def read_log(
     """Read a cable's log and check it.
 
     Args:
-        path: ``.csv``, ``.csv.gz`` or ``.mat`` (up to version 7); rows of text may stand above the column names.
+        path: ``.csv``, ``.csv.gz``, ``.mat`` (up to version 7) or ``.parquet``; rows of text may stand above the names.
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.
@@ -69,26 +70,51 @@ def read_log(
     if unit not in (None, "deg", "rad"):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected="deg or rad")
     file = Path(path)
-    given = {"time": time, "motor": motor, "joint": joint}
+    return _in_radians(read_columns(file, {"time": time, "motor": motor, "joint": joint}), unit, file.name)
+
+
+def read_columns(file: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]] = CABLE) -> RawLog:
+    """Columns of a log, from text, a MATLAB file or Parquet; see `find_columns`.
+
+    Raises:
+        LogError: the file cannot be read, or has no such columns.
+    """
     try:
         if file.is_dir():
             raise LogError(
-                f"{file} is a folder", expected="a log file", do="give the path of one .csv, .csv.gz or .mat"
+                f"{file} is a folder", expected="a log file", do="give the path of one .csv, .csv.gz, .mat or .parquet"
             )
         with file.open("rb") as opened:
             head = opened.read(512)
         if not head:
             raise LogError(
-                f"{file} is empty", expected="columns for time, motor and joint", do="record or export the log again"
+                f"{file} is empty", expected=f"columns for {', '.join(known)}", do="record or export the log again"
             )
-        columns, values, place = (read_matlab if is_matlab(file, head) else read_text)(file, given)
+        read = _read_parquet if head.startswith(b"PAR1") else read_matlab if is_matlab(file, head) else read_text
+        return RawLog(*read(file, given, known))
     except FileNotFoundError as error:
         raise LogError(f"{file} does not exist", do="check the path") from error
     except OSError as error:
         raise LogError(
             f"{file} cannot be read: {error.strerror or error}", do="check the file and its rights"
         ) from error
-    return _in_radians(RawLog(columns, values, place), unit, file.name)
+
+
+def _read_parquet(
+    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]]
+) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
+    table = read_table(path)
+    columns = find_columns(table.column_names, given, str(path), known)
+    for role, column in columns.items():
+        unit = (table.schema.field(column.index).metadata or {}).get(b"unit", b"").decode()  # of a trace
+        columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(unit))
+    try:
+        values = {
+            role: np.array(table.column(column.index).to_numpy(), dtype=np.float64) for role, column in columns.items()
+        }
+    except (TypeError, ValueError) as error:
+        raise LogError(f"{path} cannot be read: {error}", expected="numbers in the columns of a log") from error
+    return columns, values, lambda sample: f"{path}, row {sample + 1}"
 
 
 def _in_radians(raw: RawLog, unit: str | None, name: str) -> Log:

@@ -5,7 +5,7 @@ import itertools
 import json
 import re
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.identify.log.columns import ROLES, LogColumn, find_columns, unit_of
+from bowden.identify.log.columns import LogColumn, find_columns, unit_of
 
 Array = NDArray[np.float64]
 
@@ -49,28 +49,28 @@ class _Layout:
 
 
 def read_text(
-    path: Path, given: Mapping[str, str | None]
+    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]]
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
-    """The three columns of a text log.
+    """The columns of a text log; see `find_columns`.
 
     Raises:
         LogError: binary, no numbers, no such columns, text where a number should be, rows of different length, or more
             than 20 million rows.
     """
     layout = _layout(path)
-    columns = find_columns(layout.names, given, str(path))
+    columns = find_columns(layout.names, given, str(path), known)
     for role, column in columns.items():
         unit = column.unit or layout.units[column.index]
         columns[role] = LogColumn(column.index, column.name, unit)
     try:
-        table = _numbers(path, layout, [columns[role].index for role in ROLES])
+        table = _numbers(path, layout, [column.index for column in columns.values()])
     except _DAMAGED as error:
         raise _damaged(path, error) from error
     except ValueError as error:
         raise _explained(path, layout, columns, error) from error
     if len(table) > MOST_ROWS:
         raise LogError(f"{path} has more than {MOST_ROWS} rows", do="cut it, or thin it to about 1 kHz")
-    values = {role: np.ascontiguousarray(table[:, i]) for i, role in enumerate(ROLES)}
+    values = {role: np.ascontiguousarray(table[:, i]) for i, role in enumerate(columns)}
     return columns, values, lambda sample: f"{path}, line {_line_of(path, layout, sample)}"
 
 

@@ -40,6 +40,17 @@ class BoucWen(NamedTuple):
     """Not in the paper."""
 
 
+def upright(cable: BoucWen) -> BoucWen:
+    """The cable with its motor counted so that its slope is positive: joint = αφ·x + αh·h(x) + offset for −x as well.
+
+    >>> upright(BoucWen(slope=-0.9, hysteresis_gain=0.1)).hysteresis_gain
+    -0.1
+    """
+    if cable.slope >= 0.0:
+        return cable
+    return cable._replace(slope=-cable.slope, hysteresis_gain=-cable.hysteresis_gain)
+
+
 @kernel
 def saturation(cable: BoucWen) -> float:
     """The value (2σ−1)^(−1/n) that |h| cannot exceed once it is inside [–].

@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, check_positive
 from bowden.core.kernel import cos, kernel, sin
 
 ELBOW_RANGE = (0.0, 0.5 * math.pi)
@@ -128,7 +128,7 @@ def joint_radius_for_ratio(
     >>> f"{1e3 * joint_radius_for_ratio(1.66):.1f} mm"
     '35.4 mm'
     """
-    _positive("spools", ratio=ratio)
+    check_positive("spools", ratio=ratio)
     return _best_radius(geometry or SuitGeometry(), angles)[0] / ratio
 
 
@@ -214,7 +214,7 @@ def _check(geometry: SuitGeometry, angles: tuple[float, float]) -> None:
     for name in ("flexor_length", "extensor_length"):
         if not math.isfinite(lengths.pop(name)):
             raise ParameterError(f"suit geometry: {name} is {getattr(geometry, name)}", expected="a length in metres")
-    _positive("suit geometry", **lengths)
+    check_positive("suit geometry", **lengths)
     tilt = math.atan2(geometry.half_width, geometry.anchor_distance)
     lowest, highest = -2.0 * tilt, math.pi - 2.0 * tilt
     low, high = angles
@@ -223,9 +223,3 @@ def _check(geometry: SuitGeometry, angles: tuple[float, float]) -> None:
             f"suit geometry: joint range {low} to {high} rad",
             expected=f"low below high, both from {lowest:.3f} to {highest:.3f} rad",
         )
-
-
-def _positive(what: str, **values: float) -> None:
-    for name, value in values.items():
-        if not (value > 0.0 and math.isfinite(value)):
-            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0")

@@ -6,18 +6,14 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from bowden.control import LAWS
-from bowden.control.law import Law
 from bowden.control.reference import Chirp, PeriodicMinimumJerk
-from bowden.core.trace import Trace
 from bowden.core.units import RADIANS
-from bowden.models.cable.bouc_wen import BoucWen, saturation
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor
 from bowden.models.drive.servo import Servo
 from bowden.plants.bench import Bench
-from bowden.sim.run import simulate
 from bowden.sim.scenario import BendPath, scripted_bend
 
 
@@ -71,15 +67,6 @@ def default_bench() -> Bench:
     return bench()
 
 
-def observer(fit: Calibration | None = None) -> Law:
-    """The observer, knowing the cable but for its share of α̂h."""
-    fit = fit or calibration()
-    cable = BoucWen()
-    return LAWS["observer"].with_gains(
-        hysteresis_gain=fit.observer_share * cable.hysteresis_gain * fit.gap, rate=cable.rate / fit.gap
-    )
-
-
 def minimum_jerk(fit: Calibration | None = None) -> PeriodicMinimumJerk:
     """The periodic reference of Fig. 9, 0–70°."""
     return PeriodicMinimumJerk(0.0, document()["chosen"]["stroke_deg"] * RADIANS, (fit or calibration()).period)
@@ -95,22 +82,3 @@ def moved_sheath() -> BendPath:
     chosen = document()["chosen"]
     start, end = chosen["moved_from_s"], chosen["moved_to_s"]
     return scripted_bend((start, end), (chosen["bend_deg"] * RADIANS, chosen["moved_bend_deg"] * RADIANS))
-
-
-def run(law: Law, *, moved: bool = False, fit: Calibration | None = None, duration: float | None = None) -> Trace:
-    """One of Table 1's runs: the periodic reference from rest, for a minute unless told otherwise [s]."""
-    chosen = document()["chosen"]
-    length = chosen["duration_s"] if duration is None else duration
-    path = moved_sheath() if moved else None
-    return simulate(bench(fit), law, minimum_jerk(fit), duration=length, bend=path, seed=chosen["seed"])
-
-
-def run_chirp(law: Law, fit: Calibration | None = None) -> Trace:
-    """Fig. 16's run."""
-    return simulate(bench(fit), law, chirp(), duration=150.0, seed=document()["chosen"]["seed"])
-
-
-def true_bound(fit: Calibration | None = None) -> float:
-    """The true Dm, height of the cable's hysteresis |αh|·gap·max|h| [rad]."""
-    plant = bench(fit)
-    return abs(plant.cable.hysteresis_gain) * plant.sheath.gap * float(saturation(plant.cable))

@@ -77,7 +77,7 @@ def default_suit() -> Suit:
 
 
 def suit_adaptive() -> Law:
-    """The adaptive law with the gains that `bowden.paper.suit_gains` chose for margin on the suit."""
+    """The adaptive law with the gains that `benchmarks/suit_gains.py` chose for margin on the suit."""
     return LAWS["adaptive"].preset("suit")
 
 

@@ -1,7 +1,7 @@
 """How λ, κ and ε of the adaptive law are chosen for the suit: the bench's rule, on the suit's linear loop.
 
 The rule of `bowden.paper.gain_choice`, on other plants: 12 dB and 60° for β̂ from 0 to 1.1 and D̂m from 0 to the error
-without compensation, 30° (Fig. 17), over `bowden.design.suit_linear.corners`: wearers of 45, 75 and 120 kg, the elbow
+without compensation, 30° (Fig. 17), over `suit_linear.corners`: wearers of 45, 75 and 120 kg, the elbow
 at 0, 45 and 90°, the extensor taut and slack. Of the gains that have both margins take the largest κ; with it the
 smallest ε, which is nearest to the printed one; with both the λ of the largest phase margin.
 
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 from bowden.control.laws.adaptive import AdaptiveGains
 from bowden.core.units import RADIANS
-from bowden.design.suit_linear import corners, worst_margins
 from bowden.plants.suit_parts import Suit
+from suit_linear import corners, worst_margins
 
 ERROR_GAINS = tuple(round(0.01 * i, 3) for i in range(1, 11))
 """Grid of λ [s]."""

@@ -15,7 +15,7 @@ On a drive with an integral (``second``) friction leaves no error behind, so tha
 so wide in cables of 8 kN/m costs 540 J by itself, more than the published 380.5 J; so the cable's stiffness, which
 turns play into force, takes the place of friction, which is 0: the least that the choice of 8 kN/m has to be changed.
 
-Run it with ``python -m bowden.paper.calibrate_suit``.
+Run it with ``python benchmarks/calibrate_suit.py``.
 """
 
 from collections.abc import Callable

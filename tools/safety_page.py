@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from bowden.core.files import whole_file
+import made_tables
+from bowden.core.files import write_text
 from bowden.core.quantity import declared
-from bowden.rig import made_tables
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 
@@ -58,5 +58,4 @@ def write_docs(docs: Path) -> None:
     """
     path = docs / "safety.md"
     text = with_tables(path.read_text(encoding="utf-8"))
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(path, text)

@@ -7,7 +7,7 @@ Four unknowns, four published figures, each found in turn by bracketing, because
     observer's share of αh      ←  Table 1, observer, constant bend
     loss of slope with bend     ←  Table 1, observer, varying bend
 
-Run it with ``python -m bowden.paper.calibrate``.
+Run it with ``python benchmarks/calibrate.py``.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from bowden.control import LAWS
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
+from bowden.paper.bench import observer, run_bench, run_chirp
 from bowden.paper.claims import claims
 from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
 from bowden.rig.presets import bench as paper
@@ -57,19 +58,19 @@ def _solve(
 
 
 def _dead_zone(fit: Calibration) -> float:
-    return dead_zone_deg(paper.run(LAWS["uncompensated"], fit=fit))
+    return dead_zone_deg(run_bench(LAWS["uncompensated"], fit=fit))
 
 
 def _observer_constant(fit: Calibration) -> float:
-    return rmse(paper.run(paper.observer(fit), fit=fit).error) * DEGREES
+    return rmse(run_bench(observer(fit), fit=fit).error) * DEGREES
 
 
 def _observer_varying(fit: Calibration) -> float:
-    return rmse(paper.run(paper.observer(fit), moved=True, fit=fit).error) * DEGREES
+    return rmse(run_bench(observer(fit), moved=True, fit=fit).error) * DEGREES
 
 
 def _bandwidth(fit: Calibration) -> float:
-    found = closed_loop_bandwidth(paper.run_chirp(paper.observer(fit), fit), paper.chirp())
+    found = closed_loop_bandwidth(run_chirp(observer(fit), fit), paper.chirp())
     return 125.0 if found is None else found  # above the chirp's end
 
 

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from bowden.core.files import whole_file
-from bowden.rig import made_tables
+import made_tables
+from bowden.core.files import write_text
 from bowden.rig.declaration import Section
 from bowden.rig.page import keys_of
 from bowden.study.distributions import WANTED
@@ -88,5 +88,4 @@ def write_docs(docs: Path) -> None:
     page = docs / "campaign.md"
     text = with_tables(page.read_text(encoding="utf-8"))
     for path, content in ((page, text), (docs / "json" / "study.schema.json", json_schema())):
-        with whole_file(path) as part:
-            part.write_text(content, encoding="utf-8")
+        write_text(path, content)

@@ -1,0 +1,288 @@
+"""Every law on cells that nobody tuned for: ``python benchmarks/unseen.py --set development``; see docs/unseen.md.
+
+Each law is told the same of a rig by the one rule of `bowden.control.knowledge`, and has its own gains for all cells.
+A law's cost in a cell is its RMSE over the whole run, from rest; an unstable run costs more than any other. Looks at
+the validation and judging sets are counted in ``unseen_looks.toml`` before anything is run.
+"""
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bowden.control import LAWS, user_law
+from bowden.control.knowledge import configured
+from bowden.control.law import Law
+from bowden.core.kernel_cache import source_hash
+from bowden.core.units import DEGREES
+from bowden.sim.many import Outcome, simulate_many
+from unseen_cells import DURATION, SETS, Cell, case_of, draw
+
+LOOKS = Path(__file__).with_name("unseen_looks.toml")
+COUNTS = {"development": 300, "validation": 300, "judging": 400}
+"""Cells of a set where no seeds are given."""
+YARDSTICK = "active_disturbance_rejection"
+"""The law that chatter and the share of worse cells are taken to."""
+OURS = "bowden"
+NEAR, WORSE = 1.1, 1.2
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one law did in one cell."""
+
+    number: int
+    families: str
+    law: str
+    stable: bool
+    rmse_deg: float
+    """Of the whole run, from rest; infinite of an unstable one [deg]."""
+    late_deg: float
+    """Of its second half [deg]."""
+    travel_deg: float
+    """Total variation of the command [deg]."""
+
+
+def play(laws: Sequence[Law], cells: Sequence[Cell]) -> Iterator[Run]:
+    """Every law in every cell; those that one compiled loop can run, one after another."""
+    order = sorted(cells, key=lambda cell: (cell.rig.inner.cable.name, cell.rig.sample_time, cell.number))
+    cases = (case_of(cell, tuple(configured(law, cell.known) for law in laws)) for cell in order)
+    for cell, outcomes in zip(order, simulate_many(cases, DURATION), strict=True):
+        for law, outcome in zip(laws, outcomes, strict=True):
+            yield _run(cell, law.name, outcome)
+
+
+def _run(cell: Cell, law: str, outcome: Outcome) -> Run:
+    stable = bool(outcome.ended and outcome.peak <= cell.allowed)
+    figures = (outcome.rmse, outcome.rmse_after_10s, outcome.command_travel)
+    rmse, late, travel = (value * DEGREES if stable else math.inf for value in figures)
+    return Run(cell.number, cell.special, law, stable, rmse, late, travel)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What came of a law over a set; shares are of the cells, ratios to the best of all laws in each cell."""
+
+    law: str
+    cells: int
+    near: float
+    """Share within 10 % of the best [–]."""
+    median: float
+    most: float
+    """Ratio at 95 % of the cells [–]."""
+    late_near: float
+    late_median: float
+    late_most: float
+    worse: float
+    """Share more than 20 % worse than the yardstick [–]."""
+    chatter: float
+    """Median of the command's total variation over the yardstick's [–]."""
+    most_chatter: float
+    """The same at 95 % [–]."""
+    unstable: int
+    rmse_deg: float
+    """Median [deg]."""
+
+
+def standings(runs: Iterable[Run]) -> list[Standing]:
+    """The laws, from the best median on."""
+    table: dict[int, dict[str, Run]] = {}
+    for run in runs:
+        table.setdefault(run.number, {})[run.law] = run
+    laws = list(dict.fromkeys(law for row in table.values() for law in row))
+    return sorted((_standing(law, table) for law in laws), key=lambda one: (one.median, one.most))
+
+
+def ratio(value: float, best: float) -> float:
+    """Over the best; 1 where none is stable, infinite where only others are."""
+    return value / best if math.isfinite(best) else 1.0
+
+
+def _standing(law: str, table: dict[int, dict[str, Run]]) -> Standing:
+    rows = [row for row in table.values() if law in row]
+    whole = np.array([ratio(row[law].rmse_deg, min(run.rmse_deg for run in row.values())) for row in rows])
+    late = np.array([ratio(row[law].late_deg, min(run.late_deg for run in row.values())) for row in rows])
+    compared = [(row[law], row[YARDSTICK]) for row in rows if YARDSTICK in row]
+    chatter = [mine.travel_deg / its.travel_deg for mine, its in compared if mine.stable and its.stable]
+    worse = [mine.rmse_deg > WORSE * its.rmse_deg or (its.stable and not mine.stable) for mine, its in compared]
+    return Standing(
+        law,
+        len(rows),
+        float(np.mean(whole <= NEAR)),
+        _share(whole, 50.0),
+        _share(whole, 95.0),
+        float(np.mean(late <= NEAR)),
+        _share(late, 50.0),
+        _share(late, 95.0),
+        float(np.mean(worse)) if worse else math.nan,
+        _share(np.array(chatter), 50.0) if chatter else math.nan,
+        _share(np.array(chatter), 95.0) if chatter else math.nan,
+        sum(not row[law].stable for row in rows),
+        _share(np.array([row[law].rmse_deg for row in rows]), 50.0),
+    )
+
+
+def _share(values: Any, share: float) -> float:
+    """Percentile, without interpolation: an unstable run must not be averaged with others."""
+    return float(np.percentile(values, share, method="higher"))
+
+
+def worst(runs: Iterable[Run], law: str, count: int = 10) -> list[dict[str, Any]]:
+    """The cells where a law is furthest behind the best, with their families."""
+    table: dict[int, dict[str, Run]] = {}
+    for run in runs:
+        table.setdefault(run.number, {})[run.law] = run
+    found = []
+    for number, row in table.items():
+        if law in row:
+            best = min(row.values(), key=lambda run: run.rmse_deg)
+            found.append((ratio(row[law].rmse_deg, best.rmse_deg), number, row[law], best))
+    found.sort(key=lambda one: (-one[0], one[1]))
+    return [
+        {
+            "number": number,
+            "families": mine.families,
+            "ratio": over,
+            "rmse_deg": mine.rmse_deg,
+            "best": best.law,
+            "best_rmse_deg": best.rmse_deg,
+        }
+        for over, number, mine, best in found[:count]
+    ]
+
+
+def look(set_name: str, numbers: range, laws: Sequence[str], file: Path = LOOKS) -> int:
+    """Write down that a set is looked at, and how often it has been; the development set is not counted."""
+    before = file.read_text(encoding="utf-8") if file.is_file() else ""
+    count = before.count(f'set = "{set_name}"') + 1
+    if set_name == "development":
+        return 0
+    entry = [
+        "[[look]]",
+        f'set = "{set_name}"',
+        f"count = {count}",
+        f'cells = "{numbers.start}:{numbers.stop}"',
+        f"laws = {json.dumps(list(laws))}",
+        f'source = "{source_hash()}"',
+        f'time = "{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"',
+    ]
+    file.write_text(before + ("\n" if before else "") + "\n".join(entry) + "\n", encoding="utf-8")
+    return count
+
+
+def table(found: Sequence[Standing]) -> str:
+    """One line a law."""
+    lines = [
+        "| law | within 10 % | median | 95 % | late: within 10 % | median | 95 % | > 20 % worse than ADRC | chatter "
+        "over ADRC (median, 95 %) | unstable | RMSE |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for one in found:
+        lines.append(
+            f"| `{one.law}` | {one.near:.0%} | {one.median:.2f} | {one.most:.2f} | {one.late_near:.0%} | "
+            f"{one.late_median:.2f} | {one.late_most:.2f} | {one.worse:.1%} | {one.chatter:.2f}, "
+            f"{one.most_chatter:.2f} | {one.unstable} | {one.rmse_deg:.2f}° |"
+        )
+    return "\n".join(lines)
+
+
+def document(set_name: str, numbers: range, runs: Sequence[Run], shown: str, looks: int, seconds: float) -> Any:
+    """What ``--json`` prints; figures of unstable runs are null."""
+    made = {
+        "set": set_name,
+        "cells": [numbers.start, numbers.stop],
+        "looks": looks,
+        "seconds": round(seconds, 1),
+        "standings": [vars(one) for one in standings(runs)],
+        "worst": {"law": shown, "cells": worst(runs, shown)},
+        "runs": [vars(run) for run in runs],
+    }
+    return _finite(made)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def earlier(file: Path, set_name: str, numbers: range, without: Sequence[str]) -> list[Run]:
+    """The runs of other laws in the same cells from a document of before."""
+    made = json.loads(file.read_text(encoding="utf-8"))
+    if made["set"] != set_name:
+        raise SystemExit(f"{file} is of the set {made['set']!r}; expected {set_name!r}")
+    rows = [
+        Run(**{name: math.inf if value is None else value for name, value in row.items()})
+        for row in made["runs"]
+        if row["law"] not in without and row["number"] in numbers
+    ]
+    missing = set(numbers) - {row.number for row in rows}
+    if missing:
+        raise SystemExit(f"{file} lacks {len(missing)} of these cells, {min(missing)} the first")
+    return rows
+
+
+def _laws(names: str) -> list[Law]:
+    chosen = names.split(",") if names else list(LAWS)
+    return [user_law.load(name) if user_law.is_file(name) else LAWS[name] for name in chosen]
+
+
+def _numbers(text: str, set_name: str) -> range:
+    if not text:
+        return range(COUNTS[set_name])
+    first, _, last = text.rpartition(":")
+    return range(int(first or 0), int(last))
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--set", choices=list(SETS), default="development", dest="set_name")
+    parser.add_argument("--seeds", default="", help="COUNT or FIRST:END; the set's own number without it")
+    parser.add_argument("--laws", default="", help="names and files, with commas; all without it")
+    parser.add_argument("--shown", default=OURS, help="the law whose worst ten cells are shown")
+    parser.add_argument("--beside", type=Path, help="a JSON of before: its other laws in the same cells count too")
+    parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
+    given = parser.parse_args()
+    laws, numbers, begun = _laws(given.laws), _numbers(given.seeds, given.set_name), time.perf_counter()
+    looks = look(given.set_name, numbers, [law.name for law in laws])
+    names = [law.name for law in laws]
+    runs = earlier(given.beside, given.set_name, numbers, names) if given.beside else []
+    total, said = len(numbers) * len(laws), 0.0
+    for done, run in enumerate(play(laws, [draw(given.set_name, number) for number in numbers]), 1):
+        runs.append(run)
+        taken = time.perf_counter() - begun
+        if taken > said + 0.5 or done == total:
+            said = taken
+            print(f"\r{done} of {total} runs, {taken:.0f} s", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    shown = given.shown if given.shown in {run.law for run in runs} else names[0]
+    seconds = time.perf_counter() - begun
+    if given.json:
+        print(json.dumps(document(given.set_name, numbers, runs, shown, looks, seconds)))
+        return
+    print(
+        f"{given.set_name}, cells {numbers.start}:{numbers.stop}, {seconds:.0f} s"
+        + (f", look {looks}" if looks else "")
+    )
+    print(table(standings(runs)))
+    print(f"\nWorst cells of `{shown}`:")
+    for one in worst(runs, shown):
+        print(
+            f"- {one['number']}: {one['ratio']:.2f} × `{one['best']}` ({one['rmse_deg']:.2f}° for "
+            f"{one['best_rmse_deg']:.2f}°): {one['families']}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,25 @@
+"""What a twin of a rig moves: the suit where one is worn, a plant of the user's own, or the bench round its cable."""
+
+from bowden.hardware.twin.bench import TwinBench
+from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.suit import TwinSuit
+from bowden.hardware.twin.user import TwinUser
+from bowden.plants.user_plant import UserPlant
+from bowden.rig.rig import Rig
+
+
+def twin_plant_of(rig: Rig, now: float) -> TwinPlant:
+    """The rig's plant in real time, at rest where a run begins.
+
+    Args:
+        rig: any.
+        now: what the time is [s].
+
+    Raises:
+        ParameterError: a plant that cannot be.
+    """
+    rest = (rig.bend_path, rig.duration, rig.seed, rig.start_motor, now)
+    if rig.worn is not None:
+        return TwinSuit(rig.worn, *rest)
+    plant = rig.cabled
+    return TwinUser(plant, *rest) if isinstance(plant, UserPlant) else TwinBench(plant, *rest)

@@ -1,0 +1,13 @@
+"""Write what the documentation has from the code: `make docs`."""
+
+from pathlib import Path
+
+import rig_page
+import safety_page
+import study_page
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+if __name__ == "__main__":
+    for page in (rig_page, safety_page, study_page):
+        page.write_docs(DOCS)

@@ -1,0 +1,82 @@
+"""The reference page of rig.toml and its JSON schema, made from what the values in Python declare."""
+
+import json
+from pathlib import Path
+
+from bowden.control import LAWS, Law
+from bowden.control.knowledge import Knowledge
+from bowden.core.files import write_text
+from bowden.core.quantity import meanings
+from bowden.rig.page import gains_of, keys_of, sections, sentence
+from bowden.rig.sections import RigFile
+
+_GAINS = (
+    "What `[control.gains]` may hold, with the law's own values.",
+    "",
+    "- What the rig gives a law comes first (the column *from the rig*), then the preset, then `[control.gains]`. What",
+    "  a preset leaves as the law's own comes from the rig. Every command that runs a law goes by this.",
+    "- `slope`, `width` and `doubt` come from the rig where its cable was identified (`cable.model`);",
+    "  `cable.…` always.",
+    "- The uncompensated law takes only the motor angle at which the joint is at zero: encoders that are not zeroed",
+    "  together are no backlash. Its slope stays 1, as in the paper; set it where the joint is geared.",
+    "- A cable whose slope is negative is counted the other way round, so these slopes are positive.",
+    "- The observer's preset `paper` is that of Table 1: it knows the default bench's cable less well than it is.",
+)
+
+
+def markdown() -> str:
+    """The reference page ``docs/rig.md``."""
+    lines = [
+        "# rig.toml",
+        "",
+        "Written by `bowden init`, read by every command that takes a rig. This page is made from what the values in",
+        "Python declare, by `make docs`; the schema for machines is [rig.schema.json](json/rig.schema.json). A key",
+        "that is left out has its default, and files are found from the folder of rig.toml. Angles are in degrees",
+        "here, gains in SI units and radians; in Python (`bowden.rig.rig.Rig`) everything is in SI and radians.",
+        "",
+    ]
+    for title, variants in sections():
+        lines += [f"## [{title}]", ""]
+        for section in variants:
+            lines += [f'### kind = "{section.model_fields["kind"].default}"', ""] if len(variants) > 1 else []
+            lines += [sentence(section), "", "| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
+            lines += [
+                f"| `{key.name}` | {key.default} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
+                for key in keys_of(section)
+            ]
+            lines.append("")
+    lines += ["## Gains of the laws", "", *_GAINS, "", "| what a rig knows | meaning |", "|---|---|"]
+    lines += [f"| `{name}` | {meaning} |" for name, meaning in meanings(Knowledge).items()]
+    lines.append("")
+    for law in LAWS.values():
+        lines += [f"### {law.name}", "", f"Presets: {', '.join(law.presets) or 'none'}. Source: {law.source}.", ""]
+        lines += ["| gain | default | from the rig | meaning |", "|---|---|---|---|"]
+        lines += [
+            f"| `{name}` | {value:g} | {_from_rig(law, name)} | {meaning} |" for name, value, meaning in gains_of(law)
+        ]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def json_schema() -> str:
+    """``docs/json/rig.schema.json``."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RigFile.model_json_schema()
+    return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
+
+
+def write_docs(docs: Path) -> None:
+    """Write the page and the schema where they belong.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    for path, text in ((docs / "rig.md", markdown()), (docs / "json" / "rig.schema.json", json_schema())):
+        write_text(path, text)
+
+
+def _from_rig(law: Law, gain: str) -> str:
+    """What of the rig a gain takes, as `bowden.control.knowledge.Knowledge` has it; of a function its first line."""
+    what = law.from_rig.get(gain)
+    if callable(what):
+        return " ".join((what.__doc__ or what.__name__).split(".")[0].split())
+    return "" if what is None else f"`{what}`"
