@@ -27,7 +27,7 @@ import numpy as np
 
 from bowden.core.kernel_content import content_of_class
 
-_WHOLE = {"d": ctypes.c_double, "q": ctypes.c_int64, "b": ctypes.c_bool, "p": ctypes.c_void_p}
+_WHOLE: dict[str, Any] = {"d": ctypes.c_double, "q": ctypes.c_int64, "b": ctypes.c_bool, "p": ctypes.c_void_p}
 """How a number is handed over: a real one, a whole one, a truth value, an address."""
 
 _GIVEN_BACK = {"float64": "d", "int64": "q", "none": ""}
@@ -203,16 +203,15 @@ def _llvm() -> tuple[Any, Any]:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     if llvm.address_of_symbol(_NEVER_CALLED) is None:
-        llvm.add_symbol(_NEVER_CALLED, ctypes.cast(_no_owner, ctypes.c_void_p).value)
+        llvm.add_symbol(_NEVER_CALLED, ctypes.cast(_NO_OWNER, ctypes.c_void_p).value)
     target = llvm.Target.from_default_triple()
     relocations = "static" if target.name.startswith("x86") else "pic" if target.name.startswith("ppc") else "default"
     machine = target.create_target_machine(opt=3, reloc=relocations, codemodel="jitdefault", jit=True)
     return llvm, llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
 
 
-@ctypes.CFUNCTYPE(None, ctypes.c_void_p)
-def _no_owner(_owner: Any) -> None:
-    """In the place of `_NEVER_CALLED` where Numba is not there."""
+_NO_OWNER = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(lambda owner: None)
+"""In the place of `_NEVER_CALLED` where Numba is not there."""
 
 
 @cache

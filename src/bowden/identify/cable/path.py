@@ -78,10 +78,10 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
     together = min(together, max(1, len(motor) // nodes))
     bounds = np.array([0, *turns.at, len(motor)])
     size = len(motor) // together + 2 * len(bounds)
-    room = np.empty((4, size)), np.empty(size, np.int64)
-    count = program(gather)(time, motor, joint, bounds, turns.angle, together, *room)
-    parts = *(row[:count].copy() for row in room[0]), room[1][:count].copy()
-    return Path(*parts, turns.angle, turns.start_error, turns.common_error)
+    nodes_of, stroke = np.empty((4, size)), np.empty(size, np.int64)
+    count = program(gather)(time, motor, joint, bounds, turns.angle, together, nodes_of, stroke)
+    m, j, w, t = (np.array(row[:count]) for row in nodes_of)
+    return Path(m, j, w, t, stroke[:count].copy(), turns.angle, turns.start_error, turns.common_error)
 
 
 @kernel
