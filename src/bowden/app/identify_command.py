@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowden.app.beside import beside
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.core.files import output_folder, whole_files
 
@@ -112,3 +113,18 @@ def _print_table(fit: "Fit") -> None:
     print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
     for warning in fit.warnings:
         print(f"- {warning}")
+
+
+COMMANDS = (
+    Command(
+        "identify",
+        identify,
+        "Identify a cable from a log of its motion.",
+        (
+            "bowden identify log.csv",
+            "bowden identify log.csv.gz --out out/cable",
+            "bowden identify log.csv --json",
+        ),
+        place=20,
+    ),
+)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
 from bowden.core.files import output_folder
@@ -93,3 +94,18 @@ def _print_table(standings: list["Standing"]) -> None:
         shown = ("–" if value is None else f"{value:.3g}" for value in values)
         table.add_row(one.law, f"{100.0 * one.won:.0f} %", *shown, str(one.unstable), str(one.cells))
     Console(width=None if sys.stdout.isatty() else 100).print(table)
+
+
+COMMANDS = (
+    Command(
+        "league",
+        league,
+        "Compare control laws on plants that nobody tuned them for.",
+        (
+            "bowden league",
+            "bowden league --laws adaptive --laws bowden --plants bench --plants play",
+            "bowden league --law my_law.py:MINE --scenarios periodic,fast --json",
+        ),
+        place=90,
+    ),
+)

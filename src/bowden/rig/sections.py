@@ -199,7 +199,7 @@ def _drive_section(given: Any, default: Any) -> Any:
     try:
         return drive_part(named).section.model_validate(given)
     except ParameterError as error:
-        raise PydanticCustomError("drive_family", "{what}", {"what": str(error)}) from error
+        raise PydanticCustomError("drive_family", "there is no such family", {"family": named}) from error
 
 
 def _one_of(kinds: Mapping[str, type[Section]]) -> Any:
