@@ -56,6 +56,9 @@ def league(
             progress=progress,
             begin=lambda: output_folder(out),
         )
+    if not json:
+        _print_table(found.standings)  # drawing takes a while
+    with progress_bar(quiet=json) as progress:
         progress("drawing the page", 1.0)
         page = league_page(found.played, found.standings, found.scenarios, rig=found.rig, interrupted=found.interrupted)
         with whole_files(out) as folder:
@@ -65,7 +68,6 @@ def league(
     if json:
         print_json({"rig": found.rig, "cells": [asdict(cell) for cell in found.cells], "seconds": seconds()})
     else:
-        _print_table(found.standings)
         print(f"\nPage: {out / 'league.html'}  ({seconds():.1f} s)")
     if found.interrupted:
         raise InterruptedPartway(f"{len(found.cells)} cells played and written to {out}")

@@ -13,9 +13,8 @@ from types import FunctionType
 from typing import Any, TypeVar
 
 from bowden.core.errors import ParameterError, near
-from bowden.core.kernel_cache import keep
+from bowden.core.kernel_cache import Program, keep
 from bowden.core.kernel_content import (
-    Content,
     Parts,
     circle,
     content_of,
@@ -29,7 +28,20 @@ from bowden.core.kernel_content import (
 )
 from bowden.core.primitives import PRIMITIVES, cos, exp, log, power, sel, sin, tanh, twin_of
 
-__all__ = ["compiled", "cos", "exp", "kernel", "log", "power", "sel", "sin", "specialise", "stand_in", "tanh"]
+__all__ = [
+    "compiled",
+    "cos",
+    "exp",
+    "kernel",
+    "log",
+    "power",
+    "program",
+    "sel",
+    "sin",
+    "specialise",
+    "stand_in",
+    "tanh",
+]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -124,6 +136,30 @@ def reached(
     return {name: part for name, part in replacements.items() if name in there}
 
 
+def program(template: Callable[..., Any], name: str = "", **replacements: Callable[..., Any]) -> Callable[..., Any]:
+    """As `specialise`, or `compiled` without replacements, for what is called a few times and takes long.
+
+    Where it is kept on disk it is called without Numba, whose import takes longer than most such calls
+    (`bowden.core.native_code`). A call costs some microseconds more for every number in its arguments.
+    """
+    assert isinstance(template, FunctionType)
+    parts = tuple(sorted(replacements.items()))
+    return _program(template, f"{template.__qualname__}_{name}" if name else template.__qualname__, parts)
+
+
+@cache
+def _program(function: FunctionType, name: str, parts: Parts) -> Callable[..., Any]:
+    content = content_of(function, parts)
+    if content is None or _COMPILING is None:
+        return _compile(function, name, parts, within=False)
+    return Program(
+        name,
+        f"{_COMPILING} {content}",
+        bare=lambda: _dispatcher(function, name, parts, within=True),
+        whole=lambda: _compile(function, name, parts, within=False),
+    )
+
+
 @cache
 def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -> Callable[..., Any]:
     """The Numba twin of a kernel in which global names stand for `parts`.
@@ -131,19 +167,25 @@ def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -
     One that is called `within` compiled code alone goes without what a call from Python needs: to take nested tuples
     apart and to put them together again is half of what there is to compile.
     """
-    twin, content = _twin(function, name, parts)
-    options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
-    if within:
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    dispatcher: Callable[..., Any] = _numba().njit(**options)(twin)
+    dispatcher = _dispatcher(function, name, parts, within=within)
+    content = content_of(function, parts)
     if content is not None and _COMPILING is not None:
         keep(dispatcher, f"{_COMPILING} {content} {within}")
     return dispatcher
 
 
+def _dispatcher(function: FunctionType, name: str, parts: Parts, *, within: bool) -> Callable[..., Any]:
+    """`_compile`, of which nothing is kept but what it calls."""
+    options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
+    if within:
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher: Callable[..., Any] = _numba().njit(**options)(_twin(function, name, parts))
+    return dispatcher
+
+
 @cache
-def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType, Content]:
-    """A kernel that calls the twins of what it calls, named after its content, and that content.
+def _twin(function: FunctionType, name: str, parts: Parts) -> FunctionType:
+    """A kernel that calls the twins of what it calls, named after its content.
 
     What differs has another name, in this process and in those that the cache's code came from.
     """
@@ -165,7 +207,7 @@ def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType
             namespace[key] = _primitive(value, within=True)
     twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
     twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__
-    return twin, content
+    return twin
 
 
 @cache
@@ -189,7 +231,13 @@ def _numba() -> Any:
     return numba
 
 
-_COMPILING = content_of_files(__name__, "bowden.core.primitives", "bowden.core.nested", "bowden.core.kernel_cache")
+_COMPILING = content_of_files(
+    __name__,
+    "bowden.core.primitives",
+    "bowden.core.nested",
+    "bowden.core.kernel_cache",
+    "bowden.core.native_code",
+)
 """Of what decides how a kernel is compiled, whatever it is."""
 
 

@@ -72,6 +72,15 @@ def content_of_types(kinds: Iterable[Any]) -> Content:
         return None
 
 
+@cache
+def content_of_class(made: type) -> Content:
+    """The content of a class of tuples: its name, and its fields with their defaults."""
+    try:
+        return _type(made)
+    except _UnknownError:
+        return None
+
+
 def content_of_files(*modules: str) -> Content:
     """The content of the files of modules that decide how anything is compiled."""
     files = [getattr(sys.modules.get(module), "__file__", None) for module in modules]
