@@ -116,6 +116,11 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
         ParameterError: a name that no stand-in has which the template reaches.
     """
     assert isinstance(template, FunctionType)
+    return _compile(template, f"{template.__qualname__}_{name}", _known(template, replacements), within=False)
+
+
+def _known(template: FunctionType, replacements: Mapping[str, Callable[..., Any]]) -> Parts:
+    """The replacements in order, each of which the template reaches."""
     parts = tuple(sorted(replacements.items()))
     there = stand_ins(template, parts)
     for part, _ in parts:
@@ -125,7 +130,7 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
                 expected=near(part, sorted(there)),
                 do="correct the name, or leave it out",
             )
-    return _compile(template, f"{template.__qualname__}_{name}", parts, within=False)
+    return parts
 
 
 def reached(
@@ -143,8 +148,8 @@ def program(template: Callable[..., Any], name: str = "", **replacements: Callab
     (`bowden.core.native_code`). A call costs some microseconds more for every number in its arguments.
     """
     assert isinstance(template, FunctionType)
-    parts = tuple(sorted(replacements.items()))
-    return _program(template, f"{template.__qualname__}_{name}" if name else template.__qualname__, parts)
+    whole = f"{template.__qualname__}_{name}" if name else template.__qualname__
+    return _program(template, whole, _known(template, replacements))
 
 
 @cache

@@ -185,7 +185,7 @@ class TwinBench:
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
         self._substep = self._plant.servo.substep.dt
-        self._move = specialise(move, dynamics.name, **dynamics.parts)
+        self._move = specialise(move, dynamics.name, **reached(move, dynamics.parts))
         edges = np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
         self._bends = np.asarray(bend(edges), dtype=np.float64)
         self._coast = math.exp(-self._substep / physics.coasting)
