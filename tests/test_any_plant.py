@@ -116,11 +116,13 @@ def test_a_plant_is_behind_the_twin(kind: str) -> None:
     rig = short(kind)
     twin = twin_plant_of(rig, 0.0)
     start = twin.motor
-    twin.doing, twin.command = FOLLOW, start + 0.3
+    twin.doing, twin.command = FOLLOW, start + 0.8
     for k in range(1, 1001):
         twin.advance(k * 1e-3)
     joint, motor = twin.read_encoders()
-    assert motor == pytest.approx(start + 0.3, abs=0.05)
+    assert motor == pytest.approx(start + 0.8, abs=0.4 if kind == "suit" else 0.05), (
+        "friction holds a suit's motor back"
+    )
     assert joint > rig.begin + 0.05
 
 

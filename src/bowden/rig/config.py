@@ -29,6 +29,7 @@ from bowden.rig.sections import (
     BEND_KINDS,
     BENDS,
     DEFAULT_FAMILY,
+    MODEL_FILE,
     PARTS,
     REFERENCE_KINDS,
     REFERENCES,
@@ -132,7 +133,7 @@ def _value(name: str, section: Section) -> Any:
 def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
     if section.model is None:
         return value_of(BoucWen, section.model_dump())
-    if isinstance(before, IdentifiedCable) and before.file == section.model:
+    if isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model:
         return before
     with asked_for_by(f"{path}: cable.model"):
         return load_cable(path.parent / section.model, section.model)

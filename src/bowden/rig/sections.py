@@ -92,7 +92,9 @@ def _part(name: str, text: str, default: Any, tag: str = "") -> Part:
 
 WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do not know it", gt=0.0, le=100.0)
 GAINS = Quantity("gains of that law that differ from its own, in SI units and radians")
-_MODEL = Quantity("file of an identified cable, in place of all keys below", example="model.toml")
+MODEL_FILE = "model.toml"
+"""Name of the file of an identified cable that came from none."""
+_MODEL = Quantity("file of an identified cable, in place of all keys below", example=MODEL_FILE)
 _PLANT = Quantity(
     'your own plant as "file.py:NAME", found from this file, in place of all other keys here', example="my_plant.py"
 )

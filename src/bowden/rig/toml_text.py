@@ -16,7 +16,7 @@ from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.given_law import LawFile, packable
 from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.recorded import RecordedMotion
-from bowden.rig.sections import BENDS, PARTS, REFERENCES, Clock, RigFile, Scenario
+from bowden.rig.sections import BENDS, MODEL_FILE, PARTS, REFERENCES, Clock, RigFile, Scenario
 
 _TITLES = {"joint_encoder": ("encoder", "joint"), "motor_encoder": ("encoder", "motor")}
 
@@ -45,7 +45,7 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
         plant = as_file(values["plant"])
         found["cable"] = {"plant": plant.name} | _parameters(plant)
     elif isinstance(cable, IdentifiedCable):
-        found["cable"] = {"model": cable.file or "model.toml"}
+        found["cable"] = {"model": cable.file or MODEL_FILE}
     else:
         found["cable"] = section_tree(cable) | {"width": values["width"]}
     found["control"] = _control(values)
