@@ -174,9 +174,8 @@ def test_gains_come_from_the_rig_the_preset_and_the_cable_in_that_order(tmp_path
     ],
 )
 def test_laws_presets_and_gains_that_are_not_there(tmp_path: Path, law: str, text: str, said: str) -> None:
-    setup = Rig.read(rig(tmp_path, text))
     with pytest.raises(ParameterError) as caught:
-        setup.fitted(law)
+        Rig.read(rig(tmp_path, text)).fitted(law)
     assert said in str(caught.value)
     assert caught.value.do
 

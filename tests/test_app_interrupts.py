@@ -30,7 +30,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, seconds: float) -> float:
         time.sleep(seconds)
         return 0
 
-    monkeypatch.setattr(main, "app", command)
+    monkeypatch.setattr(main, "application", lambda first_word: command)
     hook, begin = sys.unraisablehook, time.monotonic()
     assert main.run([]) == 130
     assert sys.unraisablehook is hook
@@ -53,7 +53,7 @@ def test_what_fails_by_one_that_was_ignored_is_an_interruption(
         ignored()
         raise RuntimeError("no compiled object yet")
 
-    monkeypatch.setattr(main, "app", command)
+    monkeypatch.setattr(main, "application", lambda first_word: command)
     assert main.run([]) == 130
     assert capsys.readouterr().err == "bowden: interrupted\n"
 
@@ -68,7 +68,7 @@ def test_one_that_comes_while_llvm_works_waits_until_it_is_done(monkeypatch: pyt
         time.sleep(60.0)
         return 0
 
-    monkeypatch.setattr(main, "app", command)
+    monkeypatch.setattr(main, "application", lambda first_word: command)
     assert main.run([]) == 130
     assert done == ["compiled"]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -82,7 +82,7 @@ def test_other_things_that_are_ignored_are_told_as_ever(monkeypatch: pytest.Monk
         callback(lambda: 1 // 0)()
         return 0
 
-    monkeypatch.setattr(main, "app", command)
+    monkeypatch.setattr(main, "application", lambda first_word: command)
     assert main.run([]) == 0
     assert told == [ZeroDivisionError]
 

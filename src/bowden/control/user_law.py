@@ -134,7 +134,10 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
     from_rig = names.get(
         "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
     )
-    return Law(path.stem, gains, names["start"], names["step"], source=str(path), from_rig=from_rig)
+    try:
+        return Law(path.stem, gains, names["start"], names["step"], source=str(path), from_rig=from_rig)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error.what}", expected=error.expected, do=error.do) from error
 
 
 def check_law(law: Law, path: Path | None = None) -> None:
