@@ -78,6 +78,10 @@ class _Kept:
         return cache_folder() / f"{self._name}-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.kernel"
 
 
+_NOT_BARE = b"only with Numba"
+"""What is kept of a kernel that cannot be called without Numba, so that no other process tries again."""
+
+
 class Program:
     """A compiled kernel that is called from Python a few times; without Numba where it can be (`native_code`).
 
@@ -100,7 +104,12 @@ class Program:
             return self._whole()(*arguments)
         kinds, letters, numbers = given
         if kinds not in self._known:
-            self._known[kinds] = self._kept(kinds) or self._compiled(kinds, letters, arguments)
+            path = self._path(kinds)
+            kept = path.read_bytes() if path.is_file() else b""
+            function = (
+                None if kept == _NOT_BARE else native_code.loaded(kept) or self._compiled(kinds, letters, arguments)
+            )
+            self._known[kinds] = function
         function = self._known[kinds]
         return function(numbers) if function else self._whole()(*arguments)
 
@@ -108,19 +117,13 @@ class Program:
         whole = f"{self._content} {kinds} {native_code.circumstances()}"
         return cache_folder() / f"{self._name}-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.program"
 
-    def _kept(self, kinds: str) -> Callable[[list[Any]], Any] | None:
-        path = self._path(kinds)
-        return native_code.loaded(path.read_bytes()) if path.is_file() else None
-
     def _compiled(self, kinds: str, letters: str, arguments: tuple[Any, ...]) -> Callable[[list[Any]], Any] | None:
         dispatcher = self._bare()
         types = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
         dispatcher.compile(types)
         form = native_code.kept_form(dispatcher.overloads[types], letters)
-        if form is None:
-            return None
-        _write(self._path(kinds), form)
-        return native_code.loaded(form)
+        _write(self._path(kinds), form or _NOT_BARE)
+        return native_code.loaded(form) if form else None
 
 
 def _write(path: Path, content: bytes) -> None:
