@@ -13,6 +13,7 @@ from typing import Any
 
 import jsonschema
 import numpy as np
+import pytest
 
 from bowden.app.main import run
 from bowden.hardware.realtime import Settings
@@ -22,26 +23,57 @@ from bowden.safety.faults import Fault
 ROOT = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]
 
-_TRIES, _WAITING, _LATE_ONCE, _LATE_IN_ALL = 6, 60.0, 5e-3, 10e-3
+SHARED = "reading_age = 10.0\nlateness_s = 0.9\nheartbeat_age_s = 1.0\n"
+"""Of [limits]: a computer shared with others stalls for longer than a rig's may."""
+
+
+def on_a_shared_computer(text: str) -> str:
+    """A rig.toml with `SHARED` in its limits."""
+    for line in SHARED.splitlines():
+        key = line.split()[0]
+        text, found = re.subn(rf"(?m)^{key} = .*$", line, text)
+        if not found:
+            text = re.sub(r"(?m)^(\[limits\].*)$", rf"\1\n{line}", text, count=1)
+    return text
+
+
+_TRIES, _WAITING, _LATE_ONCE, _LATE_IN_ALL = 6, 20.0, 5e-3, 10e-3
+_FEWER_TRIES, _LESS_WAITING = 2, 2.0
+_stalled: list[float] = []
+"""Latest waking of the bare loop beside each test that was given up for it [s]."""
 
 
 def tries() -> Iterator[int]:
     """Numbers of the tries at a run; the test leaves the loop when one came through.
 
     A machine that is busy with other things stops a run by right. Each try but the first therefore waits until a bare
-    loop, which does nothing, is woken in time, or for a minute.
+    loop, which does nothing, is woken in time, or for a while. Where that loop was late each time, no run can come
+    through, and the test is skipped with how late it was; where it was in time once, it is the run that fails.
     """
-    yield 0
-    for number in range(1, _TRIES):
-        deadline = time.monotonic() + _WAITING
-        while _busy() and time.monotonic() < deadline:
-            pass
+    tries, waiting = (_FEWER_TRIES, _LESS_WAITING) if _stalled else (_TRIES, _WAITING)
+    worst = 0.0
+    held = False
+    for number in range(tries):
         yield number
+        deadline = time.monotonic() + waiting
+        while True:
+            latest, busy = _bare_loop()
+            worst = max(worst, latest)
+            held = held or not busy
+            if not busy or time.monotonic() > deadline:
+                break
+    if not held:
+        _stalled.append(worst)
+        pytest.skip(
+            f"this computer stalls: a bare loop at 1 kHz was never in time, and up to {worst * 1e3:.1f} ms late"
+        )
 
 
-def _busy() -> bool:
+def _bare_loop() -> tuple[float, bool]:
+    """How late a bare loop was at most in half a second [s], and whether that is too late for a run."""
     late, _ = bare_loop_apart(0.5, 1e-3, Settings())
-    return float(late.max()) > _LATE_ONCE or float(np.sum(late[late > 0.5e-3])) > _LATE_IN_ALL
+    latest = float(late.max())
+    return latest, latest > _LATE_ONCE or float(np.sum(late[late > 0.5e-3])) > _LATE_IN_ALL
 
 
 def pushed_rig() -> str:

@@ -20,7 +20,7 @@ from bowden.hardware.emg.lsl_library import library
 from bowden.hardware.emg.lsl_outlet import LslOutlet, replay
 from bowden.hardware.emg.trigno_server import TrignoServer
 from bowden.live.mcap_read import read
-from live_runs import assert_replays, finished, finished_well, started, tries
+from live_runs import SHARED, assert_replays, finished, finished_well, on_a_shared_computer, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
@@ -49,7 +49,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def bench(folder: Path, keys: str = "") -> Path:
     path = folder / "rig.toml"
-    path.write_text(f"[limits]\nreading_age = 10.0\n[emg]\nhigh_deg = 60.0\nduration_s = 1.0\n{keys}\n")
+    path.write_text(f"[limits]\n{SHARED}[emg]\nhigh_deg = 60.0\nduration_s = 1.0\n{keys}\n")
     return path
 
 
@@ -57,7 +57,9 @@ def suit(folder: Path, keys: str, worn: str = "") -> Path:
     """The rig of ``bowden init --suit``, with more keys in [emg] and in [suit]."""
     path = folder / "suit.toml"
     assert run(["init", str(path), "--suit"]) == 0
-    path.write_text(f"{path.read_text()}\n{keys}\n".replace("worn = true", f"worn = true\n{worn}", 1))
+    path.write_text(
+        f"{on_a_shared_computer(path.read_text())}\n{keys}\n".replace("worn = true", f"worn = true\n{worn}", 1)
+    )
     return path
 
 

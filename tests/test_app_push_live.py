@@ -12,7 +12,7 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
-from live_runs import assert_replays, finished, finished_well, pushed_rig, started, tries
+from live_runs import assert_replays, finished, finished_well, on_a_shared_computer, pushed_rig, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 @pytest.fixture
 def rig(tmp_path: Path) -> Path:
     path = tmp_path / "pushed.toml"
-    path.write_text(pushed_rig(), encoding="utf-8")
+    path.write_text(on_a_shared_computer(pushed_rig()), encoding="utf-8")
     return path
 
 

@@ -24,11 +24,12 @@ from bowden.live.twin_process import RunningTwin, running_twin
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.sim.run import simulate
-from live_runs import assert_replays, finished, started, tries
+from live_runs import SHARED, assert_replays, finished, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
-RIG = """
+RIG = (
+    """
 [reference]
 kind = 'periodic_minimum_jerk'
 low_deg = 0.0
@@ -37,8 +38,9 @@ period_s = 4.0
 [scenario]
 duration_s = 4.0
 [limits]
-reading_age = 10.0  # a computer shared with others stalls for longer than a rig's may
 """
+    + SHARED
+)
 SAME_END = (signal.SIGINT, signal.SIGHUP)
 """These end a run as SIGTERM does, with which another test ends one."""
 

@@ -11,11 +11,12 @@ from bowden.app.main import run
 from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import read
 from bowden.live.twin_process import running_twin
-from live_runs import COMMAND, started, tries
+from live_runs import COMMAND, SHARED, started, tries
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("state")]
 
-RIG = """
+RIG = (
+    """
 [reference]
 kind = 'periodic_minimum_jerk'
 low_deg = 0.0
@@ -28,8 +29,9 @@ kind = 'scripted'
 times_s = [0.0, 4.0]
 bends_deg = [180.0, 200.0]
 [limits]
-reading_age = 10.0  # a computer shared with others stalls for longer than a rig's may
 """
+    + SHARED
+)
 
 
 @pytest.mark.parametrize(

@@ -245,7 +245,9 @@ def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None
     rig = bowden.Rig(
         reference=bowden.MinimumJerk.periodic(0.0, 0.8, 4.0),
         duration=4.0,
-        limits=bowden.Rig().limits._replace(reading_age=10.0),  # a computer shared with others stalls
+        limits=bowden.Rig().limits._replace(
+            reading_age=10.0, lateness=0.9, heartbeat_age=1.0
+        ),  # a computer shared with others stalls
     )
     for _ in tries():  # a computer shared with others stalls, and the supervisor ends the run
         with warnings.catch_warnings(record=True) as said, bowden.run(rig, twin=True, out=tmp_path) as session:

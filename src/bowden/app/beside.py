@@ -30,25 +30,25 @@ def beside(prepare: Callable[[], None], work: Callable[[Any], Any]) -> Iterator[
         _answer(prepare, work, asked, answering)
     os.close(asked)
     os.close(answering)
-    with open(asking, "wb") as question, open(answered, "rb") as answer:
+    with open(asking, "wb", buffering=0) as question, open(answered, "rb") as answer:
 
         def ask(value: Any) -> Any:
             try:
-                pickle.dump(value, question)
+                whole = memoryview(pickle.dumps(value))
+                while whole:
+                    whole = whole[question.write(whole) :]
                 question.close()
                 done, found = pickle.load(answer)
-            except (OSError, EOFError):  # it was killed
-                return work(value)
-            if not done:
-                raise found
-            return found
+            except (OSError, EOFError, pickle.UnpicklingError):  # it was killed
+                done, found = False, None
+            return found if done else work(value)  # which raises what the other one has raised
 
         try:
             yield ask
         finally:
-            with contextlib.suppress(ProcessLookupError):
+            with contextlib.suppress(ProcessLookupError, ChildProcessError):
                 os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
+                os.waitpid(child, 0)
 
 
 def _answer(prepare: Callable[[], None], work: Callable[[Any], Any], asked: int, answering: int) -> None:
@@ -59,8 +59,8 @@ def _answer(prepare: Callable[[], None], work: Callable[[Any], Any], asked: int,
             try:
                 prepare()
                 found = True, work(pickle.load(question))
-            except Exception as error:
-                found = False, error
+            except Exception:  # the parent does the work again, and raises it with its traceback
+                found = False, None
             pickle.dump(found, answer)
     finally:
         os._exit(0)  # without what the parent will do at its end

@@ -104,14 +104,20 @@ class Program:
             return self._whole()(*arguments)
         kinds, letters, numbers = given
         if kinds not in self._known:
-            path = self._path(kinds)
-            kept = path.read_bytes() if path.is_file() else b""
-            function = (
-                None if kept == _NOT_BARE else native_code.loaded(kept) or self._compiled(kinds, letters, arguments)
-            )
-            self._known[kinds] = function
+            self._known[kinds] = self._found(kinds, letters, arguments)
         function = self._known[kinds]
         return function(numbers) if function else self._whole()(*arguments)
+
+    def _found(self, kinds: str, letters: str, arguments: tuple[Any, ...]) -> Callable[[list[Any]], Any] | None:
+        """The function for such arguments, from the disk or compiled; None where only Numba can call it."""
+        try:
+            kept = self._path(kinds).read_bytes()
+            if kept == _NOT_BARE:
+                return None
+            function = native_code.loaded(kept)
+        except Exception:  # it is not there, or whatever an unreadable or foreign file may raise: it is compiled anew
+            function = None
+        return function or self._compiled(kinds, letters, arguments)
 
     def _path(self, kinds: str) -> Path:
         whole = f"{self._content} {kinds} {native_code.circumstances()}"
@@ -119,6 +125,8 @@ class Program:
 
     def _compiled(self, kinds: str, letters: str, arguments: tuple[Any, ...]) -> Callable[[list[Any]], Any] | None:
         dispatcher = self._bare()
+        if len(arguments) != dispatcher.py_func.__code__.co_argcount:
+            return None  # Numba knows defaults
         types = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
         dispatcher.compile(types)
         form = native_code.kept_form(dispatcher.overloads[types], letters)

@@ -18,6 +18,7 @@ import math
 import os
 import pickle
 import re
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -158,14 +159,16 @@ def loaded(kept: bytes) -> Callable[[list[Any]], Any] | None:
         return None
     head, _, machine_code = whole.partition(b"\n")
     said = json.loads(head)
-    llvm, engine = _llvm()
-    if not all(llvm.address_of_symbol(one) for one in said["calls"]):
-        return None
-    engine.add_object_file(llvm.ObjectFileRef.from_data(machine_code))
-    engine.finalize_object()
+    with _ONE_AT_A_TIME:
+        llvm, engine = _llvm()
+        if not all(llvm.address_of_symbol(one) for one in said["calls"]):
+            return None
+        engine.add_object_file(llvm.ObjectFileRef.from_data(machine_code))
+        engine.finalize_object()
+        address = engine.get_function_address(said["name"])
     numbers_of = [_WHOLE[letter] for letter in said["letters"]]
     prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *numbers_of)
-    function = prototype(engine.get_function_address(said["name"]))
+    function = prototype(address)
     room = _WHOLE.get(said["gives"], ctypes.c_int64)
 
     def call(numbers: list[Any]) -> Any:
@@ -194,6 +197,10 @@ def _raise(address: int | None) -> None:
     function, file, line = place
     code = compile("\n" * (line - 1) + "raise error", file, "exec")
     exec(code.replace(co_name=function), {"error": error})
+
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Held by a thread that places machine code: an engine takes one at a time, and two engines would not both be kept."""
 
 
 @cache
