@@ -1,5 +1,6 @@
 """Files of a user's own: what goes wrong in them late is named with file and line; what they import belongs to them."""
 
+import json
 import shutil
 import subprocess
 import sys
@@ -12,8 +13,9 @@ import pytest
 from bowden.control import LAWS, user_law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import user_file
-from bowden.core.errors import ParameterError, StreamError
+from bowden.core.errors import OutputError, ParameterError, StreamError
 from bowden.plants import user_plant
+from bowden.rig.page import toml_text
 from bowden.rig.presets.bench import default_bench
 from bowden.rig.rig import Rig
 from bowden.rig.settings import EmgSettings
@@ -189,3 +191,42 @@ def test_a_recording_that_has_changed_is_refused_in_a_simulation_too(tmp_path: P
     path.write_text(path.read_text() + "4.000,0.5\n")
     with pytest.raises(StreamError, match=r"emg\.csv has changed since the rig was read"):
         rig.offline()
+
+
+def test_files_of_one_name_are_not_written_over_each_other(tmp_path: Path) -> None:
+    law, plant = tmp_path / "a" / "own.py", tmp_path / "b" / "own.py"
+    for path, text in ((law, LAW), (plant, PLANT)):
+        path.parent.mkdir()
+        path.write_text(text)
+    with pytest.raises(
+        ParameterError, match=r"two files of the rig have the name own\.py; expected files of different"
+    ):
+        Rig(law=str(law), plant=str(plant)).write(tmp_path / "c" / "rig.toml")
+    assert not (tmp_path / "c").exists()
+    with pytest.raises(OutputError, match=r"is a folder; give the file's name: .*rig\.toml"):
+        Rig().write(tmp_path)
+
+
+@pytest.mark.parametrize("place", ["../evil.py", "/evil.py", "evil.txt", "lab/evil.py"])
+def test_a_packed_rig_writes_no_file_elsewhere(tmp_path: Path, place: str) -> None:
+    packed = json.loads(Rig(law=str(with_modules(tmp_path / "a", 5.0))).pack())
+    packed["law"]["modules"] = {place: ["evil", packed["law"]["source"]]}
+    with pytest.raises(ParameterError, match="module 'evil' is said to stand in"):
+        Rig.unpack(packed)
+
+
+def test_a_section_of_parameters_goes_below_what_init_writes(tmp_path: Path) -> None:
+    (tmp_path / "plant.py").write_text(PLANT)
+    path, below = tmp_path / "rig.toml", "[cable.parameters]\nslope = 0.6\n"
+    path.write_text(f"{toml_text()}\n{below}")
+    with pytest.raises(ParameterError, match="parameters"):  # of no plant; and no mistake in the TOML
+        Rig.read(path)
+    before, _, cable = toml_text().partition("[cable]")
+    path.write_text(f"{before}[cable]\nplant = 'plant.py'\n\n[{cable.partition(chr(10) + '[')[2]}\n{below}")
+    assert Rig.read(path).plant.parameters["slope"] == 0.6
+
+
+def test_what_a_law_takes_of_the_rig_is_a_table(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(f"{LAW}\nFROM_RIG = 3\n")
+    with pytest.raises(ParameterError, match=r"own\.py: from_rig of law 'own' is 3"):
+        Rig(law=str(tmp_path / "own.py")).fitted()

@@ -133,6 +133,12 @@ class Law:
                 )
         if self.own is None:
             object.__setattr__(self, "own", self.gains)
+        if not isinstance(self.from_rig, Mapping):
+            raise ParameterError(
+                f"from_rig of law {self.name!r} is {said(self.from_rig)}",
+                expected="gain → what it is told of the rig",
+                do='write it as {"slope": "slope"}',
+            )
         for what, given, known in (
             ("from_rig", self.from_rig, getattr(self.gains, "_fields", self.from_rig)),
             ("feeds_back", self.feeds_back, Sample._fields),

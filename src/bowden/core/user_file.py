@@ -115,6 +115,9 @@ def source_of(path: Path, what: str) -> bytes:
         ) from error
 
 
+_WRITTEN_ELSEWHERE = "take a rig that bowden has packed"
+
+
 def written(file: Any) -> dict[str, Any]:
     """A user's file (name, path, source, modules) as JSON values; see `read`."""
     sources = {one.file: [one.name, base64.b64encode(one.source).decode()] for one in file.modules}
@@ -123,8 +126,18 @@ def written(file: Any) -> dict[str, Any]:
 
 
 def read(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Source and modules of what `written` gave."""
+    """Source and modules of what `written` gave.
+
+    Raises:
+        ParameterError: a module's file is not the one in which Python looks for a module of its name.
+    """
     modules = given.get("modules", {}).items()
+    for file, (name, _) in modules:
+        place = name.replace(".", "/")
+        if not name.replace(".", "").isidentifier() or file not in (f"{place}.py", f"{place}/__init__.py"):
+            raise ParameterError(
+                f"module {name!r} is said to stand in {file!r}", expected=f"{place}.py", do=_WRITTEN_ELSEWHERE
+            )
     found = tuple(UserModule(name, file, base64.b64decode(source)) for file, (name, source) in modules)
     return {"source": base64.b64decode(given["source"]), "modules": found}
 

@@ -98,7 +98,8 @@ def _table(title: str, section: type[Section]) -> str:
         unit = f"[{key.unit}] " if key.unit != "–" else ""
         symbol = f", {key.symbol}" if key.symbol else ""
         left = f"{key.name} = {key.example}"
-        rows.append((f"# {left}" if key.default == "none" else left, f"{unit}{key.meaning}{symbol}"))
+        away = key.default == "none" or key.example == "{}"  # a table may have a section of its own further down
+        rows.append((f"# {left}" if away else left, f"{unit}{key.meaning}{symbol}"))
     return _aligned(f"[{title}]  # {sentence(section)}", rows)
 
 

@@ -302,6 +302,8 @@ class Rig:
             OutputError: a file cannot be written, or another one of its name is there.
         """
         target = arguments.path_of(path, "Rig.write: path")
+        if target.is_dir():
+            raise OutputError(f"{target} is a folder", do=f"give the file's name: {target / 'rig.toml'}")
         tree, files = toml_text.files_of(self._fields)
         contents = {target: toml_text.written(tree).encode()} | {
             target.parent / name: text for name, text in files.items()

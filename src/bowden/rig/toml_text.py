@@ -97,35 +97,45 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
     A recording of EMG is not among them: it stays where it is.
 
     Raises:
-        ParameterError: see `tree_of`.
+        ParameterError: see `tree_of`; or two of the files have one name.
     """
-    tree, files = tree_of(values), {}
+    tree = tree_of(values)
+    files: dict[str, bytes] = {}
+
+    def add(name: str, content: bytes) -> None:
+        if files.setdefault(name, content) != content:
+            raise ParameterError(
+                f"two files of the rig have the name {name}",
+                expected="files of different names",
+                do="rename one, or hand the rig on by pack()",
+            )
+
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))
     if values["plant"] is not None:
         plant = as_file(values["plant"])
         name = Path(plant.path).name
         tree["cable"] |= {"plant": name + plant.name.rpartition(".py")[2]}
-        files[name] = plant.source
-        files |= {one.file: one.source for one in plant.modules}
+        for file, source in ((name, plant.source), *((one.file, one.source) for one in plant.modules)):
+            add(file, source)
     elif isinstance(cable, IdentifiedCable):
         tree["cable"] = {"model": Path(tree["cable"]["model"]).name}
-        files[tree["cable"]["model"]] = cable_text(cable).encode()
+        add(tree["cable"]["model"], cable_text(cable).encode())
     if isinstance(reference, RecordedMotion):
         name = f"{Path(reference.said.file).name.partition('.')[0]}.csv"
         columns = {"time_column": "time_s", "position_column": "joint_rad", "unit": "rad"}
         tree["reference"] |= {"file": name} | columns
         pairs = zip(reference.time.tolist(), reference.position.tolist(), strict=True)
-        files[name] = "\n".join(["time_s,joint_rad", *(f"{t!r},{x!r}" for t, x in pairs), ""]).encode()
+        add(name, "\n".join(["time_s,joint_rad", *(f"{t!r},{x!r}" for t, x in pairs), ""]).encode())
     if isinstance(law, Law):
         law, _ = packable(law)
     if isinstance(law, LawFile):
         name = Path(law.path).name
         tree["control"]["law"] = name + law.name.rpartition(".py")[2]
-        files[name] = law.source
-        files |= {one.file: one.source for one in law.modules}
+        for file, source in ((name, law.source), *((one.file, one.source) for one in law.modules)):
+            add(file, source)
     if emg.levels is not None:
         tree["emg"]["wearer"] = Path(emg.wearer or "wearer.toml").name
-        files[tree["emg"]["wearer"]] = wearer_file.text_of(emg.levels).encode()
+        add(tree["emg"]["wearer"], wearer_file.text_of(emg.levels).encode())
     if emg.place:
         kind, _, place = emg.place.partition(":")
         tree["emg"]["source"] = f"{kind}:{Path(place).absolute()}"
