@@ -129,11 +129,15 @@ def test_what_is_kept_is_called_and_a_torn_file_is_compiled_anew(cache: Path) ->
     ("function", "arguments"), [(longer, (np.arange(3.0),)), (pair, (1.5,)), (refuses_with, (4.0,))]
 )
 def test_what_cannot_be_called_without_numba_is_called_with_it(
-    cache: Path, function: Any, arguments: tuple[Any, ...]
+    cache: Path, monkeypatch: pytest.MonkeyPatch, function: Any, arguments: tuple[Any, ...]
 ) -> None:
     """One that asks for memory, one that gives back more than a number, one that makes its error as it runs."""
     np.testing.assert_array_equal(program(function)(*arguments), compiled(function)(*arguments))
-    assert not list(cache.glob("*.program"))
+    (kept,) = cache.glob("*.program")
+    assert native_code.loaded(kept.read_bytes()) is None
+    again = kernel_cache.Program("again", "", bare=lambda: pytest.fail("compiled"), whole=lambda: compiled(function))
+    monkeypatch.setattr(again, "_path", lambda kinds: kept)
+    np.testing.assert_array_equal(again(*arguments), compiled(function)(*arguments))
 
 
 def test_an_argument_that_only_numba_knows_goes_through_it(cache: Path) -> None:
