@@ -64,9 +64,11 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
     except Exception as error:
         if not type(error).__module__.startswith("numba."):
             where = None if path.is_relative_to(_PACKAGE) else _innermost(error)
-            if where not in (path, *_imports(path)):
+            # kept code names the file that it was compiled from, which may since stand elsewhere
+            own = {file.name: file for file in (*_imports(path), path)}
+            if where is None or where.name not in own:
                 raise  # a mistake of ours
-            raise mistake(error, Path(str(where)), what) from error
+            raise mistake(error, own[where.name], what, where) from error
         text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
         files = {file.name: file for file in (*_imports(path), path)}
         places = re.findall(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)', text)
@@ -316,9 +318,17 @@ def _imports(path: Path) -> list[Path]:
     return [file for file in found if file is not None]
 
 
-def mistake(error: BaseException, path: Path, what: str = "") -> ParameterError:
-    """An exception from the user's code as one line, with the last line of the file that it passed through."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+def mistake(error: BaseException, path: Path, what: str = "", then: Path | None = None) -> ParameterError:
+    """An exception from the user's code as one line, with the last line of the file that it passed through.
+
+    Args:
+        error: the exception.
+        path: of the file.
+        what: failed.
+        then: where the file stood when its code was compiled, if not there.
+    """
+    at = str(then or path)
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == at]
     where = f"{path}, line {lines[-1]}" if lines else str(path)
     said = ": ".join(filter(None, (what and f"{what} failed", type(error).__name__, " ".join(str(error).split()))))
     return ParameterError(f"{where}: {said}", do="correct it there")
