@@ -23,8 +23,13 @@ from bowden.safety.faults import Fault
 ROOT = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]
 
-SHARED = "reading_age = 10.0\nlateness_s = 0.9\nheartbeat_age_s = 1.0\n"
-"""Of [limits]: a computer shared with others stalls for longer than a rig's may."""
+SHARED_LIMITS = {"reading_age": 10.0, "lateness": 0.9, "heartbeat_age": 1.0}
+"""A computer shared with others stalls for longer than a rig's may."""
+SHARED = (
+    f"reading_age = {SHARED_LIMITS['reading_age']}\nlateness_s = {SHARED_LIMITS['lateness']}\n"
+    f"heartbeat_age_s = {SHARED_LIMITS['heartbeat_age']}\n"
+)
+"""The same as keys of [limits]."""
 
 
 def on_a_shared_computer(text: str) -> str:
@@ -50,10 +55,10 @@ def tries() -> Iterator[int]:
     loop, which does nothing, is woken in time, or for a while. Where that loop was late each time, no run can come
     through, and the test is skipped with how late it was; where it was in time once, it is the run that fails.
     """
-    tries, waiting = (_FEWER_TRIES, _LESS_WAITING) if _stalled else (_TRIES, _WAITING)
+    most, waiting = (_FEWER_TRIES, _LESS_WAITING) if _stalled else (_TRIES, _WAITING)
     worst = 0.0
     held = False
-    for number in range(tries):
+    for number in range(most):
         yield number
         deadline = time.monotonic() + waiting
         while True:

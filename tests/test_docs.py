@@ -15,7 +15,7 @@ import pytest
 
 import bowden
 from bowden.app.main import run
-from live_runs import tries
+from live_runs import SHARED_LIMITS, tries
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -57,8 +57,7 @@ def test_the_tasks_run_as_they_are_printed(text: str, tmp_path: Path, monkeypatc
     live = bowden.run
 
     def run(rig: bowden.Rig, **options: Any) -> Any:
-        shared = rig.limits._replace(reading_age=10.0, lateness=0.9, heartbeat_age=1.0)  # as `live_runs.SHARED`
-        return live(rig.replace(limits=shared), duration=3.0, **options)
+        return live(rig.replace(limits=rig.limits._replace(**SHARED_LIMITS)), duration=3.0, **options)
 
     monkeypatch.setattr(bowden, "run", run)
     (printed,) = re.findall(r"^    fit = bowden\.identify\(.*?(?=^\S|\Z)", text, re.DOTALL | re.MULTILINE)
