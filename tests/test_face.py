@@ -15,7 +15,7 @@ import pytest
 import bowden
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.live.log_rig import rig_of_log
-from live_runs import tries
+from live_runs import SHARED_LIMITS, tries
 
 T = np.arange(0.0, 20.0, 0.01)
 MOTOR = 0.5 * np.sin(2.0 * T)
@@ -245,9 +245,7 @@ def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None
     rig = bowden.Rig(
         reference=bowden.MinimumJerk.periodic(0.0, 0.8, 4.0),
         duration=4.0,
-        limits=bowden.Rig().limits._replace(
-            reading_age=10.0, lateness=0.9, heartbeat_age=1.0
-        ),  # a computer shared with others stalls
+        limits=bowden.Rig().limits._replace(**SHARED_LIMITS),
     )
     for _ in tries():  # a computer shared with others stalls, and the supervisor ends the run
         with warnings.catch_warnings(record=True) as said, bowden.run(rig, twin=True, out=tmp_path) as session:
