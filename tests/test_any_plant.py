@@ -66,7 +66,7 @@ def short(kind: str, duration: float = 3.0) -> Rig:
     return RIGS[kind]().replace(duration=duration)
 
 
-@pytest.mark.parametrize("kind", RIGS)
+@each(RIGS, "turned bench", "play", "own", "suit")
 def test_a_plant_is_simulated(kind: str) -> None:
     rig = short(kind)
     trace = bowden.simulate(rig, "adaptive", force=True)
@@ -75,14 +75,14 @@ def test_a_plant_is_simulated(kind: str) -> None:
     assert trace.settings["rig"] == rig.hash
 
 
-@each(CABLED, "turned bench", "play", "lumped", "own")
+@each(CABLED, "turned bench", "own")
 def test_a_plant_is_checked(kind: str) -> None:
     found = bowden.check(short(kind))
     assert found.verdict in ("holds", "little_margin", "does_not_hold")
     assert found.gain_margin_db is not None
 
 
-@each(CABLED, "turned bench", "own")
+@each(CABLED, "own")
 @pytest.mark.usefixtures("small_search")
 def test_a_plant_is_tuned_for(kind: str) -> None:
     rig = short(kind)
@@ -92,7 +92,7 @@ def test_a_plant_is_tuned_for(kind: str) -> None:
     assert found.rig.replace(gains={}).hash == rig.hash
 
 
-@each(CABLED, "play", "sliding", "own")
+@each(CABLED, "own")
 def test_a_plant_plays_in_the_league(kind: str) -> None:
     rig = RIGS[kind]()
     found = bowden.league(rig, ["uncompensated"], plants=["rig"], scenarios=["fast"])
@@ -100,7 +100,7 @@ def test_a_plant_plays_in_the_league(kind: str) -> None:
     assert (cell.plant, cell.stable, found.rig) == ("rig", True, rig.hash)
 
 
-@each(RIGS, "bench", "sliding", "own", "suit")
+@each(RIGS, "own", "suit")
 def test_a_plant_is_drawn_in_a_campaign(kind: str, tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text('runs = 2\nduration_s = 2.0\n[vary]\n"servo.damping" = { uniform = [0.8, 1.0] }\n')
@@ -111,7 +111,7 @@ def test_a_plant_is_drawn_in_a_campaign(kind: str, tmp_path: Path) -> None:
     assert found.study.rig.replace(duration=rig.duration).hash == rig.hash
 
 
-@pytest.mark.parametrize("kind", RIGS)
+@each(RIGS, "play", "own", "suit")
 def test_a_plant_is_behind_the_twin(kind: str) -> None:
     rig = short(kind)
     twin = twin_plant_of(rig, 0.0)
