@@ -47,7 +47,9 @@ TASKS = {"README.md": (ROOT / "README.md").read_text(encoding="utf-8"), "the pac
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("text", TASKS.values(), ids=TASKS.keys())
+@pytest.mark.parametrize(
+    "text", [TASKS["README.md"], pytest.param(TASKS["the package"], marks=pytest.mark.long)], ids=TASKS.keys()
+)
 def test_the_tasks_run_as_they_are_printed(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a log to a run on a twin; only that search and run are shorter than by default."""
     monkeypatch.chdir(tmp_path)
