@@ -1,6 +1,7 @@
 """Every command takes every kind of plant, or says in words of its user why it does not."""
 
 import json
+import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of
+from live_runs import SHARED_LIMITS, tries
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:the cable's slope is negative"),  # notes, which Python has as warnings
@@ -124,6 +126,22 @@ def test_a_plant_is_behind_the_twin(kind: str) -> None:
         "friction holds a suit's motor back"
     )
     assert joint > rig.begin + 0.05
+
+
+@pytest.mark.live
+@each([kind for kind in CABLED if kind != "turned bench"], "own")
+def test_a_plant_is_run_behind_its_twin(kind: str, tmp_path: Path) -> None:
+    """In the loop's own process; a joint that falls is to be turned round in [drive], and a run says so."""
+    rig = short(kind, 4.0)
+    rig = rig.replace(limits=rig.limits._replace(**SHARED_LIMITS))
+    for _ in tries():
+        with warnings.catch_warnings(record=True) as said, bowden.run(rig, twin=True, out=tmp_path) as session:
+            warnings.simplefilter("always")
+            session.complete()
+        if not said:
+            break
+    assert not said
+    assert np.nanmax(session.trace().array("joint", "deg")) > 50.0
 
 
 @each(RIGS, "turned bench", "own", "suit")
