@@ -22,6 +22,7 @@ from bowden.control.law_parts import LAG
 from bowden.core import user_file
 from bowden.core.errors import ParameterError, article
 from bowden.core.signals import Reference, Sample
+from bowden.core.user_file import UserFile
 from bowden.models.cable.bouc_wen import BoucWen
 
 _CORRECT = "correct the law there"
@@ -37,13 +38,6 @@ def is_file(name: str) -> bool:
     return user_file.split(name)[0].endswith(".py")
 
 
-def absolute(name: str, folder: Path | None = None) -> str:
-    """``FILE.py:NAME`` with the whole path of its file, as a log keeps it."""
-    file, attribute = user_file.split(name)
-    path = ((folder or Path()) / file).absolute()
-    return f"{path}:{attribute}" if attribute else str(path)
-
-
 def load(name: str, folder: Path | None = None) -> Law:
     """The law that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
 
@@ -55,9 +49,17 @@ def load(name: str, folder: Path | None = None) -> Law:
         ParameterError: no such file or name, a mistake in the file (with its line), or something that is not a law.
     """
     file, attribute = user_file.split(name)
-    path = ((folder or Path()) / file).absolute()
-    law = _find(user_file.run(path, "law"), attribute, path)
-    check_law(law, path)
+    return load_file(user_file.found(((folder or Path()) / file).absolute(), "law"), attribute)
+
+
+def load_file(file: UserFile, name: str) -> Law:
+    """The law of this name in a file that has been read; the only one there if the name is empty.
+
+    Raises:
+        ParameterError: see `load`.
+    """
+    law = _find(user_file.run(file, "law"), name, file.path)
+    check_law(law, file.path)
     return law
 
 

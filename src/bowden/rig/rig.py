@@ -727,7 +727,7 @@ def _one_file(one: Any, other: Any) -> bool:
     if not (isinstance(one, LawFile) and isinstance(other, LawFile)):
         return False
     names = [law.name.rpartition(".py")[2] for law in (one, other)]
-    return names[0] == names[1] and (one.path, one.source) == (other.path, other.source)
+    return names[0] == names[1] and (one.path, one.source, one.modules) == (other.path, other.source, other.modules)
 
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
