@@ -80,7 +80,7 @@ def loaded(given: str | LawFile) -> Law:
 
 
 def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
-    """A law of Python's as its name or file, and the gains that were chosen for it.
+    """A law of Python's as its name or file, and the gains that were chosen for it, as `Law.with_gains` takes them.
 
     Raises:
         ParameterError: a law that stands in no file.
@@ -96,12 +96,12 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
             f"the law {law.name!r} stands in no file, so that it cannot be handed to another process",
             do="write it into a file and name that: my_law.py:NAME",
         )
-    chosen = {
-        name: value
+    own = {
+        name
         for name, value in law.gains._asdict().items()
         if name in law.chosen - known.chosen or (value != getattr(known.gains, name) and name not in law.from_rig)
     }
-    return base, chosen
+    return base, {name: value for name, value in law.numbers.items() if name.partition(".")[0] in own}
 
 
 def held(law: Law) -> Law:

@@ -136,6 +136,11 @@ def loaded(given: UserPlant | PlantFile) -> UserPlant:
     return given if isinstance(given, UserPlant) else given.load()
 
 
+def said_by(plant: UserPlant) -> list[str]:
+    """The `PARTS` of which a plant says something itself."""
+    return [name for name in PARTS if getattr(plant, name) != UserPlant._field_defaults[name]]
+
+
 def agreed(plant: UserPlant, own: dict[str, Any], default: dict[str, Any]) -> dict[str, Any]:
     """The parts of a rig round a plant: what the plant says of itself, and else what the rig says.
 
@@ -148,9 +153,9 @@ def agreed(plant: UserPlant, own: dict[str, Any], default: dict[str, Any]) -> di
         ParameterError: both say something, and not the same.
     """
     found = {}
-    for name in PARTS:
+    for name in said_by(plant):
         said, mine = getattr(plant, name), own[name]
-        if said == UserPlant._field_defaults[name] or _alike(said, mine):
+        if _alike(said, mine):
             continue
         if not _alike(mine, default[name]):
             raise ParameterError(

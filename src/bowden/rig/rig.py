@@ -232,6 +232,8 @@ class Rig:
 
     def _check_whole(self) -> None:
         """Refuse parts that do not fit one another."""
+        if self.preset is not None:
+            self.loaded_law.preset(self.preset)
         if self.gains:
             with config.asked_for_by(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
                 self.loaded_law.with_gains(**self.gains)
@@ -320,11 +322,17 @@ class Rig:
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields.
 
+        With another plant of one's own goes what the old one said of servo, encoders and so on.
+
         Raises:
             ParameterError: a field that there is not, or a value that it cannot have.
         """
         for name in changes:
             _check_name(name)
+        if self.plant is not None and "plant" in changes and changes["plant"] != self.plant:
+            fields = type(self).__dataclass_fields__
+            back = {name: fields[name].default for name in given_plant.said_by(self.own_plant)}
+            changes = back | changes
         return dataclasses.replace(self, **changes)
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
