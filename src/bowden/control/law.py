@@ -228,7 +228,7 @@ class Law:
         if name not in self.presets:
             raise ParameterError(
                 f"law {self.name!r} has no preset {name!r}",
-                expected=near(name, self.presets) if self.presets else "none",
+                expected=near(str(name), self.presets) if self.presets else "none",
                 do="name another, or leave the preset out",
             )
         back = {gain: getattr(self.own, gain) for gain in self.chosen}
