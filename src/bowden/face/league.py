@@ -17,7 +17,6 @@ from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.plants.bench import Bench
 from bowden.plants.cables import as_cable_plant
-from bowden.rig import ranges
 from bowden.rig.presets.bench import moved_sheath
 from bowden.rig.rig import Rig
 from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH
@@ -147,7 +146,6 @@ def played(
         ParameterError: see `league`.
     """
     base = Rig() if rig is None else rig
-    ranges.refuse_suit(base, "the league plays on cables")
     entered = _entered(base, laws, own_laws)
     makers, notes = _plants(base, rig is not None, data)
     makers |= _own_plants(base, plants)
@@ -213,7 +211,7 @@ def _plants(rig: Rig, own: bool, data: Path | None) -> tuple[dict[str, Callable[
 
 def _plant_of(rig: Rig, name: str, what: str) -> LeaguePlant:
     """What a rig moves, as it is told of it."""
-    plant = rig.cabled
+    plant = rig.moved
     return LeaguePlant(
         name,
         what,
@@ -228,7 +226,8 @@ def _own_plants(rig: Rig, wanted: Sequence[str]) -> dict[str, Callable[[], Leagu
     found: dict[str, Callable[[], LeaguePlant]] = {}
     for name in wanted:
         if user_law.is_file(name):
-            own = rig.replace(plant=name, cable=DEFAULT_CABLE, width=DEFAULT_WIDTH)
+            bare = {"suit": rig.suit._replace(worn=False), "admittance": rig.admittance._replace(enabled=False)}
+            own = rig.replace(plant=name, cable=DEFAULT_CABLE, width=DEFAULT_WIDTH, **bare)
             plant = own.own_plant
             what = f"a plant of your own, from {plant.path.name}"
             found[name] = partial(_plant_of, own, plant.name, what)
