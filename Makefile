@@ -37,11 +37,11 @@ help:
 demo: .venv/runtime
 	$(BIN)/bowden reproduce --out out/demo
 
-# Types are judged while tests compute; what runs in real time has the machine for itself. A make that a test calls is no
-# part of this one.
+# Types are judged while tests compute; what runs in real time goes on its own, two runs side by side, which mostly wait. A
+# make that a test calls is no part of this one.
 test: lint
 	$(MAKE) --no-print-directory --jobs 2 types computed
-	$(BIN)/python -m pytest -m 'live and not long' tests
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'live and not long' tests
 
 computed: .venv/dev
 	env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not live and not long'

@@ -1,9 +1,9 @@
 """Every command takes every kind of plant, or says in words of its user why it does not."""
 
 import json
+import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
 from bowden.rig.twin_plant import twin_plant_of
+from live_runs import SHARED_LIMITS, tries
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:the cable's slope is negative"),  # notes, which Python has as warnings
@@ -65,7 +66,7 @@ def short(kind: str, duration: float = 3.0) -> Rig:
     return RIGS[kind]().replace(duration=duration)
 
 
-@pytest.mark.parametrize("kind", RIGS)
+@each(RIGS, "turned bench", "play", "own", "suit")
 def test_a_plant_is_simulated(kind: str) -> None:
     rig = short(kind)
     trace = bowden.simulate(rig, "adaptive", force=True)
@@ -74,14 +75,14 @@ def test_a_plant_is_simulated(kind: str) -> None:
     assert trace.settings["rig"] == rig.hash
 
 
-@each(RIGS, "turned bench", "play", "lumped", "own", "suit")
+@each(RIGS, "turned bench", "own", "suit")
 def test_a_plant_is_checked(kind: str) -> None:
     found = bowden.check(short(kind))
     assert found.verdict in ("holds", "little_margin", "does_not_hold")
     assert found.gain_margin_db is not None
 
 
-@each(RIGS, "turned bench", "own")
+@each(RIGS, "own")
 @pytest.mark.usefixtures("small_search")
 def test_a_plant_is_tuned_for(kind: str) -> None:
     rig = short(kind)
@@ -91,7 +92,7 @@ def test_a_plant_is_tuned_for(kind: str) -> None:
     assert found.rig.replace(gains={}).hash == rig.hash
 
 
-@each(RIGS, "play", "sliding", "own", "suit")
+@each(RIGS, "own")
 def test_a_plant_plays_in_the_league(kind: str) -> None:
     rig = RIGS[kind]()
     found = bowden.league(rig, ["uncompensated"], plants=["rig"], scenarios=["fast"])
@@ -99,7 +100,7 @@ def test_a_plant_plays_in_the_league(kind: str) -> None:
     assert (cell.plant, cell.stable, found.rig) == ("rig", True, rig.hash)
 
 
-@each(RIGS, "bench", "sliding", "own", "suit")
+@each(RIGS, "own", "suit")
 def test_a_plant_is_drawn_in_a_campaign(kind: str, tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text('runs = 2\nduration_s = 2.0\n[vary]\n"servo.damping" = { uniform = [0.8, 1.0] }\n')
@@ -110,7 +111,7 @@ def test_a_plant_is_drawn_in_a_campaign(kind: str, tmp_path: Path) -> None:
     assert found.study.rig.replace(duration=rig.duration).hash == rig.hash
 
 
-@pytest.mark.parametrize("kind", RIGS)
+@each(RIGS, "play", "own", "suit")
 def test_a_plant_is_behind_the_twin(kind: str) -> None:
     rig = short(kind)
     twin = twin_plant_of(rig, 0.0)
@@ -123,6 +124,22 @@ def test_a_plant_is_behind_the_twin(kind: str) -> None:
         "friction holds a suit's motor back"
     )
     assert joint > rig.begin + 0.05
+
+
+@pytest.mark.live
+@each([kind for kind in CABLED if kind != "turned bench"], "own")
+def test_a_plant_is_run_behind_its_twin(kind: str, tmp_path: Path) -> None:
+    """In the loop's own process; a joint that falls is to be turned round in [drive], and a run says so."""
+    rig = short(kind, 4.0)
+    rig = rig.replace(limits=rig.limits._replace(**SHARED_LIMITS))
+    for _ in tries():
+        with warnings.catch_warnings(record=True) as said, bowden.run(rig, twin=True, out=tmp_path) as session:
+            warnings.simplefilter("always")
+            session.complete()
+        if not said:
+            break
+    assert not said
+    assert np.nanmax(session.trace().array("joint", "deg")) > 50.0
 
 
 @each(RIGS, "turned bench", "own", "suit")

@@ -114,11 +114,12 @@ def test_a_killed_campaign_goes_on_where_it_was_though_a_worker_of_it_is_killed_
     assert found["rows_sha256"] == alone
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("out", "options"),
     [
         ("stopped", ["--workers", "2"]),
-        pytest.param("local", ["--cluster", "local:2"], marks=pytest.mark.long),
+        ("local", ["--cluster", "local:2"]),
     ],
 )
 def test_ctrl_c_ends_every_process_and_keeps_what_was_computed(out: str, options: list[str], folder: Path) -> None:
@@ -185,6 +186,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
         scheduler.stderr.close()
 
 
+@pytest.mark.long
 def test_a_cluster_that_loses_a_worker_gives_the_rows_of_one_process(
     folder: Path, alone: str, cluster: tuple[str, list[subprocess.Popen[str]]]
 ) -> None:

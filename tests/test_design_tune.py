@@ -76,9 +76,8 @@ def test_the_nine_runs_in_one_call_are_the_runs_alone_to_the_last_bit() -> None:
     assert given_up == tuple(np.inf if i == order[5] else value for i, value in enumerate(stopped))
 
 
-@pytest.mark.parametrize(
-    "name", [name if name == "soft" else pytest.param(name, marks=pytest.mark.long) for name in RIGS]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", RIGS)
 def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(name: str) -> None:
     bench = RIGS[name]
     found = tune(bench, ADAPTIVE, generations=2)
@@ -98,6 +97,7 @@ def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(
 
 
 @pytest.mark.usefixtures("small_search")
+@pytest.mark.long
 def test_the_result_does_not_depend_on_who_does_the_work() -> None:
     def backwards(function: Callable[[Task], Any], tasks: Iterable[Task]) -> list[Any]:
         return [function(pickle.loads(pickle.dumps(task))) for task in reversed(list(tasks))][::-1]
@@ -218,6 +218,7 @@ def test_gains_tuned_against_a_study_are_judged_by_plants_that_the_search_did_no
     assert "10 other plants, 0 unstable" in Path("rig.toml").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_law_of_ones_own_is_tuned_against_a_study(
     study: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -36,6 +36,7 @@ def blocks(path: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
+@pytest.mark.usefixtures("small_search")
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python") and page != TUTORIAL], ids=page_id)
 def test_python_on_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -46,7 +47,9 @@ TASKS = {"README.md": (ROOT / "README.md").read_text(encoding="utf-8"), "the pac
 
 
 @pytest.mark.live
-@pytest.mark.parametrize("text", TASKS.values(), ids=TASKS.keys())
+@pytest.mark.parametrize(
+    "text", [TASKS["README.md"], pytest.param(TASKS["the package"], marks=pytest.mark.long)], ids=TASKS.keys()
+)
 def test_the_tasks_run_as_they_are_printed(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a log to a run on a twin; only that search and run are shorter than by default."""
     monkeypatch.chdir(tmp_path)

@@ -112,7 +112,7 @@ def muscle(rate: float, count: int) -> Array:
     return values
 
 
-@pytest.mark.parametrize("rate", [900.0, 1925.93, 5000.0])
+@pytest.mark.parametrize("rate", [1925.93, *(pytest.param(other, marks=pytest.mark.long) for other in (900.0, 5000.0))])
 def test_exported_detector_gives_the_bits_of_python(rate: float, tmp_path: Path) -> None:
     values = muscle(rate, 40_000)
     found = run(emg_modules(rate), DETECT, values, tmp_path)

@@ -202,6 +202,7 @@ def test_a_cable_that_runs_backwards_is_turned_round_with_a_warning() -> None:
     assert trace.metrics().rmse_deg == bowden.simulate(bowden.Rig(duration=6.0), "adaptive").metrics().rmse_deg
 
 
+@pytest.mark.usefixtures("small_search")
 def test_a_check_and_a_tuning_say_what_the_commands_say() -> None:
     found = bowden.check(bowden.Rig(), "adaptive")
     assert repr(found).startswith("Check of adaptive")
@@ -209,7 +210,7 @@ def test_a_check_and_a_tuning_say_what_the_commands_say() -> None:
     assert "<svg" in found._repr_html_()
     (axes,) = found.plot()
     assert axes.get_xlabel() == "gain margin [dB]"
-    tuning = bowden.tune(bowden.Rig(gains={"error_gain": 0.03}), generations=2)
+    tuning = bowden.tune(bowden.Rig(gains={"error_gain": 0.03}), generations=1)
     assert tuning.rig.fitted().gains == tuning.law.gains
     assert tuning.phase_margin_deg is not None
     assert repr(tuning).startswith("Tuning of adaptive")

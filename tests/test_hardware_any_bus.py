@@ -1,9 +1,9 @@
 """Any bus of python-can will do: drive and twin on its `virtual` one, and every interface fails in one line."""
 
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import can
 import pytest
@@ -25,8 +25,13 @@ DRIVE = DriveParameters(interface="virtual", channel="any-bus", bitrate=500_000)
 
 
 @pytest.fixture
-def twin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Twin]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def twin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Twin]:
+    with tempfile.TemporaryDirectory() as short:  # a socket's name may have some 100 characters
+        monkeypatch.setenv("XDG_RUNTIME_DIR", short)
+        yield from running_twin()
+
+
+def running_twin() -> Iterator[Twin]:
     rig = bench()
     behind = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, time.monotonic())
     running = cia402.twin(DRIVE, behind, time.monotonic, ())

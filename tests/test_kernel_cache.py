@@ -214,7 +214,8 @@ def test_the_second_call_compiles_nothing_whatever_the_law(tmp_path: Path, laws:
     assert compiled_by(tmp_path, *commands) == []
 
 
-@SOME_OR_ALL
+@pytest.mark.long
+@pytest.mark.parametrize("laws", [["uncompensated", "adaptive"], [*LAWS]], ids=len)
 def test_a_second_league_and_campaign_compile_nothing_whatever_the_law(tmp_path: Path, laws: list[str]) -> None:
     quoted = ", ".join(f'"{law}"' for law in laws)
     study = f'laws = [{quoted}]\nruns = 4\nduration_s = 0.5\n[vary]\n"cable.slope" = {{ uniform = [0.8, 1.0] }}\n'

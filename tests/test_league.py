@@ -248,6 +248,7 @@ def test_a_real_cable_is_zeroed_at_the_lower_end_of_its_stroke(shared_data: Path
         assert one.cable.look(one.cable.prepared, memory, 0.0, 1.0, 1.0).joint == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.long
 def test_a_cable_between_two_wrist_poses(shared_data: Path) -> None:
     logs = {name: shared_data / "cable" / f"{name}.csv.gz" for name in league_identified.POSES}
     assert league_identified.names(logs) == [*logs, "wrist_poses"]

@@ -60,7 +60,7 @@ OTHERS = {
 """Plants beside the bench."""
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("name", [pytest.param("play", marks=pytest.mark.long), "own"])
 def test_faults_on_other_plants_end_without_power(name: str) -> None:
     """What a fault must come to does not depend on what is moved; when it shows does, and is the bench's to time."""
     rig = OTHERS[name]()

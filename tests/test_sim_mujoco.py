@@ -325,6 +325,7 @@ def test_a_run_without_an_elbow_has_no_video(run: Trace, tmp_path: Path) -> None
 # The command.
 
 
+@pytest.mark.long
 def test_check_says_that_all_agrees(
     run: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -64,6 +64,7 @@ def test_every_law_knows_the_rig_by_the_one_rule() -> None:
         )
 
 
+@pytest.mark.long
 def test_a_rig_that_nobody_wears_is_its_cable_plant() -> None:
     law = LAWS["uncompensated"]
     drawn = (cells.draw("development", n) for n in range(99))

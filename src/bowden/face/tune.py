@@ -54,7 +54,7 @@ def tune(
             for which there are some.
         BrokenOff: interrupted, a KeyboardInterrupt that carries the best gains so far as its ``tuning``.
 
-    >>> tuning = tune(Rig(), "adaptive", generations=2)
+    >>> tuning = tune(Rig(), "adaptive", generations=1)
     >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
     (True, 'holds')
     """
