@@ -127,7 +127,7 @@ def test_a_plant_is_behind_the_twin(kind: str) -> None:
 
 
 @pytest.mark.live
-@each([kind for kind in CABLED if kind != "turned bench"], "own")
+@each([kind for kind in RIGS if kind not in ("suit", "turned bench")], "own")
 def test_a_plant_is_run_behind_its_twin(kind: str, tmp_path: Path) -> None:
     """In the loop's own process; a joint that falls is to be turned round in [drive], and a run says so."""
     rig = short(kind, 4.0)
@@ -175,6 +175,45 @@ def test_a_study_varies_parameters_of_a_users_plant(tmp_path: Path, monkeypatch:
     with pytest.raises(
         ParameterError, match=r"unknown key 'cable\.parameters\.slop'; expected cable\.parameters\.slope"
     ):
+        bowden.campaign("study.toml")
+
+
+SIDES = {"play": PLAY | {"initial_lag": 0.0}, "bouc_wen": BOUC_WEN | {"initial_h": 0.0}}
+"""Models as a log's file has them, with where the log began."""
+
+
+@pytest.mark.parametrize(
+    ("cable", "key", "wrong"),
+    [
+        (IdentifiedCable("play", SIDES), "half_width", "half_wide"),
+        pytest.param(RIGS["lumped"]().cable, "friction", "frictoin", marks=pytest.mark.long),
+    ],
+)
+def test_a_study_varies_parameters_of_a_model(
+    cable: IdentifiedCable, key: str, wrong: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And what a rig's file changes of its model stays: in its text, its hash, and in another process."""
+    monkeypatch.chdir(tmp_path)
+    Rig(cable=cable).write("rig.toml")
+    plain, other = Rig.read("rig.toml"), "slope" if key == "half_width" else "length"
+    Path("rig.toml").write_text(Path("rig.toml").read_text() + f"\n[cable.parameters]\n{other} = 0.8\n")
+    rig = Rig.read("rig.toml")
+    assert rig.hash != plain.hash
+    assert Rig.unpack(rig.pack()).to_toml() == rig.to_toml()
+    study = 'rig = "rig.toml"\nruns = 3\nduration_s = 2.0\n[vary]\n"cable.parameters.{}" = {{ uniform = [{}, 0.1] }}\n'
+    Path("study.toml").write_text(study.format(key, 0.05))
+    found = bowden.campaign("study.toml", tmp_path / "out", workers=1)
+    drawn = found.table()[f"cable.parameters.{key}"].to_pylist()
+    assert len(set(found.table()["rmse_deg"].to_pylist())) == 3
+    run, _, _ = found.study.run(1)
+    assert isinstance(run.cable, IdentifiedCable)
+    assert isinstance(rig.cable, IdentifiedCable)
+    assert run.cable.model().parameters == {**rig.cable.model().parameters, key: drawn[1]}
+    Path("study.toml").write_text(study.format(wrong, 0.05))
+    with pytest.raises(ParameterError, match=rf"unknown key '[\w.]*{wrong}'; expected cable\.parameters\.{key}"):
+        bowden.campaign("study.toml")
+    Path("study.toml").write_text(study.format(key, -0.1))
+    with pytest.raises(ParameterError, match=key):
         bowden.campaign("study.toml")
 
 

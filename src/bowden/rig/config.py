@@ -100,12 +100,14 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
         file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
         raise explained(error, path, inner={"drive": _drive_section(tree)}) from error
-    if file.cable.parameters and file.cable.plant is None:
+    if file.cable.parameters and file.cable.plant is None and file.cable.model is None:
         raise ParameterError(
-            f"{path}: [cable] has parameters and no plant", expected="a plant of your own", do="name it, or delete them"
+            f"{path}: [cable] has parameters and neither plant nor model",
+            expected="a plant of your own, or the model of a cable",
+            do="name it, or delete them",
         )
-    for name, beside in (("model", set()), ("plant", {"parameters"})):
-        given = sorted(file.cable.model_fields_set - {name} - beside)
+    for name in ("model", "plant"):
+        given = sorted(file.cable.model_fields_set - {name, "parameters"})
         if getattr(file.cable, name) is not None and given:
             raise ParameterError(
                 f"{path}: [cable] has a {name} and its own {', '.join(given)}",
@@ -133,10 +135,14 @@ def _value(name: str, section: Section) -> Any:
 def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
     if section.model is None:
         return value_of(BoucWen, section.model_dump())
-    if isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model:
-        return before
-    with asked_for_by(f"{path}: cable.model"):
-        return load_cable(path.parent / section.model, section.model)
+    same = isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model
+    if same and before.changed.keys() <= section.parameters.keys():
+        found: IdentifiedCable = before
+    else:
+        with asked_for_by(f"{path}: cable.model"):
+            found = load_cable(path.parent / section.model, section.model)
+    with asked_for_by(f"{path}: cable.parameters"):
+        return found.with_parameters(section.parameters)
 
 
 def _plant(section: Any, path: Path, before: Any) -> PlantFile | None:

@@ -75,8 +75,6 @@ GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
 
 _LINE = "line"
-_AS_BENCH = ("bouc_wen", _LINE)
-"""Models that are simulated as the bench, with its fast step."""
 
 _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 
@@ -521,7 +519,7 @@ class Rig:
         """
         if self.plant is not None:
             return self.own_plant._replace(**{name: getattr(self.bench, name) for name in given_plant.PARTS})
-        if not isinstance(self.cable, IdentifiedCable) or self.cable.best in _AS_BENCH:
+        if not isinstance(self.cable, IdentifiedCable) or self.cable.simulated == "bouc_wen":
             return self.bench
         return plant_of_model(self.cable.best, self.cable.model().parameters, self.bench)
 
