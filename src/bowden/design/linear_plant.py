@@ -32,8 +32,8 @@ OF_A_SUIT = (
 """What the margins of a suit leave out."""
 
 
-class Place(NamedTuple):
-    """Where a plant is taken as linear."""
+class OperatingPoint(NamedTuple):
+    """Where a plant is taken as linear: an operating point."""
 
     bend: float
     """Of the sheath [rad]."""
@@ -47,7 +47,7 @@ class LinearPlant(Protocol):
     """A plant's linear loops, one for each place."""
 
     @property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[OperatingPoint, ...]:
         """In the order in which `margins` has them."""
 
     @property
@@ -68,7 +68,7 @@ class BehindServo(NamedTuple):
     servo: Servo
     dt: float
     delay: int
-    places: tuple[Place, ...]
+    places: tuple[OperatingPoint, ...]
     leaves_out: str = ""
     alone: None = None
 
@@ -87,7 +87,7 @@ class OnArm(NamedTuple):
     """Of the elbow, for each place [rad]."""
     taut: tuple[bool, ...]
     """Whether the extensor is, likewise."""
-    places: tuple[Place, ...]
+    places: tuple[OperatingPoint, ...]
     leaves_out: str = OF_A_SUIT
 
     @property
@@ -134,7 +134,7 @@ def linear_plant(
         low, high = stroke
         corners = tuple(itertools.product(ends, (low, 0.5 * (low + high), high), (True, False)))
         places = tuple(
-            Place(
+            OperatingPoint(
                 bend,
                 _on_arm(plant, angle, taut, bend).slope,
                 f"elbow at {angle * DEGREES:.0f}°, extensor {'taut' if taut else 'slack'}",
@@ -142,7 +142,9 @@ def linear_plant(
             for bend, angle, taut in corners
         )
         return OnArm(plant, tuple(angle for _, angle, _ in corners), tuple(taut for *_, taut in corners), places)
-    places = tuple(Place(bend, slope, "") for bend in ends for slope in _slopes(plant, bend, stroke, reversals))
+    places = tuple(
+        OperatingPoint(bend, slope, "") for bend in ends for slope in _slopes(plant, bend, stroke, reversals)
+    )
     return BehindServo(plant.servo, plant.sample_time, plant.delay, places)
 
 
