@@ -95,7 +95,7 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_table_is_there_before_the_page_is_drawn(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def drawn(fit: Fit) -> None:
+    def drawn(fit: Fit, pictures: list[str]) -> None:
         shown.append(capsys.readouterr().out)
         raise OutputError("the page cannot be drawn", expected="a page", do="nothing: this is a test")
 

@@ -152,7 +152,7 @@ def test_parameters_that_a_plant_does_not_have_are_named(tmp_path: Path, text: s
 def test_parameters_need_a_plant(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text("[cable.parameters]\nslope = 0.5\n")
-    with pytest.raises(ParameterError, match="has parameters and no plant"):
+    with pytest.raises(ParameterError, match="has parameters and neither plant nor model"):
         Rig.read(path)
 
 

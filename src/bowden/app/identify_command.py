@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowden.app.beside import beside
+from bowden.app.beside import beside, both
 from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit
+    from bowden.report.identify_page import Blank
 
 
 def identify(
@@ -58,23 +59,24 @@ def identify(
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
 
 
-def _ready_to_draw() -> None:
-    """Import what draws, and what a fit is made of."""
+def _ready_to_draw() -> "Blank":
+    """Import what draws and what a fit is made of, and make all of the figures that needs no fit."""
     from bowden.app.quick_figures import import_figures
 
     import_figures()
-    for name in ("bowden.report.identify_page", "matplotlib.backends.backend_svg", "jinja2"):
+    for name in ("matplotlib.backends.backend_svg", "jinja2"):
         import_module(name)
+    from bowden.report.identify_page import blank
+
+    return blank()
 
 
-def _drawn(fit: "Fit") -> str:
+def _drawn(empty: "Blank", fit: "Fit") -> str:
     """The page of an identification."""
-    from bowden.app.quick_figures import import_figures
+    from bowden.report.identify_page import identify_page, pictures
 
-    import_figures()
-    from bowden.report.identify_page import identify_page
-
-    return identify_page(fit).html()
+    loop, others = both(lambda: pictures(fit, empty, [1]), lambda: pictures(fit, empty, [2, 3]))
+    return identify_page(fit, loop + others).html()
 
 
 def document(fit: "Fit") -> dict[str, Any]:

@@ -77,7 +77,7 @@ def drawing() -> Iterator[None]:
 
 
 def new_figure(
-    rows: int = 1, columns: int = 1, width: float = 7.0, height: float = 3.0, *, share_x: bool = False
+    rows: int = 1, columns: int = 1, width: float = 7.0, height: float = 3.0, *, share_x: bool = False, ticks: int = 0
 ) -> tuple[Figure, list[Axes]]:
     """An empty figure of `rows` × `columns` axes.
 
@@ -87,6 +87,7 @@ def new_figure(
         width: of the whole figure [inch].
         height: of the whole figure [inch].
         share_x: one horizontal axis for each column; only the lowest carries numbers.
+        ticks: so many of each axis are made now, and not when the figure is drawn.
 
     Returns:
         The figure, and its axes as a flat list, row by row.
@@ -96,6 +97,9 @@ def new_figure(
     with drawing():
         figure = Figure(figsize=(width, height), layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if share_x else False)
+        for one in axes.flat:
+            one.xaxis.get_major_ticks(ticks)
+            one.yaxis.get_major_ticks(ticks)
     return figure, list(axes.flat)
 
 

@@ -29,6 +29,7 @@ from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
+from bowden.plants.suit_parts import Suit
 from bowden.rig import rig as rigs
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""
 _FEWEST = 6
+_OF_SUIT = 0.25
+"""Share of the generations for a suit, each of whose runs takes some thirty times a bench's [–]."""
 _DRAWS, _SIMULATED, _MEMBERS = 400, 80, 24
 _FULL = 8
 """Generations from which on the first draws are as many as that; for fewer, they are fewer too."""
@@ -168,8 +171,8 @@ def tune(
             where they are not given.
         stroke: ends of the motions [rad].
         seed: of the search.
-        generations: of the search, the time it takes grows with them; fewer than 32 for a clock faster
-            than 1 kHz where it is not given.
+        generations: of the search, the time it takes grows with them; where it is not given 32, 8 of a suit, and fewer
+            for a clock faster than 1 kHz.
         runs: by whose largest error gains are judged; nine on the rig where they are not given.
         fixed: gains that are left as they begin.
         workers: how a function is mapped over many gains; the result does not depend on it.
@@ -181,14 +184,15 @@ def tune(
         BrokenOff: interrupted, with gains that keep the margins and are better than those before.
     """
     if generations is None:
-        generations = max(_FEWEST, round(GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
+        share = _OF_SUIT if isinstance(bench, Suit) else 1.0
+        generations = max(_FEWEST, round(share * GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
     rig = TuningTarget(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
     search = _Search(rig, law, np.random.default_rng(seed), workers, runs, fixed)
     try:
         report("margins of random gains", 0.05)
         search.begin(min(1.0, generations / _FULL))
         for generation in range(generations):
-            report("simulating gains", 0.1 + 0.8 * generation / generations)
+            report(f"simulating gains, step {generation + 1} of {generations}", 0.1 + 0.8 * generation / generations)
             search.step()
         report("checking the best", 0.9)
         return search.finish()
@@ -210,9 +214,10 @@ class _Search:
         runs: TuningRuns | None,
         fixed: Collection[str],
     ) -> None:
+        self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
+        rig = rig._replace(refuted=self.before.refuted)
         self.rig, self.law, self.random, self.workers = rig, law, random, workers
         self.own, self.runs, self.fixed, self.steps = runs is None, runs or NineRuns(rig), fixed, 0
-        self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
         usual = all(trial.bounded for trial in self.before.trials)
         estimates = visited_estimates(law, self.before.trials if usual else (), rig.bench.sample_time)
         self.estimates: tuple[Estimates, ...] = (estimates[0], estimates[-1]) if estimates[1:] else (estimates[0],)
@@ -225,7 +230,8 @@ class _Search:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
         count = len(self.names)
         told = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
-        known = np.log([told[name] / self.law.numbers[name] for name in self.names])
+        shares = np.array([told[name] / self.law.numbers[name] for name in self.names])
+        known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         points = [np.zeros(count), np.clip(known, *_REACH)]
         for _ in range(round(share * _DRAWS)):
             points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
@@ -272,7 +278,7 @@ class _Search:
     def _names(self) -> list[str]:
         """Gains that change the linear loop or the errors; parameters of a cable's model and switches are no choice."""
         felt = gains_that_matter(self.law, self.rig.bench.sample_time, self.estimates[-1])
-        if not felt:
+        if not (felt or self.rig.refuted):  # of a law for which no linear loop stands, the errors tell
             raise ParameterError(
                 f"law {self.law.name!r} has no gains that its loop feels", do="there is nothing to tune"
             )

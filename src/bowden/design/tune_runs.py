@@ -53,6 +53,8 @@ class TuningTarget(NamedTuple):
     """Smallest and largest total bend [rad]."""
     stroke: tuple[float, float]
     """Ends of the motions [rad]."""
+    refuted: bool = False
+    """Whether no linear loop stands for the law (`bowden.design.check.Check.refuted`), so that trials alone count."""
 
 
 class NineRuns(NamedTuple):

@@ -17,7 +17,6 @@ from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.plants.bench import Bench
 from bowden.plants.cables import as_cable_plant
-from bowden.rig import ranges
 from bowden.rig.presets.bench import moved_sheath
 from bowden.rig.rig import Rig
 from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH
@@ -148,7 +147,6 @@ def played(
         ParameterError: see `league`.
     """
     base = Rig() if rig is None else rig
-    ranges.refuse_suit(base, "the league plays on cables")
     entered = _entered(base, laws, own_laws)
     makers, notes = _plants(base, rig is not None, data)
     makers |= _own_plants(base, plants, makers)
@@ -214,7 +212,7 @@ def _plants(rig: Rig, own: bool, data: Path | None) -> tuple[dict[str, Callable[
 
 def _plant_of(rig: Rig, name: str, what: str) -> LeaguePlant:
     """What a rig moves, as it is told of it."""
-    plant = rig.cabled
+    plant = rig.moved
     return LeaguePlant(
         name,
         what,
@@ -234,7 +232,8 @@ def _own_plants(rig: Rig, wanted: Sequence[str], others: Iterable[str]) -> dict[
     names = set(others) & set(wanted)
     for name in dict.fromkeys(wanted):
         if user_law.is_file(name):
-            own = rig.replace(plant=name, cable=DEFAULT_CABLE, width=DEFAULT_WIDTH)
+            bare = {"suit": rig.suit._replace(worn=False), "admittance": rig.admittance._replace(enabled=False)}
+            own = rig.replace(plant=name, cable=DEFAULT_CABLE, width=DEFAULT_WIDTH, **bare)
             plant = own.own_plant
             if plant.name in names:
                 raise ParameterError(

@@ -1,7 +1,8 @@
 """The page of an identification: which model to use and why, the loop, the traces, the residual, the parameters."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,16 @@ from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.model import meaning
 from bowden.identify.cable.plot import draw_loop
-from bowden.report.page import Page
+from bowden.report.page import Page, inline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+
+_TICKS = 8
+"""Of an axis, made before its range is known; what is too many is not drawn."""
 
 TITLES = {
     "line": "straight line",
@@ -29,8 +33,32 @@ TITLES = {
 """Name of a model → what it is called in a sentence."""
 
 
-def identify_page(fit: Fit) -> Page:
-    """The page of an identification."""
+class Blank(NamedTuple):
+    """The figures of a page before anything is drawn in them: each with its axes."""
+
+    loop: "tuple[Figure, list[Axes]]"
+    time: "tuple[Figure, list[Axes]]"
+    residual: "tuple[Figure, list[Axes]]"
+
+
+def blank() -> Blank:
+    """Figures to draw in, for one page; to make them takes a third of the drawing's time."""
+    return Blank(
+        new_figure(1, 2, height=3.4, ticks=_TICKS),
+        new_figure(2, 1, height=3.8, share_x=True, ticks=_TICKS),
+        new_figure(2, 1, height=4.2, ticks=_TICKS),
+    )
+
+
+def pictures(fit: Fit, empty: Blank, numbers: Sequence[int] = (1, 2, 3)) -> list[str]:
+    """The figures of a page that have these numbers, as SVG; `empty` is not to be drawn in again."""
+    draw = (loop_figure, time_figure, residual_figure)
+    return [inline(draw[number - 1](fit, *empty[number - 1]), number) for number in numbers]
+
+
+def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
+    """The page of an identification; `drawn` are its `pictures`, where they were made before."""
+    loop, time, residual = drawn or pictures(fit, blank())
     log, best, title = fit.log, fit.chosen, TITLES[fit.best.name]
     duration = log.time[-1] - log.time[0]
     page = Page(
@@ -44,17 +72,17 @@ def identify_page(fit: Fit) -> Page:
         page.notice(warning[0].upper() + warning[1:] + ".")
     page.heading("The loop")
     page.figure(
-        loop_figure(fit),
+        loop,
         f"Left: joint over motor, as recorded and as the recommended model ({title}) draws it. Right: the "
         "same without the straight line that fits the first half best, which shows the motion that the cable loses.",
     )
     page.heading("Over time")
     page.figure(
-        time_figure(fit),
+        time,
         "Motor and joint over time. The shaded half was not fitted: there the model runs on from the motor alone.",
     )
     page.figure(
-        residual_figure(fit),
+        residual,
         f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above over time, below over "
         "the motor's angle; what repeats in every stroke is the cable's, what does not is noise or change.",
     )
@@ -130,17 +158,15 @@ def _spread(uncertainty: float) -> str:
     return "∞" if math.isinf(uncertainty) else f"{uncertainty:.2g}"
 
 
-def loop_figure(fit: Fit) -> "Figure":
+def loop_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
     """Joint over motor, whole and without its straight line."""
-    figure, panels = new_figure(1, 2, height=3.4)
     draw_loop(panels, fit)
     return _placed(figure, wspace=0.25, bottom=0.16, top=0.88)
 
 
-def time_figure(fit: Fit) -> "Figure":
+def time_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
     """Motor and joint over time, with the model."""
-    log = fit.log
-    figure, (upper, lower) = new_figure(2, 1, height=3.8, share_x=True)
+    log, (upper, lower) = fit.log, panels
     time = log.time - log.time[0]
     upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
     upper.set_ylabel("motor [°]")
@@ -153,10 +179,9 @@ def time_figure(fit: Fit) -> "Figure":
     return _placed(figure, hspace=0.28, bottom=0.13, top=0.97)
 
 
-def residual_figure(fit: Fit) -> "Figure":
+def residual_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
     """Joint minus model, over time and over the motor's angle."""
-    log = fit.log
-    figure, (upper, lower) = new_figure(2, 1, height=4.2)
+    log, (upper, lower) = fit.log, panels
     time, residual = log.time - log.time[0], (log.joint - fit.predicted) * DEGREES
     upper.plot(*_few(time, residual), color=COLOURS["error"], lw=0.8)
     upper.set(xlabel="time [s]", ylabel="joint − model [°]")

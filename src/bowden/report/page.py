@@ -80,10 +80,16 @@ class Page:
         """A warning or remark that must not be overlooked, plain text."""
         self._parts.append(_Text(text, "notice"))
 
-    def figure(self, figure: "Figure", caption: str = "") -> None:
-        """A figure as inline SVG, numbered; the caption is plain text."""
+    def figure(self, figure: "Figure | str", caption: str = "") -> None:
+        """A figure as inline SVG, numbered; the caption is plain text.
+
+        Args:
+            figure: matplotlib's, or what `inline` made of the figure of this number.
+            caption: plain text.
+        """
         number = 1 + sum(part.kind == "figure" for part in self._parts)
-        self._parts.append(_Figure(style.svg(figure, f"figure-{number}-"), caption, number))
+        svg = figure if isinstance(figure, str) else inline(figure, number)
+        self._parts.append(_Figure(svg, caption, number))
 
     def table(
         self, header: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "", classes: Sequence[str] = ()
@@ -143,6 +149,11 @@ class Page:
         """
         text = self.html()
         write_text(path, text)
+
+
+def inline(figure: "Figure", number: int) -> str:
+    """The SVG of a page's figure; its ids begin with the figure's number."""
+    return style.svg(figure, f"figure-{number}-")
 
 
 def _column_class(cells: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from bowden.identify.cable.model import IdentifiedCable, meaning
 from bowden.rig.given_plant import PlantFile
 from bowden.rig.rig import Rig
 from bowden.rig.sections import RigFile
@@ -34,9 +35,19 @@ def numeric_keys(tree: Mapping[str, Any]) -> dict[str, str]:
 
 
 def plant_keys(rig: Rig) -> dict[str, str]:
-    """Dotted key → unit of the parameters of a rig's own plant, in the units of its file; none where it has none."""
-    own = rig.plant.parameters if isinstance(rig.plant, PlantFile) else ()
-    return {f"cable.parameters.{name}": "–" for name in own}
+    """Dotted key → unit of what may be changed of a rig's own plant, in the units of its file, or of its cable's model.
+
+    None where it has neither, or where a suit is worn that does not take the model.
+    """
+    if isinstance(rig.plant, PlantFile):
+        return {f"cable.parameters.{name}": "–" for name in rig.plant.parameters}
+    cable = rig.cable
+    if rig.plant is not None or not isinstance(cable, IdentifiedCable):
+        return {}
+    if rig.suit.worn and (rig.suit.cable, cable.simulated) != ("bouc_wen", "bouc_wen"):
+        return {}
+    units = {f"cable.parameters.{name}": meaning(name)[0] for name in cable.parameters}
+    return {name: "–" if unit == "1" else unit for name, unit in units.items()}
 
 
 def missing_for(key: str, rig: Rig) -> str | None:

@@ -45,7 +45,7 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
         plant = as_file(values["plant"])
         found["cable"] = {"plant": plant.name} | _parameters(plant)
     elif isinstance(cable, IdentifiedCable):
-        found["cable"] = {"model": cable.file or MODEL_FILE}
+        found["cable"] = {"model": cable.file or MODEL_FILE} | _parameters(cable)
     else:
         found["cable"] = section_tree(cable) | {"width": values["width"]}
     found["control"] = _control(values)
@@ -77,8 +77,8 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
     )
 
 
-def _parameters(plant: PlantFile) -> dict[str, Any]:
-    return {"parameters": dict(plant.changed)} if plant.changed else {}
+def _parameters(given: PlantFile | IdentifiedCable) -> dict[str, Any]:
+    return {"parameters": dict(given.changed)} if given.changed else {}
 
 
 def _control(values: Mapping[str, Any]) -> dict[str, Any]:

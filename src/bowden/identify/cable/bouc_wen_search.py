@@ -8,12 +8,11 @@ For z = h/h_s Eq. 7 then reads dz/d|x| = κ·(1 − |z|ⁿ) while |z| grows and 
 the cable answers, n how sharply it saturates, γ how much faster it lets go than it took up.
 """
 
-from typing import Any, cast
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
+from bowden.identify.cable.evolution import evolve
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
 
@@ -50,31 +49,15 @@ def cable_at(theta: Array) -> tuple[BoucWen, float, Array]:
 
 
 def search(path: Path, seed: int) -> Array:
-    """The best θ (4,) that differential evolution finds.
-
-    Source: Storn and Price, Journal of Global Optimization 11(4), 1997.
-    """
-    from scipy.optimize import Bounds, differential_evolution
-
+    """The best θ (4,) that differential evolution finds."""
     low, high = bounds(path.span)
 
     def costs(candidates: Array) -> Array:
-        found = np.empty(candidates.shape[1])
-        program(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates.T), found)
+        found = np.empty(len(candidates))
+        program(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates), found)
         return found
 
-    found = differential_evolution(
-        cast(Any, costs),  # scipy-stubs knows no vectorised objective
-        Bounds(low, high),
-        popsize=8,
-        maxiter=25,
-        tol=1e-3,
-        rng=seed,
-        polish=False,
-        vectorized=True,
-        updating="deferred",
-    )
-    return np.asarray(found.x)
+    return evolve(costs, low, high, seed, each=8, generations=25, spread=1e-3)
 
 
 @kernel

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
+from bowden.identify.cable.bounded import ProblemAt, bounded_least_squares
 
 Array = NDArray[np.float64]
 Basis = Callable[[Array], tuple[Array, Array]]
@@ -91,44 +92,27 @@ def reduced_problem(basis: Basis, theta: Array, joint: Array, weight: Array) -> 
     gram = mixed @ sums @ mixed.T  # products of the columns of [J, r], J = ∂Φ·c + Φ·∂c
     values, vectors = np.linalg.eigh(gram)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    size = np.diag(gram)[:-1]
+    root[:, :-1] *= size > 1e-16 * size.max()  # less comes out of rounding: what the data do not show stays where it is
     return root[:, -1], root[:, :-1], linear
 
 
 def minimise(
     basis: Basis, joint: Array, weight: Array, start: Array, low: Array, high: Array, rough: bool = False
 ) -> Projected:
-    """The minimum nearest to `start` within bounds, by SciPy's trust-region least squares.
+    """The minimum nearest to `start` within bounds.
 
     `rough` ends the search where a step improves the cost by less than 1e-4, as comparing models needs no more.
     """
-    from scipy.optimize import least_squares
-
-    known: dict[bytes, tuple[Array, Array, Array]] = {}
-
-    def at(theta: Array) -> tuple[Array, Array, Array]:
-        key = theta.tobytes()
-        if key not in known:
-            known.clear()
-            known[key] = reduced_problem(basis, theta, joint, weight)
-        return known[key]
-
-    def residual(theta: Array) -> Array:
-        return at(theta)[0]
-
-    def jacobian(theta: Array) -> Array:
-        return at(theta)[1]
-
     margin = 1e-6 * (high - low)
-    found = least_squares(
-        residual,
+    found = bounded_least_squares(
+        lambda theta: ProblemAt(*reduced_problem(basis, theta, joint, weight)),
         np.clip(start, low + margin, high - margin),
-        jac=jacobian,
-        bounds=(low, high),
-        x_scale=0.1 * np.minimum(high - low, 10.0),
-        xtol=1e-9,
-        ftol=1e-4 if rough else 1e-10,
-        gtol=1e-14,
-        max_nfev=15 if rough else 80,
+        low,
+        high,
+        0.1 * np.minimum(high - low, 10.0),
+        step_tolerance=1e-9,
+        cost_tolerance=1e-4 if rough else 1e-10,
+        most=15 if rough else 80,
     )
-    theta = np.asarray(found.x)
-    return Projected(theta, at(theta)[2], float(2.0 * found.cost))
+    return Projected(found.theta, found.linear, 2.0 * found.cost)

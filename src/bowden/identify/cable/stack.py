@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bowden.identify.cable.family import Array, Estimate
+from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import products, solve_linear
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -44,8 +45,6 @@ class PrandtlIshlinskii:
         return np.asarray(parameters["slope"] * motor + slots @ weights + parameters["offset"])
 
     def _solve(self, path: Path, widths: Array, lag: float) -> Estimate:
-        from scipy.optimize import nnls
-
         slots = _slots(path.motor, widths, lag)
         basis = np.column_stack([path.motor, slots])
         share = path.weight / path.weight.sum()
@@ -55,9 +54,9 @@ class PrandtlIshlinskii:
         gram, moments = sums[:-1, :-1], sums[:-1, -1]
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))  # a slot that never moves has none
         lower = np.linalg.cholesky(gram / np.outer(size, size) + 1e-11 * np.eye(len(size)))
-        wanted = np.linalg.solve(lower, moments / size)
+        wanted = np.asarray(np.linalg.solve(lower, moments / size), dtype=np.float64)
         sign = 1.0 if moments[0] >= 0.0 else -1.0
-        weights, _ = nnls(lower.T, sign * wanted)
+        weights = non_negative(lower.T, sign * wanted)
         active = np.flatnonzero(weights[1:] > 1e-6 * weights.max())
         kept = np.column_stack([path.motor, slots[:, active], np.ones_like(path.motor)])
         linear, _ = solve_linear(kept, path.joint, path.weight)

@@ -238,17 +238,20 @@ def _data_lines(path: Path, layout: _Layout) -> Iterator[tuple[int, str]]:
     Raises:
         LogError: a row with more fields than there are columns; NumPy would take the first ones and say nothing.
     """
+    separator, spaces = layout.separator, layout.separator == _SPACES
     most = len(layout.names)
     with _open(path, layout.encoding) as file:
-        for number, line in enumerate(file, start=1):
-            text = line.split("#")[0].rstrip("\r\n") if "#" in line else line.rstrip("\r\n")
-            if number <= layout.skip or not text.strip():
+        for number, line in enumerate(itertools.islice(file, layout.skip, None), start=layout.skip + 1):
+            text = line.rstrip("\r\n")
+            if "#" in text:
+                text = line.split("#")[0]
+            if not text or text.isspace():
                 continue
-            if layout.separator == _SPACES:
+            if spaces:
                 count = len(text.split())
             else:
-                count = (_QUOTED.sub("", text) if '"' in text else text).count(layout.separator) + 1
-            if count > most + (layout.separator != _SPACES and text.rstrip().endswith(layout.separator)):
+                count = (_QUOTED.sub("", text) if '"' in text else text).count(separator) + 1
+            if count > most and count > most + (not spaces and text.rstrip().endswith(separator)):
                 raise LogError(
                     f"{path}, line {number}: {count} fields where there are {most} columns",
                     expected="rows of one length",
