@@ -236,7 +236,7 @@ def test_a_law_of_ones_own_is_tuned_against_a_study(
         (STUDY + '"control.gains.error_gain" = 0.1\n', "study.toml varies control.gains.error_gain; expected a study"),
         ("runs = 3\n", "runs is 3; expected 4 or more"),
         ('rig = "other.toml"\n', "its rig is 'other.toml', and the given one rig.toml; expected the same file"),
-        ('[set]\n"suit.worn" = true\n', "a suit is worn"),
+        ('[set]\n"suit.worn" = true\n"admittance.enabled" = true\n', "the wearer's push makes the reference"),
     ],
 )
 def test_studies_that_gains_cannot_be_tuned_against(

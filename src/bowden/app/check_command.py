@@ -57,6 +57,7 @@ def _document(found: "Check") -> dict[str, Any]:
         "delay_margin_s": found.delay_margin_s,
         "worst": {
             "bend_deg": _deg(found.worst.bend),
+            "at": found.worst.at,
             "slope": found.worst.slope,
             "estimates": found.worst.estimates,
             "largest_pole": found.worst.margins.largest_pole,
@@ -77,6 +78,8 @@ def _document(found: "Check") -> dict[str, Any]:
         "ultimate_bound_deg": _deg(found.ultimate_error),
         "ultimate_bound_s": found.ultimate_s,
         "simulated_peak_deg": _deg(max(peak)) if whole else None,
+        "leaves_out": found.leaves_out,
+        "refuted": found.refuted,
     }
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from bowden.control.knowledge import cable_gains
 from bowden.control.law import Law
-from bowden.control.stability import margins, servo_model
 from bowden.core.units import DEGREES
-from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check, plant_response
+from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check
+from bowden.design.linear_plant import LinearPlant, linear_plant
 from bowden.design.linearise import linearise
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
@@ -52,9 +52,10 @@ def advise(
 def _remedy(
     bench: Plant, law: Law, found: Check, bends: tuple[float, float] | None, stroke: tuple[float, float]
 ) -> str:
-    for name, value in _candidates(bench, law, found)[:_TRIED]:
+    linear = linear_plant(bench, bends or (bench.sheath.bend,), stroke)
+    for name, value in _candidates(bench, linear, law, found)[:_TRIED]:
         if check(bench, law.with_gains(**{name: value}), bends=bends, stroke=stroke).verdict == "holds":
-            return f"set {name} to {value:.3g} (now {getattr(law.gains, name):.3g})"
+            return f"set {name} to {value:.3g} (now {law.numbers[name]:.3g})"
     holding, failing = -1, bench.delay  # the longest delay known to hold lies between the two
     while failing - holding > 1:
         delay = (holding + failing) // 2 if holding >= 0 else 0
@@ -67,17 +68,16 @@ def _remedy(
     return "no single gain and no shorter delay mends it: find gains with bowden tune"
 
 
-def _candidates(bench: Plant, law: Law, found: Check) -> list[tuple[str, float]]:
+def _candidates(bench: Plant, linear: LinearPlant, law: Law, found: Check) -> list[tuple[str, float]]:
     """Changes of one gain that give the linear loops their margins, the smallest first."""
     visited = [point.estimates for point in found.points]
     bounded = all(trial.bounded for trial in found.trials)
     estimates = [visited[0], visited[-1]] if bounded else [visited[0]]  # a run that ran away shows no usual estimates
-    slopes = sorted({point.slope for point in found.points})
     passing: list[tuple[int, str, float]] = []
     for name in gains_that_matter(law, bench.sample_time, estimates[-1], switches=True):
         for changes in _changes(law, name):
-            fine = [k for k, changed in changes if _has_margins(bench, changed, estimates, slopes)]
-            passing += [(k, name, getattr(dict(changes)[k].gains, name)) for k in (fine[:1] if bounded else fine[::3])]
+            fine = [k for k, changed in changes if _has_margins(bench, linear, changed, estimates)]
+            passing += [(k, name, dict(changes)[k].numbers[name]) for k in (fine[:1] if bounded else fine[::3])]
     return [(name, value) for _, name, value in sorted(passing)]
 
 
@@ -93,14 +93,14 @@ def gains_that_matter(law: Law, dt: float, estimates: dict[str, float], *, switc
     model = cable_gains(law)
     return [
         name
-        for name in law.gains._fields
-        if name not in model and (switches or getattr(law.gains, name) != 0.0) and _matters(law, name, dt, estimates)
+        for name, value in law.numbers.items()
+        if name not in model and (switches or value != 0.0) and _matters(law, name, dt, estimates)
     ]
 
 
 def _changes(law: Law, name: str) -> list[list[tuple[int, Law]]]:
     """The law with one gain smaller, and with it larger, step by step; a switch that is off, on."""
-    value = getattr(law.gains, name)
+    value = law.numbers[name]
     if value == 0.0:
         return [[(0, law.with_gains(**{name: 1.0}))]] if law.limits.get(name) == (0.0, 1.0) else []
     sides = [[(k, _with(law, name, value * f**sign)) for k, f in enumerate(FACTORS)] for sign in (1, -1)]
@@ -126,13 +126,10 @@ def _matters(law: Law, name: str, dt: float, estimates: dict[str, float]) -> boo
     )
 
 
-def _has_margins(bench: Plant, law: Law, estimates: list[dict[str, float]], slopes: list[float]) -> bool:
-    plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
-    answer = plant_response(bench.servo, bench.sample_time, bench.delay)
+def _has_margins(bench: Plant, linear: LinearPlant, law: Law, estimates: list[dict[str, float]]) -> bool:
     for values in estimates:
         model = linearise(law, bench.sample_time, width=bench.joint_encoder.resolution or 1e-6, estimates=values)
-        for slope in slopes:
-            found = margins(plant, model.seen_through(slope), bench.sample_time, answer)
+        for found in linear.margins(model):
             gain, phase = found.gain_margin_db, found.phase_margin_deg
             if not (found.stable and (gain or ENOUGH_DB) >= ENOUGH_DB and (phase or ENOUGH_DEG) >= ENOUGH_DEG):
                 return False

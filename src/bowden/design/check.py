@@ -2,14 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowden.control.law import Law
-from bowden.control.stability import Margins, frequencies, margins, response, servo_model
+from bowden.control.stability import Margins, servo_model
 from bowden.core import shown
 from bowden.core.errors import ParameterError
 from bowden.core.nested import flat, from_columns, names
@@ -18,9 +16,9 @@ from bowden.core.style import new_figure
 from bowden.core.units import RADIANS
 from bowden.design import findings
 from bowden.design.limit_cycle import LimitCycle, describing_function, predict
+from bowden.design.linear_plant import linear_plant
 from bowden.design.linearise import find_estimates, linearise
 from bowden.design.trial import MOVING, Trial, run_trial, settled_after
-from bowden.models.drive.servo import Servo
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
 
@@ -35,6 +33,8 @@ RESERVE = 0.25
 """Of `ENOUGH_DEG`: what a loop with all its margins must stand in simulation too, play and estimates included."""
 _IDEAL = 1e-6
 """Width of the differences where the encoder is ideal [rad]."""
+_AT_REST = 0.5 * RADIANS
+"""Half of a joint's span that is rest where nothing holds it back [rad]."""
 _ROUNDING = 1e-9
 """By which a pole that is one may seem larger."""
 
@@ -53,6 +53,8 @@ class Point:
     estimates: Estimates
     """The law's estimates, frozen here."""
     margins: Margins
+    at: str = ""
+    """What else differs between the loops: of a suit the elbow's angle, and whether the extensor is taut."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,6 +85,11 @@ class Check:
     """The bound on |s| that the law's own proof gives [rad·s]; None where it has none."""
     ultimate_error: float | None
     """The bound on |e| likewise [rad]."""
+    leaves_out: str = ""
+    """What the linear loops leave to the trials, where so much that the trials alone decide whether it holds."""
+    refuted: bool = False
+    """Whether a linear loop is unstable where a trial without all that it leaves out comes to rest: then no linear loop
+    stands for this law, and margins there are none."""
     advice: str = ""
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
 
@@ -184,10 +191,18 @@ def check(
     wide = [] if worst.margins.stable else linear_points(bench, law, ends, estimates, half, stroke, reversals=False)
     # a memory of the path, such as a model's ĥ, keeps its value: its pole is one but for rounding, and no loop's
     chatters = bool(wide) and all(point.margins.largest_pole < 1.0 + _ROUNDING for point in wide)
-    reserve = _reserve(bench, law, points, worst.bend, stroke, seed) if bounded and _severity(worst) >= 1.0 else None
-    verdict, reason = _judge(worst, bounded, chatters, reserve)
+    linear = linear_plant(bench, ends, stroke)
+    alone = None if worst.margins.stable or not bounded else linear.alone
+    apart = None if alone is None else run_trial(alone, law, worst.bend, stroke, seed)
+    refuted = apart is not None and _rests(apart)
+    reserve = None
+    if refuted:
+        reserve = _stands_delay_of_servo(bench, law, worst.bend, stroke, seed)
+    elif bounded and _severity(worst) >= 1.0:
+        reserve = _reserve(bench, law, points, worst.bend, stroke, seed)
+    verdict, reason = _judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not linear.leaves_out)
     bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
-    if law.proven is not None:
+    if law.proven is not None and not linear.leaves_out:
         found = transmission(bench, ends[1], stroke)
         bound = law.proven(law.gains, found.slope, 0.5 * found.dead_zone)
     return Check(
@@ -196,13 +211,15 @@ def check(
         reason=reason,
         points=tuple(points),
         worst=worst,
-        cycle=_predicted_cycle(bench, law, ends, estimates, stroke),
+        cycle=None if linear.leaves_out else _predicted_cycle(bench, law, ends, estimates, stroke),
         trials=trials,
         reserve=reserve,
-        chatters=chatters,
+        chatters=chatters and not refuted,
         command_per_count=abs(float(model.d[0])) * bench.joint_encoder.resolution,
         ultimate_s=bound.filtered_error if bound else None,
         ultimate_error=bound.error if bound else None,
+        leaves_out=linear.leaves_out,
+        refuted=refuted,
     )
 
 
@@ -221,17 +238,47 @@ def _tried(
     return trials, estimates
 
 
+def _rests(apart: Trial) -> bool:
+    """Whether a trial without friction and play comes to rest."""
+    return apart.bounded and (apart.swing or 0.0) <= _AT_REST
+
+
 def _reserve(
     bench: Plant, law: Law, points: list[Point], bend: float, stroke: tuple[float, float], seed: int
 ) -> bool | None:
     """Whether the trial stands a part of the phase margin as delay, at the fastest crossover and in whole cycles."""
     found = [(point.margins.delay_margin_s, point.margins.phase_margin_deg) for point in points]
     shares = [delay / (phase % 360.0) for delay, phase in found if delay and phase]  # [s/deg]
-    if not shares:
-        return None
-    further = int(np.ceil(RESERVE * ENOUGH_DEG * min(shares) / bench.sample_time))
+    return _stands_delay(bench, law, min(shares), bend, stroke, seed) if shares else None
+
+
+def _stands_delay(
+    bench: Plant, law: Law, per_degree: float, bend: float, stroke: tuple[float, float], seed: int
+) -> bool:
+    """Whether the trial stands a part of the phase margin as delay, which has so much for each degree [s/deg]."""
+    further = int(np.ceil(RESERVE * ENOUGH_DEG * per_degree / bench.sample_time))
     trials, _ = _tried(changed(bench, delay=bench.delay + further), law, (bend,), stroke, seed)
     return trials[0].bounded
+
+
+def _stands_delay_of_servo(bench: Plant, law: Law, bend: float, stroke: tuple[float, float], seed: int = 1) -> bool:
+    """The same at the servo's frequency, beyond which the motor answers to nothing: where no linear loop tells."""
+    return _stands_delay(bench, law, RADIANS / bench.servo.natural_frequency, bend, stroke, seed)
+
+
+def stands(bench: Plant, law: Law, bend: float, stroke: tuple[float, float]) -> bool:
+    """Whether a law for which no linear loop stands holds in the trials that the check then asks for.
+
+    Args:
+        bench: whose linear loops leave something out.
+        law: whose trial is bounded.
+        bend: total bend of the sheath [rad].
+        stroke: ends of the trials' motion [rad].
+    """
+    alone = linear_plant(bench, (bend,), stroke).alone
+    return (alone is None or _rests(run_trial(alone, law, bend, stroke))) and _stands_delay_of_servo(
+        bench, law, bend, stroke
+    )
 
 
 def visited_estimates(law: Law, trials: Iterable[Trial], dt: float) -> list[Estimates]:
@@ -258,27 +305,12 @@ def linear_points(
 
     Slopes are the one with the play taken up and, if `reversals` count, the one after a reversal where it is steeper.
     """
-    plant = servo_model(bench.servo, bench.sample_time, bench.delay, 1.0)
-    answer = plant_response(bench.servo, bench.sample_time, bench.delay)
-    points = []
+    linear, points = linear_plant(bench, bends, stroke, reversals=reversals), []
     for values in estimates:
         model = linearise(law, bench.sample_time, width=width, estimates=values)
-        for bend in dict.fromkeys(bends):
-            for slope in _slopes(bench, bend, stroke, reversals):
-                found = margins(plant, model.seen_through(slope), bench.sample_time, answer)
-                points.append(Point(bend, slope, values, found))
+        for place, found in zip(linear.places, linear.margins(model), strict=True):
+            points.append(Point(place.bend, place.slope, values, found, place.at))
     return points
-
-
-@lru_cache(8)
-def plant_response(servo: Servo, dt: float, delay: int) -> NDArray[np.complex128]:
-    """From command to motor at the frequencies of `margins` (4000,); kept, since many laws are tried on one servo."""
-    return response(servo_model(servo, dt, delay, 1.0), frequencies(dt), dt)
-
-
-def _slopes(bench: Plant, bend: float, stroke: tuple[float, float], reversals: bool) -> list[float]:
-    found = transmission(bench, bend, stroke)
-    return [found.slope, found.steepest] if reversals and found.steepest > found.slope else [found.slope]
 
 
 def _predicted_cycle(
@@ -307,30 +339,48 @@ def _severity(point: Point) -> float:
     return min(shares)
 
 
-def _judge(worst: Point, bounded: bool, chatters: bool, reserve: bool | None) -> tuple[VerdictName, str]:
-    where = f"at a bend of {worst.bend / RADIANS:.0f}° (slope {worst.slope:.3g}"
+def _judge(
+    worst: Point,
+    trials: Sequence[Trial],
+    apart: Trial | None,
+    chatters: bool,
+    reserve: bool | None,
+    *,
+    refuted: bool,
+    whole: bool,
+) -> tuple[VerdictName, str]:
+    """The verdict; where the linear loop is not the `whole` plant, the trials alone say whether it holds."""
+    bounded, why = all(trial.bounded for trial in trials), next((trial.why for trial in trials if trial.why), "")
+    where = f"at a bend of {worst.bend / RADIANS:.0f}° (slope {worst.slope:.3g}{', ' if worst.at else ''}{worst.at}"
     where += "".join(f", {name} {value:.3g}" for name, value in worst.estimates.items()) + ")"
+    lacking = f"the trial does not stand a further delay of {RESERVE * ENOUGH_DEG:.2g}°"
+    if refuted:
+        rest = "the trials come to rest, with friction and play and without, though no linear loop shows why"
+        return ("little_margin", f"{rest}; but {lacking}") if reserve is False else ("holds", rest)
     if not worst.margins.stable:
         pole = f"the sampled loop is unstable {where}: its largest pole is {worst.margins.largest_pole:.4g}"
         if chatters and bounded:
             return "little_margin", f"{pole}; for large motions it is stable, so it chatters and stays bounded"
-        return "does_not_hold", pole
+        if apart is not None:
+            swing = (apart.swing or 0.0) / RADIANS
+            moves = apart.why or f"the joint swings by ±{swing:.3g}° at rest"
+            return "little_margin", f"friction and play alone keep it bounded; without them {moves}; {pole}"
+        return "does_not_hold", pole if whole else f"in the trial {why}; {pole}"
     if not bounded:
-        return "does_not_hold", "the linear loop is stable, but the trial runs away or does not come to rest"
+        return "does_not_hold", f"the linear loop is stable, but in the trial {why}"
     if _severity(worst) < 1.0:
         found = worst.margins
         shown = [f"{found.gain_margin_db:.1f} dB" if found.gain_margin_db is not None else ""]
         shown.append(f"{found.phase_margin_deg:.0f}°" if found.phase_margin_deg is not None else "")
         return "little_margin", f"only {' and '.join(part for part in shown if part)} are left {where}"
     if reserve is False:
-        lacking = f"with the play, the trial does not stand a further delay of {RESERVE * ENOUGH_DEG:.2g}°"
-        return "little_margin", f"every linear loop has its margins, but {lacking}"
+        return "little_margin", f"every linear loop has its margins, but with the play, {lacking}"
     return "holds", "every linear loop has its margins, and the trials come to rest"
 
 
 def _checked(bench: Plant, law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
     """The bends, known to be usable with the rest."""
-    for name, value in law.gains._asdict().items():
+    for name, value in law.numbers.items():
         if not np.isfinite(value):
             raise ParameterError(f"gain {name} of law {law.name!r} is {value}", expected="a finite number")
     if not 0.0 < bends[0] <= bends[1] < np.inf:

@@ -40,6 +40,7 @@ def check_rows(found: "Check") -> list[tuple[str, str]]:
             if found.ultimate_error is None
             else f"{found.ultimate_error * DEGREES:.3g}° (the paper's Lyapunov bound)",
         ),
+        ("limits", found.leaves_out),
         ("advice", found.advice),
     ]
 

@@ -16,8 +16,8 @@ from bowden.core.metrics import delay, finite
 from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant, LeagueScenario
 from bowden.design.league_exact import exact_travel
+from bowden.plants.cable_plant import CablePlant
 from bowden.plants.knowledge_of import knowledge_of
-from bowden.plants.user_plant import UserPlant
 from bowden.sim.many import Case, Shown, simulate_each
 
 BASELINE = "adaptive"
@@ -125,8 +125,8 @@ def play(
 
 
 def _exact_travel(found: LeaguePlant, reference: Trajectory, duration: float, initial: float) -> float:
-    """`exact_travel`; NaN of a user's own plant, whose exact inverse nobody knows [rad]."""
-    if isinstance(found.plant, UserPlant):
+    """`exact_travel`; NaN of a suit or a user's own plant, whose exact inverse nobody knows [rad]."""
+    if not isinstance(found.plant, CablePlant):
         return math.nan
     return exact_travel(found.plant, reference, duration=duration, bend=found.bend, initial_motor=initial)
 

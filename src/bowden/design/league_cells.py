@@ -16,6 +16,7 @@ from bowden.plants.bench import Bench
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.cables import as_cable_plant, play
 from bowden.plants.friction_cables import lumped, sliding
+from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
 from bowden.sim.scenario import BendPath, constant_bend
 
@@ -31,7 +32,7 @@ class LeaguePlant:
     """As ``--plants`` has it."""
     what: str
     """One line for the page."""
-    plant: CablePlant | UserPlant
+    plant: CablePlant | UserPlant | Suit
     """Servo, cable, encoders, delay."""
     bend: BendPath
     """The sheath's bend while it runs."""

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
 from bowden.core.order import distinct, median
+from bowden.core.units import DEGREES
 from bowden.plants.plant import Plant
-from bowden.plants.transmission import transmission
+from bowden.plants.transmission import transmission, unrest
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
 
@@ -36,7 +37,11 @@ class Trial:
     moving: float
     """How long it moved [s]."""
     bounded: bool
-    """Whether it came to rest: it did not run away, and its joint ends up within twice the dead zone and 1°."""
+    """Whether it came to rest: it did not run away, its joint was never further from the reference than the stroke is
+    long, and ends up within twice the dead zone and 1°. Of a suit both bounds are wider by what the joint does with no
+    law (`bowden.plants.transmission.unrest`), the first by twice what friction and weight keep it off."""
+    why: str
+    """What it did instead; empty where it is bounded."""
     swing: float | None
     """Half of the joint's span while the reference rests [rad]; None where the run ran away."""
     period: float | None
@@ -64,20 +69,28 @@ def run_trial(
         seed=seed,
         initial_motor=bench.resting_motor(low, bend),
     )
-    error = trace.columns["joint"] - trace.columns["reference"]
-    near = np.abs(error) <= abs(high - low)
+    error, free = trace.columns["joint"] - trace.columns["reference"], unrest(bench, bend, stroke, _JUDGED)
+    furthest = abs(high - low) + 2.0 * free.off + free.span
+    near = np.abs(error) <= furthest
     lasted = len(error) if near.all() else int(np.argmin(near))
     states = {name.removeprefix("law."): v for name, v in trace.columns.items() if name.startswith("law.")}
     picked = distinct(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
     visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
     if not trace.ended:
-        return Trial(moving, False, None, None, None, None, visited)
+        return Trial(moving, False, "it runs away", None, None, None, None, visited)
     rest = error[trace.columns["time"] >= judged]
-    span, most = float(np.ptp(rest)), 2.0 * transmission(bench, bend, stroke).dead_zone + float(np.radians(1.0))
+    span = float(np.ptp(rest))
+    most = 2.0 * transmission(bench, bend, stroke).dead_zone + float(np.radians(1.0)) + free.span
     commands = trace.columns["command"][-len(rest) :]
+    why = ""
+    if lasted < len(error):
+        why = f"the joint is off by more than {furthest * DEGREES:.3g}°"
+    elif span > most:
+        why = f"the joint moves by {span * DEGREES:.3g}° at rest, where {most * DEGREES:.3g}° are borne"
     return Trial(
         moving=moving,
-        bounded=lasted == len(error) and span <= most,
+        bounded=not why,
+        why=why,
         swing=0.5 * span,
         period=_period(rest, bench.sample_time),
         peak=float(np.max(np.abs(error[trace.columns["time"] >= 2.0 * _HALF]))),

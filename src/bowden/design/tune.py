@@ -29,6 +29,7 @@ from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
+from bowden.plants.suit_parts import Suit
 from bowden.rig import rig as rigs
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 GENERATIONS = 32
 """Of the search, where no other number is given and the clock is 1 kHz."""
 _FEWEST = 6
+_OF_SUIT = 0.25
+"""Share of the generations for a suit, each of whose runs takes some thirty times a bench's [–]."""
 _DRAWS, _SIMULATED, _MEMBERS = 400, 80, 24
 _FULL = 8
 """Generations from which on the first draws are as many as that; for fewer, they are fewer too."""
@@ -168,8 +171,8 @@ def tune(
             where they are not given.
         stroke: ends of the motions [rad].
         seed: of the search.
-        generations: of the search, the time it takes grows with them; fewer than 32 for a clock faster
-            than 1 kHz where it is not given.
+        generations: of the search, the time it takes grows with them; where it is not given 32, 8 of a suit, and fewer
+            for a clock faster than 1 kHz.
         runs: by whose largest error gains are judged; nine on the rig where they are not given.
         fixed: gains that are left as they begin.
         workers: how a function is mapped over many gains; the result does not depend on it.
@@ -181,14 +184,15 @@ def tune(
         BrokenOff: interrupted, with gains that keep the margins and are better than those before.
     """
     if generations is None:
-        generations = max(_FEWEST, round(GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
+        share = _OF_SUIT if isinstance(bench, Suit) else 1.0
+        generations = max(_FEWEST, round(share * GENERATIONS * min(1.0, bench.sample_time / 1e-3)))
     rig = TuningTarget(bench, bends or (bench.sheath.bend, 2.0 * bench.sheath.bend), stroke)
     search = _Search(rig, law, np.random.default_rng(seed), workers, runs, fixed)
     try:
         report("margins of random gains", 0.05)
         search.begin(min(1.0, generations / _FULL))
         for generation in range(generations):
-            report("simulating gains", 0.1 + 0.8 * generation / generations)
+            report(f"simulating gains, step {generation + 1} of {generations}", 0.1 + 0.8 * generation / generations)
             search.step()
         report("checking the best", 0.9)
         return search.finish()
@@ -210,9 +214,10 @@ class _Search:
         runs: TuningRuns | None,
         fixed: Collection[str],
     ) -> None:
+        self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
+        rig = rig._replace(refuted=self.before.refuted)
         self.rig, self.law, self.random, self.workers = rig, law, random, workers
         self.own, self.runs, self.fixed, self.steps = runs is None, runs or NineRuns(rig), fixed, 0
-        self.before = check(rig.bench, law, bends=rig.bends, stroke=rig.stroke)
         usual = all(trial.bounded for trial in self.before.trials)
         estimates = visited_estimates(law, self.before.trials if usual else (), rig.bench.sample_time)
         self.estimates: tuple[Estimates, ...] = (estimates[0], estimates[-1]) if estimates[1:] else (estimates[0],)
@@ -224,8 +229,9 @@ class _Search:
     def begin(self, share: float) -> None:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
         count = len(self.names)
-        informed_gains = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).gains
-        known = np.log([getattr(informed_gains, name) / getattr(self.law.gains, name) for name in self.names])
+        told = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
+        shares = np.array([told[name] / self.law.numbers[name] for name in self.names])
+        known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         points = [np.zeros(count), np.clip(known, *_REACH)]
         for _ in range(round(share * _DRAWS)):
             points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
@@ -253,8 +259,8 @@ class _Search:
 
     def tuning(self, law: Law, found: Check, worst: float) -> Tuning:
         """These gains and their evidence."""
-        stood = self.law.gains._asdict()
-        changed = {name: value for name, value in law.gains._asdict().items() if value != stood[name]}
+        stood = self.law.numbers
+        changed = {name: value for name, value in law.numbers.items() if value != stood[name]}
         before = max(self.errors_before)
         return Tuning(
             law=law,
@@ -272,17 +278,17 @@ class _Search:
     def _names(self) -> list[str]:
         """Gains that change the linear loop or the errors; parameters of a cable's model and switches are no choice."""
         felt = gains_that_matter(self.law, self.rig.bench.sample_time, self.estimates[-1])
-        if not felt:
+        if not (felt or self.rig.refuted):  # of a law for which no linear loop stands, the errors tell
             raise ParameterError(
                 f"law {self.law.name!r} has no gains that its loop feels", do="there is nothing to tune"
             )
         model = cable_gains(self.law)
         open_ones = [
             name
-            for name, value in self.law.gains._asdict().items()
+            for name, value in self.law.numbers.items()
             if name not in model and name not in self.fixed and value != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
         ]
-        varied = [self._with(self.law, name, 1.3 * getattr(self.law.gains, name)) for name in open_ones]
+        varied = [self._with(self.law, name, 1.3 * self.law.numbers[name]) for name in open_ones]
         usual, *found = self.workers(errors, [self._task(law) for law in (self.law, *varied)])
         unknown = not np.isfinite(max(usual))
         return [n for n, e in zip(open_ones, found, strict=True) if n in felt or unknown or e != usual]
@@ -290,15 +296,15 @@ class _Search:
     def _law(self, point: Array, base: Law | None = None) -> Law:
         """The law at a point of the search: every gain as a share of where it began."""
         law = base or self.law
-        begun = law.gains
+        begun = law.numbers
         for name, power in zip(self.names, point, strict=True):
-            law = self._with(law, name, getattr(begun, name) * float(np.exp(power)))
+            law = self._with(law, name, begun[name] * float(np.exp(power)))
         return law
 
     def _with(self, law: Law, name: str, value: float) -> Law:
         """The law with one gain rounded to three digits and kept inside its limits."""
         low, high = law.limits.get(name, (-np.inf, np.inf))
-        stands = getattr(self.law.gains, name)
+        stands = self.law.numbers[name]
         rounded = stands if np.isclose(value, stands, rtol=1e-9, atol=0.0) else float(f"{value:.3g}")
         return law.with_gains(**{name: float(np.clip(rounded, low, high))})
 
@@ -337,7 +343,7 @@ class _Search:
     def _put_back(self, law: Law, found: Check, worst: float) -> tuple[Law, Check, float]:
         """The same with every gain where it stood before that does not matter there."""
         plain = law
-        for name, value in self.law.gains._asdict().items():
+        for name, value in self.law.numbers.items():
             tried = plain.with_gains(**{name: value})
             if tried.gains != plain.gains:
                 judged = judge(self._task(tried, worst * _SAME))

@@ -4,7 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from bowden.models.drive.servo import Servo
 from bowden.plants.plant import Plant, changed
+from bowden.plants.suit_parts import Suit
 
 
 def easier(bench: Plant, factor: float) -> Iterable[tuple[str, Plant]]:
@@ -15,7 +17,16 @@ def easier(bench: Plant, factor: float) -> Iterable[tuple[str, Plant]]:
         yield f"delay_cycles = {delay}", changed(bench, delay=delay)
     if damping < 1.0:
         more = min(factor * damping, 1.0)
-        yield f"damping = {more:.3g}", changed(bench, servo=bench.servo._replace(damping=more))
+        yield f"damping = {more:.3g}", _with_servo(bench, bench.servo._replace(damping=more))
     hertz = factor * omega / (2.0 * np.pi)
-    faster = changed(bench, servo=bench.servo._replace(natural_frequency=factor * omega))
-    yield f"natural_frequency_hz = {hertz:.3g}", faster
+    yield (
+        f"natural_frequency_hz = {hertz:.3g}",
+        _with_servo(bench, bench.servo._replace(natural_frequency=factor * omega)),
+    )
+
+
+def _with_servo(bench: Plant, servo: Servo) -> Plant:
+    """The plant with another servo; a suit's is its motor's."""
+    if isinstance(bench, Suit):
+        return bench._replace(motor=bench.motor._replace(servo=servo))
+    return changed(bench, servo=servo)

@@ -37,10 +37,6 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[C
     Raises:
         ParameterError: laws that do not hold; the message has the reasons and what to change.
     """
-    if rig.worn is not None:
-        return [
-            CheckVerdict(None, f"{law.name} on a suit: margins are not checked, the run itself shows") for law in laws
-        ]
     checks = [_check(rig, law) for law in laws]
     pairs = zip(laws, checks, strict=True)
     failing = [(law, found) for law, found in pairs if not isinstance(found, str) and found.verdict == "does_not_hold"]
@@ -58,7 +54,7 @@ def _check(rig: Rig, law: Law) -> "Check | str":
 
     with user_law.explained(law):
         try:
-            return check(rig.moved, law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
+            return check(ranges.judged(rig), law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
         except NoNumberError as error:
             return error.what
 
@@ -68,7 +64,7 @@ def _why(rig: Rig, law: Law, found: "Check") -> str:
     from bowden.design.advice import advise
 
     with user_law.explained(law):
-        advice = advise(rig.moved, law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
+        advice = advise(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
     return f"{found.reason}; {advice}"
 
 

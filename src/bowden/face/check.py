@@ -39,9 +39,8 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
 
 def checked(rig: Rig) -> Check:
     """The check of a rig's own law, with its advice."""
-    ranges.refuse_suit(rig, "margins are not checked on one")
-    law = rig.fitted()
+    law, plant = rig.fitted(), ranges.judged(rig)
     bends, stroke = ranges.bends(rig), ranges.stroke(rig)
     with user_law.explained(law):
-        found = judge(rig.cabled, law, bends=bends, stroke=stroke, seed=rig.seed)
-        return replace(found, advice=advise(rig.cabled, law, found, bends=bends, stroke=stroke))
+        found = judge(plant, law, bends=bends, stroke=stroke, seed=rig.seed)
+        return replace(found, advice=advise(plant, law, found, bends=bends, stroke=stroke))

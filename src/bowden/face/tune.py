@@ -43,7 +43,7 @@ def tune(
         study: the path of a study (docs/campaign.md) that names no rig, or this one: tune against plants of it in place
             of the nine runs, and judge the gains by others of it.
         seed: of the search; with the same seed the result is the same.
-        generations: of the search, whose time grows with them; 32 at 1 kHz.
+        generations: of the search, whose time grows with them; 32 at 1 kHz, and 8 on a suit, which take minutes.
         progress: called with what is being done and the share of the work that is behind.
 
     Returns:
@@ -85,7 +85,6 @@ def tuned(
         ParameterError: see `tune`.
         BrokenOff: interrupted, with gains that are better than those before.
     """
-    ranges.refuse_suit(rig, "gains are not tuned on one")
     plants = None if study is None else load(study, rig, own_law=True)
     if plants is not None:
         tune_study.check_study(plants)
@@ -99,7 +98,7 @@ def tuned(
         try:
             with user_law.explained(law):
                 found = search(
-                    looked_at.cabled,
+                    ranges.judged(looked_at),
                     law,
                     bends=bends_of(looked_at),
                     stroke=ranges.stroke(looked_at),

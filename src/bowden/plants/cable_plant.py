@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
+from bowden.core.nested import form_of, numbers_of
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
 from bowden.models.drive.motor import Motor, acceleration_limit
@@ -36,9 +37,9 @@ from bowden.plants.plant import (
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cable:
-    """Any cable, ready for `CablePlant`; `bowden.plants.cables` makes them."""
+    """Any cable, ready for `CablePlant`; `bowden.plants.cables` makes them. Equal to another that moves alike."""
 
     name: str
     """Its kind."""
@@ -56,6 +57,18 @@ class Cable:
     """Joint motion per motor motion once the play is taken up, at the identified bend [rad/rad]."""
     physical: bool = False
     """Whether it computes what its sheath loses; then the sheath's own `loss` must be 0."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Cable) and self._moves == other._moves
+
+    def __hash__(self) -> int:
+        return hash(self._moves)
+
+    @property
+    def _moves(self) -> tuple[Any, ...]:
+        """All that its motion depends on, where arrays are numbers."""
+        kernels = (self.start, self.advance, self.look)
+        return (self.name, kernels, tuple(numbers_of(self.prepared)), form_of(self.prepared), self.slope, self.physical)
 
 
 class CablePlant(NamedTuple):

@@ -102,8 +102,14 @@ def bent_look(cable: Bent, memory: Hysteresis, motor: float, width: float, slope
 
 
 def play(parameters: Play | None = None) -> Cable:
-    """Pure play, Eqs 4–5; with the defaults of `Play` where nothing is given."""
+    """Pure play, Eqs 4–5; with the defaults of `Play` where nothing is given.
+
+    Raises:
+        ParameterError: a half-width below 0.
+    """
     parameters = parameters or Play()
+    if not parameters.half_width >= 0.0:
+        raise ParameterError(f"play: half_width is {parameters.half_width:g}", expected="a number not below 0")
     cable = Stack(0.0, np.array([parameters.half_width]), np.array([parameters.slope]), parameters.offset)
     return Cable("play", parameters, cable, stack_start, stack_advance, stack_look, parameters.slope)
 
@@ -250,11 +256,28 @@ def _sliding(given: Mapping[str, float]) -> Cable:
 
 
 def _lumped(given: Mapping[str, float], *, dahl: bool) -> Cable:
-    default = LumpedTendon(dahl=dahl, presliding=1e-4 if dahl else LumpedTendon().presliding)
+    default = _lumped_default(dahl=dahl)
     own = {name: value for name, value in given.items() if name in _LUMPED}
     tendon = {name: value for name, value in given.items() if name not in _LUMPED}
     name = "lumped_dahl" if dahl else "lumped_coulomb"
     return lumped(_filled(default, own, name)._replace(tendon=_filled(default.tendon, tendon, name)))
+
+
+def distributed_parameters(name: str) -> dict[str, float]:
+    """The parameters of one of `DISTRIBUTED`, by name, as they are where nothing is said of them."""
+    found = _numbers_of_tendon(Tendon())
+    if name != "sliding":
+        default = _lumped_default(dahl=name == "lumped_dahl")
+        found = _numbers_of_tendon(default.tendon) | {one: float(getattr(default, one)) for one in _LUMPED}
+    return found
+
+
+def _numbers_of_tendon(tendon: Tendon) -> dict[str, float]:
+    return {name: float(value) for name, value in tendon._asdict().items() if isinstance(value, int | float)}
+
+
+def _lumped_default(*, dahl: bool) -> LumpedTendon:
+    return LumpedTendon(dahl=dahl, presliding=1e-4 if dahl else LumpedTendon().presliding)
 
 
 def _filled(default: Any, given: Mapping[str, float], cable: str) -> Any:

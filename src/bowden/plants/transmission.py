@@ -2,7 +2,8 @@
 
 Of the bench they are known by formula. Any other plant is moved slowly in simulation, under commands alone: up and down
 through its stroke for the slopes and the dead zone, and to and fro about the stroke's middle, once for each amplitude,
-for the describing function.
+for the describing function. A suit is moved by a drive without friction, whose motor goes where it is sent, through 0
+to 90° at least, on a wearer who does not move of their own.
 """
 
 from functools import lru_cache
@@ -15,6 +16,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel, program, reached
 from bowden.core.nested import form_of, numbers_of
 from bowden.core.order import median
+from bowden.core.units import RADIANS
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
 from bowden.plants.bench import Bench
@@ -28,6 +30,7 @@ from bowden.plants.plant import (
     refuse_no_number,
     sheath_state,
 )
+from bowden.plants.suit_parts import Suit
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -37,6 +40,10 @@ _STROKE_TIME = 5.0
 _SWING_TIME = 2.0
 """Period of the small motions [s]."""
 _SWINGS = 3
+_FLEXED = 90.0 * RADIANS
+"""Angle of the elbow up to which a suit is moved at least [rad]."""
+_MUCH = 1e4
+"""Current [A] and voltage [V] that nothing of a suit asks for."""
 _PARTS = 50
 """Stretches of the stroke whose slope is taken."""
 
@@ -66,6 +73,9 @@ def transmission(plant: Plant, bend: float, stroke: tuple[float, float]) -> Tran
         after = slope + cable.hysteresis_gain * cable.rate * steepest
         height = 2.0 * abs(cable.hysteresis_gain) * float(width(bend, plant.sheath)) * float(saturation(cable))
         return Transmission(slope, max(slope, after), cable.slope + cable.hysteresis_gain * cable.rate, height)
+    if isinstance(plant, Suit):
+        motor = plant.motor._replace(friction=0.0, efficiency=1.0, current_limit=_MUCH, supply=_MUCH)
+        plant, stroke = _calm(plant)._replace(motor=motor), (min(0.0, *stroke), max(_FLEXED, *stroke))
     low, high = (plant.resting_motor(angle, bend) for angle in stroke)
     return _swept(_Key(plant, plant.dynamics(), sheath_state(plant.sheath, bend)), low, high)
 
@@ -81,6 +91,39 @@ def measured_response(plant: Plant, bend: float, stroke: tuple[float, float], am
     """
     key = _Key(plant, plant.dynamics(), sheath_state(plant.sheath, bend))
     return _swung(key, plant.resting_motor(0.5 * (stroke[0] + stroke[1]), bend), tuple(amplitudes.tolist()))
+
+
+class Unrest(NamedTuple):
+    """How far a joint is from where it is sent, with no law: what no trial can hold against one."""
+
+    off: float
+    """Largest distance between command and joint on a slow way through the stroke and back [rad]."""
+    span: float
+    """Of the joint while its motor is held [rad]."""
+
+
+def unrest(plant: Plant, bend: float, stroke: tuple[float, float], held: float) -> Unrest:
+    """What a suit's friction and weight, and its wearer's own motion, do with no law; nothing of any other plant.
+
+    Args:
+        plant: any.
+        bend: total bend of its sheath [rad].
+        stroke: of the joint [rad].
+        held: how long the motor is held in the middle of the stroke [s].
+    """
+    if not isinstance(plant, Suit):
+        return Unrest(0.0, 0.0)
+    sheath, calm, (low, high) = sheath_state(plant.sheath, bend), _calm(plant), stroke
+    off, span = _carried(_Key(calm, calm.dynamics(), sheath), low, high), 0.0
+    if calm != plant:
+        key = _Key(plant, plant.dynamics(), sheath)
+        span = _moved_by_wearer(key, 0.5 * (low + high), round(held / plant.sample_time))
+    return Unrest(off, span)
+
+
+def _calm(suit: Suit) -> Suit:
+    """The suit on the same wearer, who neither trembles nor swings."""
+    return suit._replace(wearer=suit.wearer._replace(tremor=0.0, swing=0.0))
 
 
 class _Key:
@@ -124,8 +167,7 @@ def open_loop(plant: object, sheath: SheathState, commands: Array, record: Array
 def _swept(key: _Key, low: float, high: float) -> Transmission:
     """Down from the top of the second way up, and up again: two branches over the same motor angles."""
     count = round(_STROKE_TIME / key.dt)
-    turns = np.pi * np.arange(4 * count + 1) / count
-    motor, joint = key.moved(0.5 * (low + high) - 0.5 * (high - low) * np.cos(turns))
+    motor, joint = key.moved(_to_and_fro(low, high, count))
     ways = [slice(k * count, (k + 1) * count + 1) for k in (1, 2)]
     grid = np.linspace(motor[ways[1]].min(), motor[ways[1]].max(), _PARTS + 1)[1:-1]
     down, up = (_along(motor[way], joint[way], grid) for way in ways)
@@ -144,6 +186,25 @@ def _swept(key: _Key, low: float, high: float) -> Transmission:
             expected="a joint that moves with the motor",
         )
     return found
+
+
+def _to_and_fro(low: float, high: float, count: int) -> Array:
+    """Slowly from one end to the other and back, twice (4·count + 1,) [rad]."""
+    turns = np.pi * np.arange(4 * count + 1) / count
+    return np.asarray(0.5 * (low + high) - 0.5 * (high - low) * np.cos(turns))
+
+
+@lru_cache(64)
+def _carried(key: _Key, low: float, high: float) -> float:
+    """`Unrest.off`: of a plant whose motor is counted in the joint's coordinate."""
+    commands = _to_and_fro(low, high, round(_STROKE_TIME / key.dt))
+    return float(np.max(np.abs(key.moved(commands)[1] - commands)))
+
+
+@lru_cache(64)
+def _moved_by_wearer(key: _Key, motor: float, cycles: int) -> float:
+    """`Unrest.span`."""
+    return float(np.ptp(key.moved(np.full(cycles, motor))[1]))
 
 
 def _along(motor: Array, joint: Array, grid: Array) -> Array:

@@ -1,9 +1,8 @@
 """Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
 
-import contextlib
 import itertools
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from bowden.control import user_law
 from bowden.control.reference import Trajectory
-from bowden.core.errors import BowdenError, ParameterError, near
+from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.hardware.drives.family import names as families
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import load_cable
@@ -100,12 +99,14 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
         file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
         raise explained(error, path, inner={"drive": _drive_section(tree)}) from error
-    if file.cable.parameters and file.cable.plant is None:
+    if file.cable.parameters and file.cable.plant is None and file.cable.model is None:
         raise ParameterError(
-            f"{path}: [cable] has parameters and no plant", expected="a plant of your own", do="name it, or delete them"
+            f"{path}: [cable] has parameters and neither plant nor model",
+            expected="a plant of your own, or the model of a cable",
+            do="name it, or delete them",
         )
-    for name, beside in (("model", set()), ("plant", {"parameters"})):
-        given = sorted(file.cable.model_fields_set - {name} - beside)
+    for name in ("model", "plant"):
+        given = sorted(file.cable.model_fields_set - {name, "parameters"})
         if getattr(file.cable, name) is not None and given:
             raise ParameterError(
                 f"{path}: [cable] has a {name} and its own {', '.join(given)}",
@@ -133,10 +134,14 @@ def _value(name: str, section: Section) -> Any:
 def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
     if section.model is None:
         return value_of(BoucWen, section.model_dump())
-    if isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model:
-        return before
-    with asked_for_by(f"{path}: cable.model"):
-        return load_cable(path.parent / section.model, section.model)
+    same = isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model
+    if same and before.changed.keys() <= section.parameters.keys():
+        found: IdentifiedCable = before
+    else:
+        with asked_for_by(f"{path}: cable.model"):
+            found = load_cable(path.parent / section.model, section.model)
+    with asked_for_by(f"{path}: cable.parameters"):
+        return found.with_parameters(section.parameters)
 
 
 def _plant(section: Any, path: Path, before: Any) -> PlantFile | None:
@@ -168,16 +173,6 @@ def _emg(given: EmgSettings, path: Path, before: Any) -> EmgSettings:
     if isinstance(before, EmgSettings) and (before.source, before.wearer) == (given.source, given.wearer):
         return given._replace(levels=before.levels, place=before.place, recording=before.recording)
     return emg_setup.found(given, path.parent)
-
-
-@contextlib.contextmanager
-def asked_for_by(key: str) -> Iterator[None]:
-    """Say which key of which file led to a failure."""
-    try:
-        yield
-    except BowdenError as error:
-        do = error.do or "correct it there"
-        raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from error
 
 
 def check_points(file: Any, path: Path) -> None:

@@ -6,12 +6,14 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from bowden.identify.cable.model import IdentifiedCable, meaning
 from bowden.rig.given_plant import PlantFile
 from bowden.rig.rig import Rig
 from bowden.rig.sections import RigFile
 
 LIVE = ("drive", "limits", "live", "emg")
 """Sections that a study does not look at."""
+_GAINS = "control.gains."
 _OWN = ("scenario.duration_s", "scenario.seed")
 """What a study says itself."""
 
@@ -33,9 +35,19 @@ def numeric_keys(tree: Mapping[str, Any]) -> dict[str, str]:
 
 
 def plant_keys(rig: Rig) -> dict[str, str]:
-    """Dotted key → unit of the parameters of a rig's own plant, in the units of its file; none where it has none."""
-    own = rig.plant.parameters if isinstance(rig.plant, PlantFile) else ()
-    return {f"cable.parameters.{name}": "–" for name in own}
+    """Dotted key → unit of what may be changed of a rig's own plant, in the units of its file, or of its cable's model.
+
+    None where it has neither, or where a suit is worn that does not take the model.
+    """
+    if isinstance(rig.plant, PlantFile):
+        return {f"cable.parameters.{name}": "–" for name in rig.plant.parameters}
+    cable = rig.cable
+    if rig.plant is not None or not isinstance(cable, IdentifiedCable):
+        return {}
+    if rig.suit.worn and (rig.suit.cable, cable.simulated) != ("bouc_wen", "bouc_wen"):
+        return {}
+    units = {f"cable.parameters.{name}": meaning(name)[0] for name in cable.parameters}
+    return {name: "–" if unit == "1" else unit for name, unit in units.items()}
 
 
 def missing_for(key: str, rig: Rig) -> str | None:
@@ -82,7 +94,7 @@ def with_values(tree: dict[str, Any], values: Iterable[tuple[str, Any]]) -> dict
     """
     changed = dict(tree)
     for key, value in values:
-        *path, last = key.split(".")
+        *path, last = _parts(key)
         here: Any = changed
         for part in path:
             place = _place(here, part, key)
@@ -91,6 +103,11 @@ def with_values(tree: dict[str, Any], values: Iterable[tuple[str, Any]]) -> dict
             here = here[place]
         here[_place(here, last, key)] = value
     return changed
+
+
+def _parts(key: str) -> list[str]:
+    """The sections of a dotted key and its last part; a gain of a law's nested part has a dot itself."""
+    return ["control", "gains", key.removeprefix(_GAINS)] if key.startswith(_GAINS) else key.split(".")
 
 
 def _place(here: Any, part: str, key: str) -> Any:

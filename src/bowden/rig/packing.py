@@ -92,7 +92,8 @@ def _written(name: str, value: Any) -> Any:
         numbers = {"time": _array(value.time), "position": _array(value.position)}
         return {"kind": "recorded", "said": _plain(value.said)} | numbers
     if isinstance(value, IdentifiedCable):
-        return {"best": value.best, "models": {k: dict(v) for k, v in value.models.items()}, "file": value.file}
+        changed = {"changed": dict(value.changed)} if value.changed else {}
+        return {"best": value.best, "models": _dicts(value.models), "file": value.file} | changed
     if isinstance(value, LawFile):
         return user_file.written(value)
     if isinstance(value, UserPlant | PlantFile):
@@ -130,6 +131,10 @@ def _array(values: NDArray[np.float64]) -> str:
     return base64.b64encode(zlib.compress(np.ascontiguousarray(values, dtype="<f8").tobytes())).decode()
 
 
+def _dicts(models: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    return {name: dict(parameters) for name, parameters in models.items()}
+
+
 def _said(value: Any) -> Any:
     """What the hash is made of: numbers in a file's units and in their first digits, contents by their own hash."""
     if isinstance(value, RecordedMotion):
@@ -138,7 +143,7 @@ def _said(value: Any) -> Any:
     if isinstance(value, EmgMotion):
         return {"emg": hashlib.sha256(value.rows.tobytes()).hexdigest()}
     if isinstance(value, IdentifiedCable):
-        return {"best": value.best, "models": _said({k: dict(v) for k, v in value.models.items()})}
+        return {"best": value.best, "models": _said(_dicts(value.models))}
     if isinstance(value, LawFile):
         attribute = value.name.rpartition(".py")[2]
         return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute} | _modules_said(value)
@@ -264,7 +269,7 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
         return _made(part.kind, given, part.default, name, remarks)
     if name == "cable":
         if "best" in given:
-            return IdentifiedCable(given["best"], given["models"], given.get("file", ""))
+            return IdentifiedCable(given["best"], given["models"], given.get("file", ""), given.get("changed", {}))
         return _made(BoucWen, given, BoucWen(), name, remarks)
     if name == "reference":
         if given["kind"] == "recorded":

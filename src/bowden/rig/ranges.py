@@ -1,8 +1,8 @@
-"""Over what a rig's loop must hold: the bends of its sheath and the stroke of its reference."""
+"""On what a rig's loop must hold: its plant, the bends of its sheath and the stroke of its reference."""
 
 import numpy as np
 
-from bowden.core.errors import ParameterError
+from bowden.plants.plant import Plant
 from bowden.rig.rig import Rig
 
 _INSTANTS = 2001
@@ -12,22 +12,18 @@ _WHOLE = 60.0
 """A motion counts for at least so long [s]: a run that is cut short is judged as the whole one would be."""
 
 
-def refuse_suit(rig: Rig, what: str) -> None:
-    """Refuse a rig with a suit for what knows benches alone.
+def judged(rig: Rig) -> Plant:
+    """What a law is judged on: what the rig moves.
 
-    Args:
-        rig: any.
-        what: is done, for the message.
+    Under the wearer's push the law is the inner loop, and who pushes is no part of it: the suit is then judged on a
+    wearer who neither resists nor moves. What the push may ask for, the limits of [admittance] say.
 
     Raises:
-        ParameterError: a suit is worn.
+        ParameterError: a part that cannot be.
     """
-    if rig.worn is not None:
-        raise ParameterError(
-            f"{rig.origin}: a suit is worn, and {what}",
-            expected="a rig with a cable or a plant of its own",
-            do="set suit.worn = false; on the suit, simulate and campaign show what a law does",
-        )
+    if rig.worn is None or rig.pushing is None:
+        return rig.moved
+    return rig.worn._replace(wearer=rig.worn.wearer._replace(stiffness=0.0, damping=0.0, swing=0.0, tremor=0.0))
 
 
 def bends(rig: Rig) -> tuple[float, float]:
@@ -37,7 +33,12 @@ def bends(rig: Rig) -> tuple[float, float]:
 
 
 def stroke(rig: Rig) -> tuple[float, float]:
-    """Smallest and largest joint angle of the reference; 5° apart at least [rad]."""
+    """Smallest and largest joint angle of the reference, or of what the wearer's push may ask for; 5° apart at least
+    [rad]."""
+    if rig.pushing is not None:
+        return rig.pushing.admittance.low, max(
+            rig.pushing.admittance.high, rig.pushing.admittance.low + float(_SMALLEST)
+        )
     path = rig.trajectory.sample(np.linspace(0.0, max(rig.duration, _WHOLE), _INSTANTS))[:, 0]
     low, high = float(np.min(path)), float(np.max(path))
     return low, max(high, low + float(_SMALLEST))

@@ -98,7 +98,9 @@ _MODEL = Quantity("file of an identified cable, in place of all keys below", exa
 _PLANT = Quantity(
     'your own plant as "file.py:NAME", found from this file, in place of all other keys here', example="my_plant.py"
 )
-_PARAMETERS = Quantity("parameters of that plant that differ from its file, in its own units; with plant only")
+_PARAMETERS = Quantity(
+    "parameters that differ from the file of that plant, in its own units, or of that model (SI and radians)"
+)
 _GAIN = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 DEFAULT_CABLE = _BENCH.cable

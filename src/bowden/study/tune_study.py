@@ -66,15 +66,19 @@ def check_study(study: Study) -> None:
     """Refuse a study that gains cannot be tuned against.
 
     Raises:
-        ParameterError: one of suits, with too few runs, or that varies gains itself.
+        ParameterError: one in which the wearer's push makes the reference, with too few runs, or that varies gains.
     """
     drawn = [c.name for c in study.columns if c.name.startswith("control.gains.")]
     if drawn:
         raise ParameterError(
             f"{study.path} varies {', '.join(drawn)}", expected="a study of plants", do="delete what is to be tuned"
         )
-    if study.worn:
-        raise ParameterError(f"{study.path}: a suit is worn", expected="a bench", do="set suit.worn = false")
+    if study.rig.pushing is not None:
+        raise ParameterError(
+            f"{study.path}: the wearer's push makes the reference, [admittance] is enabled",
+            expected="runs that go by [reference]",
+            do='add "admittance.enabled" = false to [set]',
+        )
     if study.file.runs < 4:
         raise ParameterError(f"{study.path}: runs is {study.file.runs}", expected="4 or more: half are judged by")
 
@@ -132,7 +136,7 @@ def _in_run(study: Study, case: Case, law: Law) -> Law:
     (nominal,) = study.nominal
     changed = {
         name: value
-        for name, value in law.gains._asdict().items()
-        if name not in study.gains_varied and value != getattr(nominal.gains, name)
+        for name, value in law.numbers.items()
+        if name not in study.gains_varied and value != nominal.numbers[name]
     }
     return own.with_gains(**changed)

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowden.core.order import median, quantile
 from bowden.core.units import DEGREES
@@ -15,8 +14,6 @@ from bowden.identify.log.read import Log
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import ModelFit
-
-Array = NDArray[np.float64]
 
 _SLOW = 0.5 / DEGREES
 """Below this peak speed friction makes most cables stick and slip [rad/s]; a rule of thumb."""

@@ -2,13 +2,13 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, near
 from bowden.identify.cable.bouc_wen import cable_of, simulate
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.play import PlayOperator
@@ -16,7 +16,7 @@ from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
 from bowden.plants.cable_plant import Cable
-from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, identified
+from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified
 
 Array = NDArray[np.float64]
 
@@ -144,6 +144,48 @@ class IdentifiedCable:
     """Name → parameters; SI and radians."""
     file: str = field(default="", compare=False)
     """Where it was read from, as a rig.toml names it."""
+    changed: Mapping[str, float] = field(default_factory=dict, compare=False)
+    """Parameters of the simulated model that differ from the file's; `models` has them already."""
+
+    @property
+    def simulated(self) -> str:
+        """Name of the model that a simulation runs: the recommended one; of a straight line, the plain Bouc–Wen one."""
+        return "bouc_wen" if self.best == "line" else self.best
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What may be changed of that model: all that its motion depends on, what its file leaves out too."""
+        given = {name: value for name, value in self.model(self.simulated).parameters.items() if name not in _BEGUN}
+        return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
+
+    def with_parameters(self, given: Mapping[str, float]) -> "IdentifiedCable":
+        """The same cable with these parameters of the simulated model; other models, which laws are told, stay.
+
+        Args:
+            given: by name; SI and radians.
+
+        Raises:
+            ParameterError: no such parameter, or one that the model cannot have.
+        """
+        own = self.parameters
+        for name in given:
+            if name not in own:
+                raise ParameterError(
+                    f"the model {self.simulated!r} has no parameter {name!r}", expected=near(name, own)
+                )
+        differing = {name: float(value) for name, value in given.items() if float(value) != own[name]}
+        if not differing:
+            return self
+        if own.get("slope", 1.0) * differing.get("slope", own.get("slope", 1.0)) <= 0.0:
+            side = "above" if own["slope"] > 0.0 else "below"
+            raise ParameterError(
+                f"the slope of the model {self.simulated!r} is {differing['slope']:g}",
+                expected=f"a number {side} 0, as its file has it",
+            )
+        changed = {**self.models[self.simulated], **differing}
+        identified(self.simulated, changed)
+        models = {**self.models, self.simulated: changed}
+        return replace(self, models=models, changed={**self.changed, **differing})
 
     def model(self, name: str | None = None) -> CableModel:
         """A model by its name; the recommended one where it is not given.
@@ -175,6 +217,10 @@ class IdentifiedCable:
                 do="identify a log in which the joint moves",
             )
         return cable
+
+
+_BEGUN = ("initial_h", "initial_lag")
+"""Parameters that say where a log began; a simulation begins at rest."""
 
 
 @lru_cache(16)

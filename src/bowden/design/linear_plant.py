@@ -1,0 +1,184 @@
+"""A plant as linear loops see it: motor and joint under a command, once for every slope that is to be expected.
+
+Of a cable behind a motor it is the servo with its delay, and a slope from motor to joint. Of a suit it is the spool
+and the arm that hangs in its springs (`bowden.plants.suit_linear`), at both ends of the stroke and in its middle, with
+the extensor taut and slack.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.control.stability import Margins, StateSpace, frequencies, margins, response, servo_model
+from bowden.core.units import DEGREES
+from bowden.design.linearise import LawModel
+from bowden.models.cable.sheath import slope_factor
+from bowden.models.drive.servo import Servo
+from bowden.plants.plant import Plant
+from bowden.plants.suit_linear import linear_suit, without_friction
+from bowden.plants.suit_parts import Suit
+from bowden.plants.transmission import transmission
+
+Complex = NDArray[np.complex128]
+
+OF_A_SUIT = (
+    "the linear loop is spool and arm in their springs; friction, play, the limits of the drive and the flex sensor's "
+    "loop are in the trials alone, so these decide"
+)
+"""What the margins of a suit leave out."""
+
+
+class OperatingPoint(NamedTuple):
+    """Where a plant is taken as linear: an operating point."""
+
+    bend: float
+    """Of the sheath [rad]."""
+    slope: float
+    """Joint motion per motor motion [rad/rad]."""
+    at: str
+    """What else, in words; empty where there is nothing else."""
+
+
+class LinearPlant(Protocol):
+    """A plant's linear loops, one for each place."""
+
+    @property
+    def places(self) -> tuple[OperatingPoint, ...]:
+        """In the order in which `margins` has them."""
+
+    @property
+    def leaves_out(self) -> str:
+        """What the linear loops leave to the trials, where so much that they alone decide; else empty."""
+
+    @property
+    def alone(self) -> Plant | None:
+        """A plant without all that, whose trial confirms or refutes a linear loop; None where nothing is left out."""
+
+    def margins(self, law: LawModel) -> Iterator[Margins]:
+        """Of the loop at each place."""
+
+
+class BehindServo(NamedTuple):
+    """A joint that moves by a slope per motion of a motor under its servo."""
+
+    servo: Servo
+    dt: float
+    delay: int
+    places: tuple[OperatingPoint, ...]
+    leaves_out: str = ""
+    alone: None = None
+
+    def margins(self, law: LawModel) -> Iterator[Margins]:
+        """See `LinearPlant`."""
+        plant, answer = servo_model(self.servo, self.dt, self.delay, 1.0), _servo(self.servo, self.dt, self.delay)
+        for place in self.places:
+            yield margins(plant, law.seen_through(place.slope), self.dt, answer)
+
+
+class OnArm(NamedTuple):
+    """A suit on its arm."""
+
+    suit: Suit
+    angles: tuple[float, ...]
+    """Of the elbow, for each place [rad]."""
+    taut: tuple[bool, ...]
+    """Whether the extensor is, likewise."""
+    places: tuple[OperatingPoint, ...]
+    leaves_out: str = OF_A_SUIT
+
+    @property
+    def alone(self) -> Suit:
+        """See `LinearPlant`."""
+        return without_friction(self.suit)
+
+    def margins(self, law: LawModel) -> Iterator[Margins]:
+        """See `LinearPlant`."""
+        dt = self.suit.sample_time
+        of_joint, of_motor = (response(part, frequencies(dt), dt) for part in (law.by_joint, law.by_motor))
+        for place, angle, taut in zip(self.places, self.angles, self.taut, strict=True):
+            near = _on_arm(self.suit, angle, taut, place.bend)
+            seen = law.b @ np.vstack([near.joint, near.motor])
+            states, own = len(near.a), len(law.a)
+            whole = np.zeros((states + own, states + own))
+            whole[:states, :states], whole[states:, :states], whole[states:, states:] = near.a, seen, law.a
+            through = np.hstack([law.d @ np.vstack([near.joint, near.motor]), law.c[0]])[None, :]
+            loop = StateSpace(whole, np.vstack([near.b, np.zeros((own, 1))]), through, 0.0)
+            yield margins(loop, _CLOSED, dt, near.joint_answer * of_joint + near.motor_answer * of_motor)
+
+
+_CLOSED = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0)
+"""What closes a loop that has the law in it."""
+
+
+def linear_plant(
+    plant: Plant, bends: Iterable[float], stroke: tuple[float, float], *, reversals: bool = True
+) -> LinearPlant:
+    """The plant's linear loops.
+
+    Args:
+        plant: any.
+        bends: of its sheath [rad].
+        stroke: of the joint [rad].
+        reversals: whether the slope after a reversal counts too, where it is steeper than the one with the play taken
+            up. Of a suit neither is measured: its springs are known.
+
+    Raises:
+        ParameterError: a plant that does not follow its motor.
+    """
+    ends = tuple(dict.fromkeys(bends))
+    if isinstance(plant, Suit):
+        low, high = stroke
+        corners = tuple(itertools.product(ends, (low, 0.5 * (low + high), high), (True, False)))
+        places = tuple(
+            OperatingPoint(
+                bend,
+                _on_arm(plant, angle, taut, bend).slope,
+                f"elbow at {angle * DEGREES:.0f}°, extensor {'taut' if taut else 'slack'}",
+            )
+            for bend, angle, taut in corners
+        )
+        return OnArm(plant, tuple(angle for _, angle, _ in corners), tuple(taut for *_, taut in corners), places)
+    places = tuple(
+        OperatingPoint(bend, slope, "") for bend in ends for slope in _slopes(plant, bend, stroke, reversals)
+    )
+    return BehindServo(plant.servo, plant.sample_time, plant.delay, places)
+
+
+def _slopes(plant: Plant, bend: float, stroke: tuple[float, float], reversals: bool) -> list[float]:
+    found = transmission(plant, bend, stroke)
+    return [found.slope, found.steepest] if reversals and found.steepest > found.slope else [found.slope]
+
+
+@lru_cache(8)
+def _servo(servo: Servo, dt: float, delay: int) -> Complex:
+    """From command to motor at the frequencies of `margins` (4000,); kept, since many laws are tried on one servo."""
+    return response(servo_model(servo, dt, delay, 1.0), frequencies(dt), dt)
+
+
+class _Near(NamedTuple):
+    """A suit near rest."""
+
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    joint: NDArray[np.float64]
+    motor: NDArray[np.float64]
+    slope: float
+    joint_answer: Complex
+    """From command to joint at the frequencies of `margins` (4000,)."""
+    motor_answer: Complex
+    """To the motor, likewise."""
+
+
+@lru_cache(64)
+def _on_arm(suit: Suit, angle: float, taut: bool, bend: float) -> _Near:
+    """Kept, since many laws are tried on one suit."""
+    factor = float(slope_factor(bend + suit.posture * angle, suit.sheath))
+    found, dt = linear_suit(suit, angle, extensor=taut, slope_factor=factor), suit.sample_time
+    answers = [response(StateSpace(found.a, found.b, row, 0.0), frequencies(dt), dt) for row in found[2:4]]
+    joint = (1.0 + suit.joint_sensor.gain) * found.joint
+    scaled = (1.0 + suit.joint_sensor.gain) * answers[0]
+    return _Near(found.a, found.b, joint, found.motor, found.slope, scaled, answers[1])
