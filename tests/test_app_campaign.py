@@ -317,6 +317,8 @@ def test_processes_that_die_are_replaced(monkeypatch: pytest.MonkeyPatch) -> Non
         ("duration_s = 0.6", "duration_s = 1e-4", "a run of 0.0001 s has 0.1 cycles"),
         ("laws =", 'rig = "none.toml"\nlaws =', "cannot read none.toml"),
         ("laws =", "laws", "is not TOML"),
+        ("[vary]", '"servo.damping" = 0.9\nservo.damping = 0.8\n\n[vary]', "set has 'servo.damping' twice"),
+        ("[vary]", "servo.dampng = 0.9\n\n[vary]", "unknown key 'dampng' in [servo]"),
     ],
 )
 def test_what_cannot_be_is_refused(before: str, after: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -325,6 +327,19 @@ def test_what_cannot_be_is_refused(before: str, after: str, said: str, capsys: p
     assert campaign() == 2
     assert said in one_line(capsys)
     assert not Path("out").exists()
+
+
+def test_a_key_without_quotation_marks_is_the_same_key() -> None:
+    """To TOML it is a table, which must not stand for the whole section."""
+    before = load(Path("study.toml"))
+    text = STUDY.replace("[vary]", '"servo.damping" = 0.8\n"servo.speed_limit_deg_per_s" = 400.0\n\n[vary]')
+    Path("quoted.toml").write_text(text)
+    bare = text.replace('"servo.damping"', "servo.damping").replace('"servo.natural', "servo.natural")
+    bare = bare.replace('"servo.speed_limit_deg_per_s"', "servo.speed_limit_deg_per_s").replace('_hz" =', "_hz =")
+    Path("bare.toml").write_text(bare)
+    quoted, same = load(Path("quoted.toml")), load(Path("bare.toml"))
+    assert same.rig == quoted.rig != before.rig
+    assert [column.name for column in same.columns] == [column.name for column in quoted.columns]
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,7 @@ def test_gains_come_from_the_rig_the_preset_and_the_cable_in_that_order(tmp_path
         (
             "observer",
             "[control]\npreset = 'p'\nlaw = 'observer'",
-            "law 'observer' has no preset 'p'; expected one of paper",
+            "law 'observer' has no preset 'p'; expected paper",
         ),
         ("adaptive", "[control.gains]\nerrorgain = 1.0", "no gain 'errorgain'"),
         ("adaptive", "[control.gains]\nerror_gain = -1.0", "gain error_gain of law 'adaptive' is -1"),

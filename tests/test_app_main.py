@@ -166,11 +166,11 @@ def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.
         (["simulate", "rig.toml", "--law", "none.py"], "none.py: no such file"),
         (
             ["simulate", "rig.toml", "--preset", "papier"],
-            "law 'adaptive' has no preset 'papier'; expected one of paper",
+            "law 'adaptive' has no preset 'papier'; expected paper (did you mean this?)",
         ),
         (
             ["simulate", "rig.toml", "--law", "uncompensated", "--preset", "paper"],
-            "law 'uncompensated' has no preset 'paper'; expected one of none; name another, or leave the preset out",
+            "law 'uncompensated' has no preset 'paper'; expected none; name another, or leave the preset out",
         ),
         (["simulate", "rig.toml", "--duration", "-3"], "a run of -3 s has 0 cycles"),
         (["simulate", "rig.toml", "--duration", "nan"], "a run of nan s"),

@@ -219,6 +219,14 @@ def test_what_is_not_known_is_refused(
     assert not Path("out").exists()
 
 
+def test_two_plants_of_one_name_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for place in ("a", "b"):
+        Path(place).mkdir()
+        Path(place, "mine.py").write_text((ROOT / "examples" / "my_plant.py").read_text())
+    assert main.run(["league", "--data", "nowhere", "--plants", "a/mine.py,b/mine.py"]) == 2
+    assert "'b/mine.py': there is a plant 'mine' already; give yours another name" in capsys.readouterr().err
+
+
 def test_an_interrupted_league_keeps_what_it_has(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,5 +1,7 @@
 """Kernels that are called without Numba: the same bits, the same errors, and Numba where there is no other way."""
 
+import hashlib
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +40,11 @@ def mixed(given: Outer, rows: Any, strided: Any, scale: float, count: int, out: 
 
 
 @kernel
+def curved(x: float) -> float:
+    return np.sin(x)
+
+
+@kernel
 def counted(values: Any) -> int:
     return values.size
 
@@ -63,6 +70,18 @@ def refuses(x: float) -> float:
 def refuses_with(x: float) -> float:
     if x < 0.0:
         raise ValueError(x)
+    return np.sqrt(x)
+
+
+class NamedError(Exception):
+    def __init__(self, what: str) -> None:
+        super().__init__(what)
+
+
+@kernel
+def refuses_nothing(x: float) -> float:
+    if x < 0.0:
+        raise NamedError
     return np.sqrt(x)
 
 
@@ -125,6 +144,41 @@ def test_what_is_kept_is_called_and_a_torn_file_is_compiled_anew(cache: Path) ->
         assert native_code.loaded(torn) is None
 
 
+@pytest.mark.parametrize("system", ["x86_64-unknown-linux-gnu", "aarch64-linux-gnu", "arm64-apple-darwin"])
+def test_what_machine_code_calls_is_read_from_it(system: str) -> None:
+    """An instruction and an intrinsic that become calls, and what is defined in it."""
+    llvm: Any = importlib.import_module("llvmlite.binding")
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    module = llvm.parse_assembly(
+        """declare double @sin(double)
+        declare double @llvm.powi.f64.i32(double, i32)
+        define double @own(double %x, i32 %n) {
+          %a = frem double %x, 3.0
+          %b = call double @sin(double %a)
+          %c = call double @llvm.powi.f64.i32(double %b, i32 %n)
+          ret double %c
+        }"""
+    )
+    target = llvm.Target.from_triple(system)
+    module.triple = system
+    code = target.create_target_machine(codemodel="jitdefault", jit=True).emit_object(module)
+    assert native_code.called_by(code) == {"sin", "fmod", "__powidf2"}
+    assert native_code.called_by(b"MZ" + code) is None
+
+
+def test_code_that_calls_what_is_not_there_is_not_called(cache: Path) -> None:
+    """LLVM would end the process."""
+    assert program(curved)(0.5) == compiled(curved)(0.5)
+    (kept,) = cache.glob("curved*.program")
+    content = kept.read_bytes()
+    whole = content[native_code._DIGEST :]
+    assert b"\0sin\0" in whole
+    changed = whole.replace(b"\0sin\0", b"\0nis\0")
+    assert native_code.loaded(content) is not None
+    assert native_code.loaded(hashlib.sha256(changed).digest() + changed) is None
+
+
 @pytest.mark.parametrize(
     ("function", "arguments"), [(longer, (np.arange(3.0),)), (pair, (1.5,)), (refuses_with, (4.0,))]
 )
@@ -154,6 +208,10 @@ def test_what_a_kernel_raises_is_raised_with_its_file_and_line(cache: Path) -> N
     last = traceback.extract_tb(caught.value.__traceback__)[-1]
     assert (Path(last.filename).name, last.name) == (Path(__file__).name, "refuses")
     assert "no root of this" in (Path(last.filename).read_text().splitlines()[(last.lineno or 0) - 1])
+    with pytest.raises(TypeError, match="missing 1 required") as other:  # what Python says of it
+        program(refuses_nothing)(-4.0)
+    last = traceback.extract_tb(other.value.__traceback__)[-1]
+    assert (Path(last.filename).name, last.name) == (Path(__file__).name, "refuses_nothing")
     assert list(cache.glob("refuses*.program"))
 
 

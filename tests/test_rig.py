@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowden.control import LAWS
+from bowden.control import LAWS, user_law
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint, Recorded
 from bowden.core.errors import BowdenError, OutputError, ParameterError
 from bowden.core.quantity import in_unit
 from bowden.core.units import DEGREES, HERTZ, RADIANS
+from bowden.face.check import check
 from bowden.identify.cable.model import CableModel
 from bowden.live.live_run import live_run
 from bowden.models.cable.bouc_wen import BoucWen
@@ -27,6 +28,7 @@ from bowden.rig.rig import Rig
 from bowden.rig.sections import PARTS
 from bowden.rig.settings import EmgSettings, SuitSettings
 from bowden.safety.limits import Limits
+from bowden.study.load import load as load_study
 
 MODEL = """
 best = "play"
@@ -207,6 +209,65 @@ def test_a_law_of_python_is_taken_and_one_of_a_file_is_handed_on(folder: Path) -
     assert Rig(law="my_law.py:MINE").fitted().name == "mine"
 
 
+NESTED = """
+from typing import NamedTuple
+from bowden import kernel
+
+class Inner(NamedTuple):
+    slope: float = 0.9
+    count: int = 3
+
+class Gains(NamedTuple):
+    feedback: float = 0.1
+    cable: Inner = Inner()
+
+class State(NamedTuple):
+    before: float
+
+@kernel
+def start(gains, sample):
+    return State(sample.motor)
+
+@kernel
+def step(gains, state, sample, reference, dt):
+    error = reference.position - sample.joint
+    command = reference.position / gains.cable.slope + gains.feedback * gains.cable.count * error
+    return State(command), command
+"""
+
+
+def test_every_laws_chosen_gains_survive_bytes_and_text(folder: Path) -> None:
+    (folder / "nested.py").write_text(NESTED)
+    nested = user_law.load("nested.py", folder).with_gains(**{"cable.slope": 1.0 / 3.0})
+    assert nested.gains.cable == type(nested.gains.cable)(1.0 / 3.0, 3)
+    chosen = [
+        law.with_gains(**{name: law.numbers[name] * 0.9 + 1e-17 for name in list(law.numbers)[:4]})
+        for law in (*LAWS.values(), nested)
+    ]
+    for law in (*chosen, nested, nested.with_gains(feedback=0.2)):
+        again = Rig.unpack(Rig(law=law).pack()).loaded_law
+        assert again.gains._asdict() == law.gains._asdict()
+        assert [type(one) for one in again.numbers.values()] == [type(one) for one in law.numbers.values()]
+        assert again.chosen == law.chosen
+        place = folder / f"{law.name}.toml"
+        place.unlink(missing_ok=True)
+        Rig(law=law).write(place)
+        assert Rig.read(place).fitted().numbers == Rig(law=law).fitted().numbers
+    with pytest.raises(ParameterError, match=r"no gain 'cable\.slop'; expected one of .*did you mean cable\.slope"):
+        Rig(law="nested.py", gains={"cable.slop": 1.0})
+
+
+def test_the_check_and_a_study_know_the_gains_of_a_part(folder: Path) -> None:
+    (folder / "nested.py").write_text(NESTED)
+    assert check(Rig(law="nested.py", gains={"cable.slope": 0.938})).verdict == "holds"
+    (folder / "study.toml").write_text(
+        'laws = ["nested.py"]\nruns = 2\n[vary]\n"control.gains.cable.slope" = { uniform = [0.9, 1.0] }\n'
+    )
+    laws = [load_study(folder / "study.toml").run(number)[1][0] for number in range(2)]
+    assert 0.9 <= laws[0].numbers["cable.slope"] != laws[1].numbers["cable.slope"] <= 1.0
+    assert laws[0].gains.cable.count == 3
+
+
 def test_another_law_takes_none_of_this_ones_gains() -> None:
     rig = Rig(law="adaptive", gains={"feedback_gain": 1.5})
     assert rig.with_law("adaptive").fitted().gains.feedback_gain == 1.5
@@ -220,6 +281,7 @@ def test_another_law_takes_none_of_this_ones_gains() -> None:
         ({"sample_time": 1.0}, "sample_time is 1; expected"),
         ({"bend": 180.0}, "bend.bend is 180; expected"),
         ({"law": "adaptiv"}, "adaptive (did you mean this?)"),
+        ({"preset": "papr"}, "law 'adaptive' has no preset 'papr'; expected paper (did you mean this?)"),
         ({"servo": Servo(natural_frequency=float("nan"))}, "servo.natural_frequency is nan; expected a number above 0"),
         ({"servo": Servo(natural_frequency=-1.0)}, "servo.natural_frequency is -1"),
         ({"servo": 53.0}, "servo is 53.0; expected a Servo; make one: Servo(natural_frequency=…)"),

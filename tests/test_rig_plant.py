@@ -64,6 +64,18 @@ def test_what_a_plant_says_of_itself_is_the_rigs(tmp_path: Path) -> None:
         Rig(plant=str(tmp_path / "own.py:OWN"), servo=Servo(natural_frequency=11.0))
 
 
+def test_what_a_plant_says_of_itself_goes_with_it(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(EXAMPLE.read_text() + NAMED)
+    (tmp_path / "other.py").write_text(EXAMPLE.read_text() + NAMED.replace("40.0", "30.0"))
+    rig = Rig(plant=str(tmp_path / "own.py:OWN"), delay=3)
+    for before in (rig, Rig.unpack(rig.pack())):
+        assert before.replace(plant=None) == Rig(delay=3)
+        assert before.replace(plant=str(tmp_path / "other.py:OWN")).servo.natural_frequency == 30.0
+        assert before.replace(delay=2).servo.natural_frequency == 40.0
+        given = before.replace(plant=str(EXAMPLE), servo=Servo(natural_frequency=11.0))
+        assert (given.servo.natural_frequency, given.delay) == (11.0, 3)
+
+
 def test_workers_of_a_search_are_handed_it(tmp_path: Path) -> None:
     rig = rig_of(tmp_path)
     with workers_for(rig) as workers:

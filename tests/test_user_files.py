@@ -1,6 +1,8 @@
 """Files of a user's own: what goes wrong in them late is named with file and line; what they import belongs to them."""
 
+import importlib
 import json
+import pickle
 import shutil
 import subprocess
 import sys
@@ -161,6 +163,63 @@ def test_what_a_file_imports_is_part_of_the_rig_and_an_edit_of_it_makes_another(
     assert other.hash != rig.hash
     assert other.fitted().gains.integral_gain == 6.0
     assert (rig.fitted().gains.integral_gain, Rig.unpack(rig.pack()).fitted().gains.integral_gain) == (5.0, 5.0)
+
+
+def test_what_the_user_has_imported_stays_what_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = with_modules(tmp_path / "a", 5.0)
+    monkeypatch.syspath_prepend(tmp_path / "a")
+    before = {name: importlib.import_module(name) for name in ("shared", "lab", "lab.gain")}
+    try:
+        with_modules(tmp_path / "a", 6.0)
+        rig = Rig(law=str(path))
+        assert all(sys.modules[name] is module for name, module in before.items())
+        gains = rig.fitted().gains
+        assert gains.integral_gain == 6.0  # what the file says now
+        assert pickle.loads(pickle.dumps(gains)) == gains
+    finally:
+        for name in before:
+            del sys.modules[name]
+
+
+@pytest.mark.parametrize(
+    ("helper", "line", "said"),
+    [
+        ("X = 1\n\nY = X / 0\n", 3, "ZeroDivisionError: division by zero"),
+        ("X = 1\ndef half(:\n", 2, "invalid syntax"),
+        ("import lab.nothing\n", 1, "ModuleNotFoundError: No module named 'lab.nothing'"),
+    ],
+)
+def test_a_mistake_in_a_helper_while_it_is_imported_is_named_there(
+    helper: str, line: int, said: str, tmp_path: Path
+) -> None:
+    path = with_modules(tmp_path, 5.0)
+    (tmp_path / "shared.py").write_text(helper)
+    with pytest.raises(ParameterError) as caught:
+        user_law.load(str(path))
+    assert str(caught.value).startswith(f"{tmp_path / 'shared.py'}, line {line}: {said}")
+
+
+def test_a_helper_on_the_path_is_run_where_it_stands_and_else_from_its_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = with_modules(tmp_path / "a", 5.0)
+    (tmp_path / "lib").mkdir()
+    helper = (path.parent / "shared.py").rename(tmp_path / "lib" / "shared.py")
+    helper.write_text(f"{helper.read_text()}\ndef fail():\n    raise ValueError('far')\n")
+    monkeypatch.syspath_prepend(tmp_path / "lib")
+    rig = Rig(law=str(path))
+    packed = rig.pack()
+    assert sys.modules[type(rig.fitted().gains).__module__].shared.__file__ == str(helper)
+    shutil.rmtree(tmp_path / "lib")
+    file = Rig.unpack(packed).law
+    copied = user_file.restored(Path(file.path), file.source, "laws", file.modules)
+    assert copied.path == path  # which still stands
+    place = Path(next(one.path for one in copied.modules if one.name == "shared"))
+    assert place.read_bytes() == next(one.source for one in file.modules if one.name == "shared")
+    with pytest.raises(ValueError, match="far") as caught:
+        user_file.run(copied, "law").shared.fail()
+    said = str(user_file.mistake(caught.value, path))
+    assert said.startswith(f"{place}, line 8: ValueError: far; this is the rig's copy: correct the file that")
 
 
 def test_another_process_needs_none_of_the_files(tmp_path: Path) -> None:

@@ -14,14 +14,10 @@ from numpy.typing import NDArray
 
 from bowden.control import LAWS
 from bowden.control.law import Law
-from bowden.control.laws.adaptive import start as sound_adaptive_start
-from bowden.control.laws.adaptive import step as sound_adaptive_step
-from bowden.control.our_law.law import start as our_sound_start
-from bowden.control.our_law.law import step as our_sound_step
 from bowden.core import shared_memory
 from bowden.core.clock import SECOND
-from bowden.core.kernel import compiled, kernel
-from bowden.core.signals import DriveReading, Reference, Sample
+from bowden.core.kernel import compiled
+from bowden.core.signals import DriveReading, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
 from bowden.hardware.ports import Power
 from bowden.live import control_block, ring
@@ -39,7 +35,7 @@ from bowden.sim.run import inputs_of
 from bowden.sim.scenario import constant_bend
 from support.fault_matrix import AFTER, LAST, MEASURED, REFERENCE, begins
 from support.injected_drive import drive_moved, drive_read, drive_reading, drive_start, of_plant, settings_of
-from support.injection import HOUR, asleep, misled_command, misled_gains
+from support.injection import HOUR, asleep, misled_gains, misled_kernels
 from support.supervised import EMG_AGE, OPERATOR_AGE, RECORDED
 
 ENDING = 0.5
@@ -49,32 +45,6 @@ ROWS = 8192
 COLUMNS = ("wish", "command", "power", "mode", "reaction", "faults")
 """The log's names of `RECORDED`."""
 assert len(COLUMNS) == len(RECORDED)
-
-
-@kernel
-def adaptive_start(gains: Any, sample: Sample) -> Any:
-    return sound_adaptive_start(gains.gains, sample)
-
-
-@kernel
-def adaptive_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    state, command = sound_adaptive_step(gains.gains, state, sample, reference, dt)
-    return state, misled_command(gains, command, dt)
-
-
-@kernel
-def our_start(gains: Any, sample: Sample) -> Any:
-    return our_sound_start(gains.gains, sample)
-
-
-@kernel
-def our_step(gains: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
-    state, command = our_sound_step(gains.gains, state, sample, reference, dt)
-    return state, misled_command(gains, command, dt)
-
-
-KERNELS = {"adaptive": (adaptive_start, adaptive_step), "bowden": (our_start, our_step)}
-"""The matrix's laws that can go wrong, as a loop takes a law."""
 
 
 class LiveRun(NamedTuple):
@@ -120,7 +90,7 @@ class InjectedLoop:
     Args:
         folder: for ring and control block.
         bench: of the drive.
-        law: by its name in `KERNELS`.
+        law: by its name in `LAWS`.
         kinds: what is injected.
         seed: of the encoders' noise, and with `onset` of when the faults begin.
         onset: see there.
@@ -135,8 +105,7 @@ class InjectedLoop:
         self._inputs, self._delay, self._last = inputs, bench.delay, round(duration / bench.sample_time) - 1
         gains = misled_gains(LAWS[law], injected, bench.sample_time)
         self._kinds, self._onsets, self._now = gains.kinds, gains.onsets, gains.now
-        start, step = KERNELS[law]
-        misled_law = Law(law, gains, start, step, "tests", state_units=LAWS[law].state_units)
+        misled_law = Law(law, gains, *misled_kernels(LAWS[law]), "tests", state_units=LAWS[law].state_units)
 
         # the drive
         dynamics = bench.dynamics()

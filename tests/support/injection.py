@@ -3,6 +3,7 @@
 What a sensor or the drive says is misread by `bowden.sim.injected`, as in a simulation.
 """
 
+from types import FunctionType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -138,6 +139,13 @@ def misled_step(gains: Misled, state: Any, sample: Sample, reference: Reference,
     """The law's own step, and what is injected into its command."""
     state, command = sound_step(gains.gains, state, sample, reference, dt)
     return state, misled_command(gains, command, dt)
+
+
+def misled_kernels(law: Law) -> tuple[Any, Any]:
+    """`misled_start` and `misled_step` of a law as kernels of their own, which run interpreted too."""
+    around = globals() | {"sound_start": law.start_kernel, "sound_step": law.step_kernel}
+    start, step = (kernel(FunctionType(one.__code__, around, one.__name__)) for one in (misled_start, misled_step))
+    return start, step
 
 
 def misled_gains(law: Law, injected: tuple[tuple[Injected, float], ...], dt: float) -> Misled:

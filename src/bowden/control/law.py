@@ -20,7 +20,7 @@ from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import stand_in
-from bowden.core.nested import columns, is_named, leaves, name_of
+from bowden.core.nested import columns, is_named, leaves, name_of, rebuilt
 from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
 
@@ -150,6 +150,11 @@ class Law:
                         f"{what} of law {self.name!r} names {name!r}", expected=near(str(name), known), do="correct it"
                     )
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Gain → its value; one of a nested part goes by its dotted name, ``part.gain``."""
+        return {name_of(path): value for path, value in leaves(self.gains)}
+
     def columns(self) -> dict[str, str]:
         """Column → unit of its state, as traces and logs have it: ``law.<field>``, ``law.<part>.<field>``."""
         return columns(self.start(Sample(0.0, 0.0)), "law", self.state_units)
@@ -162,7 +167,7 @@ class Law:
         return shown.fragment(f"Law {self.name}", self._rows())
 
     def _rows(self) -> list[tuple[str, str]]:
-        gains = ", ".join(f"{name_of(path)} {value:.4g}" for path, value in leaves(self.gains))
+        gains = ", ".join(f"{name} {value:.4g}" for name, value in self.numbers.items())
         rows = [("gains", gains), ("from the rig", ", ".join(self.from_rig)), ("presets", ", ".join(self.presets))]
         return [*rows, ("source", self.source)]
 
@@ -175,23 +180,25 @@ class Law:
         return self.step_kernel(self.gains, state, sample, reference, dt)
 
     def with_gains(self, **changes: Any) -> "Law":
-        """The same law with some gains changed.
+        """The same law with some gains changed, those of a nested part by their dotted names.
 
         Raises:
             ParameterError: a name that is not a gain of this law, or a value outside its limits.
         """
+        numbers = self.numbers
+        known = [*self.gains._fields, *(name for name in numbers if "." in name)]
         for name, value in changes.items():
-            if name not in self.gains._fields:
+            if name not in known:
                 if name in self.former:
                     raise ParameterError(
                         f"law {self.name!r} has no gain {name!r} any more",
                         expected=self.former[name],
                         do="rename or delete it",
                     )
-                alike = difflib.get_close_matches(name, self.gains._fields, 1)
+                alike = difflib.get_close_matches(name, known, 1)
                 raise ParameterError(
                     f"law {self.name!r} has no gain {name!r}",
-                    expected=f"one of {', '.join(self.gains._fields)}",
+                    expected=f"one of {', '.join(known)}",
                     do=f"did you mean {alike[0]}?" if alike else "name one of them",
                 )
             if isinstance(value, bool | str | bytes) or not (isinstance(value, tuple) or hasattr(value, "__float__")):
@@ -205,7 +212,10 @@ class Law:
                     expected=f"a number from {low:g} to {high:g}",
                     do="correct it",
                 )
-        return replace(self, gains=self.gains._replace(**changes), chosen=self.chosen | changes.keys())
+        gains = self.gains._replace(**{name: value for name, value in changes.items() if name in self.gains._fields})
+        if any("." in name for name in changes):
+            gains = rebuilt(gains, lambda path, value: changes.get(name_of(path), value))
+        return replace(self, gains=gains, chosen=self.chosen | {name.partition(".")[0] for name in changes})
 
     def preset(self, name: str) -> "Law":
         """The same law with a named set of gains in place of all that were chosen before.
@@ -218,7 +228,7 @@ class Law:
         if name not in self.presets:
             raise ParameterError(
                 f"law {self.name!r} has no preset {name!r}",
-                expected=f"one of {', '.join(self.presets) or 'none'}",
+                expected=near(str(name), self.presets) if self.presets else "none",
                 do="name another, or leave the preset out",
             )
         back = {gain: getattr(self.own, gain) for gain in self.chosen}

@@ -20,8 +20,9 @@ from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import FromRig, Law
 from bowden.control.law_parts import LAG
 from bowden.core import user_file
-from bowden.core.errors import ParameterError, article
+from bowden.core.errors import ParameterError, article, asked_for_by
 from bowden.core.signals import Reference, Sample
+from bowden.core.user_file import UserFile
 from bowden.models.cable.bouc_wen import BoucWen
 
 _CORRECT = "correct the law there"
@@ -37,13 +38,6 @@ def is_file(name: str) -> bool:
     return user_file.split(name)[0].endswith(".py")
 
 
-def absolute(name: str, folder: Path | None = None) -> str:
-    """``FILE.py:NAME`` with the whole path of its file, as a log keeps it."""
-    file, attribute = user_file.split(name)
-    path = ((folder or Path()) / file).absolute()
-    return f"{path}:{attribute}" if attribute else str(path)
-
-
 def load(name: str, folder: Path | None = None) -> Law:
     """The law that ``FILE.py:NAME`` or ``FILE.py`` names; without NAME it is the only one in the file.
 
@@ -55,9 +49,17 @@ def load(name: str, folder: Path | None = None) -> Law:
         ParameterError: no such file or name, a mistake in the file (with its line), or something that is not a law.
     """
     file, attribute = user_file.split(name)
-    path = ((folder or Path()) / file).absolute()
-    law = _find(user_file.run(path, "law"), attribute, path)
-    check_law(law, path)
+    return load_file(user_file.found(((folder or Path()) / file).absolute(), "law"), attribute)
+
+
+def load_file(file: UserFile, name: str) -> Law:
+    """The law of this name in a file that has been read; the only one there if the name is empty.
+
+    Raises:
+        ParameterError: see `load`.
+    """
+    law = _find(user_file.run(file, "law"), name, file.path)
+    check_law(law, file.path)
     return law
 
 
@@ -134,10 +136,8 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
     from_rig = names.get(
         "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
     )
-    try:
+    with asked_for_by(str(path)):
         return Law(path.stem, gains, names["start"], names["step"], source=str(path), from_rig=from_rig)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error.what}", expected=error.expected, do=error.do) from error
 
 
 def check_law(law: Law, path: Path | None = None) -> None:
@@ -161,12 +161,14 @@ def check_law(law: Law, path: Path | None = None) -> None:
     _check_numbers(law.gains, "gains", str(path), whole=True)
     where = user_file.line(law.step_kernel, path)
     try:
-        for known in (Knowledge(), _EXAMPLE):
-            _check_numbers(informed(law, known).gains, "gains that a rig tells", str(path), whole=True)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error.what}", expected=error.expected, do=error.do) from error
+        with asked_for_by(str(path)):
+            told = [informed(law, known).gains for known in (Knowledge(), _EXAMPLE)]
+    except ParameterError:
+        raise
     except Exception as error:
         raise user_file.mistake(error, path) from error
+    for gains in told:
+        _check_numbers(gains, "gains that a rig tells", str(path), whole=True)
     sample = Sample(0.01, 0.02)
     try:
         state = law.start(sample)

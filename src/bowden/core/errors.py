@@ -1,8 +1,9 @@
 """Errors that carry evidence: what was given, what was expected, what to do."""
 
+import contextlib
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 
 class BowdenError(Exception):
@@ -73,6 +74,16 @@ def near(name: str, known: Iterable[str]) -> str:
     if len(ordered) > _MOST_NAMES:
         ordered = [*ordered[: _MOST_NAMES - 1], f"{len(ordered) - _MOST_NAMES + 1} others"]
     return " or ".join(part for part in (", ".join(ordered[:-1]), ordered[-1]) if part) if ordered else "nothing"
+
+
+@contextlib.contextmanager
+def asked_for_by(key: str) -> Iterator[None]:
+    """Say which file, and which of its keys, led to a failure."""
+    try:
+        yield
+    except BowdenError as error:
+        do = error.do or "correct it there"
+        raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from error
 
 
 def check_positive(what: str, **values: float) -> None:

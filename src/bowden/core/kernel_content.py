@@ -263,6 +263,8 @@ def _type(made: type, *, places: bool = True) -> str:
         return name
     if hasattr(made, "class_type"):  # a jitclass, whose methods are compiled with it
         raise _UnknownError
+    if places and made.__module__ == "__main__" and issubclass(made, BaseException):
+        raise _UnknownError  # kept as a whole, so that what is raised would be of another class
     fields: dict[str, Any] = {}
     if issubclass(made, tuple):
         defaults = getattr(made, "_field_defaults", {})

@@ -7,7 +7,8 @@ over a whole run, a sweep) is kept with how to call it, and Numba is imported on
 This is for kernels that take numbers, arrays and nested tuples of these, give back a number or nothing, and ask for no
 memory; of any other, `kept_form` gives None. Numba hands a kernel the address for its result, the
 address for what is raised, and then every number of its arguments, one by one; an array is seven and more numbers.
-That this is so is looked up in what was compiled before it is kept.
+That this is so is looked up in what was compiled before it is kept; and what machine code calls is read from the code
+itself, where an instruction that a processor does not have has become a call too.
 """
 
 import ctypes
@@ -18,6 +19,7 @@ import math
 import os
 import pickle
 import re
+import struct
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
@@ -38,10 +40,11 @@ _AS_LLVM_HAS_IT = {"double": "d", "i64": "q", "i8": "b", "ptr": "p"}
 
 _LIBM = frozenset(dir(math)) | {"cbrt", "exp2", "fabs", "fmax", "fmin", "nearbyint", "rint", "round"}
 _MEMORY = {"memcpy", "memmove", "memset"}
-"""What kept code may call."""
 
 _NEVER_CALLED = "NRT_MemInfo_call_dtor"
 """What Numba calls where an array that a kernel was given is nobody's any more; what is handed over has no owner."""
+
+_MAY_BE_CALLED = _LIBM | _MEMORY | {_NEVER_CALLED}
 
 _WHAT_IS_RAISED = re.compile(r"^@\.const\.picklebuf\.\w+ = .*?(ptr \w+, i32 \d+) \}", re.MULTILINE)
 
@@ -125,16 +128,62 @@ def kept_form(result: Any, letters: str) -> bytes | None:
     if head is None:
         return None
     taken = [_AS_LLVM_HAS_IT.get(part.split()[0], "p" if "*" in part else "?") for part in _split(head[1])]
-    declared = set(re.findall(r'^declare [^\n]*@"?([\w.$]+)"?\(', text, re.MULTILINE)) - {_NEVER_CALLED}
-    called = {one for one in declared if not one.startswith("llvm.")}
-    called |= {part for one in declared - called if (part := one.split(".")[1]) in _LIBM | _MEMORY}  # what they become
     known = all(made == "ptr null, i32 0" for made in _WHAT_IS_RAISED.findall(text))  # no part of it is made as it runs
-    if "".join(taken) != "pp" + letters or not known or not called <= _LIBM | _MEMORY:
-        return None
     machine_code = library.serialize_using_object_code()[2][0]
-    said = {"name": name, "letters": letters, "gives": given_back, "calls": sorted(called)}
+    called = called_by(machine_code)
+    if "".join(taken) != "pp" + letters or not known or called is None or not called <= _MAY_BE_CALLED:
+        return None
+    said = {"name": name, "letters": letters, "gives": given_back}
     whole = json.dumps(said).encode() + b"\n" + machine_code
     return hashlib.sha256(whole).digest() + whole
+
+
+def called_by(machine_code: bytes) -> set[str] | None:
+    """The names that an object file of LLVM's leaves open: what must be there before it is called.
+
+    None of a file that is neither ELF, as on Linux, nor Mach-O, as on macOS, each of 64 bits.
+    """
+    if machine_code.startswith(b"\x7fELF\x02\x01"):
+        return _open_in_elf(machine_code)
+    return _open_in_mach_o(machine_code) if machine_code.startswith(b"\xcf\xfa\xed\xfe") else None
+
+
+_ELF_SECTION, _ELF_SYMBOL = struct.Struct("<IIQQQQIIQQ"), struct.Struct("<IBBHQQ")
+_ELF_SYMBOLS, _ELF_OPEN = 2, 0
+"""The type of a section that has symbols, and the section of one that is defined nowhere."""
+
+
+def _open_in_elf(whole: bytes) -> set[str]:
+    (begin,), (size, count) = struct.unpack_from("<Q", whole, 40), struct.unpack_from("<HH", whole, 58)
+    sections = [_ELF_SECTION.unpack_from(whole, begin + i * size) for i in range(count)]
+    found = set()
+    for _, kind, _, _, place, length, names, *_ in sections:
+        if kind == _ELF_SYMBOLS:
+            symbols = _ELF_SYMBOL.iter_unpack(whole[place : place + length])
+            found |= {_text(whole, sections[names][4] + name) for name, _, _, home, *_ in symbols if home == _ELF_OPEN}
+    return found - {""}
+
+
+_MACH_O_SYMBOL = struct.Struct("<IBBHQ")
+_MACH_O_SYMBOLS, _MACH_O_KIND, _MACH_O_OPEN = 2, 0x0E, 0
+"""The command that tells where symbols are, the bits of what one is, and those of one that is defined nowhere."""
+
+
+def _open_in_mach_o(whole: bytes) -> set[str]:
+    (count,), place, found = struct.unpack_from("<I", whole, 16), 32, set()
+    for _ in range(count):
+        command, size = struct.unpack_from("<II", whole, place)
+        if command == _MACH_O_SYMBOLS:
+            begin, symbols, names, _ = struct.unpack_from("<IIII", whole, place + 8)
+            for name, kind, *_ in _MACH_O_SYMBOL.iter_unpack(whole[begin : begin + symbols * _MACH_O_SYMBOL.size]):
+                if kind & _MACH_O_KIND == _MACH_O_OPEN:
+                    found.add(_text(whole, names + name).removeprefix("_"))
+        place += size
+    return found
+
+
+def _text(whole: bytes, place: int) -> str:
+    return whole[place : whole.index(0, place)].decode()
 
 
 def _split(arguments: str) -> Iterator[str]:
@@ -159,13 +208,16 @@ def loaded(kept: bytes) -> Callable[[list[Any]], Any] | None:
         return None
     head, _, machine_code = whole.partition(b"\n")
     said = json.loads(head)
+    called = called_by(machine_code)
     with _ONE_AT_A_TIME:
         llvm, engine = _llvm()
-        if not all(llvm.address_of_symbol(one) for one in said["calls"]):
-            return None
+        if called is None or not all(llvm.address_of_symbol(one) for one in called):
+            return None  # LLVM ends the process where it does not find a name
         engine.add_object_file(llvm.ObjectFileRef.from_data(machine_code))
         engine.finalize_object()
         address = engine.get_function_address(said["name"])
+    if not address:
+        return None
     numbers_of = [_WHOLE[letter] for letter in said["letters"]]
     prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *numbers_of)
     function = prototype(address)
@@ -187,16 +239,16 @@ class _Raised(ctypes.Structure):
 
 
 def _raise(address: int | None) -> None:
-    """Raise what a kernel has raised, where it did: the last frame of the traceback has its file and line."""
+    """Raise what a kernel has raised, where it did: the last frame of the traceback has its file and line.
+
+    That of an exception that cannot be made so, too: ``raise Mine`` of one that asks for arguments.
+    """
     assert address
     said = _Raised.from_address(address)
     made, arguments, place = pickle.loads(ctypes.string_at(said.pickled, said.length))
-    error = made(*(arguments or ()))
-    if place is None:
-        raise error
-    function, file, line = place
-    code = compile("\n" * (line - 1) + "raise error", file, "exec")
-    exec(code.replace(co_name=function), {"error": error})
+    function, file, line = place or (__name__, __file__, 1)
+    code = compile("\n" * (line - 1) + "raise made(*arguments)", file, "exec")
+    exec(code.replace(co_name=function), {"made": made, "arguments": arguments or ()})
 
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -232,6 +284,10 @@ def circumstances() -> str:
     version = Path(spec.origin).with_name("_version.py") if spec and spec.origin else None
     options = sorted(f"{key}={value}" for key, value in os.environ.items() if key.startswith("NUMBA_"))
     own = Path(".numba_config.yaml")
+    try:
+        features = llvm.get_host_cpu_features().flatten()
+    except RuntimeError:  # LLVM does not know this processor's; Numba then compiles without any
+        features = ""
     return repr(
         (
             version.read_text(encoding="utf-8") if version and version.is_file() else "",
@@ -239,7 +295,7 @@ def circumstances() -> str:
             np.__version__,
             llvm.get_process_triple(),
             llvm.get_host_cpu_name(),
-            llvm.get_host_cpu_features().flatten(),
+            features,
             options,
             own.read_text(encoding="utf-8") if own.is_file() else "",
         )

@@ -10,3 +10,12 @@ def quoted(text: str) -> str:
     "a \\"b\\""
     """
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def key_of(name: str) -> str:
+    """A key of a section: in quotation marks where it has a dot, which would make a section of it.
+
+    >>> print(key_of("gain"), key_of("part.gain"))
+    gain "part.gain"
+    """
+    return quoted(name) if "." in name else name

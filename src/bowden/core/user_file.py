@@ -1,11 +1,13 @@
 """A user's own Python file: run as a module of its own, its mistakes told in one line with the file's.
 
 What it imports is found beside it first, as Python does it for a script. Modules of the user's own that it imports
-belong to it (`modules_of`): they are read when it is read, and an edited one is never met by what it was before.
+belong to it (`modules_of`): they are read when it is read, and run of what was read, for that file alone. What the user
+has imported under their names stays what it is, and is not looked at: it may be of another file, or of an older text.
 """
 
 import ast
 import base64
+import builtins
 import contextlib
 import hashlib
 import importlib
@@ -14,9 +16,11 @@ import site
 import sys
 import sysconfig
 import traceback
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
+from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import spec_from_loader
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -37,6 +41,19 @@ class UserModule(NamedTuple):
     """From the folder in which it is found: ``friction.py``, ``lab/__init__.py``."""
     source: bytes
     """What was in it."""
+    path: str = ""
+    """Where it stood; beside the file that imports it where that is not known."""
+
+
+class UserFile(NamedTuple):
+    """A Python file of the user's with all that it imports, ready to be run."""
+
+    path: Path
+    """Where it stands."""
+    source: bytes
+    """What is in it."""
+    modules: tuple[UserModule, ...]
+    """The user's own that it imports, with where they stand."""
 
 
 def split(name: str) -> tuple[str, str]:
@@ -64,13 +81,11 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
     except Exception as error:
         if not type(error).__module__.startswith("numba."):
             where = None if path.is_relative_to(_PACKAGE) else _innermost(error)
-            # kept code names the file that it was compiled from, which may since stand elsewhere
-            own = {file.name: file for file in (*_imports(path), path)}
-            if where is None or where.name not in own:
+            if where is None or where.name not in _together(path):
                 raise  # a mistake of ours
-            raise mistake(error, own[where.name], what, where) from error
+            raise mistake(error, path, what) from error
         text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
-        files = {file.name: file for file in (*_imports(path), path)}
+        files = _together(path)
         places = re.findall(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)', text)
         at = [f"{files[name]}, line {number}" for name, number in places if name in files]
         if named and not at:
@@ -117,12 +132,22 @@ def source_of(path: Path, what: str) -> bytes:
         ) from error
 
 
+def found(path: Path, what: str) -> UserFile:
+    """A file as it stands now, with what it imports.
+
+    Raises:
+        ParameterError: it cannot be read.
+    """
+    source = source_of(path, what)
+    return UserFile(path, source, modules_of(path, source))
+
+
 _WRITTEN_ELSEWHERE = "take a rig that bowden has packed"
 
 
 def written(file: Any) -> dict[str, Any]:
     """A user's file (name, path, source, modules) as JSON values; see `read`."""
-    sources = {one.file: [one.name, base64.b64encode(one.source).decode()] for one in file.modules}
+    sources = {one.file: [one.name, base64.b64encode(one.source).decode(), one.path] for one in file.modules}
     found = {"name": file.name, "path": file.path, "source": base64.b64encode(file.source).decode()}
     return found | ({"modules": sources} if sources else {})
 
@@ -133,19 +158,19 @@ def read(given: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ParameterError: a module's file is not the one in which Python looks for a module of its name.
     """
-    modules = given.get("modules", {}).items()
-    for file, (name, _) in modules:
+    modules = []
+    for file, (name, source, *path) in given.get("modules", {}).items():
         place = name.replace(".", "/")
         if not name.replace(".", "").isidentifier() or file not in (f"{place}.py", f"{place}/__init__.py"):
             raise ParameterError(
                 f"module {name!r} is said to stand in {file!r}", expected=f"{place}.py", do=_WRITTEN_ELSEWHERE
             )
-    found = tuple(UserModule(name, file, base64.b64decode(source)) for file, (name, source) in modules)
-    return {"source": base64.b64decode(given["source"]), "modules": found}
+        modules.append(UserModule(name, file, base64.b64decode(source), *map(str, path)))
+    return {"source": base64.b64decode(given["source"]), "modules": tuple(modules)}
 
 
-def restored(path: Path, source: bytes, folder: str, modules: tuple[UserModule, ...] = ()) -> Path:
-    """A file as it once stood: itself where it still does with all that it imports, and else a copy under its name.
+def restored(path: Path, source: bytes, folder: str, modules: tuple[UserModule, ...] = ()) -> UserFile:
+    """A file as it once was, with what it imported: each itself where it still stands, and else a copy under its name.
 
     Args:
         path: where it was.
@@ -153,24 +178,28 @@ def restored(path: Path, source: bytes, folder: str, modules: tuple[UserModule, 
         folder: for the copies, inside that of compiled code.
         modules: that it imported.
     """
-    if _stands(path, source) and all(_stands(path.parent / one.file, one.source) for one in modules):
-        return path
-    digest = fingerprint(source + b"".join(one.file.encode() + one.source for one in modules))
-    home = cache_folder() / folder / digest
-    for file, content in ((path.name, source), *((one.file, one.source) for one in modules)):
-        if not _stands(home / file, content):
-            (home / file).parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(home / file) as part:
+    home = cache_folder() / folder / _digest(source, modules)
+
+    def placed(file: Path, name: str, content: bytes) -> Path:
+        if _stands(file, content):
+            return file
+        if not _stands(home / name, content):
+            (home / name).parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(home / name) as part:
                 part.write_bytes(content)
-    return home / path.name
+        return home / name
+
+    places = [placed(Path(one.path or path.parent / one.file), one.file, one.source) for one in modules]
+    there = (one._replace(path=str(place)) for one, place in zip(modules, places, strict=True))
+    return UserFile(placed(path, path.name, source), source, tuple(there))
+
+
+def _digest(source: bytes, modules: tuple[UserModule, ...]) -> str:
+    return fingerprint(source + b"".join(one.file.encode() + one.source for one in modules))
 
 
 def _stands(path: Path, source: bytes) -> bool:
     return path.is_file() and path.read_bytes() == source
-
-
-_LOADED: dict[str, tuple[ModuleType, bytes]] = {}
-"""Name of a user's module → what was loaded for a user's file, and of what source."""
 
 
 def modules_of(path: Path, source: bytes) -> tuple[UserModule, ...]:
@@ -190,7 +219,7 @@ def modules_of(path: Path, source: bytes) -> tuple[UserModule, ...]:
             continue
         is_package, content = file.name == "__init__.py", file.read_bytes()
         place = name.replace(".", "/") + ("/__init__.py" if is_package else ".py")
-        found[name] = UserModule(name, place, content)
+        found[name] = UserModule(name, place, content, str(file))
         todo |= _imported(content, name if is_package else name.rpartition(".")[0])
     return tuple(found[name] for name in sorted(found))
 
@@ -239,43 +268,115 @@ def _libraries() -> tuple[Path, ...]:
     return (_PACKAGE, *map(Path, (*own, *site.getsitepackages(), site.getusersitepackages())))
 
 
-def run(path: Path, what: str) -> ModuleType:
-    """Execute the file as a module of its own, found again by its content when cached code is loaded.
+def run(file: UserFile, what: str) -> ModuleType:
+    """Execute a file as a module of its own, named after its name and content, as are those that it imports.
+
+    What another process is handed names its types, and kept code what it is made of.
 
     Args:
-        path: of the file.
+        file: with what it imports.
         what: it is to hold: ``law``, ``plant``.
 
     Raises:
-        ParameterError: a file that cannot be read, or a mistake in it, with its line.
+        ParameterError: a mistake in it or in what it imports, with file and line.
     """
-    source = source_of(path, what)
-    modules = modules_of(path, source)
-    name = f"bowden_user_{what}_{fingerprint(source)}"
-    known = sys.modules.get(name)
-    if known is not None and _is_copy(path, known, source, modules):  # what another process is handed names its types
-        return known
+    path, source, modules = file
+    name = f"{_OURS}{what}_{_digest(path.name.encode() + source, modules)}"
+    known = _RUN.get(name)
+    if known is not None and all(_stands(place, content) for place, content in _contents(known[1])):
+        return known[0]
     module = ModuleType(name)
     module.__file__ = str(path)
-    sys.modules[module.__name__] = module
+    module.__dict__["__builtins__"] = _own_imports(_package_of(modules))
+    sys.modules[name] = module
+    _FILES.update({place: file for place, _ in _contents(file)})
     try:
         code = compile(source, str(path), "exec", dont_inherit=True)
     except SyntaxError as error:
-        line = f", line {error.lineno}" if error.lineno else ""
-        raise ParameterError(f"{path}{line}: {error.msg}", do="correct it there") from error
+        raise mistake(error, path) from error
     except ValueError as error:  # null bytes, before Python 3.12
         raise ParameterError(f"{path} is not Python: {error}", expected="a Python file", do="give another") from error
-    if any(_LOADED.get(one.name) != (sys.modules.get(one.name), one.source) for one in modules):
-        for one in modules:  # loaded of another source, or by somebody else
-            sys.modules.pop(one.name, None)
     try:
         with contextlib.redirect_stdout(sys.stderr), _beside(path):  # standard output may be a JSON document
             exec(code, module.__dict__)
     except (Exception, SystemExit) as error:
         raise mistake(error, path) from error
-    _LOADED.update((one.name, (sys.modules[one.name], one.source)) for one in modules if one.name in sys.modules)
-    module.__spec__ = ModuleSpec(name, None, origin=str(path))  # it ran to its end
+    _RUN[name] = module, file
     return module
+
+
+def _contents(file: UserFile) -> Iterator[tuple[Path, bytes]]:
+    """Where a file and what it imports stand, and what was in them."""
+    yield file.path, file.source
+    yield from ((Path(one.path), one.source) for one in file.modules)
+
+
+_OURS = "bowden_user_"
+"""How the names of modules begin that are run here."""
+
+_RUN: dict[str, tuple[ModuleType, UserFile]] = {}
+"""Name of a module that ran to its end → itself, and the file that it was made of."""
+
+_MODULES: dict[str, tuple[UserModule, ...]] = {}
+"""Name of the package that stands for some modules of the user's → these, with where they stand."""
+
+_FILES: dict[Path, UserFile] = {}
+"""A file that was run, or was imported by one → that one."""
+
+
+def _package_of(modules: tuple[UserModule, ...]) -> str:
+    """The name of the package that stands for modules; those that ran before where they stood then are forgotten."""
+    package = f"{_OURS}{_digest(b'', modules)}"
+    if not all(_stands(Path(one.path), one.source) for one in _MODULES.get(package, ())):
+        for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
+            del sys.modules[name]
+        del _MODULES[package]
+    _MODULES.setdefault(package, modules)
+    return package
+
+
+def _own_imports(package: str) -> dict[str, Any]:
+    """Python's builtins for a file that imports the modules of a package of ours as if they stood alone."""
+    tops = {one.name.partition(".")[0] for one in _MODULES[package]}
+
+    def imported(name: str, around: Any = None, inside: Any = None, wanted: Sequence[str] = (), level: int = 0) -> Any:
+        top = name.partition(".")[0]
+        if level > 0 or top not in tops:
+            return builtins.__import__(name, around, inside, wanted, level)
+        found = builtins.__import__(f"{package}.{name}", around, inside, wanted, 0)
+        return found if wanted else sys.modules[f"{package}.{top}"]
+
+    return vars(builtins) | {"__import__": imported}
+
+
+class _Modules(MetaPathFinder, Loader):
+    """Finds and runs `_MODULES` under the names of their packages."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """That of one of the modules, or of a folder that has one; None of any other name."""
+        package, _, own = name.partition(".")
+        if package not in _MODULES:
+            return None
+        for one in _MODULES[package]:
+            if one.name == own:
+                is_package = one.file.endswith("__init__.py")
+                spec = spec_from_loader(name, self, origin=one.path, is_package=is_package)
+                if spec is not None and is_package:
+                    spec.submodule_search_locations = [str(Path(one.path).parent)]
+                return spec
+        inside = not own or any(one.name.startswith(f"{own}.") for one in _MODULES[package])
+        return ModuleSpec(name, None, is_package=True) if inside else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run a module of what was in its file."""
+        package, _, own = module.__name__.partition(".")
+        one = next(one for one in _MODULES[package] if one.name == own)
+        module.__file__ = one.path
+        module.__dict__["__builtins__"] = _own_imports(package)
+        exec(compile(one.source, one.path, "exec", dont_inherit=True), module.__dict__)
+
+
+sys.meta_path.insert(0, _Modules())  # before that which looks into folders
 
 
 @contextlib.contextmanager
@@ -295,13 +396,6 @@ def _beside(path: Path) -> Iterator[None]:
         sys.dont_write_bytecode = before
 
 
-def _is_copy(path: Path, known: ModuleType, source: bytes, modules: tuple[UserModule, ...]) -> bool:
-    """Whether a file is a copy, under its name, of the one elsewhere that a module was made of and still stands for."""
-    first = Path(known.__spec__.origin or "") if known.__spec__ else path
-    same = first != path and first.name == path.name and _stands(first, source)
-    return same and all(_LOADED.get(one.name, (None, b""))[1] == one.source for one in modules)
-
-
 def _innermost(error: BaseException) -> Path | None:
     """The file of the innermost code that an exception passed through and that belongs to no library."""
     files = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)]
@@ -309,35 +403,53 @@ def _innermost(error: BaseException) -> Path | None:
     return own[-1] if own else None
 
 
-def _imports(path: Path) -> list[Path]:
-    """The files of the user's own modules that a file imports."""
-    if path.is_relative_to(_PACKAGE) or not path.is_file():
-        return []
-    places = [str(path.parent.absolute()), *sys.path]
-    found = (_found(one.name, places) for one in modules_of(path, path.read_bytes()))
-    return [file for file in found if file is not None]
+def _together(path: Path) -> dict[str, Path]:
+    """Name → place of a file and of the user's own modules that it imports.
+
+    Kept code names the file that it was compiled from, which may since stand elsewhere.
+    """
+    file = _FILES.get(path)
+    if file is None and path.is_file() and not path.is_relative_to(_PACKAGE):  # loaded by somebody else
+        file = UserFile(path, b"", modules_of(path, path.read_bytes()))
+    beside = () if file is None else (place for place, _ in reversed(list(_contents(file))))
+    return {place.name: place for place in (*beside, path)}
 
 
-def mistake(error: BaseException, path: Path, what: str = "", then: Path | None = None) -> ParameterError:
-    """An exception from the user's code as one line, with the last line of the file that it passed through.
+def mistake(error: BaseException, path: Path, what: str = "") -> ParameterError:
+    """An exception from the user's code as one line, with the last line of the user's that it passed through.
 
     Args:
         error: the exception.
-        path: of the file.
+        path: of the file, for what stands in none of its lines.
         what: failed.
-        then: where the file stood when its code was compiled, if not there.
     """
-    at = str(then or path)
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == at]
-    where = f"{path}, line {lines[-1]}" if lines else str(path)
-    said = ": ".join(filter(None, (what and f"{what} failed", type(error).__name__, " ".join(str(error).split()))))
-    return ParameterError(f"{where}: {said}", do="correct it there")
+    own = _together(path)
+    frames = [(Path(frame.filename), frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
+    if isinstance(error, SyntaxError) and error.filename:
+        frames.append((Path(error.filename), error.lineno))
+    at = [(own[file.name], line) for file, line in frames if file.name in own and not _installed(file)]
+    where = f"{at[-1][0]}, line {at[-1][1]}" if at and at[-1][1] else str(at[-1][0] if at else path)
+    text = error.msg if isinstance(error, SyntaxError) else " ".join(str(error).split())
+    text = re.sub(rf"\b{_OURS}[0-9a-f]+\.", "", text)
+    kind = "" if isinstance(error, SyntaxError) else type(error).__name__
+    said = ": ".join(filter(None, (what and f"{what} failed", kind, text)))
+    return ParameterError(f"{where}: {said}", do=_correct(at[-1][0] if at else path))
+
+
+def _correct(path: Path) -> str:
+    """What to do about a mistake in a file."""
+    if path.is_relative_to(cache_folder()):
+        return "this is the rig's copy: correct the file that the rig was made of, and make the rig anew"
+    return "correct it there"
 
 
 def line(function: Any, path: Path) -> str:
-    """Where a function of the file begins, for messages."""
+    """Where a function begins that stands in the file, or in one that this imports, for messages."""
     code = getattr(function, "__code__", None)
-    return f"{path}, line {code.co_firstlineno}" if code is not None else f"{path}: {function!r}"
+    if code is None:
+        return f"{path}: {function!r}"
+    file = Path(code.co_filename)
+    return f"{_together(path).get(file.name, file)}, line {code.co_firstlineno}"
 
 
 def is_ours(function: Any) -> bool:

@@ -55,7 +55,7 @@ def _remedy(
     linear = linear_plant(bench, bends or (bench.sheath.bend,), stroke)
     for name, value in _candidates(bench, linear, law, found)[:_TRIED]:
         if check(bench, law.with_gains(**{name: value}), bends=bends, stroke=stroke).verdict == "holds":
-            return f"set {name} to {value:.3g} (now {getattr(law.gains, name):.3g})"
+            return f"set {name} to {value:.3g} (now {law.numbers[name]:.3g})"
     holding, failing = -1, bench.delay  # the longest delay known to hold lies between the two
     while failing - holding > 1:
         delay = (holding + failing) // 2 if holding >= 0 else 0
@@ -77,7 +77,7 @@ def _candidates(bench: Plant, linear: LinearPlant, law: Law, found: Check) -> li
     for name in gains_that_matter(law, bench.sample_time, estimates[-1], switches=True):
         for changes in _changes(law, name):
             fine = [k for k, changed in changes if _has_margins(bench, linear, changed, estimates)]
-            passing += [(k, name, getattr(dict(changes)[k].gains, name)) for k in (fine[:1] if bounded else fine[::3])]
+            passing += [(k, name, dict(changes)[k].numbers[name]) for k in (fine[:1] if bounded else fine[::3])]
     return [(name, value) for _, name, value in sorted(passing)]
 
 
@@ -93,14 +93,14 @@ def gains_that_matter(law: Law, dt: float, estimates: dict[str, float], *, switc
     model = cable_gains(law)
     return [
         name
-        for name in law.gains._fields
-        if name not in model and (switches or getattr(law.gains, name) != 0.0) and _matters(law, name, dt, estimates)
+        for name, value in law.numbers.items()
+        if name not in model and (switches or value != 0.0) and _matters(law, name, dt, estimates)
     ]
 
 
 def _changes(law: Law, name: str) -> list[list[tuple[int, Law]]]:
     """The law with one gain smaller, and with it larger, step by step; a switch that is off, on."""
-    value = getattr(law.gains, name)
+    value = law.numbers[name]
     if value == 0.0:
         return [[(0, law.with_gains(**{name: 1.0}))]] if law.limits.get(name) == (0.0, 1.0) else []
     sides = [[(k, _with(law, name, value * f**sign)) for k, f in enumerate(FACTORS)] for sign in (1, -1)]

@@ -380,7 +380,7 @@ def _judge(
 
 def _checked(bench: Plant, law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
     """The bends, known to be usable with the rest."""
-    for name, value in law.gains._asdict().items():
+    for name, value in law.numbers.items():
         if not np.isfinite(value):
             raise ParameterError(f"gain {name} of law {law.name!r} is {value}", expected="a finite number")
     if not 0.0 < bends[0] <= bends[1] < np.inf:

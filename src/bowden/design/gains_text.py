@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bowden.core.errors import OutputError
+from bowden.core.toml_text import key_of
 
 _SECTION = re.compile(r"^\s*\[\s*control\s*\.\s*gains\s*\]\s*(#.*)?$")
 _HEADER = re.compile(r"^\s*\[")
@@ -37,7 +38,7 @@ def with_gains(text: str, gains: Mapping[str, float], evidence: Sequence[str], p
     for name, value in gains.items():
         at = next((i for i, line in enumerate(body) if re.match(rf'\s*"?{re.escape(name)}"?\s*=', line)), None)
         if at is None:
-            missing.append(f"{name} = {value!r}")
+            missing.append(f"{key_of(name)} = {value!r}")
         else:
             body[at] = re.sub(r"=\s*[^#\s]+", f"= {value!r}", body[at], count=1)
     written = [*lines[: head + 1], *(_MARK + line for line in evidence), *missing, *body, *lines[end:]]

@@ -229,8 +229,8 @@ class _Search:
     def begin(self, share: float) -> None:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
         count = len(self.names)
-        informed_gains = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).gains
-        shares = np.array([getattr(informed_gains, name) / getattr(self.law.gains, name) for name in self.names])
+        told = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
+        shares = np.array([told[name] / self.law.numbers[name] for name in self.names])
         known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         points = [np.zeros(count), np.clip(known, *_REACH)]
         for _ in range(round(share * _DRAWS)):
@@ -259,8 +259,8 @@ class _Search:
 
     def tuning(self, law: Law, found: Check, worst: float) -> Tuning:
         """These gains and their evidence."""
-        stood = self.law.gains._asdict()
-        changed = {name: value for name, value in law.gains._asdict().items() if value != stood[name]}
+        stood = self.law.numbers
+        changed = {name: value for name, value in law.numbers.items() if value != stood[name]}
         before = max(self.errors_before)
         return Tuning(
             law=law,
@@ -285,10 +285,10 @@ class _Search:
         model = cable_gains(self.law)
         open_ones = [
             name
-            for name, value in self.law.gains._asdict().items()
+            for name, value in self.law.numbers.items()
             if name not in model and name not in self.fixed and value != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
         ]
-        varied = [self._with(self.law, name, 1.3 * getattr(self.law.gains, name)) for name in open_ones]
+        varied = [self._with(self.law, name, 1.3 * self.law.numbers[name]) for name in open_ones]
         usual, *found = self.workers(errors, [self._task(law) for law in (self.law, *varied)])
         unknown = not np.isfinite(max(usual))
         return [n for n, e in zip(open_ones, found, strict=True) if n in felt or unknown or e != usual]
@@ -296,15 +296,15 @@ class _Search:
     def _law(self, point: Array, base: Law | None = None) -> Law:
         """The law at a point of the search: every gain as a share of where it began."""
         law = base or self.law
-        begun = law.gains
+        begun = law.numbers
         for name, power in zip(self.names, point, strict=True):
-            law = self._with(law, name, getattr(begun, name) * float(np.exp(power)))
+            law = self._with(law, name, begun[name] * float(np.exp(power)))
         return law
 
     def _with(self, law: Law, name: str, value: float) -> Law:
         """The law with one gain rounded to three digits and kept inside its limits."""
         low, high = law.limits.get(name, (-np.inf, np.inf))
-        stands = getattr(self.law.gains, name)
+        stands = self.law.numbers[name]
         rounded = stands if np.isclose(value, stands, rtol=1e-9, atol=0.0) else float(f"{value:.3g}")
         return law.with_gains(**{name: float(np.clip(rounded, low, high))})
 
@@ -343,7 +343,7 @@ class _Search:
     def _put_back(self, law: Law, found: Check, worst: float) -> tuple[Law, Check, float]:
         """The same with every gain where it stood before that does not matter there."""
         plain = law
-        for name, value in self.law.gains._asdict().items():
+        for name, value in self.law.numbers.items():
             tried = plain.with_gains(**{name: value})
             if tried.gains != plain.gains:
                 judged = judge(self._task(tried, worst * _SAME))

@@ -105,7 +105,8 @@ def league(
     named = {"laws": laws, "plants": plants, "scenarios": scenarios}
     for name, value in named.items():
         if value is not None and (isinstance(value, str | Path | Law) or not isinstance(value, Sequence)):
-            raise ParameterError(f"league: {name} is {arguments.said(value)}", expected="a list", do=f"[{name[:-1]}]")
+            do = f'league({name}=["{value}"])' if isinstance(value, str | Path) else f"league({name}=[…])"
+            raise ParameterError(f"league: {name} is {arguments.said(value)}", expected="a list", do=f"write {do}")
     for name in ("plants", "scenarios"):
         for i, one in enumerate(named[name] or ()):
             arguments.text(one, f"league: {name}[{i}]", "a name of docs/league.md")
@@ -148,7 +149,7 @@ def played(
     base = Rig() if rig is None else rig
     entered = _entered(base, laws, own_laws)
     makers, notes = _plants(base, rig is not None, data)
-    makers |= _own_plants(base, plants)
+    makers |= _own_plants(base, plants, makers)
     known, more = _scenarios(data)
     chosen, motions = _chosen("plant", makers, plants), _chosen("scenario", known, scenarios)
     begin()
@@ -221,14 +222,24 @@ def _plant_of(rig: Rig, name: str, what: str) -> LeaguePlant:
     )
 
 
-def _own_plants(rig: Rig, wanted: Sequence[str]) -> dict[str, Callable[[], LeaguePlant]]:
-    """The user's own plants among those that are wanted, with the rig's servo, motor, encoders and clock."""
+def _own_plants(rig: Rig, wanted: Sequence[str], others: Iterable[str]) -> dict[str, Callable[[], LeaguePlant]]:
+    """The user's own plants among those that are wanted, with the rig's servo, motor, encoders and clock.
+
+    Raises:
+        ParameterError: one that cannot be used, or has the name of another one of the league.
+    """
     found: dict[str, Callable[[], LeaguePlant]] = {}
-    for name in wanted:
+    names = set(others) & set(wanted)
+    for name in dict.fromkeys(wanted):
         if user_law.is_file(name):
             bare = {"suit": rig.suit._replace(worn=False), "admittance": rig.admittance._replace(enabled=False)}
             own = rig.replace(plant=name, cable=DEFAULT_CABLE, width=DEFAULT_WIDTH, **bare)
             plant = own.own_plant
+            if plant.name in names:
+                raise ParameterError(
+                    f"{arguments.said(name)}: there is a plant {plant.name!r} already", do="give yours another name"
+                )
+            names.add(plant.name)
             what = f"a plant of your own, from {plant.path.name}"
             found[name] = partial(_plant_of, own, plant.name, what)
     return found

@@ -29,6 +29,7 @@ from bowden.control.source import Measurement
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
+from bowden.core.user_file import UserFile
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder, reading
 from bowden.models.drive.motor import Motor
@@ -238,8 +239,16 @@ def load(name: str, folder: Path | None = None) -> UserPlant:
         ParameterError: no such file or name, a mistake in the file (with its line), or something that is no plant.
     """
     file, attribute = user_file.split(name)
-    path = ((folder or Path()) / file).absolute()
-    plant = _find(user_file.run(path, "plant"), attribute, path)
+    return load_file(user_file.found(((folder or Path()) / file).absolute(), "plant"), attribute)
+
+
+def load_file(file: UserFile, name: str) -> UserPlant:
+    """The plant of this name in a file that has been read; the only one there if the name is empty.
+
+    Raises:
+        ParameterError: see `load`.
+    """
+    plant = _find(user_file.run(file, "plant"), name, file.path)
     plant.dynamics()
     return plant
 

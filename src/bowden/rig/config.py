@@ -1,9 +1,8 @@
 """Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
 
-import contextlib
 import itertools
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from bowden.control import user_law
 from bowden.control.reference import Trajectory
-from bowden.core.errors import BowdenError, ParameterError, near
+from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.hardware.drives.family import names as families
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import load_cable
@@ -174,16 +173,6 @@ def _emg(given: EmgSettings, path: Path, before: Any) -> EmgSettings:
     if isinstance(before, EmgSettings) and (before.source, before.wearer) == (given.source, given.wearer):
         return given._replace(levels=before.levels, place=before.place, recording=before.recording)
     return emg_setup.found(given, path.parent)
-
-
-@contextlib.contextmanager
-def asked_for_by(key: str) -> Iterator[None]:
-    """Say which key of which file led to a failure."""
-    try:
-        yield
-    except BowdenError as error:
-        do = error.do or "correct it there"
-        raise type(error)(f"{key}: {error.what}", expected=error.expected, do=do) from error
 
 
 def check_points(file: Any, path: Path) -> None:

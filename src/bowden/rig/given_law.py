@@ -36,8 +36,8 @@ class LawFile(NamedTuple):
 @lru_cache(64)
 def _load(file: LawFile) -> Law:
     """The law, made once in a process: what a file prints is printed once."""
-    path, attribute = Path(file.path), file.name.rpartition(".py")[2]
-    law = user_law.load(f"{user_file.restored(path, file.source, 'laws', file.modules)}{attribute}")
+    there = user_file.restored(Path(file.path), file.source, "laws", file.modules)
+    law = user_law.load_file(there, user_file.split(file.name)[1])
     _READ.setdefault(_key(law), (law, file))
     return law
 
@@ -48,9 +48,9 @@ def law_file(name: str, folder: Path | None = None) -> LawFile:
     Raises:
         ParameterError: it cannot be read, or has no such law.
     """
-    path = Path(user_law.absolute(name, folder).rpartition(".py")[0] + ".py")
-    source = user_file.source_of(path, "law")
-    found = LawFile(name, str(path), source, user_file.modules_of(path, source))
+    file, _ = user_file.split(name)
+    there = user_file.found(((folder or Path()) / file).absolute(), "law")
+    found = LawFile(name, str(there.path), there.source, there.modules)
     found.load()
     return found
 
@@ -80,7 +80,7 @@ def loaded(given: str | LawFile) -> Law:
 
 
 def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
-    """A law of Python's as its name or file, and the gains that were chosen for it.
+    """A law of Python's as its name or file, and the gains that were chosen for it, as `Law.with_gains` takes them.
 
     Raises:
         ParameterError: a law that stands in no file.
@@ -96,12 +96,12 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
             f"the law {law.name!r} stands in no file, so that it cannot be handed to another process",
             do="write it into a file and name that: my_law.py:NAME",
         )
-    chosen = {
-        name: value
+    own = {
+        name
         for name, value in law.gains._asdict().items()
         if name in law.chosen - known.chosen or (value != getattr(known.gains, name) and name not in law.from_rig)
     }
-    return base, chosen
+    return base, {name: value for name, value in law.numbers.items() if name.partition(".")[0] in own}
 
 
 def held(law: Law) -> Law:

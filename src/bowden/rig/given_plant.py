@@ -72,8 +72,8 @@ class PlantFile(NamedTuple):
 @lru_cache(64)
 def _load(file: PlantFile) -> UserPlant:
     """The plant, made once in a process: what a file prints is printed once."""
-    path, attribute = Path(file.path), file.name.rpartition(".py")[2]
-    return user_plant.load(f"{user_file.restored(path, file.source, 'plants', file.modules)}{attribute}")
+    there = user_file.restored(Path(file.path), file.source, "plants", file.modules)
+    return user_plant.load_file(there, user_file.split(file.name)[1])
 
 
 def plant_file(name: str, folder: Path | None = None) -> PlantFile:
@@ -87,9 +87,8 @@ def plant_file(name: str, folder: Path | None = None) -> PlantFile:
         raise ParameterError(
             f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME", do="name its file"
         )
-    path = ((folder or Path()) / file).absolute()
-    source = user_file.source_of(path, "plant")
-    found = PlantFile(name, str(path), source, modules=user_file.modules_of(path, source))
+    there = user_file.found(((folder or Path()) / file).absolute(), "plant")
+    found = PlantFile(name, str(there.path), there.source, modules=there.modules)
     found.load()
     return found
 
@@ -137,6 +136,11 @@ def loaded(given: UserPlant | PlantFile) -> UserPlant:
     return given if isinstance(given, UserPlant) else given.load()
 
 
+def said_by(plant: UserPlant) -> list[str]:
+    """The `PARTS` of which a plant says something itself."""
+    return [name for name in PARTS if getattr(plant, name) != UserPlant._field_defaults[name]]
+
+
 def agreed(plant: UserPlant, own: dict[str, Any], default: dict[str, Any]) -> dict[str, Any]:
     """The parts of a rig round a plant: what the plant says of itself, and else what the rig says.
 
@@ -149,9 +153,9 @@ def agreed(plant: UserPlant, own: dict[str, Any], default: dict[str, Any]) -> di
         ParameterError: both say something, and not the same.
     """
     found = {}
-    for name in PARTS:
+    for name in said_by(plant):
         said, mine = getattr(plant, name), own[name]
-        if said == UserPlant._field_defaults[name] or _alike(said, mine):
+        if _alike(said, mine):
             continue
         if not _alike(mine, default[name]):
             raise ParameterError(

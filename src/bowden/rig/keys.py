@@ -13,6 +13,7 @@ from bowden.rig.sections import RigFile
 
 LIVE = ("drive", "limits", "live", "emg")
 """Sections that a study does not look at."""
+_GAINS = "control.gains."
 _OWN = ("scenario.duration_s", "scenario.seed")
 """What a study says itself."""
 
@@ -93,7 +94,7 @@ def with_values(tree: dict[str, Any], values: Iterable[tuple[str, Any]]) -> dict
     """
     changed = dict(tree)
     for key, value in values:
-        *path, last = key.split(".")
+        *path, last = _parts(key)
         here: Any = changed
         for part in path:
             place = _place(here, part, key)
@@ -102,6 +103,11 @@ def with_values(tree: dict[str, Any], values: Iterable[tuple[str, Any]]) -> dict
             here = here[place]
         here[_place(here, last, key)] = value
     return changed
+
+
+def _parts(key: str) -> list[str]:
+    """The sections of a dotted key and its last part; a gain of a law's nested part has a dot itself."""
+    return ["control", "gains", key.removeprefix(_GAINS)] if key.startswith(_GAINS) else key.split(".")
 
 
 def _place(here: Any, part: str, key: str) -> Any:

@@ -13,7 +13,7 @@ from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
-from bowden.core.errors import OutputError, ParameterError, near
+from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
 from bowden.core.files import whole_file
 from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
@@ -203,7 +203,7 @@ class Rig:
                 f"{self.origin}: the rig has a plant of its own and {other}", expected="one of them", do="leave one out"
             )
         default = {name: fields[name].default for name in given_plant.PARTS}
-        with config.asked_for_by(f"{self.origin}: the plant"):
+        with asked_for_by(f"{self.origin}: the plant"):
             own = {name: getattr(self, name) for name in given_plant.PARTS}
             taken = given_plant.agreed(self.own_plant, own, default)
         for name, value in taken.items():
@@ -230,14 +230,16 @@ class Rig:
 
     def _check_whole(self) -> None:
         """Refuse parts that do not fit one another."""
+        if self.preset is not None:
+            self.loaded_law.preset(self.preset)
         if self.gains:
-            with config.asked_for_by(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
+            with asked_for_by(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
                 self.loaded_law.with_gains(**self.gains)
         if self.emg.source is not None:
             _ = self.emg_run
-        with config.asked_for_by(f"{self.origin}: [suit] or [wearer]"):
+        with asked_for_by(f"{self.origin}: [suit] or [wearer]"):
             _ = self.worn
-        with config.asked_for_by(f"{self.origin}: [admittance]"):
+        with asked_for_by(f"{self.origin}: [admittance]"):
             _ = self.pushing
 
     @classmethod
@@ -318,11 +320,17 @@ class Rig:
     def replace(self, **changes: Any) -> "Rig":
         """The same rig with other values of some fields.
 
+        With another plant of one's own goes what the old one said of servo, encoders and so on.
+
         Raises:
             ParameterError: a field that there is not, or a value that it cannot have.
         """
         for name in changes:
             _check_name(name)
+        if self.plant is not None and "plant" in changes and changes["plant"] != self.plant:
+            fields = type(self).__dataclass_fields__
+            back = {name: fields[name].default for name in given_plant.said_by(self.own_plant)}
+            changes = back | changes
         return dataclasses.replace(self, **changes)
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
@@ -725,7 +733,7 @@ def _one_file(one: Any, other: Any) -> bool:
     if not (isinstance(one, LawFile) and isinstance(other, LawFile)):
         return False
     names = [law.name.rpartition(".py")[2] for law in (one, other)]
-    return names[0] == names[1] and (one.path, one.source) == (other.path, other.source)
+    return names[0] == names[1] and (one.path, one.source, one.modules) == (other.path, other.source, other.modules)
 
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:

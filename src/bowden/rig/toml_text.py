@@ -7,7 +7,7 @@ from typing import Any
 from bowden.control import Law
 from bowden.core.errors import ParameterError, article
 from bowden.core.quantity import declared
-from bowden.core.toml_text import quoted
+from bowden.core.toml_text import key_of, quoted
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import cable_text
 from bowden.rig import wearer_file
@@ -151,7 +151,7 @@ def _sections(tree: Mapping[str, Any], title: str) -> Iterator[str]:
     plain = {key: value for key, value in tree.items() if not isinstance(value, Mapping)}
     if plain:
         lines = [f"[{title}]"] if title else []
-        yield "\n".join([*lines, *(f"{key} = {_value(value)}" for key, value in plain.items())])
+        yield "\n".join([*lines, *(f"{key_of(key)} = {_value(value)}" for key, value in plain.items())])
     for key, value in tree.items():
         if isinstance(value, Mapping) and value:
             yield from _sections(value, f"{title}.{key}".strip("."))

@@ -1,5 +1,6 @@
 """Reading a study's file: every mistake becomes one line that names the key and what to write instead."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
         ParameterError: no such file, not TOML, an unknown key, a value or a distribution that cannot be.
     """
     raw = read_toml(path, do="docs/campaign.md shows one")
+    for name, is_section in _IS_SECTION.items():
+        if isinstance(raw.get(name), dict):
+            raw[name] = _dotted(raw[name], is_section, f"{path}: {name}")
     for name in ("vary", "told", "fault"):
         section = raw.get(name)
         if isinstance(section, dict):
@@ -31,6 +35,30 @@ def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
     given: dict[str, DistributionSection | None] = dict(study.vary)
     given |= _section("told", study.told) | _section("fault", study.fault)
     return study, {key: _spread(key, one, path) for key, one in given.items() if one is not None}
+
+
+_IS_SECTION: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "set": lambda table: "kind" not in table,
+    "vary": lambda table: all(isinstance(one, dict) for one in table.values()),
+}
+"""Section whose keys are keys of a rig → whether a table in it is a section of the rig, and not a value."""
+
+
+def _dotted(section: Mapping[str, Any], is_section: Callable[[dict[str, Any]], bool], where: str) -> dict[str, Any]:
+    """A section with all its keys dotted; one without quotation marks, ``servo.damping``, is a table to TOML.
+
+    Raises:
+        ParameterError: a key that is there twice.
+    """
+    found: dict[str, Any] = {}
+    for key, value in section.items():
+        parts = {key: value}
+        if isinstance(value, dict) and value and is_section(value):
+            parts = _dotted({f"{key}.{name}": one for name, one in value.items()}, is_section, where)
+        if twice := found.keys() & parts.keys():
+            raise ParameterError(f"{where} has {min(twice)!r} twice", expected="one value for each", do=_CORRECT)
+        found |= parts
+    return found
 
 
 def _section(name: str, section: ToldSection | FaultSection | None) -> dict[str, Any]:

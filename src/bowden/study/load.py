@@ -58,7 +58,7 @@ def load(path: Path, over: Rig | None = None, *, own_law: bool = False) -> Study
     if len(set(names)) < len(names):
         raise ParameterError(f"{path}: laws has two of one name: {', '.join(names)}", do="name each law once")
     known = numeric_keys(rig.tree()) | plant_keys(rig)
-    known |= {f"control.gains.{gain}": "–" for law in laws for gain in law.gains._fields}
+    known |= {f"control.gains.{gain}": "–" for law in laws for gain in law.numbers}
     for key in file.vary:
         if key not in known:
             raise ParameterError(
@@ -162,7 +162,7 @@ def _check_ends(study: Study, column: Column) -> None:
 
 def _check_gain(study: Study, gain: str, value: Value, where: str) -> None:
     for law in study.laws:
-        if gain in law.gains._fields:
+        if gain in law.numbers:
             try:
                 law.with_gains(**{gain: value})
             except ParameterError as error:

@@ -89,11 +89,9 @@ class Study:
     @cached_property
     def gains_varied(self) -> frozenset[str]:
         """Gains of the first law that its runs are told differently, judged by the first of them."""
-        nominal, first = self.nominal[0].gains, range(min(self.file.runs, _LOOKED_AT))
+        nominal, first = self.nominal[0].numbers, range(min(self.file.runs, _LOOKED_AT))
         laws = [self.run(number)[1][0] for number in first]
-        return frozenset(
-            name for name, value in nominal._asdict().items() if any(getattr(law.gains, name) != value for law in laws)
-        )
+        return frozenset(name for name, value in nominal.items() if any(law.numbers[name] != value for law in laws))
 
     def _varies(self, *sections: str) -> bool:
         return any(column.name.startswith(sections) for column in self.columns)
@@ -141,7 +139,7 @@ class Study:
     def _fitted(self, given: str | LawFile, rig: Rig, drawn: Drawn) -> Law:
         law = rig.fitted(given, self._believed(rig.knowledge, drawn))
         gains = {k.removeprefix("control.gains."): v for k, v in drawn.values.items() if k.startswith("control.gains.")}
-        return law.with_gains(**{key: value for key, value in gains.items() if key in law.gains._fields})
+        return law.with_gains(**{key: value for key, value in gains.items() if key in law.numbers})
 
     def _believed(self, known: Knowledge, drawn: Drawn) -> Knowledge:
         """What the laws of a run are told: what its rig knows, wrong by the factors of [told]."""

@@ -136,7 +136,7 @@ def _in_run(study: Study, case: Case, law: Law) -> Law:
     (nominal,) = study.nominal
     changed = {
         name: value
-        for name, value in law.gains._asdict().items()
-        if name not in study.gains_varied and value != getattr(nominal.gains, name)
+        for name, value in law.numbers.items()
+        if name not in study.gains_varied and value != nominal.numbers[name]
     }
     return own.with_gains(**changed)
