@@ -82,7 +82,7 @@ class LoopRig:
 
     def sleep_until(self, deadline: int) -> None:
         self.time = max(self.time, deadline)
-        self.reader.recorder.write(Report(int(RecorderState.OK), self.time, 0, 0, 0, 0, 0))
+        self.reader.recorder.write(Report(int(RecorderState.OK), self.time, 0, 0, 0, 0))
         if self.operator:
             self._block.beat(self.time)
         row = self.reader.last()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bowden.app.main import run
-from bowden.identify.cable.model_file import load_model
+from bowden.identify.cable.model_file import load_cable
 from bowden.rig.presets.bench import default_bench
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -23,7 +23,7 @@ def test_log_model_and_simulation_follow_from_one_another(
 
     # The default bench has its play in the sheath's gap; the log shows both as one cable.
     true, gap = default_bench().cable, default_bench().sheath.gap
-    found = load_model("cable/model.toml", "bouc_wen").to_bouc_wen()
+    found = load_cable("cable/model.toml").bouc_wen
     assert found.slope == pytest.approx(true.slope, rel=1e-3)
     assert found.hysteresis_gain == pytest.approx(true.hysteresis_gain * gap, rel=0.1)
     assert found.rate == pytest.approx(true.rate / gap, rel=0.1)

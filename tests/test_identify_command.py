@@ -1,6 +1,9 @@
 """``bowden identify``: its document, its two files, and that a failure is one line, code 2 and nothing written."""
 
 import json
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -13,7 +16,7 @@ from bowden.app.main import run
 from bowden.core.errors import OutputError, ParameterError
 from bowden.identify.cable.fit import Fit, identify
 from bowden.identify.cable.model import NAMES
-from bowden.identify.cable.model_file import load_model, model_text, write_model
+from bowden.identify.cable.model_file import load_cable, model_text, write_model
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
 from bowden.report import identify_page as identify_page_module
@@ -64,7 +67,7 @@ def test_the_document_and_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert 0.0 < found["models"]["bouc_wen"]["test_rms_deg"] < 0.01
     assert sorted(path.name for path in Path("deep/er").iterdir()) == ["identify.html", "model.toml"]
     for name in NAMES:
-        loaded = load_model("deep/er/model.toml", name)
+        loaded = load_cable("deep/er/model.toml").model(name)
         assert dict(loaded.parameters) == found["models"][name]["parameters"]
     page = Path("deep/er/identify.html").read_text()
     assert "Use the model bouc_wen" in page
@@ -104,6 +107,22 @@ def test_the_table_is_there_before_the_page_is_drawn(
     assert run(["identify", "log.csv"]) == 2
     assert "* recommended" in shown[0]
     assert not Path("out").exists()
+
+
+LIGHT = """
+import sys
+from bowden.app.main import run
+assert run(["identify", "log.csv", "--json"]) == 0
+print([name for name in ("matplotlib", "numba", "numpy.ma", "scipy") if name in sys.modules], file=sys.stderr)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork") or (os.cpu_count() or 1) < 2, reason="draws in its own process")
+def test_a_warm_identification_waits_for_no_large_import() -> None:
+    """SciPy is not needed, and matplotlib only by the process that draws. The first call may compile."""
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
 
 
 def test_the_same_log_writes_the_same_bytes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -147,10 +166,10 @@ def test_bad_input_is_one_line_code_two_and_nothing_written(
 
 def test_the_file_reads_back_as_it_was_written(fit: Fit, tmp_path: Path) -> None:
     write_model(tmp_path / "model.toml", fit, "a log")
-    best = load_model(tmp_path / "model.toml")
+    best = load_cable(tmp_path / "model.toml").model()
     assert best == fit.best
     assert np.array_equal(best.joint_angle(MOTOR), fit.best.joint_angle(MOTOR))
-    assert load_model(tmp_path / "model.toml", "bouc_wen").to_bouc_wen().slope < 0.0
+    assert load_cable(tmp_path / "model.toml").bouc_wen.slope < 0.0
 
 
 def test_every_parameter_stands_with_unit_and_meaning(fit: Fit) -> None:
@@ -182,7 +201,7 @@ def test_a_model_file_that_is_none_is_refused(fit: Fit, tmp_path: Path) -> None:
             path.write_text(content)
         said = "cannot be read" if content is None else said
         with pytest.raises(ParameterError, match=said):
-            load_model(path, "bouc_wen" if "bouc_wen" in said or "parameter" in said else None)
+            load_cable(path)
 
 
 def test_a_model_file_that_cannot_be_written(fit: Fit, tmp_path: Path) -> None:

@@ -215,7 +215,7 @@ class InjectedLoop:
         if Injected.EMG_TIMELESS in since:
             self._emg.newest = math.nan
         state = RecorderState.FULL if Injected.RECORDER_LOST in since else RecorderState.OK
-        self._reader.recorder.write(Report(int(state), self.time, 0, 0, 0, 0, 0))
+        self._reader.recorder.write(Report(int(state), self.time, 0, 0, 0, 0))
         if since.get(Injected.CLOCK_BACK) == 0:
             self._glitch = -round(HOUR * SECOND)
         if since.get(Injected.CLOCK_FORWARD) == 0:

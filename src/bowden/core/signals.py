@@ -79,7 +79,3 @@ class DriveReading(NamedTuple):
     """Error code that the drive told of its own accord in this cycle; 0 for none [–]."""
     bus_errors: float
     """Frames that could not be sent, or bus-off, since the start [–]."""
-
-
-Command = float
-"""The motor's target angle [rad]."""

@@ -5,7 +5,6 @@ from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
@@ -14,8 +13,6 @@ from bowden.plants.plant import Plant
 from bowden.sim.course import Course
 from bowden.sim.many import Case
 from bowden.sim.scenario import BendPath, constant_bend, scripted_bend
-
-Array = NDArray[np.float64]
 
 _RUN = 20.0
 """Length of one simulation [s]."""

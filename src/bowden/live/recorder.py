@@ -79,8 +79,6 @@ class Disk:
         self._lock, self._end, self._synced = threading.Lock(), threading.Event(), threading.Event()
         self._waiting = _Waiting()
         self._full = False
-        self.longest_sync = 0
-        """[ns]"""
         self._threads = [threading.Thread(target=part, daemon=True) for part in (self._write_on, self._sync_on)]
         for thread in self._threads:
             thread.start()
@@ -102,7 +100,7 @@ class Disk:
             waiting = self._waiting
             slow = waiting.since and now - waiting.since > _SLOW_AFTER
             state = RecorderState.FULL if self._full else RecorderState.SLOW if slow else RecorderState.OK
-            return Report(state, now, self._file.rows, lost, waiting.dropped, self.longest_sync, waiting.count)
+            return Report(state, now, self._file.rows, lost, waiting.dropped, waiting.count)
 
     def finish(self, lost: int) -> int:
         """Write what waits, end the file and sync it; rows that the file does not have because the disk took no more.
@@ -151,10 +149,8 @@ class Disk:
 
     def _sync_on(self) -> None:
         while not self._end.wait(SYNC_EVERY):
-            before = self._clock.now()
             with contextlib.suppress(OSError):  # a disk that cannot sync: the writes say so
                 os.fsync(self._handle)
-            self.longest_sync = max(self.longest_sync, self._clock.now() - before)
 
 
 def record(ring: Path, target: Path, rig: str = "") -> int:

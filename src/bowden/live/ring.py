@@ -100,11 +100,6 @@ def create(path: Path, description: Description, capacity: int = CAPACITY) -> No
         os.close(handle)
 
 
-def remove(path: Path) -> None:
-    """Take the ring's name away; who has it open keeps it. Nothing happens where there is none."""
-    path.unlink(missing_ok=True)
-
-
 class _Mapped:
     """One process's view of a ring."""
 

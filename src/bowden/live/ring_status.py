@@ -42,8 +42,6 @@ class Report(NamedTuple):
     """Rows that were overwritten in the ring before the recorder came."""
     dropped: int
     """Rows that the disk did not take."""
-    longest_sync_ns: int
-    """The longest that a sync of the disk took [ns]."""
     waiting: int
     """Rows in the recorder's memory."""
 

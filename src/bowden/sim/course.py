@@ -8,15 +8,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.source import TABLE
 from bowden.core.nested import form_of, numbers_of
 from bowden.sim.batch import FIGURES, BatchLimits, One
 from bowden.sim.many import Case, Given, Ready
-
-Array = NDArray[np.float64]
 
 _RMSE, _ENDED = list(FIGURES).index("rmse"), list(FIGURES).index("ended")
 

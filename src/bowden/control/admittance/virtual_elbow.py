@@ -73,7 +73,7 @@ def check_admittance(settings: Admittance) -> Admittance:
 
     Raises:
         ParameterError: a number out of its range. Whether the suit can render them is another question, which
-            `admittance_passivity` answers.
+            `bowden.control.admittance.passivity` answers.
     """
     for name in ("inertia", "damping", "stiffness", "dead_band"):
         value = getattr(settings, name)

@@ -22,8 +22,6 @@ from bowden.hardware.emg.trigno_dialogue import Address, Base, TrignoDialogue
 from bowden.hardware.emg.trigno_protocol import LARGEST, LEAST, Samples
 from bowden.hardware.ports import EmgChunk
 
-Array = NDArray[np.float64]
-
 SILENCE = 0.25
 """A server that has sent nothing sensible for so long is lost [s]."""
 _GIVE_UP = 1.0

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import StreamError
 
-Array = NDArray[np.float64]
-
 COMMAND_PORT, EMG_PORT, LEGACY_EMG_PORT = 50040, 50043, 50041
 """TCP ports; the legacy one carries the first generations of sensors alone."""
 SLOTS = 16

@@ -81,24 +81,6 @@ def _one_line(text: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
-def load_model(path: Path | str, name: str | None = None) -> CableModel:
-    """Read a model back from model.toml.
-
-    Args:
-        path: of the file.
-        name: which model; the recommended one where it is not given. ``bouc_wen`` is always there.
-
-    Raises:
-        ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
-    """
-    file = Path(path)
-    models, best = _document(file)
-    wanted = best if name is None else name
-    if wanted not in models or wanted not in KNOWN:
-        raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
-    return CableModel(wanted, _checked(file, wanted, models[wanted]))
-
-
 def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     """Read all models of model.toml.
 
@@ -107,7 +89,7 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
         name: of the file, as the cable shall have it; the path where it is not given.
 
     Raises:
-        ParameterError: see `load_model`.
+        ParameterError: no such file, not written by `write_model`, an unknown model, or an absurd parameter.
     """
     file = Path(path)
     models, best = _document(file)
