@@ -1,6 +1,9 @@
 """``bowden identify``: its document, its two files, and that a failure is one line, code 2 and nothing written."""
 
 import json
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -104,6 +107,22 @@ def test_the_table_is_there_before_the_page_is_drawn(
     assert run(["identify", "log.csv"]) == 2
     assert "* recommended" in shown[0]
     assert not Path("out").exists()
+
+
+LIGHT = """
+import sys
+from bowden.app.main import run
+assert run(["identify", "log.csv", "--json"]) == 0
+print([name for name in ("matplotlib", "numba", "numpy.ma", "scipy") if name in sys.modules], file=sys.stderr)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork") or (os.cpu_count() or 1) < 2, reason="draws in its own process")
+def test_a_warm_identification_waits_for_no_large_import() -> None:
+    """SciPy is not needed, and matplotlib only by the process that draws. The first call may compile."""
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
 
 
 def test_the_same_log_writes_the_same_bytes(capsys: pytest.CaptureFixture[str]) -> None:

@@ -240,7 +240,7 @@ def test_a_second_league_and_campaign_compile_nothing_whatever_the_law(tmp_path:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("law", ["adaptive", "bowden"])
+@pytest.mark.parametrize("law", ["adaptive", "cascaded_pid"])
 def test_a_second_tuning_compiles_nothing(tmp_path: Path, law: str) -> None:
     assert main.run(["init", str(tmp_path / "rig.toml")]) == 0
     rig = (tmp_path / "rig.toml").read_text()

@@ -364,8 +364,8 @@ def _judge(
         if apart is not None:
             swing = (apart.swing or 0.0) / RADIANS
             moves = apart.why or f"the joint swings by ±{swing:.3g}° at rest"
-            return "little_margin", f"friction and play alone keep it bounded; without them {moves}; {pole}"
-        return "does_not_hold", pole if whole else f"in the trial {why}; {pole}"
+            return "little_margin", f"friction and play alone keep it bounded; without them {moves}"
+        return "does_not_hold", pole if whole else f"in the trial {why}"
     if not bounded:
         return "does_not_hold", f"the linear loop is stable, but in the trial {why}"
     if _severity(worst) < 1.0:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bowden.control.law import Law
 from bowden.control.reference import PointToPoint, Trajectory
+from bowden.core.order import distinct, median
 from bowden.core.units import DEGREES
 from bowden.plants.plant import Plant
 from bowden.plants.transmission import transmission, unrest
@@ -73,7 +74,7 @@ def run_trial(
     near = np.abs(error) <= furthest
     lasted = len(error) if near.all() else int(np.argmin(near))
     states = {name.removeprefix("law."): v for name, v in trace.columns.items() if name.startswith("law.")}
-    picked = np.unique(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
+    picked = distinct(np.linspace(0, max(lasted - 1, 0), _SNAPSHOTS).astype(int))
     visited = tuple({name: float(values[k]) for name, values in states.items()} for k in picked)
     if not trace.ended:
         return Trial(moving, False, "it runs away", None, None, None, None, visited)
@@ -121,7 +122,7 @@ def _period(values: Array, dt: float) -> float | None:
     side = np.where(values > middle + band, 1, np.where(values < middle - band, -1, 0))
     at = np.flatnonzero(side)
     ups = at[1:][(side[at[1:]] > 0) & (side[at[:-1]] < 0)]
-    return float(np.median(np.diff(ups))) * dt if len(ups) >= 3 else None
+    return median(np.diff(ups)) * dt if len(ups) >= 3 else None
 
 
 _PIECES = 100

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bowden.core.order import median, quantile
 from bowden.core.units import DEGREES
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.turns import motor_noise, resolution
@@ -74,9 +75,9 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
             f"all strokes have one amplitude ({path.span * DEGREES:.3g}° peak to peak): how the cable behaves inside "
             "that loop is not seen; record strokes of a half and a quarter of it as well"
         )
-    step = float(np.median(np.diff(log.time)))
+    step = median(np.diff(log.time))
     stride = max(1, min(round(0.1 / step), split // 4))
-    speed = float(np.quantile(np.abs(log.motor[stride:split] - log.motor[: split - stride]), 0.95)) / (stride * step)
+    speed = quantile(np.abs(log.motor[stride:split] - log.motor[: split - stride]), 0.95) / (stride * step)
     if speed < _SLOW:
         found.append(
             f"the motor moves too slowly ({speed * DEGREES:.2g} °/s at most): stick and slip and creep hide the loop; "

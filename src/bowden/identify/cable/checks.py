@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
+from bowden.core.order import median, quantile
 from bowden.core.units import CABLE_LOG_LIMIT, DEGREES
 
 Array = NDArray[np.float64]
@@ -126,7 +127,7 @@ def even_time(time: Array, where: Callable[[int], str]) -> tuple[Array, list[str
         LogError: time that goes back, stands still, has a gap, or scatters by more than a tenth of its step.
     """
     steps = np.diff(time)
-    middle = float(np.median(steps))
+    middle = median(steps)
     back = np.flatnonzero(steps <= 0.0)
     if len(back):
         k = int(back[0])
@@ -140,7 +141,7 @@ def even_time(time: Array, where: Callable[[int], str]) -> tuple[Array, list[str
     scatter = float(np.sqrt(np.mean(away**2)))
     worst = int(np.argmax(away))
     seen = f"a step of {steps[worst]:.4g} s where {middle:.4g} s is usual"
-    if 1.4826 * float(np.median(away)) > _JITTER or (scatter > _JITTER and steps[worst] <= _GAP * middle):
+    if 1.4826 * median(away) > _JITTER or (scatter > _JITTER and steps[worst] <= _GAP * middle):
         raise LogError(
             f"{where(worst + 1)}: the time steps scatter by {100 * scatter:.0f} % RMS ({seen})",
             expected=f"even time stamps, within {100 * _JITTER:.0f} % RMS",
@@ -163,8 +164,8 @@ def even_time(time: Array, where: Callable[[int], str]) -> tuple[Array, list[str
 
 def odd_time(time: Array, motor: Array) -> list[str]:
     """A warning where time looks like milliseconds that were declared as seconds."""
-    step = float(np.median(np.diff(time)))
-    speed = float(np.quantile(np.abs(np.diff(motor)), 0.95)) / step * DEGREES
+    step = median(np.diff(time))
+    speed = quantile(np.abs(np.diff(motor)), 0.95) / step * DEGREES
     if step >= 0.5 and len(time) > 500:
         return [
             f"a time step of {step:g} s and a log of {time[-1] - time[0]:.0f} s look like milliseconds; the models do "

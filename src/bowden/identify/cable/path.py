@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
+from bowden.core.order import quantile
 from bowden.identify.cable.turns import Turns
 
 Array = NDArray[np.float64]
@@ -73,7 +74,7 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
     strokes = len(turns.at) + 1
     nodes = max(nodes, 8 * strokes, min(strokes * max(8, nodes // 60), 10 * nodes))
     travel = float(np.sum(np.abs(np.diff(turns.angle))))
-    fast = float(np.quantile(np.abs(motor[9:] - motor[:-9]), 0.9)) / 9.0  # per sample; nine outweigh the noise
+    fast = quantile(np.abs(motor[9:] - motor[:-9]), 0.9) / 9.0  # per sample; nine outweigh the noise
     together = max(1, int(travel / nodes / max(fast, 1e-12)), len(motor) // (4 * nodes))
     together = min(together, max(1, len(motor) // nodes))
     bounds = np.array([0, *turns.at, len(motor)])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
+from bowden.core.order import distinct, median
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -73,7 +74,7 @@ def motor_noise(motor: Array) -> float:
     be counts.
     """
     second = np.diff(motor, 2)
-    white = float(np.median(np.abs(second))) / (0.6745 * np.sqrt(6.0))
+    white = median(np.abs(second)) / (0.6745 * np.sqrt(6.0))
     return max(white, resolution(motor) / np.sqrt(12.0))
 
 
@@ -99,11 +100,11 @@ def resolution(angle: Array) -> float:
     >>> float(round(resolution(np.round(np.linspace(0.0, 1.0, 999) ** 2 / 0.01) * 0.01), 9))
     0.01
     """
-    levels = np.unique(angle)
+    levels = distinct(angle)
     if len(levels) > 0.5 * len(angle) or len(levels) < 2:
         return 0.0
     steps = np.diff(levels)
-    return float(np.median(steps[steps > 1e-3 * np.median(steps)]))
+    return median(steps[steps > 1e-3 * median(steps)])
 
 
 def reversals(motor: Array, threshold: float) -> Index:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.order import distinct
 from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
 
@@ -39,11 +40,16 @@ def folds(path: Path) -> list[NDArray[np.bool_]]:
     """Masks (n,) of the nodes judged together: following strokes, or stretches where there are too few strokes."""
     start = start_ends(path)[-1]
     judged = (path.weight > 0) & (path.stroke >= start)
-    strokes = np.unique(path.stroke[judged])
+    strokes = distinct(path.stroke[judged])
     if len(strokes) >= 4:
-        return [np.isin(path.stroke, group) & judged for group in np.array_split(strokes, min(_FOLDS, len(strokes)))]
-    nodes = np.arange(len(path.stroke))
-    return [np.isin(nodes, block) for block in np.array_split(np.flatnonzero(judged), _FOLDS)]
+        return [
+            (path.stroke >= group[0]) & (path.stroke <= group[-1]) & judged
+            for group in np.array_split(strokes, min(_FOLDS, len(strokes)))
+        ]
+    found = [np.zeros(len(path.stroke), dtype=np.bool_) for _ in range(_FOLDS)]
+    for mask, block in zip(found, np.array_split(np.flatnonzero(judged), _FOLDS), strict=True):
+        mask[block] = True
+    return found
 
 
 def without_start(path: Path, strokes: int) -> Path:
