@@ -248,7 +248,7 @@ def _found(name: str, places: list[str]) -> Path | None:
     parts = name.split(".")
     for i in range(len(parts)):
         try:
-            spec = PathFinder.find_spec(".".join(parts[: i + 1]), where)
+            spec = PathFinder.find_spec(parts[i], where)  # without the names of folders, which would have to be loaded
         except (ImportError, ValueError):
             return None
         if spec is None or ((where := spec.submodule_search_locations) is None and i + 1 < len(parts)):
