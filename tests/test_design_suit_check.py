@@ -1,0 +1,136 @@
+"""The check of a worn suit: trials of the whole suit decide, margins are those of spool and arm in their springs."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+import bowden
+from bowden.app import main
+from bowden.control import LAWS
+from bowden.control.law import Law
+from bowden.control.stability import StateSpace, adaptive_model, margins
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.design.check import check
+from bowden.design.linear_plant import OnArm, linear_plant
+from bowden.design.linearise import linearise
+from bowden.models.cable.sheath import slope_factor
+from bowden.plants.suit_linear import linear_suit, without_friction
+from bowden.plants.suit_parts import Suit
+from bowden.plants.transmission import transmission, unrest
+from bowden.rig import ranges
+from bowden.rig.presets.bench import default_bench
+from bowden.rig.presets.suit import DRIVE_INTEGRAL, suit, suit_adaptive, suit_ours
+from bowden.rig.rig import Rig
+from bowden.rig.settings import AdmittanceSettings, SuitSettings, WearerSettings
+
+SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "check.schema.json"
+STROKE = (0.0, 70.0 * RADIANS)
+BEND = float(np.pi)
+RIG = """
+[suit]
+worn = true
+drive_integral_per_s = 40.0
+[control]
+law = "bowden"
+[scenario]
+duration_s = 2.0
+"""
+
+
+def integral() -> Suit:
+    return suit()._replace(motor=suit().motor._replace(integral=DRIVE_INTEGRAL))
+
+
+def test_margins_of_a_suit_are_those_of_the_linear_suit_worked_out_by_hand() -> None:
+    worn, law, dt = integral(), suit_adaptive(), 1e-3
+    frozen = {"slope_inverse": 0.9, "bound": 0.3}
+    found = linear_plant(worn, (BEND,), STROKE)
+    assert isinstance(found, OnArm)
+    model = linearise(law, dt, width=worn.joint_encoder.resolution, estimates=frozen)
+    by_hand = adaptive_model(law.gains, dt, *frozen.values())
+    for angle, taut, one in zip(found.angles, found.taut, found.margins(model), strict=True):
+        factor = float(slope_factor(BEND + worn.posture * angle, worn.sheath))
+        near = linear_suit(worn, angle, extensor=taut, slope_factor=factor)
+        other = margins(StateSpace(near.a, near.b, near.joint, 0.0), by_hand, dt)
+        assert one.largest_pole == pytest.approx(other.largest_pole, rel=1e-6)
+        assert one.gain_margin_db == pytest.approx(other.gain_margin_db, rel=0.01)
+        assert one.phase_margin_deg == pytest.approx(other.phase_margin_deg, rel=0.01)
+
+
+def test_the_motor_of_the_linear_suit_is_where_its_springs_leave_it() -> None:
+    """Slowly, the joint goes by `slope` of the motor, whatever the drive does."""
+    near = linear_suit(suit(), 0.6)
+    gain = np.linalg.solve(np.eye(len(near.a)) - near.a, near.b)
+    assert (near.joint @ gain).item() == pytest.approx(near.slope * (near.motor @ gain).item(), rel=1e-6)
+
+
+def test_a_suit_is_moved_without_its_drives_friction_to_see_its_play() -> None:
+    """Whose play is wider is lost more, and a stroke that friction would not let begin shows the same."""
+    wide = suit()._replace(flexor=suit().flexor._replace(half_width=0.004))
+    found, small = transmission(suit(), BEND, STROKE), transmission(suit(), BEND, (1.0, 1.05))
+    assert transmission(wide, BEND, STROKE).dead_zone > 1.2 * found.dead_zone
+    assert small == found
+    assert transmission(without_friction(suit()), BEND, STROKE).dead_zone < 0.5 * found.dead_zone
+
+
+def test_what_a_joint_does_with_no_law_is_the_suits_alone() -> None:
+    assert unrest(default_bench(), BEND, STROKE, 10.0) == (0.0, 0.0)
+    trembling = suit()._replace(wearer=suit().wearer._replace(tremor=1.0))
+    still, moved = (unrest(worn, BEND, STROKE, 2.0) for worn in (suit(), trembling))
+    assert still.off == moved.off > 15.0 * RADIANS, "friction under a PD drive"
+    assert unrest(integral(), BEND, STROKE, 2.0).off < 0.5 * still.off
+    assert still.span == 0.0
+    assert moved.span > 1.0 * RADIANS
+
+
+def test_our_law_holds_on_a_suit_by_its_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No linear loop one count wide stands for it: the suit without friction and play comes to rest all the same."""
+    path = tmp_path / "rig.toml"
+    path.write_text(RIG)
+    assert main.run(["check", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    jsonschema.validate(found, json.loads(SCHEMA.read_text()))
+    assert (found["verdict"], found["refuted"], found["gain_margin_db"]) == ("holds", True, None)
+    assert "friction, play" in found["leaves_out"]
+    assert found["worst"]["at"].startswith("elbow at ")
+    assert found["worst"]["largest_pole"] > 1.0
+    assert found["simulated_peak_deg"] < 10.0
+    assert (found["limit_cycle"]["predicted"], found["ultimate_bound_deg"]) == (False, None)
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (LAWS["adaptive"], "in the trial it runs away"),
+        (suit_ours().with_gains(most=40.0, budget=5.0), "in the trial the joint "),
+    ],
+)
+def test_gains_of_the_bench_do_not_hold_on_a_suit(law: Law, said: str) -> None:
+    found = check(integral(), law, stroke=STROKE)
+    assert found.verdict == "does_not_hold"
+    assert said in found.reason
+
+
+def test_a_run_asks_the_check_of_the_suit() -> None:
+    rig = Rig(suit=SuitSettings(worn=True), law=LAWS["adaptive"].with_gains(feedback_gain=40.0), duration=2.0)
+    with pytest.raises(ParameterError, match=r"adaptive does not hold on this rig: in the trial [^;]*; .*force=True"):
+        bowden.simulate(rig)
+    with pytest.warns(UserWarning, match="runs because of force=True"):
+        bowden.simulate(rig, force=True)
+
+
+def test_under_the_wearers_push_the_loop_inside_is_judged() -> None:
+    firm = WearerSettings(share=1.0, resisting_stiffness=100.0, resisting_damping=3.0, swing=0.3)
+    rig = Rig(suit=SuitSettings(worn=True), wearer=firm, law="uncompensated")
+    pushed = rig.replace(admittance=AdmittanceSettings(enabled=True, high=1.5))
+    judged, before = ranges.judged(pushed), ranges.judged(rig)
+    assert isinstance(judged, Suit)
+    assert isinstance(before, Suit)
+    assert (before.wearer.stiffness, before.wearer.swing) == (100.0, 0.3)
+    assert (judged.wearer.stiffness, judged.wearer.swing, judged.wearer.share) == (0.0, 0.0, 1.0)
+    assert ranges.stroke(pushed) == (0.0, 1.5)
+    assert bowden.check(pushed).verdict == "holds"
