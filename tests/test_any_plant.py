@@ -89,7 +89,8 @@ def test_a_plant_is_tuned_for(kind: str) -> None:
     found = tuned(rig, seed=0, generations=1, progress=lambda what, share: None)
     assert found.found.verdict == "holds"
     assert found.rig.gains == found.gains
-    assert found.rig.replace(gains={}).hash == rig.hash
+    assert found.rig.fitted().gains == found.law.gains
+    assert found.rig.replace(preset=None, gains={}).hash == rig.hash
 
 
 @each(RIGS, "own")
