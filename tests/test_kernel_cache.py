@@ -6,7 +6,7 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from types import CodeType
+from types import CodeType, FunctionType
 
 import pytest
 
@@ -306,6 +306,24 @@ def test_functions_made_by_functions_are_told_apart() -> None:
 @kernel_module.stand_in
 def part(x: float) -> float:
     raise NotImplementedError
+
+
+@pytest.mark.parametrize(("module", "kept"), [("__main__", False), (__name__, True)])
+def test_what_raises_an_exception_of_the_main_script_is_not_kept(module: str, kept: bool) -> None:
+    """Numba keeps such a class as a whole: what is raised by kept code is of another one, which nobody catches."""
+    raised = type("OwnError", (Exception,), {"__module__": module})
+    around = {**globals(), "OwnError": raised}
+    assert (content_of(FunctionType(raises_its_own.__code__, around, "raises_its_own")) is not None) is kept
+
+
+@kernel_module.kernel
+def raises_its_own(x: float) -> float:
+    if x > 0.0:
+        raise OwnError
+    return x
+
+
+OwnError = RuntimeError
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="ownership of folders is a matter of POSIX")

@@ -165,6 +165,28 @@ def test_what_a_file_imports_is_part_of_the_rig_and_an_edit_of_it_makes_another(
     assert (rig.fitted().gains.integral_gain, Rig.unpack(rig.pack()).fitted().gains.integral_gain) == (5.0, 5.0)
 
 
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import lab.gain as g\nGAIN = g.GAIN\n",
+        "import lab.gain\nGAIN = lab.gain.GAIN\n",
+        "from lab import gain\nGAIN = gain.GAIN\n",
+        "from places.deep.gain import GAIN\n",  # folders without __init__.py
+        "def late():\n    import other\n    return other.GAIN\nGAIN = late()\n",
+    ],
+)
+def test_every_way_of_importing_finds_the_files_own_modules(tmp_path: Path, source: str) -> None:
+    path = with_modules(tmp_path, 5.0)
+    (tmp_path / "places" / "deep").mkdir(parents=True)
+    (tmp_path / "places" / "deep" / "gain.py").write_text("GAIN = 5.0\n")
+    (tmp_path / "other.py").write_text("import shared\nGAIN = 5.0\n")  # a circle
+    (tmp_path / "shared.py").write_text(source)
+    before = set(sys.modules)
+    law = Rig.unpack(Rig(law=str(path)).pack()).loaded_law
+    assert law.gains.integral_gain == 5.0
+    assert not {name for name in set(sys.modules) - before if name.partition(".")[0] in ("lab", "places", "other")}
+
+
 def test_what_the_user_has_imported_stays_what_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = with_modules(tmp_path / "a", 5.0)
     monkeypatch.syspath_prepend(tmp_path / "a")

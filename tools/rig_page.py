@@ -34,7 +34,7 @@ def markdown() -> str:
         "Written by `bowden init`, read by every command that takes a rig. This page is made from what the values in",
         "Python declare, by `make docs`; the schema for machines is [rig.schema.json](json/rig.schema.json). A key",
         "that is left out has its default, and files are found from the folder of rig.toml. Angles are in degrees",
-        "here, gains in SI units and radians; in Python (`bowden.rig.rig.Rig`) everything is in SI and radians.",
+        "here, gains in SI units and radians; in Python (`bowden.Rig`) everything is in SI and radians.",
         "",
     ]
     for title, variants in sections():

@@ -248,7 +248,7 @@ def _found(name: str, places: list[str]) -> Path | None:
     parts = name.split(".")
     for i in range(len(parts)):
         try:
-            spec = PathFinder.find_spec(".".join(parts[: i + 1]), where)
+            spec = PathFinder.find_spec(parts[i], where)  # without the names of folders, which would have to be loaded
         except (ImportError, ValueError):
             return None
         if spec is None or ((where := spec.submodule_search_locations) is None and i + 1 < len(parts)):
@@ -339,12 +339,14 @@ def _own_imports(package: str) -> dict[str, Any]:
     """Python's builtins for a file that imports the modules of a package of ours as if they stood alone."""
     tops = {one.name.partition(".")[0] for one in _MODULES[package]}
 
-    def imported(name: str, around: Any = None, inside: Any = None, wanted: Sequence[str] = (), level: int = 0) -> Any:
+    def imported(
+        name: str, globals: Any = None, locals: Any = None, fromlist: Sequence[str] = (), level: int = 0
+    ) -> Any:
         top = name.partition(".")[0]
         if level > 0 or top not in tops:
-            return builtins.__import__(name, around, inside, wanted, level)
-        found = builtins.__import__(f"{package}.{name}", around, inside, wanted, 0)
-        return found if wanted else sys.modules[f"{package}.{top}"]
+            return builtins.__import__(name, globals, locals, fromlist, level)
+        found = builtins.__import__(f"{package}.{name}", globals, locals, fromlist, 0)
+        return found if fromlist else sys.modules[f"{package}.{top}"]
 
     return vars(builtins) | {"__import__": imported}
 

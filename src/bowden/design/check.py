@@ -181,7 +181,7 @@ def check(
     Raises:
         ParameterError: gains that are not finite, bends or a stroke that cannot be.
     """
-    ends = _checked(bench, law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
+    ends = _checked(law, bends or (bench.sheath.bend, bench.sheath.bend), stroke)
     trials, estimates = _tried(bench, law, tuple(dict.fromkeys(ends)), stroke, seed)
     count = bench.joint_encoder.resolution or _IDEAL
     points = linear_points(bench, law, ends, estimates, count, stroke)
@@ -378,7 +378,7 @@ def _judge(
     return "holds", "every linear loop has its margins, and the trials come to rest"
 
 
-def _checked(bench: Plant, law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
+def _checked(law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:
     """The bends, known to be usable with the rest."""
     for name, value in law.numbers.items():
         if not np.isfinite(value):

@@ -181,7 +181,7 @@ def run(runs: Runs) -> Finding:
         },
         figures=[
             (
-                _figure(emg, seen.detected.active, seen.found, {"adaptive": adaptive, "ours": ours}),
+                _figure(emg, seen.detected.active, {"adaptive": adaptive, "ours": ours}),
                 "EMG and, shaded, what the detector makes of it; desired and true angle of the elbow; error.",
             )
         ],
@@ -195,7 +195,7 @@ def run(runs: Runs) -> Finding:
     )
 
 
-def _figure(emg: StagedRecording, active: Array, found: Spans, traces: dict[str, Trace]) -> Any:
+def _figure(emg: StagedRecording, active: Array, traces: dict[str, Trace]) -> Any:
     figure, (top, middle, bottom) = new_figure(rows=3, width=8.6, height=6.0, share_x=True)
     time = np.arange(len(emg.values)) / RATE
     top.plot(*thin(time, emg.values, most=4000), color=COLOURS["data"], lw=0.6)

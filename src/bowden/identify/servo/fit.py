@@ -111,7 +111,7 @@ def identify_servo(time: Array, command: Array, motor: Array) -> ServoFit:
     for limits in fits:
         if _better(fits[limits], fits[best]):
             best = limits
-    return _result(fits[best], best, command, motor, dt)
+    return _result(fits[best], best, motor, dt)
 
 
 class _Fit(NamedTuple):
@@ -184,7 +184,7 @@ def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None
     )
 
 
-def _result(fit: _Fit, limits: str, command: Array, motor: Array, dt: float) -> ServoFit:
+def _result(fit: _Fit, limits: str, motor: Array, dt: float) -> ServoFit:
     spread = np.sqrt(np.diag(fit.covariance))
     relative = float(spread[0])
     share = fit.residual / float(np.std(motor))
