@@ -75,7 +75,7 @@ def test_a_plant_is_simulated(kind: str) -> None:
     assert trace.settings["rig"] == rig.hash
 
 
-@each(RIGS, "turned bench", "own", "suit")
+@each(RIGS, "turned bench", "own")
 def test_a_plant_is_checked(kind: str) -> None:
     found = bowden.check(short(kind))
     assert found.verdict in ("holds", "little_margin", "does_not_hold")
