@@ -5,8 +5,9 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from bowden.core.errors import OutputError
+from bowden.core.errors import OutputError, ParameterError
 from bowden.core.toml_text import key_of
+from bowden.rig.config import dotted
 
 _SECTION = re.compile(r"^\s*\[\s*control\s*\.\s*gains\s*\]\s*(#.*)?$")
 _HEADER = re.compile(r"^\s*\[")
@@ -44,9 +45,9 @@ def with_gains(text: str, gains: Mapping[str, float], evidence: Sequence[str], p
     written = [*lines[: head + 1], *(_MARK + line for line in evidence), *missing, *body, *lines[end:]]
     changed = "\n".join(written) + "\n"
     try:
-        kept = tomllib.loads(changed)["control"]["gains"]
+        kept = dotted(tomllib.loads(changed)["control"]["gains"], str(path))
         fine = all(kept.get(name) == value for name, value in gains.items())
-    except (tomllib.TOMLDecodeError, KeyError, AttributeError):
+    except (tomllib.TOMLDecodeError, KeyError, AttributeError, ParameterError):
         fine = False
     if not fine:
         raise OutputError(
