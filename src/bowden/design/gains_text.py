@@ -5,8 +5,9 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from bowden.core.errors import OutputError
+from bowden.core.errors import OutputError, ParameterError
 from bowden.core.toml_text import key_of, quoted
+from bowden.rig.config import dotted
 
 _CONTROL = re.compile(r"^\s*\[\s*control\s*\]\s*(#.*)?$")
 _SECTION = re.compile(r"^\s*\[\s*control\s*\.\s*gains\s*\]\s*(#.*)?$")
@@ -56,9 +57,10 @@ def with_gains(
     changed = "\n".join(written) + "\n"
     try:
         control = tomllib.loads(changed)["control"]
-        fine = all(control["gains"].get(name) == value for name, value in gains.items())
+        kept = dotted(control["gains"], str(path))
+        fine = all(kept.get(name) == value for name, value in gains.items())
         fine = fine and (preset is None or control["preset"] == preset)
-    except (tomllib.TOMLDecodeError, KeyError, AttributeError):
+    except (tomllib.TOMLDecodeError, KeyError, AttributeError, ParameterError):
         fine = False
     if not fine:
         raise OutputError(
