@@ -28,3 +28,10 @@ def test_a_figure_is_the_same_to_the_byte() -> None:
     whole = said(DRAW)
     assert "</svg>" in whole
     assert said("from bowden.app.quick_figures import import_figures\nimport_figures()\n" + DRAW) == whole
+
+
+def test_the_glyphs_of_tex_are_imported_when_they_are_used() -> None:
+    program = "import sys\nfrom bowden.app.quick_figures import import_figures\nimport_figures()\n"
+    program += "import fontTools.agl, matplotlib.backends.backend_svg\nsaid = vars(fontTools.agl).get('UV2AGL')\n"
+    program += "print(said, fontTools.agl.UV2AGL[65], vars(fontTools.agl).get('UV2AGL')[66])"
+    assert said(program) == "None A B\n"

@@ -125,7 +125,7 @@ def test_a_run_asks_the_check_of_the_suit() -> None:
 
 def test_under_the_wearers_push_the_loop_inside_is_judged() -> None:
     firm = WearerSettings(share=1.0, resisting_stiffness=100.0, resisting_damping=3.0, swing=0.3)
-    rig = Rig(suit=SuitSettings(worn=True), wearer=firm, law="uncompensated")
+    rig = Rig(suit=SuitSettings(worn=True), wearer=firm, law="bowden")
     pushed = rig.replace(admittance=AdmittanceSettings(enabled=True, high=1.5))
     judged, before = ranges.judged(pushed), ranges.judged(rig)
     assert isinstance(judged, Suit)

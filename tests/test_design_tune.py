@@ -161,6 +161,23 @@ def test_the_file_keeps_its_comments_and_the_other_keys() -> None:
         with_gains("[control]\ngains = { a = 2.0 }\n", {"a": 1.0}, [], Path("rig.toml"))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        '[servo]\ndamping = 0.9\n\n[control]  # of it\nlaw = "bowden"\n[live]\ncpu = 1\n',
+        "[suit]\nworn = true\n[control.gains]\nb = 2.0\n",
+        '[control]\npreset = "suit"\n',
+    ],
+)
+def test_gains_that_stand_on_a_preset_are_written_with_it(text: str) -> None:
+    before = tomllib.loads(text)
+    found = tomllib.loads(with_gains(text, {"a": 1.0}, ["why"], Path("rig.toml"), "suit"))
+    control = before.pop("control", {})
+    assert found.pop("control") == {**control, "preset": "suit", "gains": {"a": 1.0, **control.get("gains", {})}}
+    assert found == before
+
+
 @pytest.mark.usefixtures("small_search")
 def test_the_command_writes_the_gains_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

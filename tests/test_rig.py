@@ -253,6 +253,9 @@ def test_every_laws_chosen_gains_survive_bytes_and_text(folder: Path) -> None:
         place.unlink(missing_ok=True)
         Rig(law=law).write(place)
         assert Rig.read(place).fitted().numbers == Rig(law=law).fitted().numbers
+    for text in ("[control.gains]\ncable.slope = 0.8\n", "[control.gains.cable]\nslope = 0.8\n"):
+        (folder / "bare.toml").write_text(f"[control]\nlaw = 'nested.py'\n{text}")
+        assert Rig.read(folder / "bare.toml").hash == Rig(law="nested.py", gains={"cable.slope": 0.8}).hash
     with pytest.raises(ParameterError, match=r"no gain 'cable\.slop'; expected one of .*did you mean cable\.slope"):
         Rig(law="nested.py", gains={"cable.slop": 1.0})
 

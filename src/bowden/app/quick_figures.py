@@ -1,10 +1,12 @@
-"""matplotlib for a command, imported without the lists of properties that it writes into its docstrings.
+"""matplotlib for a command, imported without what no command needs.
 
-They take a third of its import, and a command's user reads none of them. Who uses bowden from Python finds them whole.
-A version of matplotlib without the private names that are set aside here is imported as it is.
+These are the lists of properties that it writes into its docstrings, a third of its import, and a table of glyphs for
+TeX, an eighth. Who uses bowden from Python finds the docstrings whole. A version of matplotlib without the private
+names that are set aside here is imported as it is.
 """
 
 import importlib
+import importlib.util
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,11 +19,36 @@ def import_figures() -> None:
         return
     artist: Any = importlib.import_module("matplotlib.artist")
     signed = "_update_set_signature_and_docstring"
+    _when_used("fontTools", "agl")
     with (
         _instead(artist, "kwdoc", lambda artist: ""),
         _instead(artist.Artist, signed, classmethod(lambda artist: None)),
     ):
         importlib.import_module("matplotlib.figure")
+
+
+def _when_used(package: str, name: str) -> None:
+    """Import a package's module as soon as something of it is used; nothing where there is no such module.
+
+    An import of it is no use, as it is for Python's own `importlib.util.LazyLoader`.
+    """
+    whole = f"{package}.{name}"
+    spec = importlib.util.find_spec(whole) if importlib.util.find_spec(package) else None
+    loader = spec.loader if spec else None
+    if whole in sys.modules or spec is None or loader is None:
+        return
+    module: Any = importlib.util.module_from_spec(spec)
+
+    def found(attribute: str) -> Any:
+        if attribute.startswith("__"):
+            raise AttributeError(attribute)
+        del module.__getattr__
+        loader.exec_module(module)
+        return getattr(module, attribute)
+
+    module.__getattr__ = found
+    sys.modules[whole] = module
+    setattr(sys.modules[package], name, module)
 
 
 @contextmanager

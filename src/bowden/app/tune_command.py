@@ -52,6 +52,7 @@ def tune(
         document: dict[str, Any] = {
             "law": found.law.name,
             "rig": given.hash,
+            "preset": found.rig.preset,
             "gains": dict(found.gains),
             "before": before,
             "verdict": found.found.verdict,
@@ -76,7 +77,7 @@ def tune(
 def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
     """Margins and the largest error, for the file and for who looks on."""
     from bowden.core.units import DEGREES
-    from bowden.design.findings import study_text
+    from bowden.design.findings import no_margins, study_text
 
     low, high = found.bends
     before = "unstable" if found.worst_before is None else f"{found.worst_before * DEGREES:.3g}°"
@@ -89,7 +90,7 @@ def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:
     early = f", interrupted after {found.generations} generations" if interrupted else ""
     return [
         f"found by bowden tune{early}; margins over bends of {low * DEGREES:.0f} to {high * DEGREES:.0f}°: "
-        f"{' and '.join(margins) or 'no feedback'}",
+        f"{' and '.join(margins) or no_margins(found.found)}",
         f"largest RMSE over {found.runs}: {found.worst_rmse * DEGREES:.3g}° (before: {before})",
         *([] if found.study is None else [study_text(found.study, when) for when in ("after", "before")]),
     ]
@@ -100,7 +101,7 @@ def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     from bowden.core.files import write_text
     from bowden.design import gains_text
 
-    text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig)
+    text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig, found.rig.preset)
     write_text(rig, text)
     return rig
 

@@ -112,11 +112,19 @@ def configured(
     Raises:
         ParameterError: no such preset or gain, a gain outside its limits, or a declaration that cannot be.
     """
-    if preset is None and not gains and not law.chosen and known.suit:
-        preset = law.suit_preset
+    preset = preset_of(law, known, preset=preset, gains=gains)
     if preset is not None:
         law = law.preset(preset)
     return informed(law.with_gains(**(gains or {})), known)
+
+
+def preset_of(
+    law: Law, known: Knowledge, *, preset: str | None = None, gains: Mapping[str, float] | None = None
+) -> str | None:
+    """The preset with which `configured` begins; None where it takes the law as it comes."""
+    if preset is None and not gains and not law.chosen and known.suit:
+        return law.suit_preset
+    return preset
 
 
 def informed(law: Law, known: Knowledge) -> Law:

@@ -56,11 +56,16 @@ def tuning_rows(tuning: "Tuning") -> list[tuple[str, str]]:
     return [
         ("gains", ", ".join(gains) or "as they were"),
         ("verdict", f"{found.verdict} (was {tuning.before.verdict})"),
-        ("margins", listed((*margins, f"{delay} of delay" if delay else "")) or "no feedback"),
+        ("margins", listed((*margins, f"{delay} of delay" if delay else "")) or no_margins(found)),
         ("worst RMSE", f"{number(tuning.worst_rmse * DEGREES, '°')} over {tuning.runs} (was {before})"),
         *(("other plants", text) for text in ([] if tuning.study is None else [study_text(tuning.study, "after")])),
         ("search", f"{tuning.generations} generations"),
     ]
+
+
+def no_margins(found: "Check") -> str:
+    """Why a check has no margins."""
+    return "none, since no linear loop shows why it holds" if found.refuted else "no feedback"
 
 
 def study_text(found: Mapping[str, Any], when: str) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import Law, user_law
+from bowden.control.knowledge import preset_of
 from bowden.core import arguments
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, Tuning
@@ -91,8 +92,12 @@ def tuned(
     looked_at = rig if plants is None else plants.rig
     law = rig.fitted() if plants is None else plants.nominal[0]
 
+    begun = preset_of(rig.loaded_law, rig.knowledge, preset=rig.preset, gains=rig.gains)
+
     def whole(found: Tuning) -> Tuning:
-        return replace(found, given=rig.replace(gains={**rig.gains, **found.gains}))
+        """With the rig, whose gains stand on the preset that a suit's law began with, too."""
+        preset = begun if found.gains else rig.preset
+        return replace(found, given=rig.replace(preset=preset, gains={**rig.gains, **found.gains}))
 
     with workers_for(looked_at) as workers:
         try:

@@ -26,6 +26,9 @@ from bowden.plants.suit_parts import Suit, prepare_suit
 
 Array = NDArray[np.float64]
 
+_TERMS = 16
+"""Of the exponential's series, at most a quarter in size: 0.25^16/16! is 1e-23."""
+
 
 class LinearSuit(NamedTuple):
     """x⁺ = A·x + B·command; the elbow is joint·x and the motor, in the joint's coordinate, motor·x."""
@@ -54,8 +57,6 @@ def linear_suit(suit: Suit, angle: float, *, extensor: bool = True, slope_factor
     Raises:
         ParameterError: a part of the suit that cannot be.
     """
-    from scipy.linalg import expm
-
     made = prepare_suit(suit)
     motor, arm, wearer, radius = suit.motor, suit.arm, suit.wearer, made.joint_radius
     factor = slope_factor * made.flexor.slope
@@ -78,7 +79,7 @@ def linear_suit(suit: Suit, angle: float, *, extensor: bool = True, slope_factor
     if integral:
         whole[1, 4] = omega**2
         whole[4, 0], whole[4, states] = -motor.integral, motor.integral * gear
-    held = expm(whole * suit.sample_time)
+    held = _exponential(whole * suit.sample_time)
     size = states + suit.delay
     a, b, joint, spool = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size)), np.zeros((1, size))
     a[:states, :states], joint[0, 2], spool[0, 0] = held[:states, :states], 1.0, 1.0 / gear
@@ -108,6 +109,19 @@ def without_friction(suit: Suit) -> Suit:
         joint_sensor=sensor._replace(hysteresis=0.0, drift=0.0),
         wearer=wearer._replace(tremor=0.0, swing=0.0),
     )
+
+
+def _exponential(matrix: Array) -> Array:
+    """e^matrix by its series on a part of it, squared; SciPy's takes longer to import than a whole check."""
+    halvings = max(0, int(np.ceil(np.log2(np.linalg.norm(matrix, 1)))) + 2)
+    part = matrix / 2.0**halvings
+    term = found = np.eye(len(matrix))
+    for k in range(1, _TERMS):
+        term = term @ part / k
+        found = found + term
+    for _ in range(halvings):
+        found = found @ found
+    return np.asarray(found)
 
 
 def _spring(cable: PreparedSuitCable, tension: float) -> float:

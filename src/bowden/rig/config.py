@@ -2,7 +2,7 @@
 
 import itertools
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -95,6 +95,9 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     Raises:
         ParameterError: an unknown key, a value of the wrong kind or out of its range, or some that do not fit.
     """
+    control = tree.get("control")
+    if isinstance(control, Mapping) and isinstance(control.get("gains"), Mapping):
+        tree = {**tree, "control": {**control, "gains": dotted(control["gains"], f"{path}: control.gains")}}
     try:
         file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
@@ -173,6 +176,30 @@ def _emg(given: EmgSettings, path: Path, before: Any) -> EmgSettings:
     if isinstance(before, EmgSettings) and (before.source, before.wearer) == (given.source, given.wearer):
         return given._replace(levels=before.levels, place=before.place, recording=before.recording)
     return emg_setup.found(given, path.parent)
+
+
+def dotted(
+    section: Mapping[str, Any], where: str, is_section: Callable[[Mapping[str, Any]], bool] = lambda table: True
+) -> dict[str, Any]:
+    """A section with all its keys dotted; one without quotation marks, ``servo.damping``, is a table to TOML.
+
+    Args:
+        section: as TOML has it.
+        where: it stands, for messages.
+        is_section: whether a table in it is a section too, and not a value.
+
+    Raises:
+        ParameterError: a key that is there twice.
+    """
+    found: dict[str, Any] = {}
+    for key, value in section.items():
+        parts = {key: value}
+        if isinstance(value, Mapping) and value and is_section(value):
+            parts = dotted({f"{key}.{name}": one for name, one in value.items()}, where, is_section)
+        if twice := found.keys() & parts.keys():
+            raise ParameterError(f"{where} has {min(twice)!r} twice", expected="one value for each", do=_CORRECT)
+        found |= parts
+    return found
 
 
 def check_points(file: Any, path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from bowden.core.errors import ParameterError
-from bowden.rig.config import explained, read_toml
+from bowden.rig.config import dotted, explained, read_toml
 from bowden.study.distributions import KINDS, WANTED, Distribution, Value, distribution
 from bowden.study.schema import DistributionSection, FaultSection, StudyFile, ToldSection
 
@@ -23,7 +23,7 @@ def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
     raw = read_toml(path, do="docs/campaign.md shows one")
     for name, is_section in _IS_SECTION.items():
         if isinstance(raw.get(name), dict):
-            raw[name] = _dotted(raw[name], is_section, f"{path}: {name}")
+            raw[name] = dotted(raw[name], f"{path}: {name}", is_section)
     for name in ("vary", "told", "fault"):
         section = raw.get(name)
         if isinstance(section, dict):
@@ -37,28 +37,11 @@ def read_study(path: Path) -> tuple[StudyFile, dict[str, Distribution]]:
     return study, {key: _spread(key, one, path) for key, one in given.items() if one is not None}
 
 
-_IS_SECTION: dict[str, Callable[[dict[str, Any]], bool]] = {
+_IS_SECTION: dict[str, Callable[[Mapping[str, Any]], bool]] = {
     "set": lambda table: "kind" not in table,
     "vary": lambda table: all(isinstance(one, dict) for one in table.values()),
 }
 """Section whose keys are keys of a rig → whether a table in it is a section of the rig, and not a value."""
-
-
-def _dotted(section: Mapping[str, Any], is_section: Callable[[dict[str, Any]], bool], where: str) -> dict[str, Any]:
-    """A section with all its keys dotted; one without quotation marks, ``servo.damping``, is a table to TOML.
-
-    Raises:
-        ParameterError: a key that is there twice.
-    """
-    found: dict[str, Any] = {}
-    for key, value in section.items():
-        parts = {key: value}
-        if isinstance(value, dict) and value and is_section(value):
-            parts = _dotted({f"{key}.{name}": one for name, one in value.items()}, is_section, where)
-        if twice := found.keys() & parts.keys():
-            raise ParameterError(f"{where} has {min(twice)!r} twice", expected="one value for each", do=_CORRECT)
-        found |= parts
-    return found
 
 
 def _section(name: str, section: ToldSection | FaultSection | None) -> dict[str, Any]:
