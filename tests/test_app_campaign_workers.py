@@ -85,6 +85,7 @@ def alive(process: int) -> bool:
         return False
 
 
+@pytest.mark.long
 def test_a_killed_campaign_goes_on_where_it_was_though_a_worker_of_it_is_killed_too(folder: Path, alone: str) -> None:
     command = [*COMMAND, "--out", "killed", "--workers", "2", "--json"]
     running = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)

@@ -84,6 +84,7 @@ def in_a_thread(play: Callable[[Callable[[], bool]], Any]) -> Iterator[None]:
         thread.join()
 
 
+@pytest.mark.long
 def test_a_recording_moves_the_bench(tmp_path: Path, recording: Path) -> None:
     found = run_well(bench(tmp_path), tmp_path, f"file:{recording}")
     assert found["emg"]["motions"] >= 1

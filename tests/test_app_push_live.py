@@ -38,6 +38,7 @@ def test_the_suit_follows_a_wearer_who_swings_and_the_log_has_how(rig: Path, tmp
     assert log["reference"][led].max() <= 100.0 * RADIANS + 1e-12
 
 
+@pytest.mark.long
 def test_a_lost_joint_angle_releases_on_any_bus(rig: Path, tmp_path: Path) -> None:
     for number in tries():  # each with a twin of its own: a wearer as stiff lets no run begin where another one ended
         with running_twin(rig, tmp_path / f"b{number}") as twin:

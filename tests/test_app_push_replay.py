@@ -161,6 +161,7 @@ def recorded(ran: Live) -> np.ndarray:
     return np.array(rows)
 
 
+@pytest.mark.long
 def test_the_replay_of_another_law_is_that_law_above_its_own_source(capsys: pytest.CaptureFixture[str]) -> None:
     ran, other = live("uncompensated"), live("cascaded_pid").law
     rows, source = recorded(ran), live("cascaded_pid").source()

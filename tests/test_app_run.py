@@ -210,6 +210,7 @@ def test_without_its_loop_the_torque_is_off_50_ms_after_the_last_heartbeat(
     assert "the loop's process was ended by SIGKILL" in found["error"]
 
 
+@pytest.mark.long
 def test_ctrl_c_at_the_terminal_is_no_fault_of_the_drives(rig: Path, tmp_path: Path) -> None:
     for _ in tries():
         process = with_own_twin(rig, tmp_path)
@@ -223,6 +224,7 @@ def test_ctrl_c_at_the_terminal_is_no_fault_of_the_drives(rig: Path, tmp_path: P
     assert not list((tmp_path / "state").rglob("*.json")), "the twin's warmth is nobody's afterwards"
 
 
+@pytest.mark.long
 def test_a_twin_of_a_run_that_was_killed_ends_too(rig: Path, tmp_path: Path) -> None:
     process = with_own_twin(rig, tmp_path)
     twin = child_of(process, "twin")

@@ -143,7 +143,7 @@ MINUTE = STROKES.sample(np.arange(0.0, 25.0, 1e-3))
 
 
 @pytest.mark.parametrize(
-    "spoilt", [np.nan, np.inf, 10.0, *(pytest.param(other, marks=pytest.mark.long) for other in (-np.inf, 1e9))]
+    "spoilt", [np.nan, 10.0, *(pytest.param(other, marks=pytest.mark.long) for other in (np.inf, -np.inf, 1e9))]
 )
 @pytest.mark.parametrize("encoder", ["joint", "motor"])
 def test_a_bad_sample_is_not_followed_nor_learned_from(encoder: str, spoilt: float) -> None:

@@ -198,6 +198,7 @@ int main(void)
 """
 
 
+@pytest.mark.long
 def test_the_intent_of_two_muscles_that_overlap_gives_the_bits_of_python(tmp_path: Path) -> None:
     state, two = intent_start(0.0), IntentSettings(muscles=2.0)
     module = Module(

@@ -241,6 +241,7 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
     assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None:
     rig = bowden.Rig(

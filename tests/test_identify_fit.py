@@ -185,6 +185,7 @@ def test_what_the_motion_cannot_show_is_said(motor: Array, said: str) -> None:
     assert any(said in warning for warning in fit.warnings), fit.warnings
 
 
+@pytest.mark.long
 def test_a_lag_in_time_is_said() -> None:
     rate = 0.2 + 0.05 * TIME
     motor = 0.3 * np.sin(2.0 * math.pi * rate * TIME)
@@ -239,7 +240,7 @@ def test_signals_that_cannot_be_fitted_are_refused() -> None:
     ],
     ids=["rests at the end", "rests at the start", "steps", "six counts", "tiny", "many turns"],
 )
-@pytest.mark.parametrize("size_deg", [0.0, 0.01])
+@pytest.mark.parametrize("size_deg", [pytest.param(0.0, marks=pytest.mark.long), 0.01])
 def test_odd_motions_end_in_figures_or_in_one_line(motor: Array, size_deg: float) -> None:
     try:
         fit = identify(TIME, motor + noise(1, size_deg), cable(motor) + noise(2, size_deg))

@@ -79,11 +79,8 @@ def test_bouc_wen(encoders: tuple[Encoder, Encoder]) -> None:
     assert_coverage(found, least=0.85)
 
 
-@pytest.mark.parametrize(
-    "encoders",
-    [(DITHERED, DITHERED), pytest.param((NOISELESS, COARSE_JOINT), marks=pytest.mark.long)],
-    ids=["noise", "counts alone"],
-)
+@pytest.mark.parametrize("encoders", [(DITHERED, DITHERED), (NOISELESS, COARSE_JOINT)], ids=["noise", "counts alone"])
+@pytest.mark.long
 def test_play(encoders: tuple[Encoder, Encoder]) -> None:
     true = {"slope": -0.9, "half_width": 0.05, "offset": 0.2, "initial_lag": 0.02}
     found, family = [], PlayOperator()

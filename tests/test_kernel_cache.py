@@ -194,11 +194,10 @@ def compiled_by(folder: Path, *commands: list[str], fine: tuple[int, ...] = (0,)
     return sorted(set(found.read_text().splitlines()))
 
 
-SOME_OR_ALL = pytest.mark.parametrize(
-    "laws", [["uncompensated", "adaptive"], pytest.param([*LAWS], marks=pytest.mark.long)], ids=len
-)
+SOME_OR_ALL = pytest.mark.parametrize("laws", [["uncompensated", "adaptive"], [*LAWS]], ids=len)
 
 
+@pytest.mark.long
 @SOME_OR_ALL
 def test_the_second_call_compiles_nothing_whatever_the_law(tmp_path: Path, laws: list[str]) -> None:
     """The first may: it fills what the tests keep. So a kernel that cannot be kept, or not whole, is found."""
@@ -215,7 +214,7 @@ def test_the_second_call_compiles_nothing_whatever_the_law(tmp_path: Path, laws:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("laws", [["uncompensated", "adaptive"], [*LAWS]], ids=len)
+@SOME_OR_ALL
 def test_a_second_league_and_campaign_compile_nothing_whatever_the_law(tmp_path: Path, laws: list[str]) -> None:
     quoted = ", ".join(f'"{law}"' for law in laws)
     study = f'laws = [{quoted}]\nruns = 4\nduration_s = 0.5\n[vary]\n"cable.slope" = {{ uniform = [0.8, 1.0] }}\n'

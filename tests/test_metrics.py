@@ -93,7 +93,9 @@ def test_a_line_has_no_width_and_a_single_stroke_no_loop() -> None:
     assert metrics.hysteresis_width(np.zeros(10), np.zeros(10)) is None
 
 
-@pytest.mark.parametrize(("natural", "damping"), [(54.4, 1.0), (30.0, 0.7), (20.0, 0.5)])
+@pytest.mark.parametrize(
+    ("natural", "damping"), [(54.4, 1.0), pytest.param(30.0, 0.7, marks=pytest.mark.long), (20.0, 0.5)]
+)
 def test_bandwidth_from_a_chirp_is_the_filter_s(natural: float, damping: float) -> None:
     time = clock(150.0)
     chirp = np.sin(2.0 * np.pi * (0.1 * time + 0.5 * 19.9 / 150.0 * time**2))

@@ -43,7 +43,7 @@ def compare(folder: Path, law: str, kind: Injected, seed: int, onset: int) -> No
     assert live.record[4, began & both].max() >= outcome.reaction
 
 
-@pytest.mark.parametrize(("law", "kind", "seed", "onset"), CASES[::25], ids=lambda one: getattr(one, "name", str(one)))
+@pytest.mark.parametrize(("law", "kind", "seed", "onset"), CASES[::50], ids=lambda one: getattr(one, "name", str(one)))
 def test_the_live_loop_reacts_as_the_matrix_says(
     tmp_path: Path, law: str, kind: Injected, seed: int, onset: int
 ) -> None:

@@ -144,7 +144,8 @@ def energy(suit: Suit, state: SuitState) -> float:
     return stored
 
 
-@pytest.mark.parametrize("kind", ["play", pytest.param("capstan", marks=pytest.mark.long)])
+@pytest.mark.parametrize("kind", ["play", "capstan"])
+@pytest.mark.long
 def test_unpowered_the_energy_only_falls(kind: str) -> None:
     """Let go at 70° with a shove: what is stored and moves never grows, with all friction in."""
     cable = SUIT.flexor._replace(kind=kind)
