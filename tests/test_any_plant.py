@@ -253,3 +253,16 @@ def test_a_model_file_names_a_distributed_cable(tmp_path: Path) -> None:
     (tmp_path / "model.toml").write_text('best = "sliding"\n[models.sliding.parameters]\nfriktion = 0.1\n')
     with pytest.raises(ParameterError, match="friktion"):
         Rig.read(tmp_path / "rig.toml")
+
+
+def test_parameters_of_a_model_in_python_are_numbers_and_keep_the_way_its_joint_goes() -> None:
+    cable = IdentifiedCable("prandtl_ishlinskii", {"prandtl_ishlinskii": STACK | {"slope": -0.01, "weight_1": 0.7}})
+    assert cable.with_parameters({"slope": 0.1}).parameters["slope"] == 0.1
+    assert cable.with_parameters({"slope": 0.0}).with_parameters({"weight_1": 0.5}).parameters["weight_1"] == 0.5
+    for given, said in (
+        ({"weight_1": -2.0}, "the slope of the model 'prandtl_ishlinskii', of all its parts, would be -1.81; expected"),
+        ({"slope": np.nan}, "slope of the model 'prandtl_ishlinskii' is nan; expected a finite number"),
+        ({"offset": "x"}, "offset of the model 'prandtl_ishlinskii' is 'x'; expected a finite number"),
+    ):
+        with pytest.raises(ParameterError, match=said):
+            cable.with_parameters(given)

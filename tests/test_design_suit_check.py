@@ -17,6 +17,7 @@ from bowden.core.units import RADIANS
 from bowden.design.check import check
 from bowden.design.linear_plant import OnArm, linear_plant
 from bowden.design.linearise import linearise
+from bowden.design.trial import run_trial
 from bowden.models.cable.sheath import slope_factor
 from bowden.plants.suit_linear import linear_suit, without_friction
 from bowden.plants.suit_parts import Suit
@@ -134,3 +135,10 @@ def test_under_the_wearers_push_the_loop_inside_is_judged() -> None:
     assert (judged.wearer.stiffness, judged.wearer.swing, judged.wearer.share) == (0.0, 0.0, 1.0)
     assert ranges.stroke(pushed) == (0.0, 1.5)
     assert bowden.check(pushed).verdict == "holds"
+
+
+def test_an_arm_that_its_wearer_holds_fast_does_not_hold_though_it_rests() -> None:
+    held = suit()._replace(wearer=suit().wearer._replace(constant=-50.0))
+    found = run_trial(held, LAWS["uncompensated"], BEND, STROKE, moving=4.0)
+    assert not found.bounded
+    assert "are asked for" in found.why

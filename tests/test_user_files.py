@@ -261,6 +261,41 @@ def test_another_process_needs_none_of_the_files(tmp_path: Path) -> None:
     assert Rig.read(tmp_path / "rig.toml").hash == rig.hash
 
 
+def test_the_same_words_in_another_folder_are_another_file(tmp_path: Path) -> None:
+    """What they read beside themselves is that folder's."""
+    helper = "from pathlib import Path\n\nPLAY = float((Path(__file__).parent / 'play.txt').read_text())\n"
+    found = []
+    for play in ("0.05", "0.2"):
+        (tmp_path / play).mkdir()
+        (tmp_path / play / "play.txt").write_text(play)
+        (tmp_path / play / "helper.py").write_text(helper)
+        (tmp_path / play / "own.py").write_text("import helper\n\nPLAY = helper.PLAY\n")
+        file = user_file.found(tmp_path / play / "own.py", "law")
+        found.append(user_file.run(file, "law").PLAY)
+    assert found == [0.05, 0.2]
+
+
+def test_files_that_import_each_other_are_told_by_their_own_words(tmp_path: Path) -> None:
+    for play in ("0.05", "0.2"):
+        (tmp_path / play).mkdir()
+        (tmp_path / play / "own.py").write_text(
+            f"PLAY = {play}\nimport helper\n\n\ndef start():\n    return helper.play()\n"
+        )
+        (tmp_path / play / "helper.py").write_text("import own\n\n\ndef play():\n    return own.PLAY\n")
+        file = user_file.found(tmp_path / play / "own.py", "law")
+        assert user_file.run(file, "law").start() == float(play)
+    assert not {"own", "helper"} & set(sys.modules)
+
+
+def test_of_two_helpers_of_one_name_the_one_is_named_that_is_wrong(tmp_path: Path) -> None:
+    for folder, text in (("lab", "ONE = 1\n"), ("other", "\n\nTWO = 1 / 0\n")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "util.py").write_text(text)
+    (tmp_path / "own.py").write_text("import lab.util\nimport other.util\n")
+    with pytest.raises(ParameterError, match=r"other/util\.py, line 3: ZeroDivisionError"):
+        user_file.run(user_file.found(tmp_path / "own.py", "law"), "law")
+
+
 def test_a_recording_that_has_changed_is_refused_in_a_simulation_too(tmp_path: Path) -> None:
     path = tmp_path / "emg.csv"
     time = np.arange(0.0, 4.0, 1e-3)

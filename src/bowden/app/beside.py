@@ -14,7 +14,7 @@ def beside(prepare: Callable[[], Any], work: Callable[[Any, Any], Any]) -> Itera
     """`work`, done by another process that has called `prepare` meanwhile and hands over what that gave.
 
     It is a copy of this process, made before anything has threads; where it is too late for that (NumPy is there), on a
-    single core or on Windows, all is done here. What `work` is asked and answers is pickled.
+    single core, on Windows or where no process is left, all is done here. What `work` is asked and answers is pickled.
 
     Raises:
         Exception: whatever `work` raises.
@@ -22,8 +22,14 @@ def beside(prepare: Callable[[], Any], work: Callable[[Any, Any], Any]) -> Itera
     if "numpy" in sys.modules or not hasattr(os, "fork") or (os.cpu_count() or 1) < 2:
         yield lambda value: work(prepare(), value)
         return
-    (asked, asking), (answered, answering) = os.pipe(), os.pipe()
-    child = os.fork()
+    pipes = (asked, asking), (answered, answering) = os.pipe(), os.pipe()
+    try:
+        child = os.fork()
+    except OSError:  # no process is left
+        for end in (*pipes[0], *pipes[1]):
+            os.close(end)
+        yield lambda value: work(prepare(), value)
+        return
     if not child:
         os.close(asking)
         os.close(answered)

@@ -5,6 +5,7 @@ Nothing heavy is imported here or at the top of a command's module, so that ``bo
 
 import gc
 import io
+import os
 import sys
 from typing import Annotated
 
@@ -84,6 +85,7 @@ def _fail(message: str, code: int) -> int:
 def main() -> None:
     """Entry point of the command ``bowden``."""
     gc.set_threshold(100_000, 20, 20)  # an eighth of the start would be searches for garbage in what is just imported
+    sys.stdout, sys.stderr = (one or open(os.devnull, "w") for one in (sys.stdout, sys.stderr))  # noqa: SIM115  # closed
     for output in (sys.stdout, sys.stderr):
         if isinstance(output, io.TextIOWrapper):
             output.reconfigure(errors="backslashreplace")  # a terminal without Greek letters is no reason to fail

@@ -11,6 +11,7 @@ import builtins
 import contextlib
 import hashlib
 import importlib
+import itertools
 import re
 import site
 import sys
@@ -86,8 +87,8 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
             raise mistake(error, path, what) from error
         text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
         files = _together(path)
-        places = re.findall(r'File "(?:[^"]*[/\\])?([^"/\\]+)", line (\d+)', text)
-        at = [f"{files[name]}, line {number}" for name, number in places if name in files]
+        places = [(Path(name), number) for name, number in re.findall(r'File "([^"]+)", line (\d+)', text)]
+        at = [f"{_at(files, file)}, line {number}" for file, number in places if file.name in files]
         if named and not at:
             raise
         lines = [line.strip() for line in text.splitlines() if line.strip()]
@@ -215,7 +216,7 @@ def modules_of(path: Path, source: bytes) -> tuple[UserModule, ...]:
         if name in found or name.partition(".")[0] in sys.stdlib_module_names:
             continue
         file = _found(name, places)
-        if file is None or file == path or _installed(file):
+        if file is None or _installed(file):  # a file that is imported in a circle runs anew, as a script's does
             continue
         is_package, content = file.name == "__init__.py", file.read_bytes()
         place = name.replace(".", "/") + ("/__init__.py" if is_package else ".py")
@@ -283,7 +284,7 @@ def run(file: UserFile, what: str) -> ModuleType:
     path, source, modules = file
     name = f"{_OURS}{what}_{_digest(path.name.encode() + source, modules)}"
     known = _RUN.get(name)
-    if known is not None and all(_stands(place, content) for place, content in _contents(known[1])):
+    if known is not None and known[1] == file and all(_stands(*each) for each in _contents(file)):
         return known[0]
     module = ModuleType(name)
     module.__file__ = str(path)
@@ -327,10 +328,11 @@ _FILES: dict[Path, UserFile] = {}
 def _package_of(modules: tuple[UserModule, ...]) -> str:
     """The name of the package that stands for modules; those that ran before where they stood then are forgotten."""
     package = f"{_OURS}{_digest(b'', modules)}"
-    if not all(_stands(Path(one.path), one.source) for one in _MODULES.get(package, ())):
+    known = _MODULES.get(package, modules)
+    if known != modules or not all(_stands(Path(one.path), one.source) for one in known):
         for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
             del sys.modules[name]
-        del _MODULES[package]
+        _MODULES.pop(package, None)
     _MODULES.setdefault(package, modules)
     return package
 
@@ -405,16 +407,26 @@ def _innermost(error: BaseException) -> Path | None:
     return own[-1] if own else None
 
 
-def _together(path: Path) -> dict[str, Path]:
-    """Name → place of a file and of the user's own modules that it imports.
+def _together(path: Path) -> dict[str, tuple[Path, ...]]:
+    """Name → places of a file and of the user's own modules that it imports.
 
     Kept code names the file that it was compiled from, which may since stand elsewhere.
     """
     file = _FILES.get(path)
     if file is None and path.is_file() and not path.is_relative_to(_PACKAGE):  # loaded by somebody else
         file = UserFile(path, b"", modules_of(path, path.read_bytes()))
-    beside = () if file is None else (place for place, _ in reversed(list(_contents(file))))
-    return {place.name: place for place in (*beside, path)}
+    places = dict.fromkeys((path, *(() if file is None else (place for place, _ in _contents(file)))))
+    return {name: tuple(one for one in places if one.name == name) for name in {place.name for place in places}}
+
+
+def _at(files: Mapping[str, tuple[Path, ...]], file: Path) -> Path:
+    """Where a file stands that code names: itself, or the one of its name that has most of its folders' names too."""
+
+    def alike(one: Path) -> int:
+        pairs = zip(reversed(one.parts), reversed(file.parts), strict=False)
+        return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+    return max(files.get(file.name, (file,)), key=alike)
 
 
 def mistake(error: BaseException, path: Path, what: str = "") -> ParameterError:
@@ -429,7 +441,7 @@ def mistake(error: BaseException, path: Path, what: str = "") -> ParameterError:
     frames = [(Path(frame.filename), frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
     if isinstance(error, SyntaxError) and error.filename:
         frames.append((Path(error.filename), error.lineno))
-    at = [(own[file.name], line) for file, line in frames if file.name in own and not _installed(file)]
+    at = [(_at(own, file), line) for file, line in frames if file.name in own and not _installed(file)]
     where = f"{at[-1][0]}, line {at[-1][1]}" if at and at[-1][1] else str(at[-1][0] if at else path)
     text = error.msg if isinstance(error, SyntaxError) else " ".join(str(error).split())
     text = re.sub(rf"\b{_OURS}[0-9a-f]+\.", "", text)
@@ -451,7 +463,7 @@ def line(function: Any, path: Path) -> str:
     if code is None:
         return f"{path}: {function!r}"
     file = Path(code.co_filename)
-    return f"{_together(path).get(file.name, file)}, line {code.co_firstlineno}"
+    return f"{_at(_together(path), file)}, line {code.co_firstlineno}"
 
 
 def is_ours(function: Any) -> bool:

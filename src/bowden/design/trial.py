@@ -13,6 +13,7 @@ from bowden.control.reference import PointToPoint, Trajectory
 from bowden.core.order import distinct, median
 from bowden.core.units import DEGREES
 from bowden.plants.plant import Plant
+from bowden.plants.suit_parts import Suit
 from bowden.plants.transmission import transmission, unrest
 from bowden.sim.run import simulate
 from bowden.sim.scenario import constant_bend
@@ -28,6 +29,8 @@ LONGEST = 400.0
 _SETTLING, _JUDGED = 10.0, 10.0
 """Of the rest that follows: what is left to the loop, and what is judged [s]."""
 _SNAPSHOTS = 8
+_FOLLOWS = 0.5
+"""Share of the stroke that the joint of a suit goes at least."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,8 @@ class Trial:
     bounded: bool
     """Whether it came to rest: it did not run away, its joint was never further from the reference than the stroke is
     long, and ends up within twice the dead zone and 1°. Of a suit both bounds are wider by what the joint does with no
-    law (`bowden.plants.transmission.unrest`), the first by twice what friction and weight keep it off."""
+    law (`bowden.plants.transmission.unrest`), the first by twice what friction and weight keep it off, the stroke at
+    most; and its joint has to go half of the stroke, since an arm that its wearer holds fast rests as well."""
     why: str
     """What it did instead; empty where it is bounded."""
     swing: float | None
@@ -70,7 +74,8 @@ def run_trial(
         initial_motor=bench.resting_motor(low, bend),
     )
     error, free = trace.columns["joint"] - trace.columns["reference"], unrest(bench, bend, stroke, _JUDGED)
-    furthest = abs(high - low) + 2.0 * free.off + free.span
+    stroke_length = abs(high - low)
+    furthest = stroke_length + min(2.0 * free.off, stroke_length) + free.span
     near = np.abs(error) <= furthest
     lasted = len(error) if near.all() else int(np.argmin(near))
     states = {name.removeprefix("law."): v for name, v in trace.columns.items() if name.startswith("law.")}
@@ -85,6 +90,8 @@ def run_trial(
     why = ""
     if lasted < len(error):
         why = f"the joint is off by more than {furthest * DEGREES:.3g}°"
+    elif isinstance(bench, Suit) and (went := float(np.ptp(trace.columns["joint"]))) < _FOLLOWS * stroke_length:
+        why = f"the joint moves by {went * DEGREES:.3g}° in all, where {stroke_length * DEGREES:.3g}° are asked for"
     elif span > most:
         why = f"the joint moves by {span * DEGREES:.3g}° at rest, where {most * DEGREES:.3g}° are borne"
     return Trial(

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.arguments import number
 from bowden.core.errors import ParameterError, near
 from bowden.identify.cable.bouc_wen import cable_of, simulate
 from bowden.identify.cable.line import Line
@@ -173,14 +174,15 @@ class IdentifiedCable:
                 raise ParameterError(
                     f"the model {self.simulated!r} has no parameter {name!r}", expected=near(name, own)
                 )
-        differing = {name: float(value) for name, value in given.items() if float(value) != own[name]}
+        numbers = {name: number(value, f"{name} of the model {self.simulated!r}") for name, value in given.items()}
+        differing = {name: value for name, value in numbers.items() if value != own[name]}
         if not differing:
             return self
-        if own.get("slope", 1.0) * differing.get("slope", own.get("slope", 1.0)) <= 0.0:
-            side = "above" if own["slope"] > 0.0 else "below"
+        before, after = _whole_slope(own), _whole_slope({**own, **differing})
+        if before * after <= 0.0:
             raise ParameterError(
-                f"the slope of the model {self.simulated!r} is {differing['slope']:g}",
-                expected=f"a number {side} 0, as its file has it",
+                f"the slope of the model {self.simulated!r}, of all its parts, would be {after:g}",
+                expected=f"a number {'above' if before > 0.0 else 'below'} 0, as its file has it ({before:g})",
             )
         changed = {**self.models[self.simulated], **differing}
         identified(self.simulated, changed)
@@ -221,6 +223,12 @@ class IdentifiedCable:
 
 _BEGUN = ("initial_h", "initial_lag")
 """Parameters that say where a log began; a simulation begins at rest."""
+
+
+def _whole_slope(parameters: Mapping[str, float]) -> float:
+    """Joint motion per motor motion with all plays taken up; 1 of a model that has no slope of its own."""
+    weights = sum(value for name, value in parameters.items() if name.startswith("weight_"))
+    return parameters["slope"] + weights if "slope" in parameters else 1.0
 
 
 @lru_cache(16)
