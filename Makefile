@@ -37,17 +37,16 @@ help:
 demo: .venv/runtime
 	$(BIN)/bowden reproduce --out out/demo
 
-# What runs in real time has the machine for itself, but for the judging of types, which gives way. A make that a test
-# calls is no part of this one.
+# What runs in real time mostly waits; what computes meanwhile gives way to it. A make that a test calls is no part of
+# this one.
 test: lint
-	$(MAKE) --no-print-directory computed
-	$(MAKE) --no-print-directory --jobs 2 types live
+	$(MAKE) --no-print-directory --jobs 3 live computed types
 
 live: .venv/dev
 	env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -m 'live and not long' tests
 
 computed: .venv/dev
-	env -u MAKEFLAGS -u MAKELEVEL $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not live and not long'
+	env -u MAKEFLAGS -u MAKELEVEL nice -n 19 $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not live and not long'
 
 long: .venv/dev
 	$(BIN)/python -m pytest -n 2 -m 'long and not live'
