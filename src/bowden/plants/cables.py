@@ -225,13 +225,22 @@ def as_cable_plant(bench: Bench | CablePlant) -> CablePlant:
     return CablePlant(bouc_wen(bench.cable), **parts)
 
 
+def whole_slope(parameters: Mapping[str, float]) -> float:
+    """Joint motion per motor motion with all plays taken up, below 0 of a model that runs backwards [rad/rad].
+
+    Args:
+        parameters: of an identified model, by name; one of `DISTRIBUTED` has no slope among them.
+    """
+    return parameters["slope"] + sum(value for name, value in parameters.items() if name.startswith("weight_"))
+
+
 def _play(given: Mapping[str, float]) -> Cable:
     return play(Play(abs(given["slope"]), given["half_width"], given["offset"]))
 
 
 def _stack(given: Mapping[str, float]) -> Cable:
     widths, weights = _numbered(given, "half_width_"), _numbered(given, "weight_")
-    sign = -1.0 if given["slope"] + sum(weights) < 0.0 else 1.0
+    sign = -1.0 if whole_slope(given) < 0.0 else 1.0
     return stack(sign * given["slope"], widths, [sign * weight for weight in weights], given["offset"])
 
 

@@ -36,9 +36,8 @@ def stroke(rig: Rig) -> tuple[float, float]:
     """Smallest and largest joint angle of the reference, or of what the wearer's push may ask for; 5° apart at least
     [rad]."""
     if rig.pushing is not None:
-        return rig.pushing.admittance.low, max(
-            rig.pushing.admittance.high, rig.pushing.admittance.low + float(_SMALLEST)
-        )
-    path = rig.trajectory.sample(np.linspace(0.0, max(rig.duration, _WHOLE), _INSTANTS))[:, 0]
-    low, high = float(np.min(path)), float(np.max(path))
+        low, high = rig.pushing.admittance.low, rig.pushing.admittance.high
+    else:
+        path = rig.trajectory.sample(np.linspace(0.0, max(rig.duration, _WHOLE), _INSTANTS))[:, 0]
+        low, high = float(np.min(path)), float(np.max(path))
     return low, max(high, low + float(_SMALLEST))

@@ -17,7 +17,7 @@ from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
 from bowden.plants.cable_plant import Cable
-from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified
+from bowden.plants.cables import DISTRIBUTED, bouc_wen_like, distributed_parameters, identified, whole_slope
 
 Array = NDArray[np.float64]
 
@@ -178,12 +178,13 @@ class IdentifiedCable:
         differing = {name: value for name, value in numbers.items() if value != own[name]}
         if not differing:
             return self
-        before, after = _whole_slope(own), _whole_slope({**own, **differing})
-        if before * after <= 0.0:
-            raise ParameterError(
-                f"the slope of the model {self.simulated!r}, of all its parts, would be {after:g}",
-                expected=f"a number {'above' if before > 0.0 else 'below'} 0, as its file has it ({before:g})",
-            )
+        if "slope" in own:
+            before, after = whole_slope(own), whole_slope({**own, **differing})
+            if before * after <= 0.0:
+                raise ParameterError(
+                    f"the slope of the model {self.simulated!r}, of all its parts, would be {after:g}",
+                    expected=f"a number {'above' if before > 0.0 else 'below'} 0, as its file has it ({before:g})",
+                )
         changed = {**self.models[self.simulated], **differing}
         identified(self.simulated, changed)
         models = {**self.models, self.simulated: changed}
@@ -223,12 +224,6 @@ class IdentifiedCable:
 
 _BEGUN = ("initial_h", "initial_lag")
 """Parameters that say where a log began; a simulation begins at rest."""
-
-
-def _whole_slope(parameters: Mapping[str, float]) -> float:
-    """Joint motion per motor motion with all plays taken up; 1 of a model that has no slope of its own."""
-    weights = sum(value for name, value in parameters.items() if name.startswith("weight_"))
-    return parameters["slope"] + weights if "slope" in parameters else 1.0
 
 
 @lru_cache(16)
