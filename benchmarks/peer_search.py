@@ -215,7 +215,7 @@ def searched(search: Callable[[Budget, int], None], log: HalfLog, target: float,
     search(budget, seed)
     slope, gain, log_rate, log_shape, exponent = budget.best[-1][2].tolist()
     cable = BoucWen(slope, gain, math.exp(log_rate), 0.5 + math.exp(log_shape), exponent)
-    joint = cable.slope * path.motor + cable.hysteresis_gain * compiled(hysteresis)(path.motor, 0.0, cable)
+    joint = cable.slope * path.motor + cable.hysteresis_gain * hysteresis(path.motor, 0.0, cable)
     offset = float(np.average(path.joint - joint, weights=path.weight))
     return Search(
         reached=next((seconds for seconds, error, _ in budget.best if error <= CLOSE * target), None),

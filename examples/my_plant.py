@@ -2,19 +2,16 @@
 
 Try it from Python:
 
-    from bowden.control import LAWS
-    from bowden.control.reference import PeriodicMinimumJerk
-    from bowden.plants.user_plant import load
-    from bowden.sim.run import simulate
+    import bowden
 
-    trace = simulate(load("examples/my_plant.py"), LAWS["adaptive"], PeriodicMinimumJerk(0.0, 1.0, 5.0), duration=20.0)
+    trace = bowden.simulate(bowden.Rig(plant="examples/my_plant.py", duration=20.0), "adaptive")
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bowden.core.kernel import kernel
+from bowden import kernel
 
 
 class Parameters(NamedTuple):

@@ -1,5 +1,6 @@
 """What the tests share."""
 
+import contextlib
 import gc
 import os
 import signal
@@ -29,6 +30,15 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("the recordings in ../shared/data are not here")
     return folder
+
+
+@pytest.fixture
+def small_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`tune` in one process and of a quarter of its size, where it matters that it searches and not what it finds."""
+    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
+    monkeypatch.setattr("bowden.design.tune._DRAWS", 100)
+    monkeypatch.setattr("bowden.design.tune._SIMULATED", 20)
+    monkeypatch.setattr("bowden.design.tune._MEMBERS", 8)
 
 
 @pytest.fixture

@@ -42,7 +42,7 @@ def test_what_makes_no_sense_is_refused(options: list[str], capsys: pytest.Captu
 
 def test_a_processor_that_is_not_ours_is_refused() -> None:
     with pytest.raises(ParameterError, match="cpu is 4096"):
-        check_processor(4096)
+        check_processor(4096, "--cpu")
 
 
 def test_percentiles_and_histogram_are_those_of_the_numbers() -> None:

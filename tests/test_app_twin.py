@@ -90,3 +90,24 @@ def test_times_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureF
     for words in (["--after", "nan"], ["--after", "-1"], ["--for", "0"], ["--for", "inf"]):
         assert run(["twin", str(rig), "--inject", "silence", *words, "--channel", str(tmp_path / "b")]) == 2
         assert "expected a time from now" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--after", "3"], "--after and --for are of a fault; expected --inject FAULT beside them"),
+        (["--for", "3", "--status"], "--after and --for are of a fault"),
+        (["--status", "--object", "6502:0=0"], "--object is of a twin that is started"),
+        (["--inject", "encoder_frozn joint"], "expected encoder_frozen (did you mean this?)"),
+        (
+            ["--inject", "silence"],
+            "start one: bowden twin RIG.toml; what bowden run --twin starts has the channel that",
+        ),
+    ],
+)
+def test_what_a_twin_cannot_be_told_is_refused(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "rig.toml").write_text(RIG)
+    assert run(["twin", str(tmp_path / "rig.toml"), *words, "--channel", str(tmp_path / "b")]) == 2
+    assert said in capsys.readouterr().err

@@ -37,7 +37,7 @@ from bowden.study.load import load
 from drawn_plants import random_plant, run_random_plant
 
 BENCH = default_bench()
-COMMANDS = get_command(main.app)
+COMMANDS = get_command(main.application())
 MODEL = """
 best = "bouc_wen"
 [models.bouc_wen.parameters]

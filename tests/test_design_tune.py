@@ -1,6 +1,5 @@
 """Tuned gains keep their margins and beat the defaults in the worst case; rig.toml keeps everything else."""
 
-import contextlib
 import json
 import pickle
 import tomllib
@@ -98,16 +97,7 @@ def test_tuned_gains_beat_the_defaults_in_the_worst_case_and_keep_their_margins(
     assert found.gains == {n: v for n, v in found.law.gains._asdict().items() if v != getattr(ADAPTIVE.gains, n)}
 
 
-@pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A search of a quarter of the size in one process, where it matters that there is one and not what it finds."""
-    monkeypatch.setattr("bowden.face.tune.two_workers", lambda *_, **__: contextlib.nullcontext(map))
-    monkeypatch.setattr("bowden.design.tune._DRAWS", 100)
-    monkeypatch.setattr("bowden.design.tune._SIMULATED", 20)
-    monkeypatch.setattr("bowden.design.tune._MEMBERS", 8)
-
-
-@pytest.mark.usefixtures("few")
+@pytest.mark.usefixtures("small_search")
 def test_the_result_does_not_depend_on_who_does_the_work() -> None:
     def backwards(function: Callable[[Task], Any], tasks: Iterable[Task]) -> list[Any]:
         return [function(pickle.loads(pickle.dumps(task))) for task in reversed(list(tasks))][::-1]
@@ -171,7 +161,7 @@ def test_the_file_keeps_its_comments_and_the_other_keys() -> None:
         with_gains("[control]\ngains = { a = 2.0 }\n", {"a": 1.0}, [], Path("rig.toml"))
 
 
-@pytest.mark.usefixtures("few")
+@pytest.mark.usefixtures("small_search")
 def test_the_command_writes_the_gains_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -203,7 +193,7 @@ duration_s = 4.0
 
 
 @pytest.fixture
-def study(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def study(small_search: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("bowden.design.tune.GENERATIONS", 1)
     Path("rig.toml").write_text("# soft\n[cable]\nrate_per_rad = 4.0\n[servo]\nnatural_frequency_hz = 4.0\n")

@@ -4,10 +4,16 @@ import doctest
 import importlib
 import re
 import shlex
+import textwrap
+import warnings
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+import bowden
 from bowden.app.main import run
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -33,6 +39,29 @@ def blocks(path: Path, language: str) -> list[str]:
 def test_python_on_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run_python(page)
+
+
+TASKS = {"README.md": (ROOT / "README.md").read_text(encoding="utf-8"), "the package": bowden.__doc__ or ""}
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("text", TASKS.values(), ids=TASKS.keys())
+def test_the_tasks_run_as_they_are_printed(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From a log to a run on a twin; only that search and run are shorter than by default."""
+    monkeypatch.chdir(tmp_path)
+    log = bowden.simulate(bowden.Rig(duration=20.0), "uncompensated")
+    rows = np.column_stack([log.time, log["motor_measured"], log["joint_measured"]])[::10]
+    np.savetxt("log.csv", rows, delimiter=",", header="time_s,motor_rad,joint_rad", comments="")
+    monkeypatch.setattr(bowden, "tune", partial(bowden.tune, generations=1))
+    monkeypatch.setattr(bowden, "run", partial(bowden.run, duration=3.0))
+    (printed,) = re.findall(r"^    fit = bowden\.identify\(.*?(?=^\S|\Z)", text, re.DOTALL | re.MULTILINE)
+    names: dict[str, Any] = {"bowden": bowden}
+    with warnings.catch_warnings(record=True) as said:  # a computer shared with others stalls, which ends the run
+        warnings.simplefilter("always")
+        exec(compile(textwrap.dedent(printed), "the tasks", "exec"), names)
+    assert all("the run was ended" in str(one.message) for one in said)
+    assert names["rig"].gains
+    assert len(names["session"].trace()) > 100
 
 
 def run_python(page: Path) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 import bowden
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.live.log_rig import rig_of_log
 from live_runs import tries
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -258,6 +259,7 @@ def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None
     assert np.nanmax(trace.array("joint", "deg")) > 40.0
     assert np.array_equal(bowden.read_trace(session.log)["joint"], trace["joint"], equal_nan=True)
     assert "Run of adaptive" in repr(session)
+    assert rig_of_log(session.log).drive == rig.drive  # not the bus of a twin that is no more
 
 
 # errors
@@ -302,7 +304,10 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "a folder of numbers": (lambda: bowden.export(bowden.Rig(), 3), r"export: folder is 3; expected the path"),  # type: ignore[arg-type]
     "a study of numbers": (lambda: bowden.campaign(3), r"campaign: study is 3; expected the path"),  # type: ignore[arg-type]
     "no workers": (lambda: bowden.campaign("s.toml", workers=0), r"workers is 0; expected a whole number from 1"),
-    "a bus of numbers": (lambda: bowden.run(bowden.Rig(), channel=3).__enter__(), r"run: channel is 3; expected text"),  # type: ignore[arg-type]
+    "a bus of numbers": (
+        lambda: bowden.run(bowden.Rig(), channel=3).__enter__(),
+        r"run: channel is 3; expected the name of a bus",
+    ),  # type: ignore[arg-type]
     "an unknown law": (lambda: bowden.LAWS["adaptiv"], r"adaptive \(did you mean this\?\)"),
 }
 

@@ -1,5 +1,6 @@
 """A new family of drives, and a new detector of contractions: what each needs, done from this file."""
 
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -30,6 +31,9 @@ class ToyParameters(NamedTuple):
     family: Annotated[Literal["toy"], Quantity("how the drive is spoken to: its family")] = "toy"
     string: Annotated[str, Quantity("which piece of string")] = "red"
     length: Annotated[float, Quantity("of the string", "m", shown="mm", gt=0.0)] = 0.5
+    patience: Annotated[
+        float, Quantity("without a word of ours it lets go after this; 0 for never", "s", shown="ms")
+    ] = 0.02
     speed_limit: float = 0.0
     """Largest speed that the rig asks for [rad/s]."""
 
@@ -62,6 +66,7 @@ TOY = DriveFamily(
     address=lambda given: {"string": given.string},
     control=lambda given: Path(f"toy-{given.string}"),
     claim=lambda given: lambda: None,
+    watchdog=lambda given: given.patience or math.inf,
     most_push=lambda given, needs: 0.0,
     measures_tension=lambda given: False,
     explain=lambda code: f"the string says {code}",
@@ -99,14 +104,34 @@ def test_a_rig_of_another_family_is_read_packed_written_and_run_against_its_twin
     assert family.explain(7) == "the string says 7"
 
 
+@pytest.mark.parametrize(
+    ("patience", "said"), [(51.0, "takes its torque off 51 ms after our last word"), (0.0, "never")]
+)
+def test_a_drive_that_would_keep_its_torque_without_us_is_refused(toy: DriveFamily, patience: float, said: str) -> None:
+    with pytest.raises(ParameterError, match=said) as refused:
+        _ = Rig(drive=ToyParameters(patience=1e-3 * patience)).drive_parameters
+    assert "within 50 ms by itself" in str(refused.value)
+    assert Rig(drive=ToyParameters(patience=0.05)).drive_parameters.patience == 0.05
+
+
 def test_a_family_that_there_is_not_is_named(tmp_path: Path) -> None:
     assert "cia402" in names()
     with pytest.raises(ParameterError, match="toy"):
         family_named("toy")
     path = tmp_path / "rig.toml"
     path.write_text('[drive]\nfamily = "cia40"\n')
-    with pytest.raises(ParameterError, match="cia402"):
+    with pytest.raises(ParameterError, match=r"drive\.family is 'cia40'; expected cia402 \(did you mean this"):
         Rig.read(path)
+
+
+def test_a_key_that_a_family_does_not_have_is_told_with_its_own(toy: DriveFamily, tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('[drive]\nfamily = "toy"\nstrng = "blue"\n')
+    with pytest.raises(
+        ParameterError, match=r"'strng' in \[drive\]; expected string \(did you mean this.*length_mm"
+    ) as said:
+        Rig.read(path)
+    assert "node_id" not in str(said.value)
 
 
 class ToySettings(NamedTuple):

@@ -9,9 +9,10 @@ import can
 import pytest
 
 from bowden.core.errors import DriveError
+from bowden.core.signals import DriveState
 from bowden.hardware.buses.opening import open_bus
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.cia402 import State
+from bowden.hardware.drives.families import cia402
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
@@ -28,7 +29,8 @@ def twin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Twin]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     rig = bench()
     behind = TwinBench(rig, constant_bend(rig.sheath.bend), 1.0, 0, 0.1, time.monotonic())
-    running = Twin(DRIVE, behind, time.monotonic)
+    running = cia402.twin(DRIVE, behind, time.monotonic, ())
+    assert isinstance(running, Twin)
     thread = threading.Thread(target=running.run)
     thread.start()
     yield running
@@ -47,11 +49,11 @@ def test_a_drive_on_another_bus_than_ours(twin: Twin) -> None:
             now = time.monotonic()
             reading = drive.read(now)
             states.add(int(reading.drive_state))
-            if State.OPERATION_ENABLED in states:
+            if DriveState.OPERATION_ENABLED in states:
                 break
             drive.write(0.1, Power.ON, now)
             time.sleep(1e-3)
-        assert State.OPERATION_ENABLED in states
+        assert DriveState.OPERATION_ENABLED in states
         assert abs(reading.motor - 0.1) < 0.01
         assert reading.bus_errors == 0.0
         drive.close()

@@ -9,9 +9,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError
+from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.cia402 import State
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
@@ -56,7 +56,7 @@ def shared(heard: bool) -> Shared:
     first.bring_up()
     cycle(first, bus, 10, Power.ON)
     bus.beating, bus.heard = True, heard
-    assert bus.node.state is State.OPERATION_ENABLED
+    assert bus.node.state is DriveState.OPERATION_ENABLED
     return bus
 
 
@@ -68,7 +68,7 @@ def test_a_drive_that_another_host_holds_is_not_touched(heard: bool) -> None:
     )
     with pytest.raises(DriveError, match=said):
         CanopenDrive(DRIVE, bus).bring_up()
-    assert bus.node.state is State.OPERATION_ENABLED
+    assert bus.node.state is DriveState.OPERATION_ENABLED
     assert bus.node.nmt == frames.OPERATIONAL
     assert "torque_off" not in [event for _, event, _ in bus.journal]
 
@@ -126,7 +126,7 @@ def test_a_lost_heartbeat_leaves_the_drive_where_it_can_be_seen() -> None:
     cycle(drive, bus, 10, Power.ON)
     bus.advance(0.1)
     cycle(drive, bus, 20, Power.ON)
-    assert drive.read(bus.time).drive_state == State.FAULT
+    assert drive.read(bus.time).drive_state == DriveState.FAULT
 
 
 def test_a_drive_that_goes_pre_operational_when_we_are_lost_is_not_ready() -> None:
@@ -137,7 +137,7 @@ def test_a_drive_that_goes_pre_operational_when_we_are_lost_is_not_ready() -> No
     bus.advance(0.1)
     cycle(drive, bus, 20, Power.ON)
     assert bus.node.nmt == frames.PRE_OPERATIONAL
-    assert drive.read(bus.time).drive_state == State.NOT_READY_TO_SWITCH_ON
+    assert drive.read(bus.time).drive_state == DriveState.NOT_READY_TO_SWITCH_ON
 
 
 class Noisy(TwinBus):
@@ -163,4 +163,4 @@ def test_bring_up_among_foreign_frames_succeeds_or_says_why(noise: list[tuple[in
     drive = CanopenDrive(DRIVE, bus)
     with contextlib.suppress(DriveError):
         drive.bring_up()
-    assert bus.node.state is State.SWITCH_ON_DISABLED
+    assert bus.node.state is DriveState.SWITCH_ON_DISABLED

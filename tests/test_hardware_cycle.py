@@ -9,9 +9,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.cia402 import Controlword, State
+from bowden.hardware.drives.cia402 import Controlword
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import TwinBench
@@ -47,7 +48,7 @@ def enabled() -> tuple[CanopenDrive, SyncBus]:
         drive.read(bus.time)
         drive.write(0.1, Power.ON, bus.time)
         bus.advance(CYCLE)
-    assert bus.node.state is State.OPERATION_ENABLED
+    assert bus.node.state is DriveState.OPERATION_ENABLED
     return drive, bus
 
 
@@ -99,13 +100,13 @@ def test_of_several_emergencies_in_a_cycle_the_first_is_told() -> None:
 
 def test_no_power_before_a_position_is_known() -> None:
     bus = TwinBus(DRIVE, make_bench)
-    bus.node.state = State.SWITCHED_ON  # as another master has left it
+    bus.node.state = DriveState.SWITCHED_ON  # as another master has left it
     drive = CanopenDrive(DRIVE, bus)
     drive.bring_up()
     for _ in range(5):
         drive.write(0.1, Power.ON, bus.time)
         bus.advance(CYCLE)
-        assert bus.node.state is not State.OPERATION_ENABLED
+        assert bus.node.state is not DriveState.OPERATION_ENABLED
 
 
 class SlowServer(TwinBus):
@@ -140,7 +141,7 @@ def test_the_drive_has_stopped_watching_us_before_it_is_stopped() -> None:
     bus.advance(1.0)
     assert bus.node.objects[0x1016, 1] == 0
     assert bus.node.nmt == frames.STOPPED
-    assert bus.node.state is State.SWITCH_ON_DISABLED
+    assert bus.node.state is DriveState.SWITCH_ON_DISABLED
     assert "fault" not in [event for _, event, _ in bus.journal]
 
 
@@ -206,7 +207,7 @@ def test_whatever_comes_what_goes_out_is_whole_and_no_more_than_was_wanted(
     assert all(isinstance(value, float) for value in reading)
     assert math.isnan(reading.motor) or abs(reading.motor) <= 2**31 * 1e-4
     assert 0.0 <= reading.emergency <= 0xFFFF
-    assert reading.drive_state in set(State)
+    assert reading.drive_state in set(DriveState)
     if reset:
         drive.reset_fault()
     bus.sent.clear()
@@ -217,9 +218,9 @@ def test_whatever_comes_what_goes_out_is_whole_and_no_more_than_was_wanted(
     if power is not Power.ON or not math.isfinite(target):
         assert control != Controlword.ENABLE_OPERATION
     if control == Controlword.FAULT_RESET:
-        assert reading.drive_state == State.FAULT
+        assert reading.drive_state == DriveState.FAULT
     if control == Controlword.ENABLE_OPERATION:
-        assert reading.drive_state in (State.SWITCHED_ON, State.OPERATION_ENABLED)
+        assert reading.drive_state in (DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED)
     bus.advance(CYCLE)
 
 

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from bowden.hardware.drives.cia402 import CONTROL, STATUS, State
+from bowden.core.signals import DriveState
+from bowden.hardware.drives.cia402 import CONTROL, STATUS
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.injection import KINDS
 
@@ -16,7 +17,7 @@ def table(page: str, name: str) -> list[str]:
 
 def test_the_state_table() -> None:
     rows = []
-    for state in State:
+    for state in DriveState:
         mask, value = STATUS[state]
         words = [CONTROL[state, power] for power in Power]
         cells = [state.name.lower().replace("_", " "), str(int(state)), f"{value:02X}h of {mask:02X}h"]

@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.cia402 import WITH_TORQUE, State
+from bowden.hardware.drives.cia402 import WITH_TORQUE
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Drive, Power
 from bowden.hardware.twin.bench import TwinBench
@@ -56,7 +56,7 @@ class Rig:
 
     def on(self) -> "Rig":
         self.run(10, Power.ON)
-        assert self.bus.node.state is State.OPERATION_ENABLED
+        assert self.bus.node.state is DriveState.OPERATION_ENABLED
         return self
 
     def inject(self, text: str, after: float = 0.0, lasting: float = math.inf) -> None:
@@ -82,7 +82,7 @@ def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
     assert threading.active_count() == before
     node = rig.bus.node
     assert node.nmt == frames.OPERATIONAL
-    assert node.state is State.SWITCH_ON_DISABLED
+    assert node.state is DriveState.SWITCH_ON_DISABLED
     assert node.objects[0x1016, 1] == 127 << 16 | 25
     assert node.objects[0x6007, 0] == 1
     assert node.objects[0x605E, 0] == 0
@@ -104,13 +104,13 @@ def test_it_goes_up_and_down_one_state_a_cycle_and_enabling_moves_nothing() -> N
     rig.run(10, Power.ON, target=2.0)
     states = [int(reading.drive_state) for reading in rig.readings]
     assert states[:5] == [1, 2, 3, 4, 4]
-    first = states.index(State.OPERATION_ENABLED)
+    first = states.index(DriveState.OPERATION_ENABLED)
     assert abs(rig.readings[first].motor - 0.1) < 1e-3
     assert rig.bus.node.bench.motor > 0.1
     rig.run(10, Power.READY)
-    assert rig.bus.node.state is State.SWITCHED_ON
+    assert rig.bus.node.state is DriveState.SWITCHED_ON
     rig.run(10, Power.OFF)
-    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
 
 
 def test_it_follows_and_measures_in_si() -> None:
@@ -172,8 +172,8 @@ def test_a_quick_stop_brakes_and_then_is_off() -> None:
     assert rig.bus.node.bench.velocity > 1.0
     rig.run(1, Power.QUICK_STOP)
     rig.run(50, Power.QUICK_STOP)
-    assert State.QUICK_STOP_ACTIVE in [int(reading.drive_state) for reading in rig.readings]
-    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert DriveState.QUICK_STOP_ACTIVE in [int(reading.drive_state) for reading in rig.readings]
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
     assert rig.bus.node.bench.velocity == 0.0
 
 
@@ -183,20 +183,20 @@ def test_without_our_heartbeat_the_torque_is_zero_in_time(phase: int) -> None:
     rig.run(60 + phase, Power.ON, target=1.0)
     rig.bus.advance(0.2)
     node = rig.bus.node
-    assert node.state is State.FAULT
+    assert node.state is DriveState.FAULT
     assert node.error == 0x8130
     assert node.bench.current == 0.0
     assert 0.020 <= rig.torque_off_at() - node.host_heartbeat <= 0.050
     reading = rig.run(2, Power.ON, target=1.0)
     assert reading.emergency == 0x8130 or rig.readings[-2].emergency == 0x8130
     rig.run(50, Power.ON, target=1.0)
-    assert node.state is State.FAULT, "a fault is never left by itself"
+    assert node.state is DriveState.FAULT, "a fault is never left by itself"
     rig.drive.reset_fault()
     rig.run(20, Power.ON, target=1.0)
-    assert node.state is State.SWITCH_ON_DISABLED, "and the power comes back only when it was wanted off before"
+    assert node.state is DriveState.SWITCH_ON_DISABLED, "and the power comes back only when it was wanted off before"
     rig.run(2, Power.OFF)
     rig.run(10, Power.ON)
-    assert node.state is State.OPERATION_ENABLED
+    assert node.state is DriveState.OPERATION_ENABLED
 
 
 @pytest.mark.parametrize("option", [2, 3])
@@ -205,13 +205,13 @@ def test_a_drive_that_only_switches_off_is_not_switched_on_again_by_itself(optio
     rig.bus.node.objects.write((0x6007, 0), option.to_bytes(2, "little"))
     rig.run(60, Power.ON, target=0.5)
     rig.bus.advance(0.2)
-    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
     assert rig.torque_off_at() - rig.bus.node.host_heartbeat <= 0.050
     rig.run(100, Power.ON, target=0.5)
-    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
     rig.run(2, Power.OFF)
     rig.run(10, Power.ON)
-    assert rig.bus.node.state is State.OPERATION_ENABLED
+    assert rig.bus.node.state is DriveState.OPERATION_ENABLED
 
 
 def test_a_drive_that_cannot_map_its_temperature_is_used_without() -> None:
@@ -226,7 +226,7 @@ def test_one_lost_heartbeat_is_none() -> None:
     rig = Rig().up().on()
     rig.inject("deaf", lasting=0.012)
     rig.run(100, Power.ON)
-    assert rig.bus.node.state is State.OPERATION_ENABLED
+    assert rig.bus.node.state is DriveState.OPERATION_ENABLED
 
 
 def test_an_emergency_is_read_in_its_cycle_and_a_fault_reset_on_request_alone() -> None:
@@ -236,24 +236,24 @@ def test_an_emergency_is_read_in_its_cycle_and_a_fault_reset_on_request_alone() 
     codes = [reading.emergency for reading in rig.readings]
     assert codes.count(float(0x4210)) == 1
     at = codes.index(float(0x4210))
-    assert int(rig.readings[at + 1].drive_state) == State.FAULT
+    assert int(rig.readings[at + 1].drive_state) == DriveState.FAULT
     rig.run(20, Power.OFF)
-    assert rig.bus.node.state is State.FAULT
+    assert rig.bus.node.state is DriveState.FAULT
     rig.drive.reset_fault()
     rig.run(5, Power.OFF)
-    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
 
 
 def test_a_reboot_is_seen_and_needs_a_new_bring_up() -> None:
     rig = Rig().up().on()
     rig.inject("reboot")
     rig.run(600, Power.ON)
-    assert rig.readings[-1].drive_state == State.NOT_READY_TO_SWITCH_ON
+    assert rig.readings[-1].drive_state == DriveState.NOT_READY_TO_SWITCH_ON
     assert rig.readings[-1].motor_age > 500
-    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
     rig.up()
     rig.run(10, Power.ON)
-    assert rig.bus.node.state is State.OPERATION_ENABLED
+    assert rig.bus.node.state is DriveState.OPERATION_ENABLED
 
 
 def test_close_takes_the_torque_off_and_is_no_fault() -> None:
@@ -261,7 +261,7 @@ def test_close_takes_the_torque_off_and_is_no_fault() -> None:
     rig.run(50, Power.ON, target=0.3)
     rig.drive.close()
     rig.bus.advance(1.0)
-    assert rig.bus.node.state is State.SWITCH_ON_DISABLED
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
     assert rig.bus.node.nmt == frames.STOPPED
     rig.drive.close()
     assert "fault" not in [event for _, event, _ in rig.bus.journal]
@@ -328,7 +328,7 @@ def test_bad_drives_are_refused_in_a_line_and_never_enabled(
     assert "\n" not in str(refused.value)
     host.write(1.0, Power.ON, bus.time)
     bus.advance(0.1)
-    assert bus.node.state is State.SWITCH_ON_DISABLED
+    assert bus.node.state is DriveState.SWITCH_ON_DISABLED
     assert "torque_on" not in [event for _, event, _ in bus.journal]
 
 
@@ -338,7 +338,7 @@ def test_bus_off_is_counted() -> None:
     reading = rig.run(100, Power.ON)
     assert reading.bus_errors >= 200
     assert reading.motor_age >= 90
-    assert rig.bus.node.state is State.FAULT, "it has missed our heartbeat"
+    assert rig.bus.node.state is DriveState.FAULT, "it has missed our heartbeat"
 
 
 def changed(name: str) -> bool:

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from bowden.core.errors import ParameterError
 from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.parameters import DriveParameters, Scale, check_parameters, joint_scale, motor_scale
+from bowden.hardware.drives.parameters import DriveParameters, check_parameters, joint_scale, motor_scale
+from bowden.hardware.drives.scale import Scale
 
 I16, I32, U16 = st.integers(-(2**15), 2**15 - 1), st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**16 - 1)
 

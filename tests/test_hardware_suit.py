@@ -9,7 +9,8 @@ from bowden.core.errors import DriveError, ParameterError
 from bowden.core.units import RADIANS
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.parameters import DriveParameters, Scale, SuitScale, motor_scale
+from bowden.hardware.drives.parameters import DriveParameters, motor_scale
+from bowden.hardware.drives.scale import Scale, SuitScale
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.bus import TwinBus

@@ -2,6 +2,7 @@
 
 import contextlib
 import gc
+import json
 import math
 import os
 import signal
@@ -11,13 +12,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 from bowden.app.main import run
 from bowden.core.errors import DriveError, ParameterError
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.drives.canopen_drive import CanopenDrive
-from bowden.hardware.drives.cia402 import State
 from bowden.hardware.drives.parameters import DriveParameters
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.control import TwinControl, control_path
@@ -73,7 +74,7 @@ def enabled(drive: CanopenDrive) -> None:
     drive.reset_fault()
     cycles(drive, 20, Power.OFF)
     for _ in range(100):  # a busy machine may let the twin wait
-        if cycles(drive, 20, Power.ON)[-1].drive_state == State.OPERATION_ENABLED:
+        if cycles(drive, 20, Power.ON)[-1].drive_state == DriveState.OPERATION_ENABLED:
             return
     raise AssertionError("the drive is not enabled")
 
@@ -87,7 +88,7 @@ def test_two_processes_follow_a_target_at_1_khz(twin: RunningTwin) -> None:
         deadline = time.monotonic() + 5.0
         while after["syncs"] - before["syncs"] < 1500 and time.monotonic() < deadline:
             after = twin.control.status()
-        assert cycles(drive, 100, Power.OFF)[-1].drive_state == State.SWITCH_ON_DISABLED
+        assert cycles(drive, 100, Power.OFF)[-1].drive_state == DriveState.SWITCH_ON_DISABLED
     angles = [reading.motor for reading in readings]
     assert 0.3 < max(angles) - min(angles) < 0.41
     assert after["syncs"] - before["syncs"] == 1500, "no frame is lost"
@@ -168,7 +169,7 @@ def test_faults_over_the_control_socket(twin: RunningTwin, rig: Path) -> None:
         lost = cycles(drive, 300, Power.ON)
         assert lost[-1].bus_errors > 10
         assert lost[-1].motor_age <= 50, "it is back on the bus"
-        assert lost[-1].drive_state == State.FAULT
+        assert lost[-1].drive_state == DriveState.FAULT
     twin.control.clear()
     assert twin.control.status()["faults"] == []
     with pytest.raises(ParameterError, match="there is no fault 'nonsense'"):
@@ -184,7 +185,11 @@ def test_the_command_line_talks_to_it(rig: Path, twin: RunningTwin, capsys: pyte
     assert run([*common, "--inject", "silence", "--for", "0.2"]) == 0
     assert "silence" in capsys.readouterr().out
     assert run([*common, "--clear", "--json"]) == 0
-    assert '"faults": []' in capsys.readouterr().out
+    document = json.loads(capsys.readouterr().out)
+    assert document["twin"]["faults"] == []
+    schema = json.loads((Path(__file__).parents[1] / "docs/json/twin.schema.json").read_text(encoding="utf-8"))
+    for one in (document, twin.said):
+        jsonschema.validate(one, schema)
     assert run([*common, "--inject", "list"]) == 0
     assert all(name in capsys.readouterr().out for name in ["broken_cable"])
     assert run([*common, "--inject", "encoder_frozen"]) == 2
@@ -196,7 +201,7 @@ def test_the_command_line_talks_to_it(rig: Path, twin: RunningTwin, capsys: pyte
 
 
 def test_no_bus_and_nobody_on_it_are_said_in_a_line(tmp_path: Path) -> None:
-    with pytest.raises(DriveError, match="there is no such bus; start bowden twin"):
+    with pytest.raises(DriveError, match="there is no such bus; start bowden twin, run with a twin"):
         CanopenDrive(DriveParameters(channel=str(tmp_path / "none"))).bring_up()
     (tmp_path / "empty").mkdir()
     with pytest.raises(DriveError, match="nobody is on the bus"):

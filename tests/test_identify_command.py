@@ -11,7 +11,6 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core.errors import OutputError, ParameterError
-from bowden.core.kernel import compiled
 from bowden.identify.cable.fit import Fit, identify
 from bowden.identify.cable.model import NAMES
 from bowden.identify.cable.model_file import load_model, model_text, write_model
@@ -25,7 +24,7 @@ SCHEMA = Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json"
 
 TIME = np.arange(2000) / 100.0
 MOTOR = np.radians(20.0 * np.sin(1.4 * TIME + 0.4) + 12.0 * np.sin(3.9 * TIME))
-JOINT = -(0.938 * MOTOR - 0.129 * compiled(hysteresis)(MOTOR, 0.0, BoucWen())) + 0.5
+JOINT = -(0.938 * MOTOR - 0.129 * hysteresis(MOTOR, 0.0, BoucWen())) + 0.5
 JOINT += 1e-4 * np.random.default_rng(0).standard_normal(len(TIME))
 
 

@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.kernel import compiled
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import chebyshev
 from bowden.identify.cable.fit import Fit, identify
@@ -29,7 +28,7 @@ TRUE = {**CABLE._asdict(), "initial_h": 0.05}
 
 
 def cable(motor: Array, true: BoucWen = CABLE) -> Array:
-    h = compiled(hysteresis)(np.ascontiguousarray(motor), 0.05, true)
+    h = hysteresis(np.ascontiguousarray(motor), 0.05, true)
     return np.asarray(true.slope * motor + true.hysteresis_gain * h + true.offset)
 
 
@@ -71,7 +70,7 @@ def test_all_models_are_there_and_the_richer_is_not_worse(known: Fit) -> None:
 
 def test_the_identified_cable_plugs_into_the_simulation(known: Fit) -> None:
     found = known.models["bouc_wen"].model.to_bouc_wen()
-    h = compiled(hysteresis)(MOTOR, 0.05, found)
+    h = hysteresis(MOTOR, 0.05, found)
     joint = joint_angle(MOTOR, h, found)
     assert joint == pytest.approx(cable(MOTOR), abs=np.radians(0.02))
     with pytest.raises(ParameterError, match="take the model 'bouc_wen'"):
@@ -113,7 +112,7 @@ def test_a_cable_that_runs_backwards_is_the_same_cable(known: Fit) -> None:
 
 
 def test_a_play_is_recognised_as_one() -> None:
-    z = compiled(plays)(np.concatenate([[MOTOR[0] + 0.02], MOTOR]), np.array([0.06]))[1:, 0]
+    z = plays(np.concatenate([[MOTOR[0] + 0.02], MOTOR]), np.array([0.06]))[1:, 0]
     fit = identify(TIME, MOTOR + noise(1), -0.9 * z + 0.2 + noise(2))
     assert fit.best.name == "play"
     for name, value in {"slope": -0.9, "half_width": 0.06, "offset": 0.2, "initial_lag": 0.02}.items():
@@ -123,7 +122,7 @@ def test_a_play_is_recognised_as_one() -> None:
 
 def test_a_stack_is_recognised_as_one() -> None:
     widths = np.array([0.01, 0.04, 0.12])
-    slots = compiled(plays)(MOTOR, widths)
+    slots = plays(MOTOR, widths)
     fit = identify(TIME, MOTOR + noise(1), 0.4 * MOTOR + slots @ np.array([0.2, 0.2, 0.1]) + noise(2))
     assert fit.best.name == "prandtl_ishlinskii"
     assert fit.models[fit.best.name].test_rms * DEGREES < 0.03

@@ -72,7 +72,7 @@ def test_bouc_wen(encoders: tuple[Encoder, Encoder]) -> None:
     found, family = [], BoucWenCable(None, 0)  # type: ignore[arg-type]  # no global stage here, so no path for it
     for seed in range(SEEDS):
         motor = motion(seed)
-        h = compiled(hysteresis)(motor, 0.05, CABLE)
+        h = hysteresis(motor, 0.05, CABLE)
         joint = CABLE.slope * motor + CABLE.hysteresis_gain * h + CABLE.offset
         path = path_of(motor, joint, seed, encoders)
         found.append(scores(fit_terms(path, start, 1, 0), path, family, true))
@@ -85,7 +85,7 @@ def test_play(encoders: tuple[Encoder, Encoder]) -> None:
     found, family = [], PlayOperator()
     for seed in range(SEEDS):
         motor = motion(seed)
-        z = compiled(plays)(np.concatenate([[motor[0] + 0.02], motor]), np.array([0.05]))[1:, 0]
+        z = plays(np.concatenate([[motor[0] + 0.02], motor]), np.array([0.05]))[1:, 0]
         path = path_of(motor, -0.9 * z + 0.2, seed, encoders)
         found.append(scores(family.fit(path), path, family, true))
     assert_coverage(found, least=0.8, most_mean=1.2)
@@ -93,7 +93,7 @@ def test_play(encoders: tuple[Encoder, Encoder]) -> None:
 
 def test_at_the_bound_of_its_search_a_parameter_has_no_uncertainty() -> None:
     motor = motion(0)
-    z = compiled(plays)(motor, np.array([0.05]))[:, 0]  # the sharpest corner there is
+    z = plays(motor, np.array([0.05]))[:, 0]  # the sharpest corner there is
     path = path_of(motor, -0.9 * z, 0, (DITHERED, DITHERED))
     start = np.array([3.0, 0.0, np.log(29.0), 0.0])
     estimate = fit_terms(path, start, 1, 0)

@@ -1,6 +1,7 @@
 """One source, three ways to run it: a kernel gives the same bits interpreted, compiled and traced."""
 
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.core import primitives
+from bowden.core.errors import ParameterError
 from bowden.core.kernel import compiled, cos, exp, kernel, log, power, sel, sin, specialise, stand_in, tanh
 from bowden.core.nested import flat, rebuilt
 from bowden.core.signals import Reference, Sample
@@ -214,8 +216,39 @@ def test_specialise_puts_other_kernels_in() -> None:
 
 def test_only_stand_ins_are_replaced() -> None:
     """A law's own helper keeps its place, whatever its name."""
-    twin = specialise(_outer, "by_name", _inner=_calls_a_helper, _helper=_twice)
+    twin = specialise(_outer, "by_name", _inner=_calls_a_helper)
     assert twin(Pair(1.0, 2.0)) == 1.0 + 2.0 * 7.0
+    with pytest.raises(ParameterError, match=r"_outer reaches no stand-in '_helper'; expected _inner"):
+        specialise(_outer, "by_name", _inner=_calls_a_helper, _helper=_twice)
+
+
+def test_a_misspelt_stand_in_gets_the_one_that_was_meant() -> None:
+    with pytest.raises(ParameterError, match=r"no stand-in '_iner'; expected _inner \(did you mean this\?\)"):
+        specialise(_outer, "misspelt", _iner=_twice)
+
+
+def test_a_kernel_that_calls_itself_is_refused_with_its_line() -> None:
+    for function, by in ((_itself, ""), (_there, ", by '_back'")):
+        where = (
+            f"{__file__}, line {function.__code__.co_firstlineno}: the kernel {function.__name__!r} calls itself{by}"
+        )
+        with pytest.raises(ParameterError, match=re.escape(where)):
+            compiled(function)
+
+
+@kernel
+def _itself(x: float) -> float:
+    return _itself(x - 1.0)
+
+
+@kernel
+def _there(x: float) -> float:
+    return _back(x)
+
+
+@kernel
+def _back(x: float) -> float:
+    return _there(x)
 
 
 class Pair(NamedTuple):

@@ -148,43 +148,112 @@ def test_where_a_function_stands_is_not_what_it_is() -> None:
     assert content_of(made(0, 2.0)) == content_of(made(7, 2.0)) != content_of(made(0, 3.0))
 
 
-COMMANDS = """
-import sys
-from collections import Counter
-import numba.core.event as event
-from bowden.app.main import run
+WATCH = """
+import importlib.abc, importlib.util, os, sys
 
-compiled = Counter()
+class Watch(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name != "numba.core.event":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(name)
+        load = spec.loader.exec_module
+        def loaded(module):
+            load(module)
+            class Count(module.Listener):
+                def on_start(self, event):
+                    with open(os.environ["COMPILED"], "a") as file:
+                        file.write(event.data["dispatcher"].py_func.__qualname__ + "\\n")
+                def on_end(self, event):
+                    pass
+            module.register("numba:compile", Count())
+        spec.loader.exec_module = loaded
+        return spec
 
-class Count(event.Listener):
-    def on_start(self, event):
-        compiled[event.data["dispatcher"].py_func.__qualname__] += 1
-    def on_end(self, event):
-        pass
-
-event.register("numba:compile", Count())
-laws = sys.argv[1:]
-for law in laws:
-    assert run(["check", "rig.toml", "--law", law]) in (0, 2), law
-chosen = [f"--law={law}" for law in laws]
-assert run(["simulate", "rig.toml", *chosen, "--duration=12", "--csv", "--force"]) == 0
-columns = ["--motor", "motor", "--joint", "joint", "--unit", "rad"]
-assert run(["identify", "out/simulate/uncompensated.csv", *columns]) == 0
-print(dict(compiled))
+sys.meta_path.insert(0, Watch())
 """
+"""Put at the start of every process, those of workers and of a live run too: writes down whatever Numba compiles."""
 
 
-@pytest.mark.parametrize(
+def compiled_by(folder: Path, *commands: list[str], fine: tuple[int, ...] = (0,)) -> list[str]:
+    """What the second of two goes through some commands compiles, each in a process of its own.
+
+    ``{round}`` in a command is the number of the round.
+    """
+    (folder / "sitecustomize.py").write_text(WATCH)
+    found = folder / "compiled.txt"
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": path, "COMPILED": str(found)}
+    for number in range(2):
+        found.write_text("")
+        for command in commands:
+            words = [word.format(round=number) for word in command]
+            line = [sys.executable, "-c", "from bowden.app.main import main; main()", *words]
+            done = subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+            assert done.returncode in fine, done.stdout + done.stderr
+    return sorted(set(found.read_text().splitlines()))
+
+
+SOME_OR_ALL = pytest.mark.parametrize(
     "laws", [["uncompensated", "adaptive"], pytest.param([*LAWS], marks=pytest.mark.long)], ids=len
 )
-def test_the_second_process_compiles_nothing_whatever_the_law(tmp_path: Path, laws: list[str]) -> None:
+
+
+@SOME_OR_ALL
+def test_the_second_call_compiles_nothing_whatever_the_law(tmp_path: Path, laws: list[str]) -> None:
     """The first may: it fills what the tests keep. So a kernel that cannot be kept, or not whole, is found."""
     assert main.run(["init", str(tmp_path / "rig.toml")]) == 0
-    command = [sys.executable, "-c", COMMANDS, *laws]
-    for _ in range(2):
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.splitlines()[-1] == "{}"
+    chosen = [f"--law={law}" for law in laws]
+    checks = [["check", "rig.toml", "--law", law] for law in laws]
+    assert compiled_by(tmp_path, *checks, fine=(0, 2)) == []
+    columns = ["--motor", "motor", "--joint", "joint", "--unit", "rad"]
+    commands = [
+        ["simulate", "rig.toml", *chosen, "--duration=12", "--csv", "--force"],
+        ["identify", "out/simulate/uncompensated.csv", *columns],
+    ]
+    assert compiled_by(tmp_path, *commands) == []
+
+
+@SOME_OR_ALL
+def test_a_second_league_and_campaign_compile_nothing_whatever_the_law(tmp_path: Path, laws: list[str]) -> None:
+    quoted = ", ".join(f'"{law}"' for law in laws)
+    study = f'laws = [{quoted}]\nruns = 4\nduration_s = 0.5\n[vary]\n"cable.slope" = {{ uniform = [0.8, 1.0] }}\n'
+    (tmp_path / "study.toml").write_text(study)
+    commands = [
+        ["campaign", "study.toml", "--workers", "2", "--out", "campaign-{round}"],
+        [
+            "league",
+            "--laws",
+            ",".join(laws),
+            "--plants",
+            "play",
+            "--scenarios",
+            "periodic",
+            "--data",
+            "none",
+            "--out",
+            "league",
+        ],
+    ]
+    assert compiled_by(tmp_path, *commands) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("law", ["adaptive", "bowden"])
+def test_a_second_tuning_compiles_nothing(tmp_path: Path, law: str) -> None:
+    assert main.run(["init", str(tmp_path / "rig.toml")]) == 0
+    rig = (tmp_path / "rig.toml").read_text()
+    (tmp_path / "rig.toml").write_text(rig.replace('law = "adaptive"', f'law = "{law}"'))
+    assert compiled_by(tmp_path, ["tune", "rig.toml", "--dry-run"]) == []
+
+
+@pytest.mark.long
+@pytest.mark.live
+def test_a_second_run_compiles_nothing(tmp_path: Path) -> None:
+    """None of its processes; that a machine is late, and the supervisor stops the run, is another matter."""
+    assert main.run(["init", str(tmp_path / "rig.toml")]) == 0
+    runs = [["run", "rig.toml", "--law", law, "--twin", "--auto", "--duration", "1"] for law in LAWS]
+    assert compiled_by(tmp_path, *runs, fine=(0, 1, 2, 3)) == []
 
 
 ONE = """

@@ -1,6 +1,7 @@
 """The fault matrix on a fake clock, a seeded sample of it; `make soak` runs it all."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,17 +9,32 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.knowledge import informed
 from bowden.design.league_cells import plants, scenarios
+from bowden.identify.cable.model import CableModel
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.knowledge_of import knowledge_of
 from bowden.rig.presets.bench import default_bench, moved_sheath
+from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.sim.injected import Injected
 from support.adversary import attack
-from support.fault_matrix import MEASURED, REFERENCE, ROWS, complaints, pair_complaints, run_row
+from support.fault_matrix import (
+    AFTER,
+    AT_ONCE,
+    LAST,
+    MEASURED,
+    REFERENCE,
+    ROWS,
+    complaints,
+    pair_complaints,
+    run_row,
+    unfinished,
+)
 from support.supervised import supervised
 
 BENCH = default_bench()
 LAW = LAWS["adaptive"]
+BW = BoucWen()._asdict()
 DELAYS = (0, 1, 20, 100)
 """[cycles]"""
 
@@ -35,6 +51,29 @@ def test_a_fault_is_detected_and_has_its_reaction_in_its_time(kind: Injected) ->
         assert list(complaints(kind, outcome)) == [], (seed, onset, outcome)
         shown += outcome.shown >= 0.0 or outcome.released >= 0.0
     assert shown == 10
+
+
+OTHERS = {
+    "play": lambda: Rig(cable=CableModel("play", {"slope": 0.9, "half_width": 0.06, "offset": 0.0}, {"bouc_wen": BW})),
+    "own": lambda: Rig(plant=str(Path(__file__).parents[1] / "examples" / "my_plant.py")),
+}
+"""Plants beside the bench."""
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_faults_on_other_plants_end_without_power(name: str) -> None:
+    """What a fault must come to does not depend on what is moved; when it shows does, and is the bench's to time."""
+    rig = OTHERS[name]()
+    law, plant = rig.fitted(), rig.moved
+    still, _ = supervised(plant, law, REFERENCE, MEASURED, duration=LAST + AFTER, seed=1, initial_motor=rig.start_motor)
+    assert (still.differs, still.faults, still.bad) == (0.0, 0.0, 0.0)
+    for kind, row in ROWS.items():
+        outcome = run_row(plant, law, (kind,), 1, 0)
+        assert outcome.bad == 0.0, kind
+        if kind in AT_ONCE:
+            assert list(complaints(kind, outcome)) == [], (kind, outcome)
+        elif min(row.reactions) > 1 and outcome.shown >= 0.0:
+            assert list(unfinished(outcome)) == [], (kind, outcome)
 
 
 def test_a_row_that_nothing_detects_is_complained_of() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from bowden.core.errors import BowdenError, LogError, OutputError
+from bowden.core.errors import BowdenError, LogError, OutputError, ParameterError
 from bowden.core.trace import Trace
 
 KINDS = ("parquet", "csv")
@@ -142,9 +142,9 @@ def test_a_failed_write_keeps_the_old_file(kind: str, tmp_path: Path) -> None:
 
 
 def test_columns_must_fit_together() -> None:
-    with pytest.raises(ValueError, match="shapes"):
+    with pytest.raises(ParameterError, match="a has 2 samples, b has 3"):
         Trace({"a": np.zeros(2), "b": np.zeros(3)}, {"a": "1", "b": "1"})
-    with pytest.raises(ValueError, match="unit"):
+    with pytest.raises(ParameterError, match="units has none for 'a'"):
         Trace({"a": np.zeros(2)}, {})
 
 

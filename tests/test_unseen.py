@@ -73,7 +73,7 @@ def test_a_rig_that_nobody_wears_is_its_cable_plant() -> None:
         next(simulate_many([cells.case_of(cell, (law,))._replace(plant=plant)], 11.0))[0]
         for plant in (bare, cell.rig.inner, cell.rig)
     )
-    assert worn == inner
+    np.testing.assert_array_equal(worn, inner)
     assert pushed.rmse != worn.rmse
 
 

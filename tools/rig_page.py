@@ -7,8 +7,10 @@ from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge
 from bowden.core.files import write_text
 from bowden.core.quantity import meanings
+from bowden.hardware.drives.family import names as families
+from bowden.rig.declaration import Section
 from bowden.rig.page import gains_of, keys_of, sections, sentence
-from bowden.rig.sections import RigFile
+from bowden.rig.sections import RigFile, drive_part
 
 _GAINS = (
     "What `[control.gains]` may hold, with the law's own values.",
@@ -38,7 +40,7 @@ def markdown() -> str:
     for title, variants in sections():
         lines += [f"## [{title}]", ""]
         for section in variants:
-            lines += [f'### kind = "{section.model_fields["kind"].default}"', ""] if len(variants) > 1 else []
+            lines += [f"### {_which(section)}", ""] if len(variants) > 1 else []
             lines += [sentence(section), "", "| key | default | unit | range | symbol | meaning |", "|---" * 6 + "|"]
             lines += [
                 f"| `{key.name}` | {key.default} | {key.unit} | {key.limits} | {key.symbol} | {key.meaning} |"
@@ -61,6 +63,13 @@ def markdown() -> str:
 def json_schema() -> str:
     """``docs/json/rig.schema.json``."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RigFile.model_json_schema()
+    _, *others = families()
+    for family in others:
+        section = drive_part(family).section
+        drive = schema["properties"]["drive"]
+        drive.setdefault("anyOf", [{"$ref": drive.pop("$ref")}] if "$ref" in drive else [])
+        drive["anyOf"].append({"$ref": f"#/$defs/{section.__name__}"})
+        schema["$defs"][section.__name__] = section.model_json_schema()
     return json.dumps(schema, ensure_ascii=False, indent=2) + "\n"
 
 
@@ -72,6 +81,12 @@ def write_docs(docs: Path) -> None:
     """
     for path, text in ((docs / "rig.md", markdown()), (docs / "json" / "rig.schema.json", json_schema())):
         write_text(path, text)
+
+
+def _which(section: type[Section]) -> str:
+    """The key that tells a section from others of its title, with its value."""
+    key = "kind" if "kind" in section.model_fields else "family"
+    return f"{key} = {json.dumps(section.model_fields[key].default)}"
 
 
 def _from_rig(law: Law, gain: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.units import RADIANS
-from bowden.plants.bench import Bench
+from bowden.plants.plant import Plant
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.sim.injected import Injected
@@ -124,10 +124,10 @@ def begins(kinds: tuple[Injected, ...], seed: int, onset: int) -> list[float]:
     return [first, *(first + random.uniform(0.0, 0.03, len(kinds) - 1)).tolist()]
 
 
-def run_row(bench: Bench, law: Law, kinds: tuple[Injected, ...], seed: int, onset: int) -> Outcome:
+def run_row(plant: Plant, law: Law, kinds: tuple[Injected, ...], seed: int, onset: int) -> Outcome:
     """One run with faults that begin where the run's numbers put them."""
     injected = tuple(zip(kinds, begins(kinds, seed, onset), strict=True))
-    return supervised(bench, law, REFERENCE, MEASURED, duration=LAST + AFTER, seed=seed, injected=injected)[0]
+    return supervised(plant, law, REFERENCE, MEASURED, duration=LAST + AFTER, seed=seed, injected=injected)[0]
 
 
 def complaints(kind: Injected, outcome: Outcome) -> Iterator[str]:

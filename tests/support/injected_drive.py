@@ -1,4 +1,4 @@
-"""A drive with a motor on the bench that can break, cycle by cycle: what the supervisor is tested on.
+"""A drive with a motor and any plant behind it that can break, cycle by cycle: what the supervisor is tested on.
 
     drive = drive_start(settings, motor, sheath)
     in each cycle:
@@ -6,22 +6,28 @@
         drive = drive_moved(settings, drive, target, …)             one cycle later
 
 Both the fault matrix (`support.supervised`, compiled) and the drive of the live loop (`support.injected_loop`) are made
-of these.
+of these, with a plant's kernels in the place of `plant_rest` … `plant_look` (`of_plant`).
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel
+from bowden.core.kernel import kernel, reached, specialise
 from bowden.core.signals import DriveReading
-from bowden.models.cable.bouc_wen import advance_prepared
-from bowden.models.drive.encoder import reading
+from bowden.models.drive.motor import Motor
 from bowden.models.drive.motor import current as motor_current
-from bowden.models.drive.servo import ServoState, servo_step
-from bowden.plants.bench import BenchState, BenchStep, bench_at, bench_rest
-from bowden.plants.plant import SheathState
+from bowden.plants.plant import (
+    Dynamics,
+    Plant,
+    SheathState,
+    plant_advance,
+    plant_look,
+    plant_observe,
+    plant_rest,
+)
 from bowden.safety.supervisor import POWER_ON
 from bowden.sim.injected import CONSUMER, DISABLED, ENABLED, Injected, misread
 
@@ -36,9 +42,25 @@ SLACK = 0.8
 class DriveSettings(NamedTuple):
     """What does not change in a run."""
 
-    bench: BenchStep
+    plant: Any
+    """`Dynamics.plant`."""
+    motor: Motor
+    """For the current and the tension that are simulated."""
     dt: float
     """Length of a cycle [s]."""
+
+
+class Place(NamedTuple):
+    """Where motor and joint truly are."""
+
+    joint: float
+    """[rad]"""
+    motor: float
+    """[rad]"""
+    velocity: float
+    """Of the motor [rad/s]."""
+    acceleration: float
+    """Of the motor, over the last cycle [rad/s²]."""
 
 
 class Damage(NamedTuple):
@@ -65,9 +87,11 @@ class Damage(NamedTuple):
 
 
 class DriveState(NamedTuple):
-    """Where drive and bench are."""
+    """Where drive and plant are."""
 
-    body: BenchState
+    body: Any
+    """The plant's."""
+    place: Place
     state: float
     """Of CiA 402, before what the bus makes of it."""
     power: float
@@ -81,14 +105,16 @@ class DriveState(NamedTuple):
 def drive_start(settings: DriveSettings, motor: float, sheath: SheathState) -> DriveState:
     """Without power, at rest at a `motor` angle [rad]."""
     nothing = Damage(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return DriveState(bench_rest(settings.bench, motor, sheath), DISABLED, 0.0, motor, nothing)
+    body = plant_rest(settings.plant, motor, sheath)
+    seen = plant_look(settings.plant, body)
+    return DriveState(body, Place(seen.joint, seen.motor, 0.0, 0.0), DISABLED, 0.0, motor, nothing)
 
 
 @kernel
 def drive_heard(drive: DriveState, power: float) -> DriveState:
     """The drive in its next state: one step a cycle towards operation enabled, and off at once."""
     state = min(drive.state + 1.0, ENABLED) if power == POWER_ON else DISABLED
-    return DriveState(drive.body, state, power, drive.applied, drive.damage)
+    return DriveState(drive.body, drive.place, state, power, drive.applied, drive.damage)
 
 
 @kernel
@@ -101,21 +127,24 @@ def drive_turns(drive: DriveState) -> bool:
 def true_joint(drive: DriveState) -> float:
     """The joint's angle, wherever slack, a torn cable or a push have it [rad]."""
     damage = drive.damage
-    held = damage.slack > 0.0 and abs(drive.body.motor.position - damage.anchor) < SLACK
-    return (damage.frozen if held else drive.body.joint) + (damage.pushed - damage.fallen)
+    held = damage.slack > 0.0 and abs(drive.place.motor - damage.anchor) < SLACK
+    return (damage.frozen if held else drive.place.joint) + (damage.pushed - damage.fallen)
 
 
 @kernel
-def drive_reading(settings: DriveSettings, drive: DriveState, normals: NDArray[np.float64]) -> DriveReading:
-    """What the drive says in order: before what is injected at sensors and bus. `normals` (2,) are the encoders'."""
-    damage, motor, spool, joint = drive.damage, settings.bench.motor, drive.body.motor, true_joint(drive)
+def drive_reading(
+    settings: DriveSettings, drive: DriveState, normals: NDArray[np.float64]
+) -> tuple[DriveState, DriveReading]:
+    """What the drive says in order: before what is injected at sensors and bus. `normals` (m,) are the sensors'."""
+    damage, motor, place, joint = drive.damage, settings.motor, drive.place, true_joint(drive)
     pulls = 0.0 if damage.slack + damage.torn > 0.0 else 1.0
     load = TRAIN * (motor.pretension + motor.spring * joint) * pulls
-    amperes = motor_current(spool.acceleration, 0.0, 0.0, motor) + load / (motor.gear * motor.torque_constant)
+    amperes = motor_current(place.acceleration, 0.0, 0.0, motor) + load / (motor.gear * motor.torque_constant)
     amperes = (motor.current_limit if damage.jams > 0.0 else amperes) if drive_turns(drive) else 0.0
-    return DriveReading(
-        reading(spool.position, normals[1], settings.bench.motor_encoder) + damage.slipped,
-        reading(joint, normals[0], settings.bench.joint_encoder),
+    body, measured = plant_observe(settings.plant, drive.body, normals)
+    return DriveState(body, place, drive.state, drive.power, drive.applied, damage), DriveReading(
+        measured.motor + damage.slipped,
+        measured.joint + (joint - place.joint),
         amperes,
         max(0.0, load / SPOOL_RADIUS),
         40.0,
@@ -131,13 +160,13 @@ def drive_reading(settings: DriveSettings, drive: DriveState, normals: NDArray[n
 @kernel
 def drive_damaged(settings: DriveSettings, drive: DriveState, kind: int, since: int) -> DriveState:
     """The drive with a fault that began `since` cycles ago."""
-    body, dt = drive.body, settings.dt
+    place, dt = drive.place, settings.dt
     slack, anchor, frozen, torn, fallen, pushed, slipped, runs_away, jams, deaf, dead = drive.damage
     if kind == Injected.SLACK and slack == 0.0:
-        slack, anchor, frozen = 1.0, body.motor.position, body.joint
+        slack, anchor, frozen = 1.0, place.motor, place.joint
     elif kind == Injected.BROKEN_CABLE:
         torn = 1.0
-        fallen += (body.joint + 0.2 - fallen) * dt / 0.03
+        fallen += (place.joint + 0.2 - fallen) * dt / 0.03
     elif kind == Injected.JOINT_OVER_TRAVEL:
         pushed += 4.0 * dt
     elif kind == Injected.MOTOR_OVER_TRAVEL:
@@ -151,7 +180,7 @@ def drive_damaged(settings: DriveSettings, drive: DriveState, kind: int, since: 
     elif kind == Injected.DRIVE_FAULT or kind == Injected.DRIVE_REBOOT or kind == Injected.DRIVE_DROPPED:
         dead = 1.0
     damage = Damage(slack, anchor, frozen, torn, fallen, pushed, slipped, runs_away, jams, deaf, dead)
-    return DriveState(body, drive.state, drive.power, drive.applied, damage)
+    return DriveState(drive.body, place, drive.state, drive.power, drive.applied, damage)
 
 
 @kernel
@@ -180,7 +209,7 @@ def drive_read(
         motors: likewise.
     """
     drive = drive_heard(drive, power)
-    told = drive_reading(settings, drive, normals[k])
+    drive, told = drive_reading(settings, drive, normals[k])
     joints[k], motors[k] = told.joint, told.motor
     for i in range(len(kinds)):
         if k >= onsets[i]:
@@ -195,26 +224,32 @@ def drive_moved(
 ) -> DriveState:
     """One cycle later under a `target` [rad], in a sheath that is so at the cycle's beginning and at its end.
 
-    A motor without torque coasts to a stop; the servo of one that runs away is drawn on, one that is jammed stands, and
-    nothing reaches one that is deaf. In sub-steps, since none of these has an exact step.
+    A motor without torque coasts to a stop; the servo of one that runs away is drawn on, one that is jammed stands with
+    all that is behind it, and nothing reaches one that is deaf.
     """
-    bench, damage, h, travel = settings.bench, drive.damage, drive.body.h, 0.0
-    servo, spool = bench.servo, drive.body.motor
+    damage, place = drive.damage, drive.place
     applied = drive.applied if damage.deaf > 0.0 else target
-    for _ in range(bench.substeps):
-        aim = applied
-        if not drive_turns(drive):
-            aim = spool.position * (1.0 - settings.dt / 0.1)
-        elif damage.runs_away > 0.0:
-            aim = spool.position + 0.93
-        before = spool.position
-        spool = servo_step(spool, aim, servo)
-        if damage.jams > 0.0:
-            spool = ServoState(before, 0.0, 0.0)
-        piece = (spool.position - before) / sheath.width
-        if piece * travel < 0.0:
-            h, travel = advance_prepared(h, travel, bench.hysteresis), 0.0
-        travel += piece
-    h = advance_prepared(h, travel, bench.hysteresis)
-    body = bench_at(bench, spool, h, next_sheath.width, next_sheath.slope_factor)
-    return DriveState(body, drive.state, drive.power, applied, damage)
+    body = drive.body
+    if damage.jams > 0.0:
+        still = Place(place.joint, place.motor, 0.0, 0.0)
+        return DriveState(body, still, drive.state, drive.power, applied, damage)
+    aim = applied
+    if not drive_turns(drive):
+        aim = place.motor * (1.0 - settings.dt / 0.1)
+    elif damage.runs_away > 0.0:
+        aim = place.motor + 0.93
+    body = plant_advance(settings.plant, body, aim, sheath, next_sheath)
+    seen = plant_look(settings.plant, body)
+    there = Place(seen.joint, seen.motor, seen.motor_velocity, (seen.motor_velocity - place.velocity) / settings.dt)
+    return DriveState(body, there, drive.state, drive.power, applied, damage)
+
+
+def settings_of(plant: Plant, dynamics: Dynamics) -> DriveSettings:
+    """What a drive with that plant behind it is made of; one whose motor is no plain one has the default's currents."""
+    motor = plant.motor if isinstance(plant.motor, Motor) else Motor()
+    return DriveSettings(dynamics.plant, motor, plant.sample_time)
+
+
+def of_plant(function: Callable[..., Any], dynamics: Dynamics) -> Callable[..., Any]:
+    """One of these kernels, compiled for a plant."""
+    return specialise(function, dynamics.name, **reached(function, dynamics.kernels()))

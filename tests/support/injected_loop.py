@@ -31,14 +31,14 @@ from bowden.live.ring import RingReader, RingWriter
 from bowden.live.ring_status import RecorderState, Report
 from bowden.live.row import AT, description
 from bowden.models.drive.thermal import cold
-from bowden.plants.bench import Bench, prepare_bench
+from bowden.plants.bench import Bench
 from bowden.plants.plant import sheath_at
 from bowden.safety.supervisor import Mode, Request
 from bowden.sim.injected import Injected
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import constant_bend
 from support.fault_matrix import AFTER, LAST, MEASURED, REFERENCE, begins
-from support.injected_drive import DriveSettings, drive_moved, drive_read, drive_reading, drive_start
+from support.injected_drive import drive_moved, drive_read, drive_reading, drive_start, of_plant, settings_of
 from support.injection import HOUR, asleep, misled_command, misled_gains
 from support.supervised import EMG_AGE, OPERATOR_AGE, RECORDED
 
@@ -139,9 +139,11 @@ class InjectedLoop:
         misled_law = Law(law, gains, start, step, "tests", state_units=LAWS[law].state_units)
 
         # the drive
-        self._settings = DriveSettings(prepare_bench(bench), bench.sample_time)
-        self._drive = compiled(drive_start)(self._settings, 0.0, sheath_at(inputs.sheath, 0))
-        self._read, self._moved, self._asleep = compiled(drive_read), compiled(drive_moved), compiled(asleep)
+        dynamics = bench.dynamics()
+        self._settings = settings_of(bench, dynamics)
+        self._drive = of_plant(drive_start, dynamics)(self._settings, 0.0, sheath_at(inputs.sheath, 0))
+        self._read, self._moved = of_plant(drive_read, dynamics), of_plant(drive_moved, dynamics)
+        self._asleep = compiled(asleep)
         self._seen = np.empty((2, len(inputs.time)))
         self._sent: list[tuple[float, float]] = []
         """Target and power of each cycle, of those that the loop missed too."""
@@ -152,7 +154,8 @@ class InjectedLoop:
         self._k, self._cycles, self._ran, self._rested = -1, list[int](), False, 0
 
         # the loop
-        thermal, first = cold(MEASURED.thermal), drive_reading(self._settings, self._drive, np.zeros(2))
+        thermal, normals = cold(MEASURED.thermal), np.zeros(inputs.normals.shape[1])
+        self._drive, first = of_plant(drive_reading, dynamics)(self._settings, self._drive, normals)
         about = description(misled_law, {}, 0, 0, emg=True)
         ring.create(folder / "ring", about, ROWS)
         shared_memory.create(folder / "block", control_block.WORDS)

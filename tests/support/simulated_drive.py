@@ -1,16 +1,15 @@
 """A drive without a bus: the twin's bench as the live loop's `Drive` in the loop's own process, at any clock's time."""
 
-from bowden.core.signals import DriveReading
-from bowden.hardware.drives.cia402 import State
+from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.ports import Power
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.plant import TwinPlant
 
 _NEXT = {
-    Power.OFF: (State.SWITCH_ON_DISABLED, OFF),
-    Power.READY: (State.SWITCHED_ON, OFF),
-    Power.QUICK_STOP: (State.QUICK_STOP_ACTIVE, BRAKE),
-    Power.ON: (State.OPERATION_ENABLED, FOLLOW),
+    Power.OFF: (DriveState.SWITCH_ON_DISABLED, OFF),
+    Power.READY: (DriveState.SWITCHED_ON, OFF),
+    Power.QUICK_STOP: (DriveState.QUICK_STOP_ACTIVE, BRAKE),
+    Power.ON: (DriveState.OPERATION_ENABLED, FOLLOW),
 }
 """Wanted power → the drive's state, and what the motor does; reached within the cycle."""
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bowden.control.law import Law, law_start
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Measurement, source_start
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, reached, specialise
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.cycle.one_cycle import (
     HOLD,
@@ -27,10 +27,8 @@ from bowden.cycle.one_cycle import (
     law_and_source,
     one_cycle,
 )
-from bowden.models.drive.servo import ServoState
 from bowden.models.drive.thermal import ThermalState, cold
-from bowden.plants.bench import Bench, prepare_bench
-from bowden.plants.plant import SheathPath, sheath_at
+from bowden.plants.plant import Plant, SheathPath, sheath_at
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import (
@@ -48,7 +46,16 @@ from bowden.safety.supervisor import (
 from bowden.sim.injected import FAULT, Injected
 from bowden.sim.run import inputs_of
 from bowden.sim.scenario import BendPath, constant_bend
-from support.injected_drive import DriveSettings, drive_moved, drive_read, drive_reading, drive_start, true_joint
+from support.injected_drive import (
+    DriveSettings,
+    Place,
+    drive_moved,
+    drive_read,
+    drive_reading,
+    drive_start,
+    settings_of,
+    true_joint,
+)
 from support.injection import NANOSECOND, asleep, disturbed, in_seconds, misled_gains, misled_start, misled_step
 
 
@@ -107,7 +114,7 @@ def run_supervised(
 
     Args:
         settings: of the cycle; the gains are `Misled`, and have the faults that are injected.
-        drive_settings: of the drive and its bench.
+        drive_settings: of the drive and its plant.
         thermal: how warm the motor is.
         references: of the joint (3, n).
         sheath: at the edges of the cycles.
@@ -122,8 +129,8 @@ def run_supervised(
     cycles, dt, limits = references.shape[1], drive_settings.dt, settings.limits
     kinds, onsets, now = settings.gains.kinds, settings.gains.onsets, settings.gains.now
     drive = drive_start(drive_settings, initial_motor, sheath_at(sheath, 0))
-    seen = Sample(drive.body.joint, drive.body.motor.position)
-    first = drive_reading(drive_settings, drive, np.zeros(2))
+    seen = Sample(drive.place.joint, drive.place.motor)
+    drive, first = drive_reading(drive_settings, drive, np.zeros(normals.shape[1]))
     state = CycleState(
         seen,
         law_start(settings.gains, seen),
@@ -166,9 +173,9 @@ def run_supervised(
 
         # what came of it
         if out[2] < 0.0 and k >= onsets[0]:
-            off_joint, off_motor = abs(told.joint - true_joint(drive)), abs(told.motor - drive.body.motor.position)
+            off_joint, off_motor = abs(told.joint - true_joint(drive)), abs(told.motor - drive.place.motor)
             gone = motors[k] - motors[onsets[0]]
-            if shows(kinds[0], off_joint, off_motor, drive.body.motor, gone, told, drive.applied, observed.lateness):
+            if shows(kinds[0], off_joint, off_motor, drive.place, gone, told, drive.applied, observed.lateness):
                 out[2] = k
         most = limits.target_speed * max(dt, min(observed.elapsed, 5.0 * dt)) * 1.000001
         fine = limits.motor_low <= verdict.target <= limits.motor_high and abs(verdict.target - target) <= most
@@ -209,7 +216,7 @@ def shows(
     kind: int,
     off_joint: float,
     off_motor: float,
-    motor: ServoState,
+    place: Place,
     gone: float,
     told: DriveReading,
     applied: float,
@@ -225,15 +232,15 @@ def shows(
         return off_joint > 0.6 or abs(gone) > 0.5
     late_or_turned = kind == Injected.MOTOR_FROZEN or kind == Injected.MOTOR_DELAY or kind == Injected.MOTOR_SIGN
     if late_or_turned or kind == Injected.MOTOR_OVER_TRAVEL:
-        return off_motor > 0.15 + 0.02 * abs(motor.velocity)
+        return off_motor > 0.15 + 0.02 * abs(place.velocity)
     if kind == Injected.JOINT_OVER_TRAVEL:
         return told.joint > 1.5
     if kind == Injected.OVER_SPEED:
-        return abs(motor.velocity) > 15.0
+        return abs(place.velocity) > 15.0
     if kind == Injected.OVER_TENSION:
         return told.tension > 150.0
     if kind == Injected.JAM:
-        return abs(applied - motor.position) > 0.25
+        return abs(applied - place.motor) > 0.25
     if kind == Injected.HOST_SILENT:
         return told.drive_state == FAULT
     if kind == Injected.OVERRUN or kind == Injected.OVERRUNS:
@@ -246,7 +253,7 @@ def shows(
 
 
 def supervised(
-    bench: Bench,
+    plant: Plant,
     law: Law,
     reference: Trajectory,
     limits: Limits,
@@ -258,10 +265,10 @@ def supervised(
     injected: tuple[tuple[Injected, float], ...] = (),
     thermal: ThermalState | None = None,
 ) -> tuple[Outcome, NDArray[np.float64]]:
-    """Run a law against the bench under the supervisor; the outcome, and what was wished and judged (`RECORDED`, n).
+    """Run a law against a plant under the supervisor; the outcome, and what was wished and judged (`RECORDED`, n).
 
     Args:
-        bench: the plant.
+        plant: any.
         law: with its gains.
         reference: the joint's desired motion, from the moment the law has the motor.
         limits: the supervisor's.
@@ -272,20 +279,22 @@ def supervised(
         injected: faults and when they begin [s]; of the first it is told when it showed.
         thermal: how warm the motor is; cold where it is not given.
     """
-    inputs = inputs_of(bench, reference, duration, bend or constant_bend(bench.sheath.bend), seed)
+    dynamics = plant.dynamics()
+    inputs = inputs_of(plant, reference, duration, bend or constant_bend(plant.sheath.bend), seed, dynamics)
     out, cycles = np.empty(len(Outcome._fields)), len(inputs.time)
     record = np.empty((len(RECORDED), cycles))
     parts = law_and_source(law) | {"law_start": misled_start, "law_step": misled_step}
     parts |= {"sound_start": law.start_kernel, "sound_step": law.step_kernel}
-    specialise(run_supervised, law.name, **parts, **SUPERVISED)(
-        CycleSettings(misled_gains(law, injected, bench.sample_time), TABLE.settings, Filters(), limits),
-        DriveSettings(prepare_bench(bench), bench.sample_time),
+    parts |= reached(run_supervised, dynamics.kernels())
+    specialise(run_supervised, f"{law.name}_{dynamics.name}", **parts, **SUPERVISED)(
+        CycleSettings(misled_gains(law, injected, plant.sample_time), TABLE.settings, Filters(), limits),
+        settings_of(plant, dynamics),
         thermal or cold(limits.thermal),
         inputs.references,
         inputs.sheath,
         inputs.normals,
         float(initial_motor),
-        bench.delay,
+        plant.delay,
         np.empty(cycles),
         np.empty(cycles),
         record,

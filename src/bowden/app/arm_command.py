@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.core.files import output_folder, whole_files
 
@@ -173,3 +174,29 @@ def _print(document: dict[str, Any]) -> None:
         print(f"{one['motion']:20}{one['integrator']:>7}   order {one['order']:.2f} in MuJoCo's time step")
     print(f"MuJoCo {document['mujoco']} {document['verdict']}" + "".join(f"; {one}" for one in document["reasons"]))
     print(f"\nPage: {document['files'][0]}  ({document['seconds']:.1f} s)")
+
+
+GROUP = "The suit on the arm in MuJoCo: a check, pictures, a video."
+
+COMMANDS = (
+    Command(
+        "arm check",
+        check,
+        "Compare the suit's geometry and elbow with MuJoCo's.",
+        (
+            "bowden arm check",
+            "bowden arm check --mass-kg 120 --height-m 1.9 --load-kg 2 --json",
+        ),
+        place=10,
+    ),
+    Command(
+        "arm render",
+        render,
+        "Draw the suit on the arm, and a run as a video.",
+        (
+            "bowden arm render",
+            "bowden arm render out/simulate/adaptive.parquet --speed 2 --out out/arm",
+        ),
+        place=20,
+    ),
+)

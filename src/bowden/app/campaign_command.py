@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
 from bowden.core.files import output_folder
@@ -87,3 +88,19 @@ def _print_table(summary: "Summary") -> None:
         shown = ("–" if value is None else f"{value:.3g}" for value in values)
         table.add_row(one.law, *shown, str(one.worst[0].number) if one.worst else "–")
     Console(width=None if sys.stdout.isatty() else 100).print(table)
+
+
+COMMANDS = (
+    Command(
+        "campaign",
+        campaign,
+        "Run thousands of closed loops with random plants, gains and faults.",
+        (
+            "bowden campaign study.toml",
+            "bowden campaign study.toml --out out/study --workers 2 --json",
+            "bowden campaign study.toml --cluster tcp://127.0.0.1:8786",
+            "bowden campaign study.toml --run 17",
+        ),
+        place=100,
+    ),
+)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
 
@@ -83,3 +84,18 @@ def _deg(angle: float | None) -> float | None:
     from bowden.core.units import DEGREES
 
     return None if angle is None else float(angle * DEGREES)
+
+
+COMMANDS = (
+    Command(
+        "check",
+        check,
+        "Say whether a rig's gains hold, before anything moves.",
+        (
+            "bowden check rig.toml",
+            "bowden check rig.toml --preset paper",
+            "bowden check rig.toml --law my_law.py --json",
+        ),
+        place=80,
+    ),
+)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.core.errors import ParameterError, StreamError
 
@@ -34,7 +35,7 @@ def doctor(
         raise ParameterError(f"--seconds is {time:g}", expected="a number from 0.1 to 3600")
     if not 0 <= priority <= 99:
         raise ParameterError(f"--priority is {priority}", expected="a number from 0 to 99")
-    check_processor(cpu)
+    check_processor(cpu, "--cpu")
     late, grants = bare_loop_apart(time, _PERIOD, Settings(priority=priority, cpu=cpu))
     measured, other = figures(late), machine.cyclictest(time, _PERIOD, priority, cpu)
     here = machine.look()
@@ -147,3 +148,17 @@ def _print(document: dict[str, Any], advice: list[str]) -> None:
     print("\nWhat to change:" if advice else "\nNothing to change.")
     for line in advice:
         print(f"- {line}")
+
+
+COMMANDS = (
+    Command(
+        "doctor",
+        doctor,
+        "Say what this machine can hold at 1 kHz, and what to change.",
+        (
+            "bowden doctor",
+            "bowden doctor --seconds 60 --cpu 1 --json",
+        ),
+        place=70,
+    ),
+)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, progress_bar
 from bowden.app.emg_command import ChannelOption, DetectorOption, JsonOption, RateOption, checked_rate, warn
 
@@ -148,3 +149,18 @@ def with_unit(channel: str, unit: str) -> str:
 
 def _tell(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
+
+
+COMMANDS = (
+    Command(
+        "emg calibrate",
+        calibrate,
+        "Measure a wearer's rest and maximum contraction.",
+        (
+            "bowden emg calibrate mvc.csv",
+            "bowden emg calibrate mvc.csv --rest rest.csv --out anna.toml",
+            "bowden emg calibrate --source lsl:EMG --channel biceps --seconds 5 --out anna.toml",
+        ),
+        place=10,
+    ),
+)

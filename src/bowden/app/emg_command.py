@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, seconds
 from bowden.core.files import output_folder
 
@@ -154,3 +155,19 @@ def _rest(one: "Score") -> str:
 
     minute = "–" if one.false_per_minute is None else f"{one.false_per_minute:.2f}"
     return f"{minute:>10}{milliseconds(one.latency_median_s, 17)}{milliseconds(one.latency_max_s, 9)}"
+
+
+GROUP = "Contractions of a muscle in its EMG."
+
+COMMANDS = (
+    Command(
+        "emg score",
+        score,
+        "Say how well contractions are found in a recording.",
+        (
+            "bowden emg score biceps.csv",
+            "bowden emg score biceps.csv --labels biceps.labels.csv --json",
+        ),
+        place=20,
+    ),
+)

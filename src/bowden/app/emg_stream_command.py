@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, progress_bar, seconds
 from bowden.app.emg_command import JsonOption, RateOption, checked_rate
 from bowden.core.errors import ParameterError
@@ -143,3 +144,27 @@ def _bar(quiet: bool, lasting: float) -> Iterator[Callable[[float], None]]:
                 progress(f"{played:.0f} s played", share)
 
         yield show
+
+
+COMMANDS = (
+    Command(
+        "emg stream",
+        stream,
+        "Play a recording in real time as a stream of LSL.",
+        (
+            "bowden emg stream biceps.csv",
+            "bowden emg stream biceps.csv --name EMG --loop --wait",
+        ),
+        place=30,
+    ),
+    Command(
+        "emg serve",
+        serve,
+        "Play a recording in real time as a Trigno base station.",
+        (
+            "bowden emg serve biceps.csv",
+            "bowden emg serve biceps.csv --loop --fault late=0.1 --fault torn",
+        ),
+        place=40,
+    ),
+)

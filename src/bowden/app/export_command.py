@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
 
@@ -82,3 +83,17 @@ def _print(document: dict[str, Any], folder: Path) -> None:
             f"commands within {cost['furthest_rad']:.2g} rad of Python's"
         )
     print(f"make -C {folder} check replays a run of the rig  ({document['seconds']:.1f} s)")
+
+
+COMMANDS = (
+    Command(
+        "export",
+        export,
+        "Write a law as C99 for a microcontroller.",
+        (
+            "bowden export rig.toml --law bowden --to firmware/law",
+            "bowden export rig.toml --to firmware/law --float32 --emg --safety",
+        ),
+        place=120,
+    ),
+)

@@ -2,11 +2,14 @@
 
 import math
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.beside import beside
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.core.files import output_folder, whole_files
 
@@ -32,30 +35,46 @@ def identify(
     Five models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, and a
     Prandtl-Ishlinskii stack. The folder gets model.toml, with every parameter and its uncertainty, and a page.
     """
-    from bowden.app.quick_figures import import_figures
-    from bowden.identify.cable.fit import identify_log
-    from bowden.identify.log.read import read_log
-
-    checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
-    output_folder(out)
-    with progress_bar(quiet=json) as progress:
-        fit = identify_log(checked, progress=progress)
-    if not json:
-        _print_table(fit)  # drawing takes as long as all that was before
-    with progress_bar(quiet=json) as progress:
-        progress("drawing the page", 0.9)
-        import_figures()
+    with beside(_ready_to_draw, _drawn) as drawn:
+        from bowden.identify.cable.fit import identify_log
         from bowden.identify.cable.model_file import write_model
-        from bowden.report.identify_page import identify_page
+        from bowden.identify.log.read import read_log
 
-        page = identify_page(fit)
-        with whole_files(out) as folder:
-            page.write(folder / "identify.html")
-            write_model(folder / "model.toml", fit, checked.name)
+        checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
+        output_folder(out)
+        with progress_bar(quiet=json) as progress:
+            fit = identify_log(checked, progress=progress)
+        if not json:
+            _print_table(fit)  # drawing takes as long as all that was before
+        with progress_bar(quiet=json) as progress:
+            progress("drawing the page", 0.9)
+            page = drawn(fit)
+            with whole_files(out) as folder:
+                (folder / "identify.html").write_text(page, encoding="utf-8")
+                write_model(folder / "model.toml", fit, checked.name)
     if json:
         print_json(document(fit) | {"seconds": seconds()})
     else:
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
+
+
+def _ready_to_draw() -> None:
+    """Import what draws, and what a fit is made of."""
+    from bowden.app.quick_figures import import_figures
+
+    import_figures()
+    for name in ("bowden.report.identify_page", "matplotlib.backends.backend_svg", "jinja2"):
+        import_module(name)
+
+
+def _drawn(fit: "Fit") -> str:
+    """The page of an identification."""
+    from bowden.app.quick_figures import import_figures
+
+    import_figures()
+    from bowden.report.identify_page import identify_page
+
+    return identify_page(fit).html()
 
 
 def document(fit: "Fit") -> dict[str, Any]:
@@ -94,3 +113,18 @@ def _print_table(fit: "Fit") -> None:
     print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
     for warning in fit.warnings:
         print(f"- {warning}")
+
+
+COMMANDS = (
+    Command(
+        "identify",
+        identify,
+        "Identify a cable from a log of its motion.",
+        (
+            "bowden identify log.csv",
+            "bowden identify log.csv.gz --out out/cable",
+            "bowden identify log.csv --json",
+        ),
+        place=20,
+    ),
+)

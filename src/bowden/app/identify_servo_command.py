@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.core.files import output_folder
 
@@ -100,3 +101,17 @@ def _toml(document: dict[str, Any], name: str) -> str:
             f"# largest acceleration {said} °/s²; rig.toml has it by [motor] current_limit_a and inertia_kg_m2"
         )
     return "\n".join(lines) + "\n"
+
+
+COMMANDS = (
+    Command(
+        "identify-servo",
+        identify_servo,
+        "Identify a servo from a log of a step or a chirp.",
+        (
+            "bowden identify-servo step.csv",
+            "bowden identify-servo chirp.csv --command target --unit deg --json",
+        ),
+        place=40,
+    ),
+)

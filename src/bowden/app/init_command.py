@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.core.errors import OutputError
 from bowden.core.files import shortened
@@ -38,3 +39,17 @@ def init(
         print_json({"files": [str(path)], "seconds": seconds()})
     else:
         print(f"Wrote {path}. Next: bowden {'run' if suit else 'simulate'} {path}{' --twin' * suit}")
+
+
+COMMANDS = (
+    Command(
+        "init",
+        init,
+        "Write a commented rig.toml of the default bench.",
+        (
+            "bowden init",
+            "bowden init my_rig.toml --force",
+        ),
+        place=10,
+    ),
+)

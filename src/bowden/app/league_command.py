@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
 from bowden.core.files import output_folder
@@ -55,6 +56,9 @@ def league(
             progress=progress,
             begin=lambda: output_folder(out),
         )
+    if not json:
+        _print_table(found.standings)  # drawing takes a while
+    with progress_bar(quiet=json) as progress:
         progress("drawing the page", 1.0)
         page = league_page(found.played, found.standings, found.scenarios, rig=found.rig, interrupted=found.interrupted)
         with whole_files(out) as folder:
@@ -64,7 +68,6 @@ def league(
     if json:
         print_json({"rig": found.rig, "cells": [asdict(cell) for cell in found.cells], "seconds": seconds()})
     else:
-        _print_table(found.standings)
         print(f"\nPage: {out / 'league.html'}  ({seconds():.1f} s)")
     if found.interrupted:
         raise InterruptedPartway(f"{len(found.cells)} cells played and written to {out}")
@@ -91,3 +94,18 @@ def _print_table(standings: list["Standing"]) -> None:
         shown = ("–" if value is None else f"{value:.3g}" for value in values)
         table.add_row(one.law, f"{100.0 * one.won:.0f} %", *shown, str(one.unstable), str(one.cells))
     Console(width=None if sys.stdout.isatty() else 100).print(table)
+
+
+COMMANDS = (
+    Command(
+        "league",
+        league,
+        "Compare control laws on plants that nobody tuned them for.",
+        (
+            "bowden league",
+            "bowden league --laws adaptive --laws bowden --plants bench --plants play",
+            "bowden league --law my_law.py:MINE --scenarios periodic,fast --json",
+        ),
+        place=90,
+    ),
+)

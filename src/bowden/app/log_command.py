@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.core.errors import OutputError
 
@@ -186,3 +187,59 @@ def _print_facts(file: Path, document: dict[str, Any]) -> None:
     print(f"{file}")
     for name, value in lines(document):
         print(f"  {name:<16} {value}")
+
+
+GROUP = "What is in the log of a run, and what can be made of it."
+
+COMMANDS = (
+    Command(
+        "log info",
+        info,
+        "Say what a log holds.",
+        (
+            "bowden log info run.mcap",
+            "bowden log info run.mcap --json",
+        ),
+        place=10,
+    ),
+    Command(
+        "log recover",
+        recover,
+        "Save what a kill or a full disk left of a log.",
+        (
+            "bowden log recover run.mcap",
+            "bowden log recover run.mcap --out saved.mcap",
+        ),
+        place=20,
+    ),
+    Command(
+        "log export",
+        export,
+        "Write a log as Parquet or CSV.",
+        (
+            "bowden log export run.mcap",
+            "bowden log export run.mcap --to csv --out run.csv",
+        ),
+        place=30,
+    ),
+    Command(
+        "log plot",
+        plot,
+        "Draw a log as a page.",
+        (
+            "bowden log plot run.mcap",
+            "bowden log plot run.mcap --out page.html",
+        ),
+        place=40,
+    ),
+    Command(
+        "log replay",
+        replay,
+        "Feed a run through a law and the supervisor again.",
+        (
+            "bowden log replay run.mcap",
+            "bowden log replay run.mcap --law my_law.py:MINE --json",
+        ),
+        place=50,
+    ),
+)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, seconds
 from bowden.app.given_rig import read_given
 from bowden.core.files import whole_files
@@ -47,7 +48,7 @@ def measure(
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         if twin:
-            live = live_run(stack.enter_context(own_twin(given)), measure=True)
+            live = live_run(stack.enter_context(own_twin(given)), measure=True, logged=given)
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin))
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
@@ -80,3 +81,17 @@ def _write(session: "Session", folder: Path) -> list[Path]:
         for name, table in parts.items():
             np.savetxt(stage / name, table, "%.9g", ",", header=HEADER, comments="")
     return [folder / name for name in parts]
+
+
+COMMANDS = (
+    Command(
+        "measure",
+        measure,
+        "Move the motor of a rig, and leave logs for identify and identify-servo.",
+        (
+            "bowden measure rig.toml",
+            "bowden measure rig.toml --twin --auto",
+        ),
+        place=50,
+    ),
+)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
 from bowden.core.files import output_folder, whole_files
 
@@ -62,3 +63,18 @@ def _print_table(outcome: "Reproduction") -> None:
             result.claim.id, number(result.claim.published), number(result.computed), result.claim.unit, verdict
         )
     Console(width=None if sys.stdout.isatty() else 100).print(table)
+
+
+COMMANDS = (
+    Command(
+        "reproduce",
+        reproduce,
+        "Reproduce the paper's bench, claim by claim.",
+        (
+            "bowden reproduce",
+            "bowden reproduce --only table1 --only fig16",
+            "bowden reproduce --json",
+        ),
+        place=140,
+    ),
+)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, seconds
 from bowden.app.given_rig import read_given, shortened
 
@@ -58,3 +59,18 @@ def run(
 
 def _tell(note: str) -> None:
     print(f"bowden: note: {note}", file=sys.stderr)
+
+
+COMMANDS = (
+    Command(
+        "run",
+        run,
+        "Run a law live on a rig's drive, under the supervisor.",
+        (
+            "bowden run rig.toml",
+            "bowden run rig.toml --twin --auto --duration 20",
+            "bowden run rig.toml --law bowden",
+        ),
+        place=60,
+    ),
+)

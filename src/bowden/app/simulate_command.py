@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.core.files import output_folder, whole_files
@@ -120,3 +121,19 @@ def _print_table(metrics: dict[str, "Metrics"]) -> None:
         values[3] = None if values[3] is None else 1e3 * values[3]
         table.add_row(name, *("–" if value is None else f"{value:.3g}" for value in values))
     Console(width=None if sys.stdout.isatty() else 100).print(table)
+
+
+COMMANDS = (
+    Command(
+        "simulate",
+        simulate,
+        "Simulate one law or several on a rig.",
+        (
+            "bowden simulate rig.toml",
+            "bowden simulate rig.toml --law uncompensated --law observer --law adaptive",
+            "bowden simulate rig.toml --law my_law.py --duration 30 --csv",
+            "bowden simulate rig.toml --law adaptive --preset paper --force --json",
+        ),
+        place=30,
+    ),
+)

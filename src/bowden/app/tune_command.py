@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
 
@@ -102,3 +103,18 @@ def _written(rig: Path, found: "Tuning", evidence: list[str]) -> Path:
     text = gains_text.with_gains(rig.read_text(encoding="utf-8"), found.gains, evidence, rig)
     write_text(rig, text)
     return rig
+
+
+COMMANDS = (
+    Command(
+        "tune",
+        tune,
+        "Find gains for a rig, with margins, and write them into it.",
+        (
+            "bowden tune rig.toml",
+            "bowden tune rig.toml --dry-run --json",
+            "bowden tune rig.toml --study study.toml",
+        ),
+        place=110,
+    ),
+)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.core.errors import ParameterError
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _AFTER_PARENT = 5.0
 """[s]"""
+_TOLD = ("meaning", "side", "amount", "unit", "moment")
+"""What `--inject list --json` has of a fault."""
 
 
 def twin(
@@ -36,7 +39,7 @@ def twin(
     duration: Annotated[float | None, typer.Option(help="Length of the scenario's sheath motion in seconds.")] = None,
     object_: Annotated[
         list[str] | None,
-        typer.Option("--object", help="An object that is otherwise: 6502:0=0x25, or 6502:0=none. May be repeated."),
+        typer.Option("--object", help="An object of a CANopen drive: 6502:0=0x25, or 6502:0=none. May be repeated."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
@@ -46,23 +49,35 @@ def twin(
     _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
-    if inject or clear or status:
+    talks = bool(inject or clear or status)
+    if not inject and (after or lasting is not None):
+        raise ParameterError("--after and --for are of a fault", expected="--inject FAULT beside them")
+    if talks and object_:
+        raise ParameterError("--object is of a twin that is started", expected="it without --inject, --clear, --status")
+    if talks:
         _talk(given, inject, after, lasting, clear, json)
     else:
-        _run(given, object_ or [], json, until_orphaned)
+        words = f"{rig}{f' --channel {channel}' if channel else ''}"
+        _run(given, object_ or [], words, json, until_orphaned)
 
 
 def _talk(rig: "Rig", inject: str | None, after: float, lasting: float | None, clear: bool, json: bool) -> None:
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.control import TwinControl
-    from bowden.hardware.twin.injection import KINDS
+    from bowden.hardware.twin.injection import KINDS, parse
 
     if inject == "list":
+        if json:
+            kinds = [{"fault": name} | {key: getattr(kind, key) for key in _TOLD} for name, kind in KINDS.items()]
+            print_json({"faults": kinds, "seconds": seconds()})
+            return
         for name, kind in KINDS.items():
             side = " joint|motor" if kind.side else ""
             amount = "" if kind.amount is None else f" [{kind.amount:g} {kind.unit}]"
             print(f"{name + side + amount:36} {kind.meaning}")
         return
+    if inject:
+        parse(inject)  # what is no fault is said first
     with TwinControl(family_of(rig.drive).control(rig.drive)) as running:
         if clear:
             running.clear()
@@ -83,7 +98,7 @@ def _given(rig: Path) -> "Rig":
     return Rig.unpack(sys.stdin.buffer.read()) if rig == Path("-") else read_given(rig)
 
 
-def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> None:
+def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned: bool) -> None:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.twin import raise_priority
@@ -107,6 +122,7 @@ def _run(rig: "Rig", objects: list[str], json: bool, until_orphaned: bool) -> No
         print_json(where | {"rig": rig.hash, "realtime": realtime, "seconds": seconds()})
     else:
         print(f"twin: {', '.join(f'{key} {value}' for key, value in where.items())}")
+        print(f"It runs until Ctrl-C. In another terminal: bowden run {words}, or bowden twin {words} --status")
         if not realtime:
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
@@ -120,3 +136,18 @@ def _watch_parent(parent: int, running: "TwinProcess") -> None:
         forever.wait(0.5)
     forever.wait(_AFTER_PARENT)
     running.stop()
+
+
+COMMANDS = (
+    Command(
+        "twin",
+        twin,
+        "Run a digital twin of a rig's drive, and give it faults.",
+        (
+            "bowden twin rig.toml",
+            "bowden twin rig.toml --status",
+            "bowden twin rig.toml --inject 'encoder_frozen joint' --after 2 --for 0.5",
+        ),
+        place=130,
+    ),
+)

@@ -17,9 +17,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from bowden.core import shown
+from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import stand_in
-from bowden.core.nested import columns
+from bowden.core.nested import columns, is_named, leaves, name_of
+from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
 
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
@@ -49,6 +51,7 @@ class UltimateBounds(NamedTuple):
     """Bound on |e| [rad]."""
 
 
+@signed
 @dataclass(frozen=True, repr=False)
 class Law:
     """A control law with its gains: usable alone, interpreted, with nothing else around it.
@@ -91,10 +94,21 @@ class Law:
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state, or its column (``part.field``) → unit for the record, where the state's type does not say."""
+    former: Mapping[str, str] = field(default_factory=dict)
+    """Gain of an older version → what stands in its place, for messages."""
     own: Gains = field(default=None, repr=False)
     """The gains with which the law comes; `gains` where nothing else is given."""
     chosen: frozenset[str] = frozenset()
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
+
+    def __new__(cls, *given: Any, **named: Any) -> "Law":
+        """Refuse what is no field before Python does, and say what was meant."""
+        fields = cls.__dataclass_fields__
+        for name in named:
+            if name not in fields:
+                expected = "from_rig" if name == "told" else near(name, fields)
+                raise ParameterError(f"a law has no {name!r}", expected=expected, do="correct the name")
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         """Keep the law's own gains, and refuse a declaration that cannot be.
@@ -102,6 +116,21 @@ class Law:
         Raises:
             ParameterError: `from_rig` or `feeds_back` names what is not there, or `suit_preset` no preset.
         """
+        if not isinstance(self.name, str):
+            raise ParameterError(f"Law: name is {said(self.name)}", expected="text", do="give it a name")
+        if not is_named(self.gains):
+            raise ParameterError(
+                f"Law {self.name!r}: gains is {said(self.gains)}",
+                expected="a NamedTuple of numbers",
+                do="make one: class Gains(NamedTuple), and hand over Gains()",
+            )
+        for what in ("start_kernel", "step_kernel"):
+            if not callable(getattr(self, what)):
+                raise ParameterError(
+                    f"Law {self.name!r}: {what} is {said(getattr(self, what))}",
+                    expected="a kernel",
+                    do="hand over a function that is marked with @bowden.kernel",
+                )
         if self.own is None:
             object.__setattr__(self, "own", self.gains)
         for what, given, known in (
@@ -127,7 +156,7 @@ class Law:
         return shown.fragment(f"Law {self.name}", self._rows())
 
     def _rows(self) -> list[tuple[str, str]]:
-        gains = ", ".join(f"{name} {value:.4g}" for name, value in zip(self.gains._fields, self.gains, strict=True))
+        gains = ", ".join(f"{name_of(path)} {value:.4g}" for path, value in leaves(self.gains))
         rows = [("gains", gains), ("from the rig", ", ".join(self.from_rig)), ("presets", ", ".join(self.presets))]
         return [*rows, ("source", self.source)]
 
@@ -147,6 +176,12 @@ class Law:
         """
         for name, value in changes.items():
             if name not in self.gains._fields:
+                if name in self.former:
+                    raise ParameterError(
+                        f"law {self.name!r} has no gain {name!r} any more",
+                        expected=self.former[name],
+                        do="rename or delete it",
+                    )
                 alike = difflib.get_close_matches(name, self.gains._fields, 1)
                 raise ParameterError(
                     f"law {self.name!r} has no gain {name!r}",

@@ -37,7 +37,7 @@ def _minimum_jerk(start: float | Array, end: float | Array, duration: float | Ar
 def _finite(what: str, **values: float | tuple[float, ...]) -> None:
     for name, value in values.items():
         if not np.isfinite(value).all():
-            raise ParameterError(f"{what}: {name} is {value}", expected="finite numbers")
+            raise ParameterError(f"{what}: {name} is {value}", expected="finite numbers", do="correct it")
 
 
 @dataclass(frozen=True)

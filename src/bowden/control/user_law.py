@@ -4,8 +4,8 @@ The file either defines a `Law` object, or the three parts of one: a NamedTuple 
 field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
 likes, ``FROM_RIG``, what its gains are told of a rig (`Law.from_rig`). What it defines is
 tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
-compiler's rarely do. Compiled code is kept under the hash of the file (see
-`bowden.core.kernel_cache`), so an edited law is never met by stale code.
+compiler's rarely do. Compiled code is kept under what it is made of (`bowden.core.kernel_cache`), so an edited law is
+never met by stale code.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import FromRig, Law
 from bowden.control.law_parts import LAG
 from bowden.core import user_file
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 from bowden.core.signals import Reference, Sample
 from bowden.models.cable.bouc_wen import BoucWen
 
@@ -72,6 +72,32 @@ def explained(law: Law) -> Iterator[None]:
         yield
 
 
+def is_own(law: Law) -> bool:
+    """Whether a law is a user's own: its step is none of this package's."""
+    return not user_file.is_ours(law.step_kernel)
+
+
+def refuse_no_number(law: Law, columns: Mapping[str, float], time: float) -> None:
+    """Refuse what a user's own law gave `time` [s] after its start, where it is no number.
+
+    Args:
+        law: whose; of one of this package's nothing is said.
+        columns: what it gave, by name.
+        time: [s]
+
+    Raises:
+        ParameterError: the first such column, with the law's file and line.
+    """
+    for name, value in columns.items():
+        if not math.isfinite(value) and is_own(law):
+            where = user_file.line(law.step_kernel, Path(law.step_kernel.__code__.co_filename))
+            raise ParameterError(
+                f"{where}: the law {law.name!r} gave {value} for {name} at t = {time:.6g} s",
+                expected="a finite number",
+                do=_CORRECT,
+            )
+
+
 _BY_NAME: Mapping[str, FromRig] = {
     **{name: name for name in ("servo_frequency", "servo_damping", "delay")},
     **LAG,
@@ -89,7 +115,7 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
             )
         if not isinstance(names[attribute], Law):
             raise ParameterError(
-                f"{attribute} in {path} is a {type(names[attribute]).__name__}", expected="a Law", do="name one"
+                f"{attribute} in {path} is {article(type(names[attribute]).__name__)}", expected="a Law", do="name one"
             )
         return names[attribute]
     if len(own) == 1:
@@ -103,6 +129,8 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         gains = names["Gains"]()
     except Exception as error:
         raise user_file.mistake(error, path) from error
+    if "TOLD" in names:
+        raise ParameterError(f"{path} has TOLD", expected="FROM_RIG, as it is called now", do="rename it")
     from_rig = names.get(
         "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
     )
@@ -149,7 +177,9 @@ def check_law(law: Law, path: Path | None = None) -> None:
             if type(answer[0]) is not type(state):
                 given, right = type(answer[0]).__name__, type(state).__name__
                 raise ParameterError(
-                    f"{where}: the state from step is a {given}", expected=f"a {right}, as from start", do=_CORRECT
+                    f"{where}: the state from step is {article(given)}",
+                    expected=f"{article(right)}, as from start",
+                    do=_CORRECT,
                 )
             state, command = answer
             _check_numbers(state, "the state from step", where)
@@ -163,7 +193,7 @@ def check_law(law: Law, path: Path | None = None) -> None:
 def _check_numbers(values: Any, what: str, where: str, *, whole: bool = False) -> None:
     if not hasattr(values, "_asdict"):
         raise ParameterError(
-            f"{where}: {what} is a {type(values).__name__}", expected="a NamedTuple of floats", do=_CORRECT
+            f"{where}: {what} is {article(type(values).__name__)}", expected="a NamedTuple of floats", do=_CORRECT
         )
     for name, value in values._asdict().items():
         check = _check_numbers if isinstance(value, tuple) else _check_number

@@ -47,6 +47,17 @@ class SafetyError(BowdenError):
     """A run that must not begin: a preflight that failed, or limits that contradict one another."""
 
 
+def article(noun: str) -> str:
+    """A noun with its article.
+
+    >>> article("Encoder"), article("UserPlant")
+    ('an Encoder', 'a UserPlant')
+    """
+    low = noun.lower()
+    vowel = low[:1] in tuple("aeiou") and not low.startswith(("eu", "uni", "use"))
+    return f"{'an' if vowel else 'a'} {noun}"
+
+
 _MOST_NAMES = 20
 
 
@@ -72,4 +83,4 @@ def check_positive(what: str, **values: float) -> None:
     """
     for name, value in values.items():
         if not (value > 0.0 and math.isfinite(value)):
-            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0")
+            raise ParameterError(f"{what}: {name} is {value}", expected="a number above 0", do="correct it")

@@ -7,15 +7,16 @@ imported only then. Compiled code is cached on disk (`bowden.core.kernel_cache`)
 
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from types import FunctionType
 from typing import Any, TypeVar
 
-from bowden.core.kernel_cache import keep
+from bowden.core.errors import ParameterError, near
+from bowden.core.kernel_cache import Program, keep
 from bowden.core.kernel_content import (
-    Content,
     Parts,
+    circle,
     content_of,
     content_of_files,
     global_names,
@@ -23,10 +24,24 @@ from bowden.core.kernel_content import (
     is_primitive,
     meant,
     reaching,
+    stand_ins,
 )
 from bowden.core.primitives import PRIMITIVES, cos, exp, log, power, sel, sin, tanh, twin_of
 
-__all__ = ["compiled", "cos", "exp", "kernel", "log", "power", "sel", "sin", "specialise", "stand_in", "tanh"]
+__all__ = [
+    "compiled",
+    "cos",
+    "exp",
+    "kernel",
+    "log",
+    "power",
+    "program",
+    "sel",
+    "sin",
+    "specialise",
+    "stand_in",
+    "tanh",
+]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -41,7 +56,16 @@ def kernel(function: F) -> F:
     ...     return 2.0 * x
     >>> double(3.0), compiled(double)(3.0)
     (6.0, 6.0)
+
+    Raises:
+        ParameterError: what is no function.
     """
+    if not isinstance(function, FunctionType):
+        raise ParameterError(
+            f"kernel: function is {function!r}",
+            expected="a function",
+            do="put @kernel on the line before its def",
+        )
     function.__kernel__ = True  # type: ignore[attr-defined]  # functions take attributes; mypy has no type for it
     return function
 
@@ -87,10 +111,58 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
         template: a kernel.
         name: what to call this variant, for whoever reads a profile or the cache folder.
         replacements: name of a stand-in → kernel to put there.
+
+    Raises:
+        ParameterError: a name that no stand-in has which the template reaches.
     """
     assert isinstance(template, FunctionType)
+    return _compile(template, f"{template.__qualname__}_{name}", _known(template, replacements), within=False)
+
+
+def _known(template: FunctionType, replacements: Mapping[str, Callable[..., Any]]) -> Parts:
+    """The replacements in order, each of which the template reaches."""
     parts = tuple(sorted(replacements.items()))
-    return _compile(template, f"{template.__qualname__}_{name}", parts, within=False)
+    there = stand_ins(template, parts)
+    for part, _ in parts:
+        if part not in there:
+            raise ParameterError(
+                f"specialise: {template.__qualname__} reaches no stand-in {part!r}",
+                expected=near(part, sorted(there)),
+                do="correct the name, or leave it out",
+            )
+    return parts
+
+
+def reached(
+    template: Callable[..., Any], replacements: Mapping[str, Callable[..., Any]]
+) -> dict[str, Callable[..., Any]]:
+    """Those replacements that a template reaches: of a set that is made for several templates."""
+    there = stand_ins(template, tuple(sorted(replacements.items())))
+    return {name: part for name, part in replacements.items() if name in there}
+
+
+def program(template: Callable[..., Any], name: str = "", **replacements: Callable[..., Any]) -> Callable[..., Any]:
+    """As `specialise`, or `compiled` without replacements, for what is called a few times and takes long.
+
+    Where it is kept on disk it is called without Numba, whose import takes longer than most such calls
+    (`bowden.core.native_code`). A call costs some microseconds more for every number in its arguments.
+    """
+    assert isinstance(template, FunctionType)
+    whole = f"{template.__qualname__}_{name}" if name else template.__qualname__
+    return _program(template, whole, _known(template, replacements))
+
+
+@cache
+def _program(function: FunctionType, name: str, parts: Parts) -> Callable[..., Any]:
+    content = content_of(function, parts)
+    if content is None or _COMPILING is None:
+        return _compile(function, name, parts, within=False)
+    return Program(
+        name,
+        f"{_COMPILING} {content}",
+        bare=lambda: _dispatcher(function, name, parts, within=True),
+        whole=lambda: _compile(function, name, parts, within=False),
+    )
 
 
 @cache
@@ -100,22 +172,36 @@ def _compile(function: FunctionType, name: str, parts: Parts, *, within: bool) -
     One that is called `within` compiled code alone goes without what a call from Python needs: to take nested tuples
     apart and to put them together again is half of what there is to compile.
     """
-    twin, content = _twin(function, name, parts)
-    options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
-    if within:
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    dispatcher: Callable[..., Any] = _numba().njit(**options)(twin)
+    dispatcher = _dispatcher(function, name, parts, within=within)
+    content = content_of(function, parts)
     if content is not None and _COMPILING is not None:
         keep(dispatcher, f"{_COMPILING} {content} {within}")
     return dispatcher
 
 
+def _dispatcher(function: FunctionType, name: str, parts: Parts, *, within: bool) -> Callable[..., Any]:
+    """`_compile`, of which nothing is kept but what it calls."""
+    options = _NUMBA_OPTIONS | {"forceinline": not hasattr(function, "__apart__")}
+    if within:
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher: Callable[..., Any] = _numba().njit(**options)(_twin(function, name, parts))
+    return dispatcher
+
+
 @cache
-def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType, Content]:
-    """A kernel that calls the twins of what it calls, named after its content, and that content.
+def _twin(function: FunctionType, name: str, parts: Parts) -> FunctionType:
+    """A kernel that calls the twins of what it calls, named after its content.
 
     What differs has another name, in this process and in those that the cache's code came from.
     """
+    if found := circle(function, parts):
+        code = found[0].__code__
+        raise ParameterError(
+            f"{code.co_filename}, line {code.co_firstlineno}: the kernel {found[0].__name__!r} calls itself"
+            + "".join(f", by {one.__name__!r}" for one in found[1:]),
+            expected="kernels that call others",
+            do="write it as a loop: for i in range(n)",
+        )
     content = content_of(function, parts)
     namespace, replaced = dict(function.__globals__), dict(parts)
     for key in global_names(function.__code__):
@@ -126,7 +212,7 @@ def _twin(function: FunctionType, name: str, parts: Parts) -> tuple[FunctionType
             namespace[key] = _primitive(value, within=True)
     twin = FunctionType(function.__code__, namespace, function.__name__, function.__defaults__, function.__closure__)
     twin.__qualname__, twin.__module__ = f"{name}_{content[:16]}" if content else name, function.__module__
-    return twin, content
+    return twin
 
 
 @cache
@@ -150,7 +236,13 @@ def _numba() -> Any:
     return numba
 
 
-_COMPILING = content_of_files(__name__, "bowden.core.primitives", "bowden.core.nested", "bowden.core.kernel_cache")
+_COMPILING = content_of_files(
+    __name__,
+    "bowden.core.primitives",
+    "bowden.core.nested",
+    "bowden.core.kernel_cache",
+    "bowden.core.native_code",
+)
 """Of what decides how a kernel is compiled, whatever it is."""
 
 

@@ -16,11 +16,12 @@ import os
 import pickle
 import platform
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from bowden.core import native_code
 from bowden.core.kernel_content import content_of_types
 
 
@@ -64,14 +65,7 @@ class _Kept:
         if path is None or result.library.has_dynamic_globals or result.lifted:
             return
         serialize: Any = importlib.import_module("numba.core.serialize")
-        whole = serialize.dumps(result._reduce())
-        with contextlib.suppress(OSError), tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
-            try:
-                part.write(whole)
-                part.close()
-                os.replace(part.name, path)
-            except OSError:
-                os.unlink(part.name)
+        _write(path, serialize.dumps(result._reduce()))
 
     def flush(self) -> None:
         """Nothing: what is kept is never stale."""
@@ -82,6 +76,62 @@ class _Kept:
             return None
         whole = f"{self._content} {types} {codegen.magic_tuple()} {_versions()}"
         return cache_folder() / f"{self._name}-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.kernel"
+
+
+class Program:
+    """A compiled kernel that is called from Python a few times; without Numba where it can be (`native_code`).
+
+    Args:
+        name: for whoever reads the cache's folder.
+        content: what the code is made of, and how it is compiled.
+        bare: makes the Numba dispatcher without what a call from Python needs.
+        whole: makes the one that Python can call.
+    """
+
+    def __init__(self, name: str, content: str, bare: Callable[[], Any], whole: Callable[[], Any]) -> None:
+        self._name, self._content = name, content
+        self._bare, self._whole = bare, whole
+        self._known: dict[str, Callable[[list[Any]], Any] | None] = {}
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the kernel gives back."""
+        given = native_code.flattened(arguments)
+        if given is None:
+            return self._whole()(*arguments)
+        kinds, letters, numbers = given
+        if kinds not in self._known:
+            self._known[kinds] = self._kept(kinds) or self._compiled(kinds, letters, arguments)
+        function = self._known[kinds]
+        return function(numbers) if function else self._whole()(*arguments)
+
+    def _path(self, kinds: str) -> Path:
+        whole = f"{self._content} {kinds} {native_code.circumstances()}"
+        return cache_folder() / f"{self._name}-{hashlib.sha256(whole.encode()).hexdigest()[:16]}.program"
+
+    def _kept(self, kinds: str) -> Callable[[list[Any]], Any] | None:
+        path = self._path(kinds)
+        return native_code.loaded(path.read_bytes()) if path.is_file() else None
+
+    def _compiled(self, kinds: str, letters: str, arguments: tuple[Any, ...]) -> Callable[[list[Any]], Any] | None:
+        dispatcher = self._bare()
+        types = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
+        dispatcher.compile(types)
+        form = native_code.kept_form(dispatcher.overloads[types], letters)
+        if form is None:
+            return None
+        _write(self._path(kinds), form)
+        return native_code.loaded(form)
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all; nothing where it cannot be written."""
+    with contextlib.suppress(OSError), tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+        try:
+            part.write(content)
+            part.close()
+            os.replace(part.name, path)
+        except OSError:
+            os.unlink(part.name)
 
 
 @cache

@@ -56,10 +56,27 @@ def content_of(function: FunctionType, parts: Parts = ()) -> Content:
         return None
 
 
+def code_of(*functions: Callable[..., Any]) -> Content:
+    """The content of functions wherever they stand: the same in two files, or in a file that is loaded twice."""
+    try:
+        return _digest(_value(one, frozenset(), (), places=False) for one in functions)
+    except (_UnknownError, RecursionError):
+        return None
+
+
 def content_of_types(kinds: Iterable[Any]) -> Content:
     """The content of the types, as Numba has them, that compiled code is called with."""
     try:
         return _digest(_kind(kind) for kind in kinds)
+    except _UnknownError:
+        return None
+
+
+@cache
+def content_of_class(made: type) -> Content:
+    """The content of a class of tuples: its name, and its fields with their defaults."""
+    try:
+        return _type(made)
     except _UnknownError:
         return None
 
@@ -96,6 +113,13 @@ def meant(function: FunctionType, name: str, replaced: Mapping[str, Callable[...
 @cache
 def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
     """Those parts that a kernel names, or that the kernels name which it calls, parts among them."""
+    named = stand_ins(function, parts)
+    return tuple(part for part in parts if part[0] in named)
+
+
+@cache
+def stand_ins(function: Callable[..., Any], parts: Parts) -> frozenset[str]:
+    """The stand-ins that a kernel names, or that the kernels name which it calls, parts among them."""
     replaced, named = dict(parts), set()
     todo: list[Callable[..., Any]] = [function]
     seen: set[Callable[..., Any]] = {function}
@@ -109,19 +133,37 @@ def reaching(function: Callable[..., Any], parts: Parts) -> Parts:
         new = [value for value in called if is_kernel(value) and value not in seen]
         todo += new
         seen |= set(new)
-    return tuple(part for part in parts if part[0] in named)
+    return frozenset(named)
 
 
 @cache
-def _function(function: FunctionType, parts: Parts) -> str:
-    name = f"{function.__module__}.{function.__qualname__}"
+def circle(function: FunctionType, parts: Parts) -> tuple[FunctionType, ...]:
+    """A kernel that a kernel reaches and that calls itself, and those by which it does; empty where there is none."""
+    replaced, done = dict(parts), set()
+
+    def looked(part: FunctionType, above: tuple[FunctionType, ...]) -> tuple[FunctionType, ...]:
+        if part in above:
+            return above[above.index(part) :]
+        if part in done:
+            return ()
+        called = (meant(part, name, replaced) for name in global_names(part.__code__))
+        found = next(filter(None, (looked(one, (*above, part)) for one in called if is_kernel(one))), ())
+        done.add(part)
+        return found
+
+    return looked(function, ())
+
+
+@cache
+def _function(function: FunctionType, parts: Parts, *, places: bool = True) -> str:
+    name = _name(function, places=places)
     if _is_foreign(function):
         return name  # whose version is told
     replaced = dict(parts)
     attributes = frozenset(name for inner in _codes(function.__code__) for name in inner.co_names)
 
     def described(value: Any) -> str:
-        return _value(value, attributes, parts)
+        return _value(value, attributes, parts, places=places)
 
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     names = global_names(function.__code__)
@@ -136,22 +178,29 @@ def _function(function: FunctionType, parts: Parts) -> str:
     )
 
 
-def _value(value: Any, attributes: frozenset[str], parts: Parts) -> str:
+def _name(made: Any, *, places: bool) -> str:
+    """The name of a function or type; without `places` that of a user's file is left out."""
+    own = places or made.__module__.partition(".")[0] == __name__.partition(".")[0] or _is_foreign(made)
+    return f"{made.__module__}.{made.__qualname__}" if own else str(made.__qualname__)
+
+
+def _value(value: Any, attributes: frozenset[str], parts: Parts, *, places: bool = True) -> str:
     """What a value is that compiled code names."""
     if is_primitive(value):
         return f"primitive {value.__name__}"
     if isinstance(value, FunctionType):
-        return _function(value, reaching(value, parts))
+        return _function(value, reaching(value, parts), places=places)
     if isinstance(inner := getattr(value, "py_func", None), FunctionType):  # compiled by its author
-        return _digest(["compiled", _function(inner, ()), str(getattr(value, "targetoptions", ""))])
+        return _digest(["compiled", _function(inner, (), places=places), str(getattr(value, "targetoptions", ""))])
     if isinstance(value, type):
-        return _type(value)
+        return _type(value, places=places)
     if isinstance(value, ModuleType):
-        return _module(value, attributes, parts)
+        return _module(value, attributes, parts, places=places)
     if isinstance(value, enum.Enum):
-        return f"{_type(type(value))}.{value.name}"
+        return f"{_type(type(value), places=places)}.{value.name}"
     if isinstance(value, tuple):
-        return _digest([_type(type(value)), *(_value(item, attributes, parts) for item in value)])
+        items = (_value(item, attributes, parts, places=places) for item in value)
+        return _digest([_type(type(value), places=places), *items])
     if isinstance(value, np.ndarray):
         layout = (value.dtype.descr, value.shape, value.flags.c_contiguous, value.flags.f_contiguous)
         return _digest([f"array {layout}", hashlib.sha256(value.tobytes()).hexdigest()])
@@ -166,7 +215,7 @@ def _value(value: Any, attributes: frozenset[str], parts: Parts) -> str:
     raise _UnknownError
 
 
-def _module(module: ModuleType, attributes: frozenset[str], parts: Parts) -> str:
+def _module(module: ModuleType, attributes: frozenset[str], parts: Parts, *, places: bool) -> str:
     """What a module has under names that code asks for; of its functions, only compiled ones can be called."""
     if _is_foreign(module):
         return module.__name__
@@ -177,7 +226,7 @@ def _module(module: ModuleType, attributes: frozenset[str], parts: Parts) -> str
         if not isinstance(value, FunctionType)
         and (not isinstance(value, ModuleType) or value.__name__.startswith(f"{module.__name__}."))
     }
-    return _digest(f"{name}={_value(value, attributes, parts)}" for name, value in inside.items())
+    return _digest(f"{name}={_value(value, attributes, parts, places=places)}" for name, value in inside.items())
 
 
 def _is_foreign(value: Any) -> bool:
@@ -207,9 +256,9 @@ def _code(code: CodeType) -> Iterator[str]:
 
 
 @cache
-def _type(made: type) -> str:
+def _type(made: type, *, places: bool = True) -> str:
     """A type that code makes or is given: its name, and its fields in their order with their defaults."""
-    name = f"{made.__module__}.{made.__qualname__}"
+    name = _name(made, places=places)
     if _is_foreign(made):
         return name
     if hasattr(made, "class_type"):  # a jitclass, whose methods are compiled with it
@@ -220,9 +269,10 @@ def _type(made: type) -> str:
         fields = {field: defaults.get(field, _NOTHING) for field in getattr(made, "_fields", ())}
     elif issubclass(made, enum.Enum):
         fields = {member.name: member.value for member in made}
-    if fields and not _is_found(made):
+    if places and fields and not _is_found(made):
         raise _UnknownError
-    return _digest([name, *(f"{field}={_value(value, frozenset(), ())}" for field, value in fields.items())])
+    values = (f"{field}={_value(value, frozenset(), (), places=places)}" for field, value in fields.items())
+    return _digest([name, *values])
 
 
 def _is_found(made: type) -> bool:

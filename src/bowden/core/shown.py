@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bowden.core import style
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +94,7 @@ def axes_for(
     wrong = next((one for one in found if not isinstance(one, Axes)), None)
     if wrong is not None or not 1 <= len(found) <= rows * columns:
         most = "" if rows * columns == 1 else f", or a list of up to {rows * columns}"
-        what = f"{len(found)} axes" if wrong is None else f"a {type(wrong).__name__}"
+        what = f"{len(found)} axes" if wrong is None else article(type(wrong).__name__)
         raise ParameterError(f"plot: axes is {what}", expected=f"matplotlib axes{most}", do="leave it out for new ones")
     return found
 

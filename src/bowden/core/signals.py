@@ -1,5 +1,6 @@
 """The signals that pass between a law, a drive and their surroundings, in radians, seconds and SI units."""
 
+from enum import IntEnum
 from typing import NamedTuple
 
 
@@ -31,6 +32,28 @@ class Reference(NamedTuple):
     """d²φ_d/dt² [rad/s²]."""
 
 
+class DriveState(IntEnum):
+    """Where a drive stands, whatever its family: the states of CiA 402, and their numbers.
+
+    A family with fewer of them tells those that it has: the supervisor tells apart `OPERATION_ENABLED`, the two of a
+    fault, and all others.
+    """
+
+    NOT_READY_TO_SWITCH_ON = 0
+    """Starting up; also what is said of a drive that is not operational on the bus, or gives no valid word."""
+    SWITCH_ON_DISABLED = 1
+    """No torque."""
+    READY_TO_SWITCH_ON = 2
+    SWITCHED_ON = 3
+    """Power stage on, no torque."""
+    OPERATION_ENABLED = 4
+    """The motor follows the target."""
+    QUICK_STOP_ACTIVE = 5
+    """Slowing down, or standing with torque."""
+    FAULT_REACTION_ACTIVE = 6
+    FAULT = 7
+
+
 class DriveReading(NamedTuple):
     """What the drive said last, at one cycle of the live loop; NaN for what it does not measure."""
 
@@ -49,11 +72,11 @@ class DriveReading(NamedTuple):
     joint_age: float
     """Cycles since the joint angle came [–]."""
     heartbeat_age: float
-    """Time since the drive's last heartbeat [s]."""
+    """Time since the drive's last sign of life [s]."""
     drive_state: float
-    """Number of the CiA 402 state, a `hardware.drives.cia402.State` [–]."""
+    """Number of a `DriveState` [–]."""
     emergency: float
-    """Error code of an emergency frame that came in this cycle; 0 for none [–]."""
+    """Error code that the drive told of its own accord in this cycle; 0 for none [–]."""
     bus_errors: float
     """Frames that could not be sent, or bus-off, since the start [–]."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import metrics, shown
+from bowden.core import arguments, metrics, shown
 from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
 from bowden.core.files import whole_file
 from bowden.core.units import DEGREES
@@ -66,12 +66,30 @@ class Trace:
     """Seed of the run's random numbers; None where there were none."""
 
     def __post_init__(self) -> None:
-        lengths = {values.shape for values in self.columns.values()}
-        if len(lengths) != 1 or len(next(iter(lengths))) != 1:
-            raise ValueError(f"columns of a trace have the shapes {sorted(lengths)}; expected one length")
-        missing = set(self.columns) - set(self.units)
+        """Refuse what is no record of signals on one clock.
+
+        Raises:
+            ParameterError: columns that are none or not of one length, or one without a unit.
+        """
+        for name, given in (("columns", self.columns), ("units", self.units), ("settings", self.settings)):
+            if not isinstance(given, Mapping):
+                raise ParameterError(
+                    f"Trace: {name} is {arguments.said(given)}", expected="values by name", do="{'time': …}"
+                )
+        if not self.columns:
+            raise ParameterError("Trace: columns is {}", expected="a signal or more", do="{'time': …, 'joint': …}")
+        whole = {name: arguments.signal(values, f"Trace: columns[{name!r}]") for name, values in self.columns.items()}
+        arguments.one_length(whole, "Trace: columns")
+        object.__setattr__(self, "columns", whole)
+        missing = [name for name in self.columns if not isinstance(self.units.get(name), str)]
         if missing:
-            raise ValueError(f"no unit for the columns {sorted(missing)}")
+            raise ParameterError(
+                f"Trace: units has none for {', '.join(map(repr, missing))}",
+                expected="a unit for each column",
+                do="give rad, s, or 1 where there is none",
+            )
+        if self.seed is not None:
+            arguments.whole(self.seed, "Trace: seed", 0)
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """A column in its own unit.
@@ -142,8 +160,10 @@ class Trace:
 
     def _in(self, unit: str) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
         """Columns and their units, with angles in ``rad`` or ``deg``."""
-        if _SPELLINGS.get(unit, unit) not in ("rad", "deg"):
-            raise ParameterError(f"unit is {unit!r}", expected="rad or deg, for all angles", do="ask for one of them")
+        if not isinstance(unit, str) or _SPELLINGS.get(unit, unit) not in ("rad", "deg"):
+            raise ParameterError(
+                f"unit is {arguments.said(unit)}", expected="rad or deg, for all angles", do="ask for one of them"
+            )
         units = dict(self.units)
         if _SPELLINGS.get(unit, unit) == "deg":
             units = {
@@ -288,6 +308,8 @@ class Trace:
         Raises:
             LogError: time is not even.
         """
+        for name, given in (("band", band), ("period", period)):
+            arguments.number(given, f"convergence_times: {name}")
         laws = {name.removeprefix("law."): values for name, values in self.columns.items() if name.startswith("law.")}
         return {name: metrics.convergence_time(self.time, values, band, period) for name, values in laws.items()}
 
@@ -303,8 +325,19 @@ class Trace:
             The bandwidth [rad/s]; None where the gain stays above 1/√2, or the run is unstable.
 
         Raises:
+            ParameterError: frequencies that are none.
             LogError: time is not even, or the run is too short for that resolution.
         """
+        given = {"lowest": lowest, "highest": highest, "half_width": half_width}
+        for name, value in given.items():
+            if not arguments.number(value, f"bandwidth: {name}", "a frequency in Hz") > 0.0:
+                raise ParameterError(f"bandwidth: {name} is {value:g}", expected="Hz, above 0", do="correct it")
+        if not lowest < highest:
+            raise ParameterError(
+                f"bandwidth: lowest is {lowest:g} and highest {highest:g}",
+                expected="lowest below highest",
+                do="swap them",
+            )
         if not self.ended:
             return None
         frequencies = np.arange(lowest, highest, half_width / 6.0)
@@ -316,17 +349,19 @@ class Trace:
         """Write the trace; units go to the fields, settings and seed to the schema.
 
         Raises:
+            ParameterError: what is no path.
             OutputError: the file cannot be written.
         """
-        write_parquet(iter([self]), path)
+        write_parquet(iter([self]), arguments.path_of(path, "to_parquet: path"))
 
     def to_csv(self, path: Path | str) -> None:
         """Write the trace as text: a comment with units, settings and seed, a header, shortest exact decimals.
 
         Raises:
+            ParameterError: what is no path.
             OutputError: the file cannot be written.
         """
-        write_csv(iter([self]), path)
+        write_csv(iter([self]), arguments.path_of(path, "to_csv: path"))
 
     @classmethod
     def from_parquet(cls, path: Path | str) -> "Trace":
@@ -337,7 +372,8 @@ class Trace:
         """
         import pyarrow.parquet as pq
 
-        with _reading(path, "Parquet"), Path(path).open("rb") as file:
+        path = arguments.path_of(path, "from_parquet: path")
+        with _reading(path, "Parquet"), path.open("rb") as file:
             table = pq.read_table(file)
             return cls._from(table, json.loads((table.schema.metadata or {})[_KEY]))
 
@@ -351,7 +387,8 @@ class Trace:
         import pyarrow as pa
         from pyarrow import csv
 
-        with _reading(path, "CSV"), Path(path).open("rb") as file:
+        path = arguments.path_of(path, "from_csv: path")
+        with _reading(path, "CSV"), path.open("rb") as file:
             first = file.readline().decode()
             if not first.startswith(_MAGIC):
                 raise ValueError(f"its first line does not begin with {_MAGIC!r}")
@@ -435,7 +472,7 @@ def _reading(path: Path | str, kind: str) -> Iterator[None]:
 
     try:
         yield
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, AttributeError, ParameterError) as error:
         reason = (error.strerror if isinstance(error, OSError) else "") or " ".join(str(error).split())
         if isinstance(error, KeyError):
             reason = f"it does not say its {error.args[0]!s}"

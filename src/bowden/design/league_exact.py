@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.reference import Trajectory
-from bowden.core.kernel import kernel, specialise, stand_in
+from bowden.core.kernel import kernel, program, stand_in
 from bowden.models.cable.lumped_cable import PreparedLumped
 from bowden.models.cable.sheath import slope_factor as slope_factor_at
 from bowden.models.cable.sheath import width as width_at
@@ -138,7 +138,7 @@ def exact_motor(
     path = np.empty(len(time))
     parts = {"cable_advance": cable.advance, "cable_look": cable.look}
     tried = {"copied": kept} if isinstance(memory, Hysteresis) else {}
-    walk = specialise(exact_path, cable.advance.__name__, **parts, **tried)
+    walk = program(exact_path, cable.advance.__name__, **parts, **tried)
     columns = (np.ascontiguousarray(samples[:, 0]), np.ascontiguousarray(samples[:, 1]))
     walk(prepared, memory, spare, float(initial_motor), *columns, widths, factors, _SLOWLY, path)
     return path, samples

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.stability import StateSpace, response
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import kernel, program
 from bowden.design.linearise import LawModel
 from bowden.models.cable.bouc_wen import PreparedCable, advance_prepared, prepare_cable
 from bowden.models.cable.sheath import slope_factor, width
@@ -47,12 +47,11 @@ class LimitCycle:
 
 
 @kernel
-def hysteresis_response(amplitudes: Array, cable: PreparedCable, points: int, cycles: int) -> Complex:
-    """h at the frequency of motor = A·sin: its complex gain for each amplitude (k,) [1/rad].
+def hysteresis_response(amplitudes: Array, cable: PreparedCable, points: int, cycles: int, gains: Complex) -> None:
+    """h at the frequency of motor = A·sin: its complex gain for each amplitude (k,) [1/rad], filled into `gains`.
 
     The last of several cycles is taken, in which h no longer knows where it began.
     """
-    gains = np.empty(len(amplitudes), np.complex128)
     for i in range(len(amplitudes)):
         h, before, total = 0.0, 0.0, 0.0 + 0.0j
         for k in range(1, cycles * points + 1):
@@ -63,7 +62,6 @@ def hysteresis_response(amplitudes: Array, cable: PreparedCable, points: int, cy
             if k > (cycles - 1) * points:
                 total += h * (np.sin(angle) + 1j * np.cos(angle))
         gains[i] = 2.0 * total / (points * amplitudes[i])
-    return gains
 
 
 def describing_function(
@@ -89,7 +87,9 @@ def describing_function(
 @lru_cache(16)
 def _response_of_h(cable: PreparedCable, amplitudes: tuple[float, ...]) -> Complex:
     """Kept, since many laws are tried on one cable."""
-    return np.asarray(compiled(hysteresis_response)(np.array(amplitudes), cable, _POINTS, _CYCLES))
+    gains = np.empty(len(amplitudes), np.complex128)
+    program(hysteresis_response)(np.array(amplitudes), cable, _POINTS, _CYCLES, gains)
+    return gains
 
 
 def predict(gains: Complex, plant: StateSpace, law: LawModel, dt: float, amplitudes: Array) -> LimitCycle | None:

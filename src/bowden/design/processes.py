@@ -8,22 +8,21 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import resource_tracker
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
 
 Mapper = Callable[[Callable[..., Any], Iterable[Any]], Iterable[Any]]
 
 
 @contextlib.contextmanager
-def two_workers(law: str, folder: Path, plant: PlantFile | None = None) -> Iterator[Mapper]:
+def two_workers(law: str | LawFile, plant: PlantFile | None = None) -> Iterator[Mapper]:
     """A `map` over two processes, or the plain one where there is a single core, or no processes can be had.
 
     Args:
-        law: a law's name, or ``FILE.py:NAME`` of the user's own, which the processes must know by its file.
-        folder: where a relative FILE is found.
+        law: a law's name, or the user's own, which the processes must know by what its file held.
         plant: the user's own, which the processes must know likewise.
     """
     if (os.cpu_count() or 1) < 2:
@@ -31,7 +30,7 @@ def two_workers(law: str, folder: Path, plant: PlantFile | None = None) -> Itera
         return
     try:
         context = multiprocessing.get_context("spawn")  # a fork would copy the compiler's threads and locks half-way
-        pool = ProcessPoolExecutor(2, context, initializer=_prepare, initargs=(law, folder.absolute(), plant))
+        pool = ProcessPoolExecutor(2, context, initializer=_prepare, initargs=(law, plant))
         with starting():
             for _ in range(2):
                 pool.submit(os.getpid)  # starts a process
@@ -66,12 +65,10 @@ def starting() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _prepare(law: str, folder: Path, plant: PlantFile | None) -> None:
+def _prepare(law: str | LawFile, plant: PlantFile | None) -> None:
     """In a new process: leave an interruption to the parent, and load a user's law and plant, to be handed over."""
-    from bowden.control import user_law
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if user_law.is_file(law):
-        user_law.load(law, folder)
+    if isinstance(law, LawFile):
+        law.load()
     if plant is not None:
         plant.load()

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 
 _HERE = Path(__file__).parent
 _KERNELS = [_HERE.parent / "core" / name for name in ("kernel.py", "primitives.py")]
@@ -68,7 +68,7 @@ class KernelTrace:
         if isinstance(value, Symbol):
             return value
         if not isinstance(value, bool | int | float | np.bool_ | np.number):
-            self.refuse(f"a {type(value).__name__} as a number")
+            self.refuse(f"{article(type(value).__name__)} as a number")
         key = float(value).hex()
         if key not in self.literals:
             self.literals[key] = self.variable(f"literal {key}")

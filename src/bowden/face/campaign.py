@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bowden.core import shown
+from bowden.core import arguments, shown
 from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.files import output_folder, whole_files
 from bowden.core.trace import Trace
-from bowden.face import arguments, given
+from bowden.face import given
 from bowden.face.given import GivenRig
 from bowden.rig.rig import Rig
 from bowden.study.figures import Summary, summarise
@@ -134,14 +134,18 @@ def campaign(
     (0, 4)
     """
     path = arguments.path_of(study, "campaign: study")
-    folder = Path("out/campaign") / path.stem if out is None else arguments.path_of(out, "campaign: out")
-    if workers is not None and not (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1):
-        raise ParameterError(f"campaign: workers is {arguments.said(workers)}", expected="a whole number from 1 on")
-    loaded = load(path, None if rig is None else given.rig_of(rig, "campaign"))
-    output_folder(folder)
+    folder = Path("out/campaign") / path.stem if out is None else arguments.path_of(out, "campaign: out", "folder")
+    if workers is not None:
+        workers = arguments.whole(workers, "campaign: workers", 1)
+    if cluster is not None:
+        arguments.text(cluster, "campaign: cluster", "the address of a dask scheduler, or local:N")
+    arguments.function(progress, "campaign: progress", arguments.PROGRESS)
     named = f" --rig {rig}" if isinstance(rig, str | Path) else ""
     again = "" if isinstance(rig, Rig) else f"bowden campaign {path}{named} --out {folder} --run"
-    found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=progress)
+    with given.in_words_of_python():
+        loaded = load(path, None if rig is None else given.rig_of(rig, "campaign"))
+        output_folder(folder)
+        found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=progress)
     given.tell(found.notes)
     return found
 

@@ -30,9 +30,11 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
     >>> found.verdict, round(found.gain_margin_db)
     ('holds', 19)
     """
-    whole = given.under(given.rig_of(rig, "check"), law, preset, "check")
+    with given.in_words_of_python():
+        whole = given.under(given.rig_of(rig, "check"), law, preset, "check")
+        found = checked(whole)
     given.tell(whole.notes)
-    return checked(whole)
+    return found
 
 
 def checked(rig: Rig) -> Check:

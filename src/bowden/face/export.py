@@ -10,11 +10,11 @@ import numpy as np
 
 import bowden
 from bowden.control import Law, user_law
-from bowden.core import shown
+from bowden.core import arguments, shown
 from bowden.core.errors import OutputError, ParameterError
 from bowden.core.files import output_folder, whole_files
 from bowden.design.verdict import verdicts
-from bowden.face import arguments, given
+from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
@@ -100,7 +100,9 @@ def export(
     'uncompensated.h'
     """
     whole = given.under(given.rig_of(rig, "export"), law, preset, "export")
-    to = arguments.path_of(folder, "export: folder")
+    to = arguments.path_of(folder, "export: folder", "folder")
+    flags = {"float32": float32, "safety": safety, "force": force}
+    float32, safety, force = (arguments.flag(value, f"export: {name}") for name, value in flags.items())
     rate = None if emg_rate is None else arguments.number(emg_rate, "export: emg_rate", "samples a second")
     with given.in_words_of_python():
         found = exported(

@@ -2,14 +2,15 @@
 
 import contextlib
 import difflib
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from bowden.control import Law, user_law
+from bowden.core import arguments
 from bowden.core.errors import BowdenError, ParameterError
-from bowden.face import arguments
 from bowden.rig.rig import Rig
 
 GivenRig = Rig | str | Path
@@ -70,11 +71,13 @@ def under(rig: Rig, law: Any, preset: Any, function: str) -> Rig:
         ParameterError: no law, an unknown one, one that cannot be used, or a preset that it has not.
     """
     if preset is not None and not isinstance(preset, str):
-        raise ParameterError(f"{function}: preset is {arguments.said(preset)}", expected="the name of a preset")
+        raise ParameterError(
+            f"{function}: preset is {arguments.said(preset)}", expected="the name of a preset", do="give it as text"
+        )
     if isinstance(law, Path):
         law = str(law)
     if law is not None and not isinstance(law, str | Law):
-        do = "hand over a Law: Law(name, Gains(), start, step, source)" if callable(law) else ""
+        do = "name one, or hand over a Law: Law(name, Gains(), start, step, source)"
         raise ParameterError(
             f"{function}: law is {arguments.said(law)}", expected="a name, FILE.py:NAME or a Law", do=do
         )
@@ -116,20 +119,36 @@ def numbered(names: Sequence[str]) -> list[str]:
 
 @contextlib.contextmanager
 def in_words_of_python() -> Iterator[None]:
-    """Name what lets a refused law through as Python has it, not as the command line."""
+    """Name arguments as Python has them, where a message names them as the command line does."""
     try:
         yield
     except BowdenError as error:
-        if _FORCE not in str(error):
+        words = [_in_python(part) for part in (error.what, error.expected, error.do)]
+        if words == [error.what, error.expected, error.do]:
             raise
-        words = [part.replace(_FORCE, "force=True") for part in (error.what, error.expected, error.do)]
         raise type(error)(words[0], expected=words[1], do=words[2]) from error
 
 
-_FORCE = "--force"
+_SWITCH = re.compile(r"(?<![\w-])--([a-z][a-z-]*)(?: (\d+)\b)?")
+_ARGUMENTS = {"force": "force=True", "to": "folder"}
+"""Switch of a command → what it is in Python, where that is not its name."""
+
+
+def _in_python(words: str) -> str:
+    """A message with arguments in place of switches.
+
+    >>> _in_python("or run it anyway with --force"), _in_python("compute with --workers 1")
+    ('or run it anyway with force=True', 'compute with workers=1')
+    """
+
+    def argument(found: "re.Match[str]") -> str:
+        name = _ARGUMENTS.get(found[1], found[1].replace("-", "_"))
+        return f"{name}={found[2]}" if found[2] else name
+
+    return _SWITCH.sub(argument, words)
 
 
 def tell(notes: Iterable[str]) -> None:
     """Say what the user should know, as Python says it: a warning at the line that called the face."""
     for note in notes:
-        warnings.warn(note.replace(_FORCE, "force=True"), stacklevel=3)
+        warnings.warn(_in_python(note), stacklevel=3)

@@ -6,9 +6,9 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
-from bowden.face import arguments
 from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.cable.fit import identify as identify_signals
 from bowden.identify.log.read import Log
@@ -52,25 +52,36 @@ def identify(
     >>> fit.best.name, round(fit.best.parameters["slope"], 6)
     ('line', 0.9)
     """
+    seed = arguments.whole(seed, "identify: seed", 0)
+    arguments.text(name, "identify: name", "a name for the log")
+    if unit is not None:
+        arguments.text(unit, "identify: unit", "deg or rad")
+    if progress is not None:
+        arguments.function(progress, "identify: progress", arguments.PROGRESS)
     if isinstance(log, str | Path):
         return identify_log(read_log(log, time=time, motor=motor, joint=joint, unit=unit), seed, progress)
     if isinstance(log, Log | Trace):
         for what, extra in (("motor", motor), ("joint", joint), ("time", time), ("unit", unit)):
             if extra is not None:
                 kind = type(log).__name__
-                raise ParameterError(f"identify: {what} beside a {kind}", expected=f"the {kind} alone, which has it")
+                raise ParameterError(
+                    f"identify: {what} beside a {kind}", expected=f"the {kind} alone, which has it", do="leave it out"
+                )
         if isinstance(log, Log):
             return identify_log(log, seed, progress)
         seen = ("motor_measured", "joint_measured") if "motor_measured" in log else ("motor", "joint")
         return identify_signals(log.time, *(log[one] for one in seen), name=name, seed=seed, progress=progress)
     if log is not None and time is not None:
-        raise ParameterError("identify: time is given twice", expected="it once: identify(time, motor, joint)")
+        raise ParameterError(
+            "identify: time is given twice", expected="it once", do="call it as identify(time, motor, joint)"
+        )
     given = {"time": time if log is None else log, "motor": motor, "joint": joint}
     for what, value in given.items():
         if value is None:
             raise ParameterError(
                 f"identify: {what} is missing",
                 expected="a file's path, or three arrays: identify(time, motor, joint)",
+                do="hand it over too",
             )
     signals = {what: arguments.signal(value, f"identify: {what}") for what, value in given.items()}
     arguments.one_length(signals, "identify")
@@ -103,6 +114,7 @@ def read_log(
     >>> read_log(file).joint[0].round(3)
     np.float64(0.052)
     """
+    file = arguments.path_of(path, "read_log: path")
     for what, column in (("time", time), ("motor", motor), ("joint", joint), ("unit", unit)):
         if column is not None and not isinstance(column, str):
             raise ParameterError(
@@ -110,4 +122,4 @@ def read_log(
                 expected="the name of a column in the file" if what != "unit" else "deg or rad",
                 do="or hand over arrays alone: identify(time, motor, joint)",
             )
-    return read_file(arguments.path_of(path, "read_log: path"), time=time, motor=motor, joint=joint, unit=unit)
+    return read_file(file, time=time, motor=motor, joint=joint, unit=unit)

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import LAWS, Law, user_law
-from bowden.core import shown
+from bowden.core import arguments, shown
 from bowden.core.errors import ParameterError, near
 from bowden.design import league as design
 from bowden.design import league_cells, league_identified
 from bowden.design.league import Cell, Played, Standing
 from bowden.design.league_cells import LeaguePlant, LeagueScenario
-from bowden.face import arguments, given
+from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.plants.bench import Bench
 from bowden.plants.cables import as_cable_plant
@@ -107,14 +107,13 @@ def league(
     for name, value in named.items():
         if value is not None and (isinstance(value, str | Path | Law) or not isinstance(value, Sequence)):
             raise ParameterError(f"league: {name} is {arguments.said(value)}", expected="a list", do=f"[{name[:-1]}]")
-    found = played(
-        whole,
-        laws,
-        plants=plants or (),
-        scenarios=scenarios or (),
-        data=None if data is None else arguments.path_of(data, "league: data"),
-        progress=progress,
-    )
+    for name in ("plants", "scenarios"):
+        for i, one in enumerate(named[name] or ()):
+            arguments.text(one, f"league: {name}[{i}]", "a name of docs/league.md")
+    arguments.function(progress, "league: progress", arguments.PROGRESS)
+    folder = None if data is None else arguments.path_of(data, "league: data", "folder")
+    with given.in_words_of_python():
+        found = played(whole, laws, plants=plants or (), scenarios=scenarios or (), data=folder, progress=progress)
     given.tell(found.notes)
     if found.interrupted:
         raise KeyboardInterrupt
@@ -189,7 +188,9 @@ def _chosen(what: str, known: Mapping[str, Any], wanted: Sequence[str]) -> list[
     """
     for name in wanted:
         if name not in known:
-            raise ParameterError(f"there is no {what} {name!r} in the league", expected=near(str(name), known))
+            raise ParameterError(
+                f"there is no {what} {name!r} in the league", expected=near(str(name), known), do="name one of them"
+            )
     return [value for name, value in known.items() if not wanted or name in wanted]
 
 

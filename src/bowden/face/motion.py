@@ -4,18 +4,31 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from bowden.control.reference import PeriodicMinimumJerk, PointToPoint
+from bowden.core import arguments
 from bowden.core.errors import ParameterError
-from bowden.face import arguments
 
 
 class MinimumJerk:
-    """Motions of minimum jerk for a rig's reference: periodic, or from point to point.
+    """Motions of minimum jerk for a rig's reference: periodic, or from point to point; has no values of its own.
 
     >>> MinimumJerk.periodic(0.0, 1.2, period=4.0)
     PeriodicMinimumJerk(low=0.0, high=1.2, period=4.0)
     >>> MinimumJerk.point_to_point([0.0, 1.0, 3.0], [0.0, 0.8, 0.8])
     PointToPoint(times=(0.0, 1.0, 3.0), positions=(0.0, 0.8, 0.8))
     """
+
+    def __new__(cls, *given: Any, **named: Any) -> "MinimumJerk":
+        """Refuse to make one.
+
+        Raises:
+            ParameterError: always; with what to call.
+        """
+        values = ", ".join([*map(arguments.said, given), *(f"{name}={value!r}" for name, value in named.items())])
+        raise ParameterError(
+            f"MinimumJerk({values}) is no motion",
+            expected="a motion that is periodic, or goes from point to point",
+            do="call MinimumJerk.periodic(low, high, period) or MinimumJerk.point_to_point(times, positions)",
+        )
 
     @staticmethod
     def periodic(low: float, high: float, period: float) -> PeriodicMinimumJerk:
@@ -58,5 +71,5 @@ class MinimumJerk:
 
 def _row(values: Any, what: str) -> list[Any]:
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-        raise ParameterError(f"{what} is {arguments.said(values)}", expected="a list of numbers")
+        raise ParameterError(f"{what} is {arguments.said(values)}", expected="a list of numbers", do="[0.0, 1.0], say")
     return list(values)

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from bowden.core import arguments
 from bowden.core.errors import LogError
 from bowden.core.trace import Trace
-from bowden.face import arguments
 
 _MCAP, _PARQUET = b"\x89MCAP0\r\n", b"PAR1"
 

@@ -5,9 +5,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bowden.core.errors import OutputError, ParameterError
+from bowden.core import arguments
+from bowden.core.errors import OutputError
 from bowden.core.files import output_folder
-from bowden.face import arguments, given
+from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.rig import Rig
 
@@ -63,12 +64,14 @@ def run(
     """
     whole = given.under(given.rig_of(rig, "run"), law, preset, "run")
     whole = whole if duration is None else whole.replace(duration=duration)
-    for name, value in (("channel", channel), ("emg", emg)):
-        if value is not None and not isinstance(value, str):
-            raise ParameterError(f"run: {name} is {arguments.said(value)}", expected="text, as the command line has it")
+    twin, force = arguments.flag(twin, "run: twin"), arguments.flag(force, "run: force")
+    if channel is not None:
+        arguments.text(channel, "run: channel", 'the name of a bus, "can0" say')
+    if emg is not None:
+        arguments.text(emg, "run: emg", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
+    folder = arguments.path_of(out, "run: out", "folder")
     whole = whole.on_bus(channel)
     whole = whole if emg is None else whole.with_emg(emg)
-    folder = arguments.path_of(out, "run: out")
     with (
         given.in_words_of_python(),
         live_session(
@@ -126,7 +129,7 @@ def live_session(
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is told before anything else is started
         if twin:
-            live = live_run(stack.enter_context(own_twin(rig)))
+            live = live_run(stack.enter_context(own_twin(rig)), logged=rig)
         yield stack.enter_context(Session(live, new_log(out, live.law.name), emg_process, remembers=not twin))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, overload
 
 from bowden.control import Law, user_law
+from bowden.core import arguments
 from bowden.core.trace import Trace
 from bowden.design.verdict import CheckVerdict, verdicts
 from bowden.face import given
@@ -123,11 +124,12 @@ def simulate(
     ['uncompensated', 'adaptive']
     """
     whole = given.rig_of(rig, "simulate")
+    force = arguments.flag(force, "simulate: force")
     changes = {"duration": duration, "seed": seed}
     whole = whole.replace(**{name: value for name, value in changes.items() if value is not None})
     listed = given.several(laws)
-    fitted = [given.under(whole, law, preset, "simulate").fitted() for law in (listed or [laws])]
     with given.in_words_of_python():
+        fitted = [given.under(whole, law, preset, "simulate").fitted() for law in (listed or [laws])]
         found = simulated(whole.offline(whole=duration is not None), fitted, given.name_of(whole), force=force)
     given.tell(found.notes)
     if found.interrupted:

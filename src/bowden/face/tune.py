@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import Law, user_law
-from bowden.core.errors import ParameterError
+from bowden.core import arguments
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, Tuning
 from bowden.design.tune import tune as search
-from bowden.face import arguments, given
+from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig import ranges
 from bowden.rig.given_law import LawFile
@@ -59,12 +59,14 @@ def tune(
     (True, 'holds')
     """
     whole = given.under(given.rig_of(rig, "tune"), law, preset, "tune")
-    for name, value, least in (("seed", seed, 0), ("generations", generations, 1)):
-        if value is not None and not (isinstance(value, int) and not isinstance(value, bool) and value >= least):
-            raise ParameterError(f"tune: {name} is {arguments.said(value)}", expected=f"a whole number from {least} on")
+    seed = arguments.whole(seed, "tune: seed", 0)
+    if generations is not None:
+        generations = arguments.whole(generations, "tune: generations", 1)
+    arguments.function(progress, "tune: progress", arguments.PROGRESS)
     path = None if study is None else arguments.path_of(study, "tune: study")
     given.tell(whole.notes)
-    return tuned(whole, path, seed=seed, generations=generations, progress=progress)
+    with given.in_words_of_python():
+        return tuned(whole, path, seed=seed, generations=generations, progress=progress)
 
 
 def tuned(
@@ -142,10 +144,8 @@ def bends_of(rig: Rig) -> tuple[float, float]:
 def workers_for(rig: Rig) -> Iterator[Mapper]:
     """A `map` for the search: over two processes, where they can be handed the rig's law and plant."""
     law, plant = rig.law, rig.plant
-    if isinstance(law, LawFile):
-        law = law.path + law.name.rpartition(".py")[2]
-    if isinstance(law, str) and (plant is None or isinstance(plant, PlantFile)):
-        with two_workers(law, Path(), plant) as workers:
+    if isinstance(law, str | LawFile) and (plant is None or isinstance(plant, PlantFile)):
+        with two_workers(law, plant) as workers:
             yield workers
     else:  # a law or a plant of this process alone
         yield map

@@ -13,13 +13,13 @@ class Power(IntEnum):
     """What the supervisor wants of the drive, in order of caution from the last."""
 
     OFF = 0
-    """Torque off now; the drive's disable voltage."""
+    """Torque off now."""
     QUICK_STOP = 1
-    """The drive's own quick stop, and then off."""
+    """The drive's own quick stop, and then off; a drive that has none goes off."""
     READY = 2
-    """Switched on without torque."""
+    """Ready, without torque."""
     ON = 3
-    """Operation enabled: the motor follows the target."""
+    """The motor follows the target."""
 
 
 class Drive(Protocol):
@@ -27,6 +27,8 @@ class Drive(Protocol):
 
     def bring_up(self) -> str:
         """Find, check and configure the drive, motor without power; who it is, in one line.
+
+        May be called again after a failure.
 
         Raises:
             DriveError: no bus, no drive, one that cannot do what is asked of it, or limits beyond its own.
@@ -38,20 +40,22 @@ class Drive(Protocol):
         ...
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
-        """Send the motor's target angle [rad] and the wanted power state, then SYNC, and the heartbeat when it is due.
+        """Send the motor's target angle [rad], the wanted power state, and the sign of life that the drive waits for.
 
         `torque` is what the drive adds at the spool [N·m], where the rig has it do so, and never beyond its bound.
 
-        Goes through the states of CiA 402 by itself, one step a cycle, but never leaves a fault by itself.
+        Goes through the drive's states by itself, but never leaves a fault by itself, and does not switch a drive on
+        again that has switched itself off before `Power.OFF` has been wanted. A target that is no number, or beyond
+        what can be sent, is never sent: the torque goes off. Enabling the drive moves nothing.
         """
         ...
 
     def reset_fault(self) -> None:
-        """Let the next cycle send the fault reset; on an operator's word only."""
+        """Let the next cycle reset a fault; on an operator's word only."""
         ...
 
     def close(self) -> None:
-        """Power off, NMT stop, and let go of the bus; safe to call twice."""
+        """Power off, and let go of the bus; safe to call twice."""
         ...
 
 

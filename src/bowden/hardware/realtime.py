@@ -101,8 +101,8 @@ def _lock(reserve: int) -> str:
     return "locked"
 
 
-def check_processor(cpu: int | None) -> None:
-    """Refuse a processor that this process may not run on.
+def check_processor(cpu: int | None, name: str) -> None:
+    """Refuse a processor that this process may not run on; `name` is of what was given.
 
     Raises:
         ParameterError: so it is.
@@ -110,7 +110,7 @@ def check_processor(cpu: int | None) -> None:
     allowed = sorted(os.sched_getaffinity(0))
     if cpu is not None and cpu not in allowed:
         raise ParameterError(
-            f"[live] cpu is {cpu}", expected=f"one of {', '.join(map(str, allowed))}", do="correct it, or leave it out"
+            f"{name} is {cpu}", expected=f"one of {', '.join(map(str, allowed))}", do="correct it, or leave it out"
         )
 
 

@@ -59,6 +59,8 @@ class Live:
     """The wearer's push, as the live loop has it."""
     notes: tuple[str, ...]
     """What the user should know."""
+    logged: Rig
+    """The rig as the log keeps it: on the bus that it names, where a twin's own is gone after the run."""
 
     @property
     def needs(self) -> DriveNeeds:
@@ -108,7 +110,7 @@ class Live:
         return {
             "reference": self.rig.trajectory.describe(),
             "seed": self.rig.seed,
-            "rig": self.rig.document(),
+            "rig": self.logged.document(),
             **({"law_file": _where(law)} if isinstance(law, LawFile) and not self.measure else {}),
             **({"emg": self.emg.settings()} if self.emg else {}),
             **({"push": self._push_settings()} if self.needs.torque_offset > 0.0 else {}),
@@ -121,12 +123,13 @@ def _where(law: LawFile) -> str:
     return law.path + law.name.rpartition(".py")[2]
 
 
-def live_run(rig: Rig, *, measure: bool = False) -> Live:
+def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> Live:
     """The live run of a rig.
 
     Args:
         rig: with the law and all else that is to run.
         measure: move the motor through the excitation, in place of a law.
+        logged: the same rig on the bus that it names, where it runs on a twin's own; for the log.
 
     Raises:
         ParameterError: a rig that cannot run live.
@@ -138,7 +141,8 @@ def live_run(rig: Rig, *, measure: bool = False) -> Live:
             do="turn motor_direction or joint_direction of [drive] round, and measure anew",
         )
     _ = rig.drive_parameters  # which refuses what makes no sense together
-    limits, notes = rig.supervisor_limits, rig.notes
+    _ = rig.pack()  # which refuses more than a log's head and the loop's process can take
+    limits, notes, logged = rig.supervisor_limits, rig.notes, logged or rig
     emg = None if measure else rig.emg_run
     pushing = None if measure else rig.pushing
     if pushing is not None:
@@ -151,10 +155,10 @@ def live_run(rig: Rig, *, measure: bool = False) -> Live:
     if measure:
         moved = excitation.excitation(limits, rig.sample_time)
         table, start = moved.motor[:, None], float(moved.motor[0])
-        return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes)
+        return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes, logged)
     time = np.arange(round(rig.duration / rig.sample_time), dtype=np.float64) * rig.sample_time
     table = rig.trajectory.sample(time)
-    return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes)
+    return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes, logged)
 
 
 def _check_range(emg: EmgRun, limits: Limits) -> None:

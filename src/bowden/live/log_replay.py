@@ -54,7 +54,7 @@ def _recorded_law(found: Recording) -> str | LawFile | None:
     ran, rig = found.settings.get("law"), found.settings.get("rig")
     where = found.settings.get("law_file")
     if isinstance(rig, Mapping) and "format" in rig and isinstance(rig.get("law"), Mapping):
-        law = unpacked({"format": rig["format"], "law": rig["law"]}).values["law"]
+        law = unpacked({"format": rig["format"], "law": rig["law"]}, ["law"]).values["law"]
         if isinstance(law, LawFile) and law.load().name == ran:  # a measurement runs another one than the rig's
             return law
     return where or (ran if isinstance(ran, str) else None)

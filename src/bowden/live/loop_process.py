@@ -9,9 +9,12 @@ import signal
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bowden.core.errors import BowdenError
+
+if TYPE_CHECKING:
+    from bowden.live.live_run import Live
 
 
 def main() -> int:
@@ -28,19 +31,26 @@ def main() -> int:
 
 
 def _run(given: dict[str, Any]) -> int:
+    from bowden.control import user_law
+    from bowden.live.live_run import live_run
+    from bowden.rig.rig import Rig
+
+    live = live_run(Rig.unpack(given["rig"]), measure=given["measure"])
+    with user_law.explained(live.law):
+        return _cycle(live, given)
+
+
+def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.realtime import become_realtime
     from bowden.live.control_block import ControlBlock
-    from bowden.live.live_run import live_run
     from bowden.live.loop import Loop
     from bowden.live.preflight import REASONS, Reason
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
     from bowden.models.drive.thermal import ThermalState
-    from bowden.rig.rig import Rig
 
-    live = live_run(Rig.unpack(given["rig"]), measure=given["measure"])
     emg = Path(given["emg"]) if given["emg"] else None
     course = live.course(emg, given["start_ns"])
     cycle, script, push = live.cycle(), live.script(course), live.push()

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.core.errors import SafetyError
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, DriveState
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.safety.limits import Limits
@@ -139,7 +139,7 @@ def step(
     if not seen and state.step <= Step.LISTEN:  # in motion, a gap is the supervisor's to bridge
         return _fail(state, Reason.SENSORS) if since > settings.listen else _answer(state, state.motor)
     if state.step == Step.ENABLE:
-        if reading.drive_state == 4.0:
+        if reading.drive_state == DriveState.OPERATION_ENABLED:
             state = _at(Step.LISTEN, state.amplitude, reading)
         elif since > settings.enable:
             return _fail(state, Reason.NOT_ENABLED)

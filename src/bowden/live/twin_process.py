@@ -4,9 +4,9 @@ import contextlib
 import json
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bowden.core.errors import DriveError
 from bowden.hardware.twin.control import TwinControl
@@ -20,6 +20,8 @@ class RunningTwin(NamedTuple):
     channel: str
     """Of its bus."""
     control: TwinControl
+    said: Mapping[str, Any]
+    """What `bowden twin --json` says once it runs."""
 
 
 @contextlib.contextmanager
@@ -67,8 +69,9 @@ def running_twin(rig: Path | Rig, channel: Path, options: Sequence[str] = ()) ->
                 break
         else:
             raise DriveError(f"bowden twin did not start: {process.stderr.read().strip()}")
-        with TwinControl(Path(json.loads("".join(lines))["control"])) as control:
-            yield RunningTwin(process, str(channel), control)
+        said = json.loads("".join(lines))
+        with TwinControl(Path(said["control"])) as control:
+            yield RunningTwin(process, str(channel), control, said)
     finally:
         process.terminate()
         try:

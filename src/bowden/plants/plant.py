@@ -144,18 +144,16 @@ class Dynamics:
 
     @contextlib.contextmanager
     def explained(self) -> Iterator[None]:
-        """Turn a compiler's message about a user's own kernels into one line, with the line of their file.
+        """Turn what goes wrong in a user's own kernels into one line, with the line of their file.
 
         Raises:
-            ParameterError: they cannot be compiled.
+            ParameterError: they cannot be compiled, or fail while they run.
         """
-        try:
+        if not self.file:
             yield
-        except Exception as error:
-            if not (self.file and Path(self.file).name in str(error)):
-                raise
-            with user_file.explained(Path(self.file), f"the plant {self.name!r}"):
-                raise
+            return
+        with user_file.explained(Path(self.file), f"the plant {self.name!r}", named=True):
+            yield
 
     def kernels(self) -> dict[str, Callable[..., Any]]:
         """What stands for the stand-ins in a loop's source."""
@@ -177,7 +175,11 @@ def refuse_no_number(dynamics: Dynamics, columns: Mapping[str, float], time: flo
     """
     for name, value in columns.items():
         if dynamics.file and not math.isfinite(value):
-            own = dynamics.parts.get("own_advance", dynamics.advance)  # of one that is turned round
+            reads = name.endswith("_measured")
+            own = dynamics.observe if reads else dynamics.advance
+            own = dynamics.parts.get("own_observe" if reads else "own_advance", own)  # of one that is turned round
+            if user_file.is_ours(own):  # encoders are read by ours
+                own = dynamics.parts.get("own_advance", dynamics.advance)
             where = user_file.line(own, Path(dynamics.file))
             raise ParameterError(
                 f"{where}: the plant {dynamics.name!r} gave {value} for {name} at t = {time:.6g} s",

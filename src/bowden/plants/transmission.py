@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, program, reached
 from bowden.core.nested import form_of, numbers_of
 from bowden.models.cable.bouc_wen import saturation
 from bowden.models.cable.sheath import slope_factor, width
@@ -100,10 +100,7 @@ class _Key:
     def moved(self, commands: Array) -> Array:
         """Motor and joint under commands, from rest at the first (2, n) [rad]."""
         record = np.empty((2, len(commands)))
-        names = ("plant_rest", "plant_advance", "plant_look")
-        kernels = self.dynamics.kernels()
-        parts = {name: part for name, part in kernels.items() if name in names or not name.startswith("plant_")}
-        loop = specialise(open_loop, self.dynamics.name, **parts)
+        loop = program(open_loop, self.dynamics.name, **reached(open_loop, self.dynamics.kernels()))
         with self.dynamics.explained():
             loop(self.dynamics.plant, self.sheath, commands, record)
         for k in np.flatnonzero(~np.isfinite(record).all(axis=0))[:1]:

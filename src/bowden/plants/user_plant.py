@@ -164,13 +164,14 @@ class UserPlant(NamedTuple):
         """See `Plant.resting_motor`.
 
         Raises:
-            ParameterError: it has its joint there at no motor angle.
+            ParameterError: it has its joint there at no motor angle, or fails, with file and line.
         """
         sheath = sheath_state(self.sheath, self.sheath.bend if bend is None else bend)
         handed, way = self._handed, -1.0 if self.turned else 1.0
-        return motor_for(
-            joint, lambda motor: float(self.rest(handed, way * motor, sheath).joint), joint + 1e-3, self.name
-        )
+        with user_file.explained(self.path, f"the plant {self.name!r}"):
+            return motor_for(
+                joint, lambda motor: float(self.rest(handed, way * motor, sheath).joint), joint + 1e-3, self.name
+            )
 
     def describe(self) -> dict[str, Any]:
         """See `Plant.describe`."""

@@ -6,13 +6,14 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 
-from bowden.core.errors import ParameterError, near
+from bowden.core.errors import ParameterError, article, near
 from bowden.core.quantity import Quantity, optional
 from bowden.core.units import DEGREES
 from bowden.rig.declaration import at, items_of, replaced
 
 Value = TypeVar("Value")
 
+_GIVE = "give it another value"
 _WORDS = {float: "a number", int: "a whole number", bool: "True or False", str: "text"}
 
 
@@ -51,7 +52,7 @@ def checked(value: Any, kind: type[Value], name: str) -> Value:
     """
     if not isinstance(value, kind):
         raise ParameterError(
-            f"Rig: {name} is {shown(value)}", expected=f"a {kind.__name__}", do=f"make one: {_like(kind)}"
+            f"Rig: {name} is {shown(value)}", expected=article(kind.__name__), do=f"make one: {_like(kind)}"
         )
     wanted: Any = kind
     try:
@@ -89,20 +90,24 @@ def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
     if get_origin(kind) is Literal:
         choices = get_args(kind)
         if value not in choices:
-            raise ParameterError(f"Rig: {name} is {shown(value)}", expected=near(str(value), map(str, choices)))
+            raise ParameterError(
+                f"Rig: {name} is {shown(value)}", expected=near(str(value), map(str, choices)), do=_GIVE
+            )
         return value
     if get_origin(kind) is tuple:
         if isinstance(value, str) or not hasattr(value, "__iter__"):
-            raise ParameterError(f"Rig: {name} is {shown(value)}", expected="several numbers")
+            raise ParameterError(
+                f"Rig: {name} is {shown(value)}", expected="several numbers", do="write [0.0, 1.0], say"
+            )
         found = tuple(checked_number(one, float, quantity, f"{name}[{i}]") for i, one in enumerate(value))
         return value if value == found and isinstance(value, tuple) and all(type(x) is float for x in value) else found
     if kind in (bool, str):
         if not isinstance(value, kind):
-            raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_WORDS[kind])
+            raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_WORDS[kind], do=_GIVE)
         return value
     needed = numbers.Integral if kind is int else numbers.Real
     if isinstance(value, bool) or not isinstance(value, needed):
-        raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_expected(kind, quantity))
+        raise ParameterError(f"Rig: {name} is {shown(value)}", expected=_expected(kind, quantity), do=_GIVE)
     number = int(value) if isinstance(value, numbers.Integral) and kind is int else float(value)
     if not quantity.holds(number):
         raise ParameterError(
@@ -117,9 +122,10 @@ def _expected(kind: Any, quantity: Quantity) -> str:
 
 
 def _in_degrees(number: float, quantity: Quantity) -> str:
-    """A hint where an angle is too large to be in radians, and would be right in degrees."""
+    """What to do; with a hint where an angle is too large to be in radians, and would be right in degrees."""
     angle = quantity.unit == "rad" and quantity.file_unit == "°" and math.isfinite(number)
-    return f"that looks like degrees: np.radians({number:g})" if angle and quantity.holds(number / DEGREES) else ""
+    like = angle and quantity.holds(number / DEGREES)
+    return f"that looks like degrees: np.radians({number:g})" if like else _GIVE
 
 
 def shown(value: Any) -> str:

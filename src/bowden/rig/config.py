@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -14,6 +15,7 @@ from pydantic_core import ErrorDetails
 from bowden.control import user_law
 from bowden.control.reference import Trajectory
 from bowden.core.errors import BowdenError, ParameterError, near
+from bowden.hardware.drives.family import names as families
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import load_cable
 from bowden.models.cable.bouc_wen import BoucWen
@@ -26,6 +28,8 @@ from bowden.rig.recorded import RecordedMotion, read_motion
 from bowden.rig.sections import (
     BEND_KINDS,
     BENDS,
+    DEFAULT_FAMILY,
+    MODEL_FILE,
     PARTS,
     REFERENCE_KINDS,
     REFERENCES,
@@ -95,7 +99,7 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
     try:
         file: Any = RigFile.model_validate(tree)
     except ValidationError as error:
-        raise explained(error, path) from error
+        raise explained(error, path, inner={"drive": _drive_section(tree)}) from error
     if file.cable.parameters and file.cable.plant is None:
         raise ParameterError(
             f"{path}: [cable] has parameters and no plant", expected="a plant of your own", do="name it, or delete them"
@@ -129,7 +133,7 @@ def _value(name: str, section: Section) -> Any:
 def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
     if section.model is None:
         return value_of(BoucWen, section.model_dump())
-    if isinstance(before, IdentifiedCable) and before.file == section.model:
+    if isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model:
         return before
     with asked_for_by(f"{path}: cable.model"):
         return load_cable(path.parent / section.model, section.model)
@@ -258,16 +262,41 @@ _WANTED = {
 """Kind of pydantic's error → what would have been right."""
 
 
-def explained(error: ValidationError, path: Path, root: type[BaseModel] = RigFile) -> ParameterError:
-    """One line for the first thing that pydantic found wrong in a file whose keys are those of `root`."""
-    return _explain(error.errors()[0], path, root)
+def explained(
+    error: ValidationError,
+    path: Path,
+    root: type[BaseModel] = RigFile,
+    inner: Mapping[str, type[BaseModel]] = MappingProxyType({}),
+) -> ParameterError:
+    """One line for the first thing that pydantic found wrong in a file whose keys are those of `root`.
+
+    Args:
+        error: pydantic's.
+        path: of the file.
+        root: the file's class.
+        inner: sections whose class is another one than the file's class says.
+    """
+    return _explain(error.errors()[0], path, root, inner)
 
 
-def _explain(error: ErrorDetails, path: Path, root: type[BaseModel]) -> ParameterError:
+def _drive_section(tree: Mapping[str, Any]) -> type[Section]:
+    """The class of [drive], of the family that it names if there is one."""
+    given = tree.get("drive")
+    family = given.get("family", DEFAULT_FAMILY) if isinstance(given, Mapping) else DEFAULT_FAMILY
+    try:
+        return drive_part(family).section
+    except (ParameterError, TypeError):
+        return drive_part(DEFAULT_FAMILY).section
+
+
+def _explain(
+    error: ErrorDetails, path: Path, root: type[BaseModel], inner: Mapping[str, type[BaseModel]]
+) -> ParameterError:
     kind, context, location = error["type"], error.get("ctx", {}), error["loc"]
     if kind != "extra_forbidden" and location[-1] in _TYPES:  # which type was tried, of a value that may have several
         location = location[:-1]
     keys, section = _place(location, root)
+    section = inner.get(keys[0], section)
     name, last = _dotted(keys), keys[-1]
     if kind == "extra_forbidden":
         where = f"key {last!r} in [{_dotted(keys[:-1])}]" if keys[1:] else f"key or section {last!r}"
@@ -277,6 +306,9 @@ def _explain(error: ErrorDetails, path: Path, root: type[BaseModel]) -> Paramete
     if kind == "union_tag_invalid":
         tag = str(context["tag"])
         return ParameterError(f"{path}: {name}.kind is {tag!r}", expected=near(tag, _KINDS[name]), do=_CORRECT)
+    if kind == "drive_family":
+        family = str(context["family"])
+        return ParameterError(f"{path}: drive.family is {family!r}", expected=near(family, families()), do=_CORRECT)
     if kind == "union_tag_not_found":
         return ParameterError(f"{path}: {name}.kind is missing", expected=near("", _KINDS[name]), do="add it")
     if kind == "missing":

@@ -1,11 +1,12 @@
 """The drive, the supervisor's limits and the loop's settings as a rig has them."""
 
+import math
 from typing import Any
 
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
-from bowden.hardware.drives.family import DriveNeeds, family_of
+from bowden.hardware.drives.family import LONGEST_SILENCE, DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.models.suit.suit_angle import spool_map
 from bowden.plants.bench import Bench
@@ -69,7 +70,7 @@ def drive_parameters(given: Any, needs: DriveNeeds) -> Any:
         needs: of `drive_needs`.
 
     Raises:
-        ParameterError: values that make no sense together.
+        ParameterError: values that make no sense together, or a drive that would keep its torque without us.
     """
     most = most_push(given, needs)
     if needs.torque_offset > most:
@@ -78,7 +79,17 @@ def drive_parameters(given: Any, needs: DriveNeeds) -> Any:
             expected=f"at most {most:.4g}, half of what the largest current gives at the spool",
             do="correct it, or the current's limit in [limits]",
         )
-    return family_of(given).completed(given, needs)
+    family = family_of(given)
+    parameters = family.completed(given, needs)
+    watch = family.watchdog(parameters)
+    if not watch <= LONGEST_SILENCE:
+        never = "never" if math.isinf(watch) else f"{1e3 * watch:g} ms after our last word"
+        raise ParameterError(
+            f"the drive ({family.name}) takes its torque off {never}, should the loop die",
+            expected=f"a drive that does it within {1e3 * LONGEST_SILENCE:g} ms by itself",
+            do="set the drive's own timeout with its maker's tool, and say it in [drive]; or take another drive",
+        )
+    return parameters
 
 
 def most_push(given: Any, needs: DriveNeeds) -> float:

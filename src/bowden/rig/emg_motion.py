@@ -12,7 +12,7 @@ from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference
 from bowden.hardware.emg.course import CourseSettings, CourseState, course_step
 from bowden.hardware.emg.listener import filters_of, share_of
-from bowden.rig.emg_setup import EmgRun, columns, levels
+from bowden.rig.emg_setup import EmgRun, check_recording, columns, levels
 from bowden.sensing.intent import intent_start
 from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 
@@ -37,6 +37,7 @@ def recorded(run: EmgRun, dt: float) -> "EmgMotion | None":
     kind, _, path = run.source.partition(":")
     if kind != "file":
         return None
+    check_recording(run)
     stream = Playback(Path(path), run.wanted)
     stream.open()
     flexor, extensor = columns(run, stream)

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 from bowden.control import LAWS, Law, user_law
 from bowden.core import user_file
 from bowden.core.errors import ParameterError
+from bowden.core.kernel_content import Content, code_of
+from bowden.core.user_file import UserModule
 
 
 class LawFile(NamedTuple):
@@ -19,6 +21,8 @@ class LawFile(NamedTuple):
     """Where the file was."""
     source: bytes
     """What was in it."""
+    modules: tuple[UserModule, ...] = ()
+    """What it imports of the user's own."""
 
     def load(self) -> Law:
         """The law; of a file that has changed since or is not there any more, what it was.
@@ -33,7 +37,7 @@ class LawFile(NamedTuple):
 def _load(file: LawFile) -> Law:
     """The law, made once in a process: what a file prints is printed once."""
     path, attribute = Path(file.path), file.name.rpartition(".py")[2]
-    law = user_law.load(f"{user_file.restored(path, file.source, 'laws')}{attribute}")
+    law = user_law.load(f"{user_file.restored(path, file.source, 'laws', file.modules)}{attribute}")
     _READ.setdefault(_key(law), (law, file))
     return law
 
@@ -45,7 +49,8 @@ def law_file(name: str, folder: Path | None = None) -> LawFile:
         ParameterError: it cannot be read, or has no such law.
     """
     path = Path(user_law.absolute(name, folder).rpartition(".py")[0] + ".py")
-    found = LawFile(name, str(path), user_file.source_of(path, "law"))
+    source = user_file.source_of(path, "law")
+    found = LawFile(name, str(path), source, user_file.modules_of(path, source))
     found.load()
     return found
 
@@ -105,9 +110,9 @@ def held(law: Law) -> Law:
     return law
 
 
-def code_of_law(law: Law) -> str:
+def code_of_law(law: Law) -> Content:
     """What its kernels, and those that they call, are made of."""
-    return user_file.code_of(law.start_kernel, law.step_kernel)
+    return code_of(law.start_kernel, law.step_kernel)
 
 
 def _in_file(law: Law) -> tuple[Law | None, LawFile | None]:
@@ -135,7 +140,8 @@ def _looked_for(law: Law) -> tuple[Law | None, LawFile | None]:
             loaded = found.load()
         except ParameterError:
             continue
-        if loaded.name == law.name and code_of_law(loaded) == code_of_law(law):
+        code = code_of_law(law)
+        if loaded.name == law.name and code is not None and code == code_of_law(loaded):
             return loaded, found
     return None, None
 

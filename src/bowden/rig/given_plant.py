@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bowden.core import user_file
-from bowden.core.errors import ParameterError, near
+from bowden.core.errors import ParameterError, article, near
+from bowden.core.kernel_content import code_of
+from bowden.core.user_file import UserModule
 from bowden.plants import user_plant
 from bowden.plants.user_plant import UserPlant
 
@@ -29,6 +31,8 @@ class PlantFile(NamedTuple):
     """What was in it."""
     changed: tuple[tuple[str, float], ...] = ()
     """Parameters that differ from the file's, by name and in their order."""
+    modules: tuple[UserModule, ...] = ()
+    """What it imports of the user's own."""
 
     def load(self) -> UserPlant:
         """The plant; of a file that has changed since or is not there any more, what it was.
@@ -69,7 +73,7 @@ class PlantFile(NamedTuple):
 def _load(file: PlantFile) -> UserPlant:
     """The plant, made once in a process: what a file prints is printed once."""
     path, attribute = Path(file.path), file.name.rpartition(".py")[2]
-    return user_plant.load(f"{user_file.restored(path, file.source, 'plants')}{attribute}")
+    return user_plant.load(f"{user_file.restored(path, file.source, 'plants', file.modules)}{attribute}")
 
 
 def plant_file(name: str, folder: Path | None = None) -> PlantFile:
@@ -80,9 +84,12 @@ def plant_file(name: str, folder: Path | None = None) -> PlantFile:
     """
     file, _ = user_file.split(name)
     if not file.endswith(".py"):
-        raise ParameterError(f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME")
+        raise ParameterError(
+            f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME", do="name its file"
+        )
     path = ((folder or Path()) / file).absolute()
-    found = PlantFile(name, str(path), user_file.source_of(path, "plant"))
+    source = user_file.source_of(path, "plant")
+    found = PlantFile(name, str(path), source, modules=user_file.modules_of(path, source))
     found.load()
     return found
 
@@ -99,8 +106,9 @@ def held(given: Any) -> UserPlant | PlantFile | None:
         if given is None or isinstance(given, PlantFile):
             return given
         raise ParameterError(
-            f"Rig: plant is a {type(given).__name__}",
+            f"Rig: plant is {article(type(given).__name__)}",
             expected='"my_plant.py:NAME" or a UserPlant of bowden.plants.user_plant',
+            do="write it into a file and name that (docs/kernels.md)",
         )
     given.dynamics()
     return _in_file(given) or given
@@ -181,10 +189,10 @@ def _in_file(plant: UserPlant) -> PlantFile | None:
 def _changed(plant: UserPlant, known: UserPlant) -> tuple[tuple[str, float], ...] | None:
     """The parameters in which a plant differs from the file's; None where it differs in more than numbers."""
     kernels = ("rest", "advance", "observe", "effort")
-    code = [user_file.code_of(*(getattr(one, kernel) for kernel in kernels)) for one in (plant, known)]
+    code = [code_of(*(getattr(one, kernel) for kernel in kernels)) for one in (plant, known)]
     kinds = [type(one.parameters).__name__ for one in (plant, known)]
     same = all(getattr(plant, name) == getattr(known, name) for name in PARTS)
-    if plant.name != known.name or code[0] != code[1] or kinds[0] != kinds[1] or not same:
+    if plant.name != known.name or code[0] is None or code[0] != code[1] or kinds[0] != kinds[1] or not same:
         return None
     found = []
     for name, value in plant.parameters._asdict().items():

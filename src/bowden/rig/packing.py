@@ -1,12 +1,13 @@
 """A rig as plain bytes: a JSON document with all its numbers, and the contents of the files that it was made of."""
 
 import base64
+import contextlib
 import dataclasses
 import hashlib
 import json
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -15,7 +16,9 @@ from numpy.typing import NDArray
 from bowden import __version__
 from bowden.control import LAWS, Law
 from bowden.core import user_file
-from bowden.core.errors import ParameterError
+from bowden.core.arguments import said
+from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.kernel_content import code_of
 from bowden.core.quantity import optional
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
@@ -91,11 +94,10 @@ def _written(name: str, value: Any) -> Any:
     if isinstance(value, IdentifiedCable):
         return {"best": value.best, "models": {k: dict(v) for k, v in value.models.items()}, "file": value.file}
     if isinstance(value, LawFile):
-        return {"name": value.name, "path": value.path, "source": base64.b64encode(value.source).decode()}
+        return user_file.written(value)
     if isinstance(value, UserPlant | PlantFile):
         plant = as_file(value)
-        source = base64.b64encode(plant.source).decode()
-        return {"name": plant.name, "path": plant.path, "source": source, "changed": dict(plant.changed)}
+        return user_file.written(plant) | {"changed": dict(plant.changed)}
     if isinstance(value, Law):
         return None  # `document` has its name or file
     if name == "reference":
@@ -103,6 +105,7 @@ def _written(name: str, value: Any) -> Any:
             raise ParameterError(
                 f"a reference of the type {type(value).__name__} is known to this process alone",
                 expected=f"one of {', '.join(part.kind.__name__ for part in REFERENCES.values())}",
+                do="use one of these, or simulate in this process",
             )
         return {"kind": _REFERENCE_TAGS[type(value)]} | {
             one.name: _plain(getattr(value, one.name)) for one in dataclasses.fields(value)
@@ -138,19 +141,19 @@ def _said(value: Any) -> Any:
         return {"best": value.best, "models": _said({k: dict(v) for k, v in value.models.items()})}
     if isinstance(value, LawFile):
         attribute = value.name.rpartition(".py")[2]
-        return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute}
+        return {"law": hashlib.sha256(value.source).hexdigest(), "name": attribute} | _modules_said(value)
     if isinstance(value, PlantFile):
         attribute = value.name.rpartition(".py")[2]
         found = {"plant": hashlib.sha256(value.source).hexdigest(), "name": attribute}
-        return found | {"changed": _said(dict(value.changed))}
+        return found | {"changed": _said(dict(value.changed))} | _modules_said(value)
     if isinstance(value, UserPlant):  # of a notebook, as for a law
-        code = user_file.code_of(value.rest, value.advance, value.observe, value.effort)
+        code = code_of(value.rest, value.advance, value.observe, value.effort) or id(value.advance)
         return {"plant": value.name, "code": code, "parameters": _said(value.describe())}
     if isinstance(value, Law):
         try:
             base, own = packable(value)
         except ParameterError:  # of a notebook: what is run is all that is known of it
-            return {"law": value.name, "code": code_of_law(value), "gains": _said(value.gains)}
+            return {"law": value.name, "code": code_of_law(value) or id(value.step_kernel), "gains": _said(value.gains)}
         return {"law": _said(base), "gains": _said(own)} if own else _said(base)
     if isinstance(value, Mapping):
         return {key: _said(part) for key, part in value.items()}
@@ -170,14 +173,24 @@ def _said(value: Any) -> Any:
     return f"{value:.{_DIGITS}g}" if isinstance(value, float) else value
 
 
+def _modules_said(value: LawFile | PlantFile) -> dict[str, Any]:
+    """What a user's file imports, for the hash; nothing where it imports nothing of the user's own."""
+    found = {one.file: hashlib.sha256(one.source).hexdigest() for one in value.modules}
+    return {"modules": found} if found else {}
+
+
 def _scaled(value: Any, factor: float) -> Any:
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
         return tuple(part / factor for part in value)
     return value / factor if isinstance(value, float) else value
 
 
-def unpacked(pack: bytes | Mapping[str, Any]) -> Packed:
+def unpacked(pack: bytes | Mapping[str, Any], known: Iterable[str]) -> Packed:
     """The fields of a rig from a document, or its bytes; what it leaves out is left out.
+
+    Args:
+        pack: what `packed` or `document` gave.
+        known: names of all fields.
 
     Raises:
         ParameterError: it is none, or of a version that cannot be read.
@@ -191,24 +204,55 @@ def unpacked(pack: bytes | Mapping[str, Any]) -> Packed:
         )
     remarks: list[str] = []
     values: dict[str, Any] = {}
+    fields = tuple(known)
+    if missing := [name for name in fields if name not in found]:
+        remarks.append(f"the packed rig has no {', '.join(missing)}: taken as the default bench has it")
     for name, given in found.items():
         if name in ("format", "software", "own_gains", "hash"):
             continue
-        values[name] = _value(name, given, remarks)
+        if name not in fields:
+            remarks.append(f"the packed rig has {name}, which this version does not know and leaves out")
+            continue
+        with _understood(name, given):
+            values[name] = _value(name, given, remarks)
     if "own_gains" in found:
-        law = values["law"]
-        loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
-        values["law"] = loaded.with_gains(**found["own_gains"])
+        with _understood("own_gains", found["own_gains"]):
+            law = values["law"]
+            loaded = law.load() if isinstance(law, LawFile) else LAWS[law]
+            values["law"] = loaded.with_gains(**found["own_gains"])
     return Packed(values, tuple(remarks))
 
 
-def _read(pack: bytes) -> Mapping[str, Any]:
+@contextlib.contextmanager
+def _understood(name: str, given: Any) -> Iterator[None]:
+    """Whatever a foreign document holds in place of a part of a rig becomes one line.
+
+    Raises:
+        ParameterError: it is no such part.
+    """
     try:
+        yield
+    except BowdenError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, zlib.error) as error:
+        why = f"it has no {error.args[0]!r}" if isinstance(error, KeyError) else str(error)
+        raise ParameterError(
+            f"the packed rig's {name} is {said(given)}: {why}",
+            expected="what Rig.pack or Rig.document gave",
+            do="pack the rig anew",
+        ) from error
+
+
+def _read(pack: bytes) -> Mapping[str, Any]:
+    found = None
+    with contextlib.suppress(ValueError, TypeError):
         found = json.loads(pack)
-    except ValueError:
-        found = None
     if not isinstance(found, dict):
-        raise ParameterError("the bytes are no packed rig", expected="what Rig.pack gives")
+        raise ParameterError(
+            f"Rig.unpack: {said(pack)} is no packed rig",
+            expected="what Rig.pack or Rig.document gives",
+            do="read a rig.toml with Rig.read",
+        )
     return found
 
 
@@ -233,15 +277,17 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
         part = BENDS[given["kind"]]
         return _made(part.kind, {k: v for k, v in given.items() if k != "kind"}, part.default, name, remarks)
     if name == "law" and isinstance(given, Mapping):
-        return LawFile(given["name"], given["path"], base64.b64decode(given["source"]))
+        return LawFile(given["name"], given["path"], **user_file.read(given))
     if name == "plant" and given is not None:
-        source = base64.b64decode(given["source"])
-        return PlantFile(given["name"], given["path"], source, tuple(given["changed"].items()))
+        changed = tuple((key, float(value)) for key, value in given["changed"].items())
+        return PlantFile(given["name"], given["path"], changed=changed, **user_file.read(given))
     return Gains(given) if name == "gains" else given
 
 
 def _made(kind: Any, given: Mapping[str, Any], default: Any, name: str, remarks: list[str]) -> Any:
     """A NamedTuple of a kind from what `_plain` made of it; what another version called otherwise is remarked."""
+    if not isinstance(given, Mapping) or (given and not set(given) & set(kind._fields)):
+        raise ValueError(f"it has none of {', '.join(kind._fields)}")
     unknown = sorted(set(given) - set(kind._fields))
     missing = [one for one in kind._fields if one not in given]
     if unknown:

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 from bowden.control import LAWS, Law
 from bowden.core.quantity import meanings
+from bowden.hardware.drives.family import names as families
 from bowden.rig.declaration import Section
-from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile
+from bowden.rig.sections import BEND_KINDS, REFERENCE_KINDS, Control, EncodersSection, RigFile, drive_part
 
 _HEAD = """\
 # The bench of bowden, and how to run it: bowden simulate {name}
@@ -36,7 +37,8 @@ def toml_text(name: str = "rig.toml") -> str:
     parts = [_HEAD.format(name=name)]
     for title, (chosen, *others) in sections():
         parts.append(_table(title, chosen))
-        parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
+        if title != "drive":  # drives of other families are on the page
+            parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
         if title == "control":
             gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[Control().law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
@@ -55,6 +57,8 @@ def sections() -> Iterator[tuple[str, list[type[Section]]]]:
     for name, field in RigFile.model_fields.items():
         if name == "reference":
             yield name, list(REFERENCE_KINDS.values())
+        elif name == "drive":
+            yield name, [drive_part(family).section for family in families()]
         elif name == "encoder":
             for side, inner in EncodersSection.model_fields.items():
                 yield f"{name}.{side}", [type(inner.default)]

@@ -12,8 +12,10 @@ import numpy as np
 from bowden.control import LAWS, Law
 from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
+from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, near
 from bowden.core.files import whole_file
+from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
 from bowden.core.style import new_figure
@@ -79,6 +81,7 @@ _AS_BENCH = ("bouc_wen", _LINE)
 _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 
 
+@signed
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Rig:
     """Everything that a run needs; the default is the bench of the paper. All numbers are in SI and radians.
@@ -144,7 +147,7 @@ class Rig:
     """The file that it was read from, for messages."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
     """What the user should know about how the file was understood."""
-    stands_for: str = field(default="", compare=False)
+    stands_for: str = field(default="", init=False, compare=False)
     """Hash of the rig of which this one is only another form, `offline`."""
 
     def __new__(cls, *given: Any, **named: Any) -> "Rig":
@@ -158,6 +161,11 @@ class Rig:
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
+        arguments.text(self.origin, "Rig: origin", "the name of a file")
+        if not isinstance(self.remarks, tuple) or not all(isinstance(one, str) for one in self.remarks):
+            raise ParameterError(
+                f"Rig: remarks is {shown(self.remarks)}", expected="a tuple of texts", do="leave it out"
+            )
         self._check_clock()
         for kind in (Clock, Scenario):
             for one in declared(kind):
@@ -176,7 +184,7 @@ class Rig:
         numbers = [isinstance(one, int | float) and not isinstance(one, bool) for one in (self.duration, self.seed)]
         if numbers[1] and not 0 <= self.seed < 2**63:
             raise ParameterError(
-                f"the seed is {self.seed}", expected="a whole number from 0 to 2⁶³ − 1", do="change --seed"
+                f"the seed is {self.seed}", expected="a whole number from 0 to 2⁶³ − 1", do="give another seed"
             )
         step = self.sample_time
         if numbers[0] and isinstance(step, int | float) and step > 0.0:
@@ -185,7 +193,7 @@ class Rig:
                 raise ParameterError(
                     f"a run of {self.duration:g} s has {max(cycles, 0.0):g} cycles",
                     expected=f"a duration that makes 2 to {MOST_CYCLES} of them",
-                    do="change scenario.duration_s or --duration",
+                    do="change the duration, scenario.duration_s of a rig.toml",
                 )
 
     def _take_from_plant(self) -> None:
@@ -224,6 +232,9 @@ class Rig:
 
     def _check_whole(self) -> None:
         """Refuse parts that do not fit one another."""
+        if self.gains:
+            with config.asked_for_by(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
+                self.loaded_law.with_gains(**self.gains)
         if self.emg.source is not None:
             _ = self.emg_run
         with config.asked_for_by(f"{self.origin}: [suit] or [wearer]"):
@@ -241,7 +252,7 @@ class Rig:
             ParameterError: no such file, not TOML, an unknown key, a value of the wrong kind or out of its range.
             LogError: a recorded motion that cannot be used.
         """
-        return cls(**config.read_values(Path(path)))
+        return cls(**config.read_values(arguments.path_of(path, "Rig.read: path")))
 
     @classmethod
     def of_tree(cls, tree: Mapping[str, Any], origin: Path, keep: "Rig | None" = None) -> "Rig":
@@ -256,7 +267,14 @@ class Rig:
             ParameterError: see `read`.
             LogError: likewise.
         """
-        return cls(**config.values_of(tree, origin, None if keep is None else keep._fields))
+        if not isinstance(tree, Mapping):
+            raise ParameterError(
+                f"Rig.of_tree: tree is {shown(tree)}", expected="the sections of a rig.toml", do="tomllib.loads(text)"
+            )
+        place = arguments.path_of(origin, "Rig.of_tree: origin")
+        if keep is not None and not isinstance(keep, Rig):
+            raise ParameterError(f"Rig.of_tree: keep is {shown(keep)}", expected="a Rig", do="leave it out")
+        return cls(**config.values_of(tree, place, None if keep is None else keep._fields))
 
     def tree(self) -> dict[str, Any]:
         """The rig as the sections of a rig.toml.
@@ -283,7 +301,7 @@ class Rig:
             ParameterError: see `tree`.
             OutputError: a file cannot be written, or another one of its name is there.
         """
-        target = Path(path)
+        target = arguments.path_of(path, "Rig.write: path")
         tree, files = toml_text.files_of(self._fields)
         contents = {target: toml_text.written(tree).encode()} | {
             target.parent / name: text for name, text in files.items()
@@ -292,6 +310,8 @@ class Rig:
             if file.exists() and file.read_bytes() != content:
                 raise OutputError(f"{file} is there already", do="choose another folder, or delete it")
         for file, content in contents.items():
+            if file.parent != target.parent:  # of a package that a user's file imports
+                file.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(file) as part:
                 part.write_bytes(content)
 
@@ -303,7 +323,7 @@ class Rig:
         """
         for name in changes:
             _check_name(name)
-        return dataclasses.replace(self, **({"stands_for": ""} | changes))
+        return dataclasses.replace(self, **changes)
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
         """The same rig under another law, which takes none of this one's gains; the rig's own where none is given.
@@ -316,7 +336,8 @@ class Rig:
         Raises:
             ParameterError: an unknown law, or a user's file that cannot be used.
         """
-        given = given_law.named(law, folder) if isinstance(law, str) else law
+        place = None if folder is None else arguments.path_of(folder, "Rig.with_law: folder", "folder")
+        given = given_law.named(law, place) if isinstance(law, str) else law
         if given is None or given == self.law or _one_file(given, self.law):
             return self if preset is None else self.replace(preset=preset)
         return self.replace(law=given, preset=preset, gains=Gains())
@@ -328,6 +349,7 @@ class Rig:
             ParameterError: settings that do not fit it.
             StreamError: what names no source.
         """
+        arguments.text(source, "Rig.with_emg: source", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
         return self.replace(emg=emg_setup.found(self.emg, Path(self.origin).parent, source))
 
     def offline(self, *, whole: bool = False) -> "Rig":
@@ -339,15 +361,21 @@ class Rig:
         Raises:
             StreamError: a recording that cannot be used.
         """
-        run = self.emg_run
+        run, whole = self.emg_run, arguments.flag(whole, "Rig.offline: whole")
         if run is None or self.stands_for:
             return self
         motion = emg_motion.recorded(run, self.sample_time)
         if motion is None:
             said = f"{run.source} is live: simulated is the largest motion that it can ask for"
-            return self.replace(remarks=(*self.remarks, said), stands_for=self.hash)
+            return self._in_place_of(remarks=(*self.remarks, said))
         duration = self.duration if whole else min(self.duration, motion.duration)
-        return self.replace(reference=motion, duration=duration, stands_for=self.hash)
+        return self._in_place_of(reference=motion, duration=duration)
+
+    def _in_place_of(self, **changes: Any) -> "Rig":
+        """Another form of this rig, under its hash."""
+        made = self.replace(**changes)
+        object.__setattr__(made, "stands_for", self.hash)
+        return made
 
     @property
     def _fields(self) -> dict[str, Any]:
@@ -391,7 +419,8 @@ class Rig:
         Raises:
             ParameterError: it is none, or of another version.
         """
-        values, remarks = packing.unpacked(pack)
+        known = [one.name for one in dataclasses.fields(cls) if one.compare or one.name == "origin"]
+        values, remarks = packing.unpacked(pack, known)
         return cls(**values, remarks=remarks)
 
     def __repr__(self) -> str:
@@ -601,11 +630,13 @@ class Rig:
         Raises:
             ParameterError: an unknown law, preset or gain.
         """
-        given = given_law.named(law) if isinstance(law, str) else law
+        if known is not None and not isinstance(known, Knowledge):
+            raise ParameterError(
+                f"Rig.fitted: known is {shown(known)}", expected="a Knowledge", do="leave it out for the rig's own"
+            )
+        given = None if law is None else _law(law)
         own = given is None or given == self.law or _one_file(given, self.law)
         found, gains = self.loaded_law if given is None or own else _loaded(given), self.gains if own else {}
-        with config.asked_for_by("the rig's control.gains"):
-            found.with_gains(**gains)
         return configured(found, known or self.knowledge, preset=self.preset if own else None, gains=gains)
 
     @cached_property
@@ -658,6 +689,9 @@ class Rig:
         Raises:
             ParameterError: a channel that is none.
         """
+        for name, value in (("channel", channel), ("interface", interface)):
+            if value is not None:
+                arguments.text(value, f"Rig.on_bus: {name}", "the name of a bus" if name == "channel" else "its kind")
         moved = family_of(self.drive).moved(self.drive, channel, interface)
         return self if moved == self.drive else self.replace(drive=moved)
 
@@ -677,9 +711,9 @@ class Rig:
 
 
 def _check_name(name: str) -> None:
-    fields = [one.name for one in dataclasses.fields(Rig)]
+    fields = [one.name for one in dataclasses.fields(Rig) if one.init]
     if name not in fields:
-        raise ParameterError(f"a rig has no {name!r}", expected=near(name, fields))
+        raise ParameterError(f"a rig has no {name!r}", expected=near(name, fields), do="correct the name")
 
 
 def _loaded(given: GivenLaw) -> Law:
@@ -705,10 +739,12 @@ def _cable(given: Any) -> BoucWen | IdentifiedCable:
         return given
     if not isinstance(given, BoucWen):
         raise ParameterError(
-            f"Rig: cable is {shown(given)}", expected="a BoucWen(slope=…), or what bowden.identify gives"
+            f"Rig: cable is {shown(given)}",
+            expected="a BoucWen(slope=…), or what bowden.identify gives",
+            do="of a file: Rig.read",
         )
     if given.slope == 0.0:
-        raise ParameterError("Rig: cable.slope is 0", expected="a number above or below 0")
+        raise ParameterError("Rig: cable.slope is 0", expected="a number above or below 0", do="correct it")
     return checked(given, BoucWen, "cable")
 
 
@@ -719,6 +755,7 @@ def _reference(given: Any) -> Trajectory:
         raise ParameterError(
             f"Rig: reference is {shown(given)}",
             expected="a reference such as PeriodicMinimumJerk(0.0, 1.2, 10.0)",
+            do="make one: bowden.MinimumJerk.periodic(low, high, period)",
         )
     if any(type(given) is part.kind for part in REFERENCES.values()):
         checked(given, type(given), "reference")
@@ -731,11 +768,15 @@ def _bend(given: Any) -> Bend:
         given = ConstantBend(float(given))
     if not isinstance(given, ConstantBend | ScriptedBend | RandomBend):
         raise ParameterError(
-            f"Rig: bend is {shown(given)}", expected="a ConstantBend(…), ScriptedBend(…) or RandomBend(…)"
+            f"Rig: bend is {shown(given)}",
+            expected="an angle, or a ConstantBend(…), ScriptedBend(…) or RandomBend(…)",
+            do="give the sheath's total bend in rad",
         )
     found: Bend = checked(given, type(given), "bend")
     if isinstance(found, RandomBend) and not found.low < found.high:
-        raise ParameterError(f"Rig: bend goes from {found.low:g} to {found.high:g}", expected="low below high")
+        raise ParameterError(
+            f"Rig: bend goes from {found.low:g} to {found.high:g}", expected="low below high", do="swap them"
+        )
     return found
 
 
@@ -743,7 +784,11 @@ def _law(given: Any) -> GivenLaw:
     if isinstance(given, str):
         return given_law.named(given)
     if not isinstance(given, Law | LawFile):
-        raise ParameterError(f"Rig: law is {shown(given)}", expected='a name ("adaptive"), "FILE.py:NAME" or a Law')
+        raise ParameterError(
+            f"Rig: law is {shown(given)}",
+            expected='a name ("adaptive"), "FILE.py:NAME" or a Law',
+            do="list(bowden.LAWS) has the names",
+        )
     if isinstance(given, Law) and LAWS.get(given.name) == given:
         return given.name
     return given_law.held(given) if isinstance(given, Law) else given
@@ -751,7 +796,9 @@ def _law(given: Any) -> GivenLaw:
 
 def _gains(given: Any) -> Gains:
     if not isinstance(given, Mapping):
-        raise ParameterError(f"Rig: gains is {shown(given)}", expected="gains by name, {'error_gain': 0.05}")
+        raise ParameterError(
+            f"Rig: gains is {shown(given)}", expected="gains by name", do="write {'error_gain': 0.05}, say"
+        )
     rule = Quantity("a gain", ge=-1e6, le=1e6)
     return Gains({str(name): checked_number(one, float, rule, f"gains[{name!r}]") for name, one in given.items()})
 

@@ -92,7 +92,9 @@ def _part(name: str, text: str, default: Any, tag: str = "") -> Part:
 
 WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do not know it", gt=0.0, le=100.0)
 GAINS = Quantity("gains of that law that differ from its own, in SI units and radians")
-_MODEL = Quantity("file of an identified cable, in place of all keys below", example="model.toml")
+MODEL_FILE = "model.toml"
+"""Name of the file of an identified cable that came from none."""
+_MODEL = Quantity("file of an identified cable, in place of all keys below", example=MODEL_FILE)
 _PLANT = Quantity(
     'your own plant as "file.py:NAME", found from this file, in place of all other keys here', example="my_plant.py"
 )
@@ -199,7 +201,7 @@ def _drive_section(given: Any, default: Any) -> Any:
     try:
         return drive_part(named).section.model_validate(given)
     except ParameterError as error:
-        raise PydanticCustomError("drive_family", "{what}", {"what": str(error)}) from error
+        raise PydanticCustomError("drive_family", "there is no such family", {"family": named}) from error
 
 
 def _one_of(kinds: Mapping[str, type[Section]]) -> Any:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.control import Law
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 from bowden.core.quantity import declared
 from bowden.core.toml_text import quoted
 from bowden.identify.cable.model import IdentifiedCable
@@ -16,7 +16,7 @@ from bowden.rig.declaration import tree_of as section_tree
 from bowden.rig.given_law import LawFile, packable
 from bowden.rig.given_plant import PlantFile, as_file
 from bowden.rig.recorded import RecordedMotion
-from bowden.rig.sections import BENDS, PARTS, REFERENCES, Clock, RigFile, Scenario
+from bowden.rig.sections import BENDS, MODEL_FILE, PARTS, REFERENCES, Clock, RigFile, Scenario
 
 _TITLES = {"joint_encoder": ("encoder", "joint"), "motor_encoder": ("encoder", "motor")}
 
@@ -45,7 +45,7 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
         plant = as_file(values["plant"])
         found["cable"] = {"plant": plant.name} | _parameters(plant)
     elif isinstance(cable, IdentifiedCable):
-        found["cable"] = {"model": cable.file or "model.toml"}
+        found["cable"] = {"model": cable.file or MODEL_FILE}
     else:
         found["cable"] = section_tree(cable) | {"width": values["width"]}
     found["control"] = _control(values)
@@ -72,7 +72,7 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
         if type(value) is part.kind:
             return {"kind": tag} | section_tree(value)
     raise ParameterError(
-        f"a rig.toml has no words for a {type(value).__name__}",
+        f"a rig.toml has no words for {article(type(value).__name__)}",
         expected=f"one of {', '.join(part.kind.__name__ for part in kinds.values())}",
     )
 
@@ -106,6 +106,7 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
         name = Path(plant.path).name
         tree["cable"] |= {"plant": name + plant.name.rpartition(".py")[2]}
         files[name] = plant.source
+        files |= {one.file: one.source for one in plant.modules}
     elif isinstance(cable, IdentifiedCable):
         tree["cable"] = {"model": Path(tree["cable"]["model"]).name}
         files[tree["cable"]["model"]] = cable_text(cable).encode()
@@ -121,6 +122,7 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
         name = Path(law.path).name
         tree["control"]["law"] = name + law.name.rpartition(".py")[2]
         files[name] = law.source
+        files |= {one.file: one.source for one in law.modules}
     if emg.levels is not None:
         tree["emg"]["wearer"] = Path(emg.wearer or "wearer.toml").name
         files[tree["emg"]["wearer"]] = wearer_file.text_of(emg.levels).encode()

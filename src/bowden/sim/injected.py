@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, DriveState
 
-NOT_READY, DISABLED, SWITCHED_ON, ENABLED, FAULT = 0.0, 1.0, 3.0, 4.0, 7.0
-"""States of CiA 402, numbers of `hardware.drives.cia402.State`, which this floor cannot see."""
+NOT_READY, DISABLED = float(DriveState.NOT_READY_TO_SWITCH_ON), float(DriveState.SWITCH_ON_DISABLED)
+SWITCHED_ON, ENABLED, FAULT = (
+    float(state) for state in (DriveState.SWITCHED_ON, DriveState.OPERATION_ENABLED, DriveState.FAULT)
+)
+"""Numbers of states, as a reading has them."""
 CONSUMER = 50
 """Cycles without the host's heartbeat after which the drive stops by itself."""
 

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.control import user_law
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Source
-from bowden.core.kernel import specialise
+from bowden.core.kernel import program
 from bowden.core.nested import form_of, numbers_of
 from bowden.core.trace import Trace
 from bowden.plants.plant import Dynamics, Plant, SheathPath, sheath_path
@@ -203,12 +204,13 @@ def _run(group: Sequence[Ready]) -> Iterator[tuple[Outcome, ...]]:
 
 
 def _refuse_no_number(ready: Ready, number: int, outcome: Outcome, duration: float) -> None:
-    """Run the law of that number again with a trace, where a user's own plant may have given no number.
+    """Run the law of that number again with a trace, where it or the plant, a user's own, may have given no number.
 
     Raises:
         ParameterError: it did.
     """
-    if not ready.dynamics.file or (outcome.ended and math.isfinite(outcome.rmse)):
+    own = ready.dynamics.file or user_law.is_own(ready.case.laws[number])
+    if not own or (outcome.ended and math.isfinite(outcome.rmse)):
         return
     ready.case.trace(number, duration)
 
@@ -277,4 +279,4 @@ def compiled_batch(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fail
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return specialise(run_batch, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+    return program(run_batch, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))

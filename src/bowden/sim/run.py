@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden import __version__
+from bowden.control import user_law
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, program
 from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.core.trace import Trace
@@ -151,8 +152,8 @@ def simulate(
         run that ran away (a command beyond 1000 rad or not a number) the rest is NaN.
 
     Raises:
-        ParameterError: a duration, a setting or a part of the plant that cannot be, or a user's own plant that gives
-            no number.
+        ParameterError: a duration, a setting or a part of the plant that cannot be, or a user's own plant or law that
+            gives no number.
     """
     dynamics = plant.dynamics()
     inputs = inputs_of(plant, reference, duration, bend, seed, dynamics)
@@ -178,11 +179,8 @@ def simulate(
             fault,
             np.empty((2, len(inputs.time) if fault.kind > 0.0 else 0)),
         )
-    if dynamics.file:
-        own = block[len(RECORDED) : len(rows), : min(lasted + 1, len(inputs.time))]
-        for k in np.flatnonzero(~np.isfinite(own).all(axis=0))[:1]:
-            values_then = dict(zip(dynamics.columns, own[:, k].tolist(), strict=True))
-            refuse_no_number(dynamics, values_then, float(inputs.time[k]))
+    if fault.kind == 0.0:  # of a sensor that fails, no number is what it is to show
+        _refuse_no_number(dynamics, law, dict(zip([*rows, *laws], block, strict=False)), inputs.time, lasted)
     block[:, lasted:] = np.nan
     if source is not TABLE:
         references[:, lasted:] = np.nan
@@ -198,6 +196,29 @@ def simulate(
     return Trace(
         values, {name: units[name] for name in values}, _settings(plant, law, reference, source, initial), seed
     )
+
+
+def _refuse_no_number(dynamics: Dynamics, law: Law, found: dict[str, Array], time: Array, lasted: int) -> None:
+    """Refuse a run in which a user's own plant or law gave what is no number, by what was the first.
+
+    Raises:
+        ParameterError: one of them did.
+    """
+    own_law = user_law.is_own(law)
+    if not (dynamics.file or own_law):
+        return
+    end = min(lasted + 1, len(time))
+    seen = [*dynamics.columns, "joint_measured", "motor_measured"]
+    given = ["command", *(name for name in found if name.startswith("law."))]
+    firsts = []
+    for names in (seen, given):
+        bad = np.flatnonzero(~np.isfinite([found[name][:end] for name in names]).all(axis=0))
+        firsts.append(int(bad[0]) if len(bad) else end)
+    k = min(firsts)
+    if k < end and firsts[0] <= firsts[1]:  # a law that is shown no number gives none
+        refuse_no_number(dynamics, {name: float(found[name][k]) for name in seen}, float(time[k]))
+    elif k < end:
+        user_law.refuse_no_number(law, {name: float(found[name][k]) for name in given}, float(time[k]))
 
 
 def initial_angle(dynamics: Dynamics, initial_motor: float | None, references: Array) -> float:
@@ -216,7 +237,7 @@ def compiled_loop(dynamics: Dynamics, law: Law, source: Source = TABLE, *, fails
         source: of the reference.
         fails: whether a sensor may go wrong in it.
     """
-    return specialise(run_loop, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
+    return program(run_loop, f"{law.name}_{dynamics.name}", **stand_ins(dynamics, law, source, fails=fails))
 
 
 def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> dict[str, Callable[..., Any]]:
@@ -282,7 +303,7 @@ def _settings(plant: Plant, law: Law, reference: Trajectory, source: Source, ini
     return {
         "bowden": __version__,
         "law": law.name,
-        "gains": dict(law.gains._asdict()),
+        "gains": plain(law.gains),
         "reference": reference.describe(),
         "plant": plant.describe(),
         "sample_time": plant.sample_time,

@@ -1,6 +1,5 @@
 """A study as plain bytes, for processes that may run on another machine, and what they do with it."""
 
-import base64
 import json
 from contextlib import ExitStack
 from dataclasses import replace
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.control import user_law
+from bowden.core import user_file
 from bowden.core.errors import ParameterError
 from bowden.rig.given_law import LawFile, loaded
 from bowden.rig.rig import Rig
@@ -38,7 +38,7 @@ def packed(study: Study) -> bytes:
 def _packed_law(law: str | LawFile) -> Any:
     if isinstance(law, str):
         return law
-    return {"name": law.name, "path": law.path, "source": base64.b64encode(law.source).decode()}
+    return user_file.written(law)
 
 
 @lru_cache(2)
@@ -65,7 +65,7 @@ def unpacked(pack: bytes) -> Study:
 def _law(packed: Any) -> str | LawFile:
     if isinstance(packed, str):
         return packed
-    return LawFile(packed["name"], packed["path"], base64.b64decode(packed["source"]))
+    return LawFile(packed["name"], packed["path"], **user_file.read(packed))
 
 
 def compute(pack: bytes, first: int, last: int) -> bytes:

@@ -185,9 +185,9 @@ class Study:
     @cached_property
     def identity(self) -> dict[str, Any]:
         """All that the results depend on, as JSON values: two studies with the same give the same rows."""
-        files = {
-            Path(law.path).name: user_file.fingerprint(law.source) for law in self.given if isinstance(law, LawFile)
-        }
+        laws = [law for law in self.given if isinstance(law, LawFile)]
+        files = {Path(law.path).name: user_file.fingerprint(law.source) for law in laws}
+        files |= {one.file: user_file.fingerprint(one.source) for law in laws for one in law.modules}
         return {
             "bowden": software(),
             "laws": [law.name for law in self.laws],

@@ -16,6 +16,16 @@ def settling(gains: BowdenGains) -> float:
     return 20.0
 
 
+FORMER = {
+    "height": "width, the dead zone in motor angle",
+    "steepness": "nothing in its place: the law learns it",
+    "soft_feedback": "feedback, with most as its largest",
+    "least_speed": "slow",
+    "wander": "nothing in its place: the law measures it",
+    "noise": "nothing in its place: the law measures it",
+}
+"""Gains of the law's first version (`Law.former`)."""
+
 LAW = Law(
     name="bowden",
     gains=BowdenGains(),
@@ -28,4 +38,5 @@ LAW = Law(
     compensates_lag=True,
     settling=settling,
     limits=LIMITS,
+    former=FORMER,
 )

@@ -106,5 +106,8 @@ def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -
         raise DriveError(f"cannot open the bus {channel} ({interface}): {reason}", do=do) from error
 
 
-_REMEDIES = {UNIX: "start bowden twin, or correct [drive]", "socketcan": "try: ip link set {channel} up"}
+_REMEDIES = {
+    UNIX: "start bowden twin, run with a twin of its own (--twin), or name your CAN bus in [drive]",
+    "socketcan": "try: ip link set {channel} up",
+}
 """Interface → what to do when its bus cannot be opened."""

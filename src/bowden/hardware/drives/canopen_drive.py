@@ -11,12 +11,12 @@ from collections.abc import Callable
 import can
 
 from bowden.core.errors import DriveError
-from bowden.core.signals import DriveReading
+from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
 from bowden.hardware.buses.unix_bus import ERROR
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, set_up
-from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, State, controlword, decode, fell
+from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters
 from bowden.hardware.ports import Power
 
@@ -51,7 +51,7 @@ class CanopenDrive:
         self._claim: BusClaim | None = None
         self._found: DriveFindings | None = None
         self._bus_errors = 0
-        self._begin(State.NOT_READY_TO_SWITCH_ON)
+        self._begin(DriveState.NOT_READY_TO_SWITCH_ON)
         node, host = parameters.node_id, parameters.host_id
         self._pushed = parameters.torque_offset > 0.0
         self._rpdo, self._sync = _frame(frames.RPDO1 + node, 8 if self._pushed else 6), _frame(frames.SYNC, 0)
@@ -77,7 +77,7 @@ class CanopenDrive:
         self._operational = True
         return self._found.identity
 
-    def _begin(self, state: State) -> None:
+    def _begin(self, state: DriveState) -> None:
         """Nothing has been read or sent yet, and the drive is in that state."""
         self._state = self._before = self._statusword_state = state
         self._operational = self._fell = self._reset = False
@@ -117,7 +117,7 @@ class CanopenDrive:
                 self._operational = self._operational and state == frames.OPERATIONAL
             elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
                 emergency = emergency or float(code)  # of several in a cycle the first is the cause
-        self._before, self._state = self._state, self._statusword_state if self._operational else State(0)
+        self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)
         if math.isnan(self._heartbeat_at):
             self._heartbeat_at = now  # of the first cycle: from here on it can be late
         self._values = DriveReading(
@@ -144,12 +144,12 @@ class CanopenDrive:
         if not -frames.INT32 <= counts <= frames.INT32 - 1:
             power, counts = Power.OFF, float(self._counts)
         wanted = Power.OFF if self._fell else power
-        if self._state is not State.OPERATION_ENABLED:
+        if self._state is not DriveState.OPERATION_ENABLED:
             counts = float(self._counts)
         self._sent = controlword(self._state, wanted, self._reset and self._sent != Controlword.FAULT_RESET)
-        if self._sent == Controlword.FAULT_RESET or self._state is not State.FAULT:
+        if self._sent == Controlword.FAULT_RESET or self._state is not DriveState.FAULT:
             self._reset = False
-        led = self._state is State.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
+        led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now

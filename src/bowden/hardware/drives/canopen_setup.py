@@ -9,11 +9,13 @@ from typing import NamedTuple
 import can
 
 from bowden.core.errors import DriveError
+from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
-from bowden.hardware.drives.cia402 import WITH_TORQUE, OperationMode, State, decode, supports
+from bowden.hardware.drives.cia402 import WITH_TORQUE, OperationMode, decode, supports
 from bowden.hardware.drives.emergencies import emergency_text
-from bowden.hardware.drives.parameters import DriveParameters, Scale, SuitScale, joint_scale, motor_scale
+from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
+from bowden.hardware.drives.scale import Scale, SuitScale
 
 FAULT_SIGNAL = 1
 """6007h, abort connection option code: a lost heartbeat is a fault, and so it is latched."""
@@ -48,7 +50,7 @@ class DriveFindings(NamedTuple):
     joint: Scale
     rated_torque: float
     """6076h, of which 6077h is in thousandths [N·m]."""
-    state: State
+    state: DriveState
 
 
 def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
@@ -121,7 +123,7 @@ def _check_profile(node: Dialogue) -> None:
         )
 
 
-def _check_torque_free(node: Dialogue) -> State:
+def _check_torque_free(node: Dialogue) -> DriveState:
     """Whoever finds the motor under torque must not touch it."""
     state = decode(node.read(0x6041))
     if state in WITH_TORQUE:
@@ -253,10 +255,10 @@ def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> N
     node.write(index, 1, cob_id, 4, COB_ID_BITS)
 
 
-def _identity(node: Dialogue, state: State) -> str:
+def _identity(node: Dialogue, state: DriveState) -> str:
     vendor, product, revision, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
     who = f"{node.text(0x1008) or 'CiA 402 drive'} at {node.name}, vendor 0x{vendor:X}, product 0x{product:X}, "
     who += f"revision 0x{revision:X}, serial number {serial}"
-    if state is State.FAULT:
+    if state is DriveState.FAULT:
         who += f"; in fault, {emergency_text(node.read_if_there(0x603F) or 0)}"
     return who

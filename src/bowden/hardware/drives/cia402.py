@@ -6,24 +6,8 @@ drive modes 6502h.
 
 from enum import IntEnum
 
+from bowden.core.signals import DriveState
 from bowden.hardware.ports import Power
-
-
-class State(IntEnum):
-    """The states of the power drive system; the number goes into `core.signals.DriveReading.drive_state`."""
-
-    NOT_READY_TO_SWITCH_ON = 0
-    """Starting up; also what is said here of a drive that is not operational on the bus or gives no valid word."""
-    SWITCH_ON_DISABLED = 1
-    READY_TO_SWITCH_ON = 2
-    SWITCHED_ON = 3
-    """Power stage on, no torque."""
-    OPERATION_ENABLED = 4
-    """The motor follows the target."""
-    QUICK_STOP_ACTIVE = 5
-    """Slowing down, or standing with torque."""
-    FAULT_REACTION_ACTIVE = 6
-    FAULT = 7
 
 
 class OperationMode(IntEnum):
@@ -37,19 +21,19 @@ class OperationMode(IntEnum):
     CYCLIC_SYNCHRONOUS_TORQUE = 10
 
 
-STATUS: dict[State, tuple[int, int]] = {
-    State.NOT_READY_TO_SWITCH_ON: (0x4F, 0x00),
-    State.SWITCH_ON_DISABLED: (0x4F, 0x40),
-    State.READY_TO_SWITCH_ON: (0x6F, 0x21),
-    State.SWITCHED_ON: (0x6F, 0x23),
-    State.OPERATION_ENABLED: (0x6F, 0x27),
-    State.QUICK_STOP_ACTIVE: (0x6F, 0x07),
-    State.FAULT_REACTION_ACTIVE: (0x4F, 0x0F),
-    State.FAULT: (0x4F, 0x08),
+STATUS: dict[DriveState, tuple[int, int]] = {
+    DriveState.NOT_READY_TO_SWITCH_ON: (0x4F, 0x00),
+    DriveState.SWITCH_ON_DISABLED: (0x4F, 0x40),
+    DriveState.READY_TO_SWITCH_ON: (0x6F, 0x21),
+    DriveState.SWITCHED_ON: (0x6F, 0x23),
+    DriveState.OPERATION_ENABLED: (0x6F, 0x27),
+    DriveState.QUICK_STOP_ACTIVE: (0x6F, 0x07),
+    DriveState.FAULT_REACTION_ACTIVE: (0x4F, 0x0F),
+    DriveState.FAULT: (0x4F, 0x08),
 }
-"""State → mask and value of the statusword (CiA 402-2, table "state coding")."""
+"""DriveState → mask and value of the statusword (CiA 402-2, table "state coding")."""
 
-WITH_TORQUE = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})
+WITH_TORQUE = frozenset({DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE})
 """States in which the motor may have torque."""
 
 
@@ -66,27 +50,27 @@ class Controlword(IntEnum):
     """Works on its rising edge."""
 
 
-CONTROL: dict[tuple[State, Power], Controlword] = {
-    (state, power): Controlword.DISABLE_VOLTAGE for state in State for power in Power
+CONTROL: dict[tuple[DriveState, Power], Controlword] = {
+    (state, power): Controlword.DISABLE_VOLTAGE for state in DriveState for power in Power
 } | {
-    (State.SWITCH_ON_DISABLED, Power.READY): Controlword.SHUTDOWN,
-    (State.SWITCH_ON_DISABLED, Power.ON): Controlword.SHUTDOWN,
-    (State.READY_TO_SWITCH_ON, Power.READY): Controlword.SWITCH_ON,
-    (State.READY_TO_SWITCH_ON, Power.ON): Controlword.SWITCH_ON,
-    (State.SWITCHED_ON, Power.READY): Controlword.SWITCH_ON,
-    (State.SWITCHED_ON, Power.ON): Controlword.ENABLE_OPERATION,
-    (State.OPERATION_ENABLED, Power.QUICK_STOP): Controlword.QUICK_STOP,
-    (State.OPERATION_ENABLED, Power.READY): Controlword.SWITCH_ON,
-    (State.OPERATION_ENABLED, Power.ON): Controlword.ENABLE_OPERATION,
-    (State.QUICK_STOP_ACTIVE, Power.QUICK_STOP): Controlword.QUICK_STOP,
+    (DriveState.SWITCH_ON_DISABLED, Power.READY): Controlword.SHUTDOWN,
+    (DriveState.SWITCH_ON_DISABLED, Power.ON): Controlword.SHUTDOWN,
+    (DriveState.READY_TO_SWITCH_ON, Power.READY): Controlword.SWITCH_ON,
+    (DriveState.READY_TO_SWITCH_ON, Power.ON): Controlword.SWITCH_ON,
+    (DriveState.SWITCHED_ON, Power.READY): Controlword.SWITCH_ON,
+    (DriveState.SWITCHED_ON, Power.ON): Controlword.ENABLE_OPERATION,
+    (DriveState.OPERATION_ENABLED, Power.QUICK_STOP): Controlword.QUICK_STOP,
+    (DriveState.OPERATION_ENABLED, Power.READY): Controlword.SWITCH_ON,
+    (DriveState.OPERATION_ENABLED, Power.ON): Controlword.ENABLE_OPERATION,
+    (DriveState.QUICK_STOP_ACTIVE, Power.QUICK_STOP): Controlword.QUICK_STOP,
 }
-"""State × wanted power → the controlword of this cycle; one step a cycle, and never out of a fault.
+"""DriveState × wanted power → the controlword of this cycle; one step a cycle, and never out of a fault.
 
 A quick stop that has begun is let go to its end while it is wanted; any other wish takes the torque off.
 """
 
 
-def decode(statusword: int) -> State:
+def decode(statusword: int) -> DriveState:
     """The state that a statusword tells; what fits no state counts as not ready.
 
     >>> decode(0x1637).name, decode(0x0250).name, decode(0x0008).name
@@ -95,28 +79,28 @@ def decode(statusword: int) -> State:
     for state, (mask, value) in STATUS.items():
         if statusword & mask == value:
             return state
-    return State.NOT_READY_TO_SWITCH_ON
+    return DriveState.NOT_READY_TO_SWITCH_ON
 
 
-def encode(state: State) -> int:
+def encode(state: DriveState) -> int:
     """A statusword of that state, as a drive would send it with the voltage on (bit 4) and remote (bit 9)."""
     return STATUS[state][1] | 0x0210
 
 
-def controlword(state: State, power: Power, reset: bool = False) -> int:
+def controlword(state: DriveState, power: Power, reset: bool = False) -> int:
     """The controlword for this cycle.
 
     Args:
         state: what the drive said last.
         power: what is wanted of it.
-        reset: whether an operator has asked for a fault reset; it works in `State.FAULT` alone.
+        reset: whether an operator has asked for a fault reset; it works in `DriveState.FAULT` alone.
     """
-    if reset and state is State.FAULT:
+    if reset and state is DriveState.FAULT:
         return Controlword.FAULT_RESET
     return CONTROL[state, power]
 
 
-def fell(before: State, now: State, sent: int, already: bool, power: Power) -> bool:
+def fell(before: DriveState, now: DriveState, sent: int, already: bool, power: Power) -> bool:
     """Whether the drive has left operation enabled by itself and must not be switched on again as if nothing was.
 
     A drive whose master was silent for a moment may be in switch on disabled when the master is back; climbing again
@@ -131,11 +115,11 @@ def fell(before: State, now: State, sent: int, already: bool, power: Power) -> b
     """
     if power is Power.OFF:
         return False
-    left = before is State.OPERATION_ENABLED and now is not State.OPERATION_ENABLED
+    left = before is DriveState.OPERATION_ENABLED and now is not DriveState.OPERATION_ENABLED
     return already or (left and sent == Controlword.ENABLE_OPERATION)
 
 
-def step(state: State, control: int, edge: bool, fault_gone: bool = True) -> State:
+def step(state: DriveState, control: int, edge: bool, fault_gone: bool = True) -> DriveState:
     """The drive's side: the state after a controlword, transitions 2 to 12 and 15 of the state machine.
 
     Args:
@@ -144,25 +128,25 @@ def step(state: State, control: int, edge: bool, fault_gone: bool = True) -> Sta
         edge: whether bit 7 has risen with it.
         fault_gone: whether the cause of a fault is gone.
     """
-    if state is State.FAULT:
-        return State.SWITCH_ON_DISABLED if edge and fault_gone else state
-    if state in (State.NOT_READY_TO_SWITCH_ON, State.FAULT_REACTION_ACTIVE):
+    if state is DriveState.FAULT:
+        return DriveState.SWITCH_ON_DISABLED if edge and fault_gone else state
+    if state in (DriveState.NOT_READY_TO_SWITCH_ON, DriveState.FAULT_REACTION_ACTIVE):
         return state
     low = control & 0x0F
     if not low & 0x02:  # disable voltage
-        return State.SWITCH_ON_DISABLED
+        return DriveState.SWITCH_ON_DISABLED
     if not low & 0x04:  # quick stop
-        enabled = state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
-        return State.QUICK_STOP_ACTIVE if enabled else State.SWITCH_ON_DISABLED
-    if state is State.QUICK_STOP_ACTIVE:
+        enabled = state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+        return DriveState.QUICK_STOP_ACTIVE if enabled else DriveState.SWITCH_ON_DISABLED
+    if state is DriveState.QUICK_STOP_ACTIVE:
         return state  # transition 16, back to operation enabled, is optional; this drive has none
-    if state is State.SWITCH_ON_DISABLED:
-        return State.READY_TO_SWITCH_ON if low & 0x07 == 0x06 else state
+    if state is DriveState.SWITCH_ON_DISABLED:
+        return DriveState.READY_TO_SWITCH_ON if low & 0x07 == 0x06 else state
     if low & 0x07 == 0x06:  # shutdown
-        return State.READY_TO_SWITCH_ON
-    if state is State.READY_TO_SWITCH_ON:
-        return State.SWITCHED_ON
-    return State.OPERATION_ENABLED if low == 0x0F else State.SWITCHED_ON
+        return DriveState.READY_TO_SWITCH_ON
+    if state is DriveState.READY_TO_SWITCH_ON:
+        return DriveState.SWITCHED_ON
+    return DriveState.OPERATION_ENABLED if low == 0x0F else DriveState.SWITCHED_ON
 
 
 def supports(drive_modes: int, mode: OperationMode) -> bool:

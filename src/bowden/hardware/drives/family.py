@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 DEFAULT = "cia402"
 """The family of a rig that names none."""
 
+LONGEST_SILENCE = 50e-3
+"""Time after our last word in which a drive's torque must be off, whatever has become of the loop [s]."""
+
 
 class DriveNeeds(NamedTuple):
     """What a rig asks of its drive, whatever that is; in SI and radians at the spool and the joint."""
@@ -86,6 +89,9 @@ class DriveFamily:
     """Socket of its twin."""
     claim: Callable[[Any], Callable[[], None]]
     """Claim the host's part on the bus, and how to let go of it; raises a DriveError where another run has it."""
+    watchdog: Callable[[Any], float]
+    """``watchdog(parameters)``: time without a word of ours after which the drive takes its torque off by itself, the
+    time in which it looks included [s]; infinite for one that would keep it, which no run is given."""
     most_push: Callable[[Any, DriveNeeds], float]
     """``most_push(parameters, needs)``: largest torque offset that it takes, at the spool [N·m]."""
     measures_tension: Callable[[Any], bool]

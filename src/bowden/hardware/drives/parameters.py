@@ -4,9 +4,9 @@ import math
 from typing import Annotated, Literal, NamedTuple
 
 from bowden.core.errors import ParameterError
-from bowden.core.kernel import compiled
 from bowden.core.quantity import Quantity
-from bowden.models.suit.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
+from bowden.hardware.drives.scale import Scale, SuitScale, spool_scale
+from bowden.models.suit.suit_angle import SpoolMap
 
 
 class DriveParameters(NamedTuple):
@@ -88,7 +88,7 @@ MOST_PUSH = 0.5
 """Largest torque offset, as a share of what the largest current gives: the position loop must be able to beat it."""
 
 LONGEST_TIMEOUT = 40e-3
-"""Torque must be zero 50 ms after our last heartbeat, and the drive looks at the time once a millisecond [s]."""
+"""So that torque is zero `family.LONGEST_SILENCE` after our last heartbeat, with the drive's own delay [s]."""
 
 
 def most_push(drive: DriveParameters) -> float:
@@ -146,54 +146,6 @@ def check_parameters(drive: DriveParameters) -> None:
             )
 
 
-class Scale(NamedTuple):
-    """The way from an encoder's counts to an angle and back: angle = origin + step · counts."""
-
-    step: float
-    """Angle of one count, with its sign [rad]."""
-    origin: float
-    """Angle at count zero [rad]."""
-
-    def angle(self, counts: float) -> float:
-        """Counts to an angle [rad]."""
-        return self.origin + self.step * counts
-
-    def counts(self, angle: float) -> float:
-        """An angle [rad] to counts, not rounded."""
-        return (angle - self.origin) / self.step
-
-    def steepest(self, low: float, high: float) -> float:
-        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
-        return 1.0
-
-
-class SuitScale(NamedTuple):
-    """The way from counts to the motor's angle in the joint's coordinate and back, through the spool's angle."""
-
-    spool: Scale
-    """Counts to the spool's angle."""
-    map: SpoolMap
-
-    @property
-    def step(self) -> float:
-        """Angle of the spool of one count, with its sign [rad]."""
-        return self.spool.step
-
-    def angle(self, counts: float) -> float:
-        """Counts to an angle [rad]."""
-        return float(compiled(motor_of)(self.spool.angle(counts), self.map))
-
-    def counts(self, angle: float) -> float:
-        """An angle [rad] to counts, not rounded."""
-        return self.spool.counts(float(compiled(spool_of)(float(angle), self.map)))
-
-    def steepest(self, low: float, high: float) -> float:
-        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
-        low, high = (max(LOW, min(HIGH, angle)) for angle in (low, high))  # beyond, the map goes on along its tangent
-        between = (low + (high - low) * i / 64.0 for i in range(65))
-        return max(float(flexor_arm(angle, self.map)) for angle in between) / self.map.radius
-
-
 def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | SuitScale:
     """The motor's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
 
@@ -201,12 +153,7 @@ def motor_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale | Suit
     81920
     """
     step = drive.motor_direction * 2.0 * math.pi / (drive.motor_counts_per_turn * drive.gear)
-    if drive.spool is None:
-        return Scale(step, drive.motor_home - step * counts_at_home)
-    home = float(spool_of(drive.motor_home, drive.spool))
-    scale = SuitScale(Scale(step, home - step * counts_at_home), drive.spool)
-    scale.angle(scale.counts(0.0))  # compiles, before a loop asks
-    return scale
+    return spool_scale(step, drive.motor_home, counts_at_home, drive.spool)
 
 
 def joint_scale(drive: DriveParameters, counts_at_home: int = 0) -> Scale:

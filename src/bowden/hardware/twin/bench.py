@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, reached, specialise
 from bowden.models.drive.encoder import reading
 from bowden.models.drive.servo import servo_approach
 from bowden.plants.bench import Bench
@@ -185,7 +185,7 @@ class TwinBench:
         dynamics = plant.dynamics()
         self._plant: Moving = dynamics.plant
         self._substep = self._plant.servo.substep.dt
-        self._move = specialise(move, dynamics.name, **dynamics.parts)
+        self._move = specialise(move, dynamics.name, **reached(move, dynamics.parts))
         edges = np.arange(round(duration / plant.sample_time) + 1, dtype=np.float64) * plant.sample_time
         self._bends = np.asarray(bend(edges), dtype=np.float64)
         self._coast = math.exp(-self._substep / physics.coasting)
@@ -194,7 +194,7 @@ class TwinBench:
         self._used = 0
         self._time = now
         self._began = math.inf
-        rest = specialise(at_rest, dynamics.name, **dynamics.parts)
+        rest = specialise(at_rest, dynamics.name, **reached(at_rest, dynamics.parts))
         self._motion = BenchMotion(*rest(self._plant, float(initial_motor), self._sheath_at(now)))
         self._sag = math.nan  # the joint's angle while the cable is torn
         self.doing, self.command = OFF, initial_motor

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import can
 
 from bowden.hardware.drives.parameters import DriveParameters
-from bowden.hardware.twin.node import TwinNode
+from bowden.hardware.twin.canopen_node import CanopenNode
 from bowden.hardware.twin.objects import Key
 from bowden.hardware.twin.plant import TwinPlant
 
@@ -21,7 +21,7 @@ class TwinBus(can.BusABC):
     Args:
         drive: of the twin.
         make_bench: makes what is behind it, for a time [s].
-        overrides: see `TwinNode`.
+        overrides: see `CanopenNode`.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class TwinBus(can.BusABC):
         self._frames: deque[can.Message] = deque()
         self._lock = threading.RLock()  # the library that brings a drive up has a thread
         self._still = threading.Event()
-        self.node = TwinNode(drive, make_bench(self.time), self._take, self._note, overrides)
+        self.node = CanopenNode(drive, make_bench(self.time), self._take, self._note, overrides)
         self.channel_info = "twin in memory"
         super().__init__(channel="twin")
         self.advance(TICK)

@@ -108,7 +108,10 @@ class TwinControl:
             self._socket.connect(str(path))
         except OSError as error:
             self._socket.close()
-            raise DriveError(f"no twin listens at {path}", do="start one: bowden twin RIG.toml") from error
+            raise DriveError(
+                f"no twin listens at {path}",
+                do="start one: bowden twin RIG.toml; what bowden run --twin starts has the channel that the run tells",
+            ) from error
 
     def __enter__(self) -> "TwinControl":
         return self

@@ -4,6 +4,7 @@ import math
 import random
 
 from bowden.hardware.twin.injection import KINDS, Injection
+from bowden.hardware.twin.plant import TwinPlant
 
 NO_NUMBER = float(-(2**31))
 """Counts that stand for none."""
@@ -52,6 +53,12 @@ class Faults:
         """Whether this PDO is lost."""
         dropped = self.active("dropped_pdos", now)
         return dropped is not None and self._random.random() < dropped.amount
+
+    def damage(self, bench: TwinPlant, now: float) -> None:
+        """Tear the plant's cable, or give it slack, where that is injected."""
+        slack = self.active("slack_cable", now)
+        bench.torn = bool(self.active("broken_cable", now))
+        bench.slack = math.radians(slack.amount) if slack else 0.0
 
     def encoders(self, motor: float, joint: float, motor_step: float, joint_step: float, now: float) -> list[float]:
         """The counts of the motor's and the joint's encoder as their faults make them.

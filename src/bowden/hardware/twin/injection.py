@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, near
 
 
 class Kind(NamedTuple):
@@ -83,7 +83,9 @@ def parse(text: str) -> Injection:
     name, *words = text.split() or [""]
     kind = KINDS.get(name)
     if kind is None:
-        raise ParameterError(f"there is no fault {name!r}", expected=", ".join(KINDS))
+        raise ParameterError(
+            f"there is no fault {name!r}", expected=near(name, KINDS), do="--inject list shows them all"
+        )
     side = ""
     if kind.side:
         if not words or words[0] not in SIDES:

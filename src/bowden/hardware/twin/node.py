@@ -1,301 +1,42 @@
-"""The twin as a node of the bus: NMT, heartbeats, SDO, PDOs at SYNC, the CiA 402 state machine, faults.
+"""What the twin's process needs of the drive that it plays, of whatever family: a node on a CAN bus."""
 
-Frames come in and go out as numbers and bytes, and time is an argument, so that it can be tested without a bus.
-"""
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
-import math
-from collections import deque
-from collections.abc import Callable
-
-from bowden.hardware.drives import canopen_frames as frames
-from bowden.hardware.drives.cia402 import WITH_TORQUE, State, encode, step
-from bowden.hardware.drives.emergencies import HEARTBEAT_LOST
-from bowden.hardware.drives.parameters import DriveParameters, motor_scale
-from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.faults import Faults
-from bowden.hardware.twin.objects import Key, Made, Objects, SdoServer, dictionary, overridden
 from bowden.hardware.twin.plant import TwinPlant
-from bowden.hardware.twin.sampler import RATED_CURRENT, Sampler
 
 Send = Callable[[int, bytes], None]
-"""Identifier and data of a frame."""
+"""Puts a frame on the bus: identifier and data."""
 
-RPM = 30.0 / math.pi  # turns a minute in one rad/s
-LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
-"""Codes of the faults that the twin finds itself."""
-HOTTEST = 110.0
-"""Temperature at which the power stage protects itself [°C]."""
-REBOOT_TIME = 0.3
-"""[s]"""
-STEP = 0.9e-3
-"""The bench is moved on at every SYNC, and without one after this [s]."""
-STANDSTILL = 1e-6
-"""Speed at which a quick stop is over [rad/s]."""
+Journal = Callable[[float, str, str], None]
+"""Takes what happened: time [s], event, detail. Every family says ``torque_on`` and ``torque_off``."""
 
 
-class TwinNode:
-    """One drive.
+class TwinNode(Protocol):
+    """One drive. Frames come in and go out as numbers and bytes, and time is an argument."""
 
-    Args:
-        drive: number, encoders and scales, as the rig has them.
-        bench: behind the drive.
-        send: puts a frame on the bus.
-        journal: takes (time, event, detail).
-        overrides: objects that are otherwise than usual; None takes one away.
-    """
+    bench: TwinPlant
+    """Behind the drive."""
+    faults: Faults
+    """What has been injected."""
+    scenario_noted: bool
+    """Whether the sheath's motion has begun, or somebody has said when it does."""
+    lacks: Mapping[str, str]
+    """Faults that a drive of this family cannot have, as ``reboot`` or ``encoder_nan motor`` → why."""
 
-    def __init__(
-        self,
-        drive: DriveParameters,
-        bench: TwinPlant,
-        send: Send,
-        journal: Callable[[float, str, str], None],
-        overrides: dict[Key, int | None] | None = None,
-    ) -> None:
-        self._drive, self.bench, self.faults = drive, bench, Faults()
-        self._send_now, self._journal, self._overrides = send, journal, overrides or {}
-        self._motor = motor_scale(drive)
-        self._sampler = Sampler(drive, bench, self.faults)
-        self._waiting: deque[tuple[float, int, bytes]] = deque()
-        self._history: deque[tuple[frames.Motion, frames.Sensors]] = deque(maxlen=1000)
-        self.syncs = 0
-        self.host_heartbeat = -math.inf
-        """When the host's heartbeat came last [s]."""
-        self.scenario_noted = False
-        """Whether the sheath's motion has begun, or somebody has said when it does."""
-        self._moved = -math.inf
-        self._power_up(-math.inf)
-
-    def _power_up(self, ready: float) -> None:
-        """Everything as after switching on, and silent until `ready`."""
-        self._ready, self._booted = ready, False
-        self.nmt, self.state, self.error = frames.BOOT_UP, State.NOT_READY_TO_SWITCH_ON, 0
-        self._control, self._target = 0, 0
-        self._pending: tuple[int, int, int] | None = None
-        self._watching = False
-        self._lagging_since = math.nan
-        self._next_heartbeat = -math.inf
-        bench, gear = self.bench, self._drive.gear
-        speed = bench.speed_limit * gear * RPM
-        made = Made(
-            node_id=self._drive.node_id,
-            rated_torque=RATED_CURRENT * self._drive.torque_constant,
-            speed=math.ceil(speed) if speed < 50e3 else 50e3,
-            current=bench.current_limit,
-            window=2.0 * self._motor.steepest(-math.inf, math.inf) / abs(self._motor.step),
-            braking=min(bench.physics.braking * gear * RPM, 2**31),
-            pushed=bench.torque_offset is not None,
-        )
-        entries = overridden(dictionary(made), self._overrides)
-        current = {key: value for key, value in self._current_values().items() if key not in self._overrides}
-        self.objects = Objects(entries, self._written, current)
-        self._sdo = SdoServer(self.objects)
-
-    def _current_values(self) -> dict[Key, Callable[[], int]]:
-        return {
-            (0x6041, 0): lambda: self._statusword(),
-            (0x603F, 0): lambda: self.error,
-            (0x6061, 0): lambda: self.objects[0x6060, 0],
-            (0x6064, 0): lambda: self._sampler.true()[0].position,
-            (0x6077, 0): lambda: self._sampler.true()[0].torque,
-            (0x60E4, 2): lambda: self._sampler.true()[1].joint,
-            (0x3160, 1): lambda: self._sampler.true()[1].analog,
-            (0x3201, 1): lambda: self._sampler.true()[1].temperature or 0,
-        }
-
-    def receive(self, cob_id: int, data: bytes, now: float) -> None:
+    def receive(self, identifier: int, data: bytes, now: float) -> None:
         """A frame from the bus."""
-        if self.faults.active("deaf", now) or now < self._ready:
-            return
-        node = self._drive.node_id
-        if cob_id == frames.SYNC and not data:
-            self._synchronise(now)
-        elif cob_id == frames.RPDO1 + node and self.nmt == frames.OPERATIONAL:
-            self._pending = frames.unpack_rpdo1(data, pushed=self.objects[0x1600, 0] == 3) or self._pending
-        elif cob_id == frames.SDO_REQUEST + node and self.nmt in (frames.OPERATIONAL, frames.PRE_OPERATIONAL):
-            answer = self._sdo.answer(data)
-            if answer is not None:
-                self._emit(frames.SDO_ANSWER + node, answer, now)
-        elif cob_id == frames.NMT and len(data) == 2 and data[1] in (0, node):
-            self._obey(data[0], now)
-        elif cob_id == frames.HEARTBEAT + (self.objects[0x1016, 1] >> 16 & 0x7F) and self.objects[0x1016, 1]:
-            self.host_heartbeat, self._watching = now, True
+        ...
 
     def tick(self, now: float) -> None:
-        """Let time pass: bench, heartbeats in both directions, faults, frames that wait."""
-        if now >= self._ready and not self._booted:
-            self._booted, self.nmt, self.state = True, frames.PRE_OPERATIONAL, State.SWITCH_ON_DISABLED
-            self._journal(now, "boot", "")
-            self._emit(frames.HEARTBEAT + self._drive.node_id, bytes((frames.BOOT_UP,)), now)
-        for injection in self.faults.due(now):
-            if injection.name == "reboot":
-                self._journal(now, "reboot", "")
-                self._torque_off(now, "reboot")
-                self._power_up(now + REBOOT_TIME)
-            else:
-                self._fail(int(injection.amount) & 0xFFFF, now)
-        self._watch(now)
-        if now - self._moved >= STEP:
-            self._move(now)
-        if self._booted and self.objects[0x1017, 0] and now >= self._next_heartbeat:
-            self._next_heartbeat = max(self._next_heartbeat + 1e-3 * self.objects[0x1017, 0], now)
-            self._emit(frames.HEARTBEAT + self._drive.node_id, bytes((self.nmt,)), now)
-        while self._waiting and self._waiting[0][0] <= now:
-            _, cob_id, data = self._waiting.popleft()
-            self._send_now(cob_id, data)
+        """Let time pass."""
+        ...
 
-    def _emit(self, cob_id: int, data: bytes, now: float) -> None:
-        if not self.faults.active("silence", now):
-            self._send_now(cob_id, data)
+    def status(self) -> dict[str, Any]:
+        """What the drive knows of itself, for `bowden twin --status`.
 
-    def _emit_pdo(self, cob_id: int, data: bytes, now: float) -> None:
-        if self.faults.active("silence", now) or self.faults.drops_pdo(now):
-            return
-        late = self.faults.active("late_pdos", now)
-        if late:
-            self._waiting.append((now + 1e-3 * late.amount, cob_id, data))
-        else:
-            self._send_now(cob_id, data)
-
-    def _watch(self, now: float) -> None:
-        """The heartbeat consumer, 1016h, and what 6007h wants when the host has fallen silent."""
-        limit = 1e-3 * (self.objects[0x1016, 1] & 0xFFFF)
-        if not limit:
-            self._watching = False
-        if self._watching and now - self.host_heartbeat >= limit:
-            self._watching = False
-            option = self.objects[0x6007, 0]
-            if self.objects[0x1029, 1] == 0 and self.nmt == frames.OPERATIONAL:
-                self.nmt, self._pending = frames.PRE_OPERATIONAL, None
-            if option == 1:
-                self._fail(HEARTBEAT_LOST, now)
-            elif option:  # 2, disable voltage; 3, quick stop
-                self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(HEARTBEAT_LOST, 0x11), now)
-                self._enter(step(self.state, 0x00 if option == 2 else 0x02, edge=False), now)
-
-    def _synchronise(self, now: float) -> None:
-        """At a SYNC: the target that came before it takes effect, and everything is sampled and sent."""
-        self.syncs += 1
-        if self.nmt != frames.OPERATIONAL:
-            return
-        self._move(now)  # up to here under the target of the SYNC before
-        if self._pending is not None:
-            control, self._target, torque = self._pending
-            self._pending = None
-            self._written((0x60B2, 0), torque)
-            self._command(control, now)
-        self._history.append(self._sampler.sample(now))
-        back = self.faults.active("delayed_readings", now)
-        motion, sensors = self._history[-min(len(self._history), 1 + int(back.amount if back else 0))]
-        if self.objects[0x1A01, 0] < len(frames.TPDO2_MAPPING):
-            sensors = sensors._replace(temperature=None)
-        node = self._drive.node_id
-        if self.objects[0x1800, 1] >> 31 == 0:
-            self._emit_pdo(frames.TPDO1 + node, frames.pack_tpdo1(motion._replace(statusword=self._statusword())), now)
-        if self.objects[0x1801, 1] >> 31 == 0:
-            self._emit_pdo(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
-
-    def _command(self, control: int, now: float) -> None:
-        """A controlword: one step of the state machine, and what it means for the motor."""
-        edge = bool(control & 0x80 and not self._control & 0x80)
-        self._control = control
-        hot = self.bench.temperature >= HOTTEST
-        self._enter(step(self.state, control, edge, fault_gone=not hot), now)
-
-    def _enter(self, state: State, now: float) -> None:
-        if state is self.state:
-            return
-        before, self.state = self.state, state
-        self._journal(now, "state", state.name)
-        if before is State.FAULT:
-            self.error = 0
-            self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(0, 0), now)
-        if state is State.OPERATION_ENABLED:
-            if not self.scenario_noted:
-                self.scenario_noted = True
-                self.bench.start_scenario(now)
-            self._journal(now, "torque_on", "")
-        elif before in WITH_TORQUE and state not in WITH_TORQUE:
-            self._torque_off(now, state.name)
-
-    def _torque_off(self, now: float, why: str) -> None:
-        self.bench.advance(now)
-        if self.bench.doing != OFF:
-            self._journal(
-                now, "torque_off", f"{why}; {1e3 * (now - self.host_heartbeat):.3f} ms after the last heartbeat"
-            )
-        self.bench.doing = OFF
-
-    def _fail(self, code: int, now: float) -> None:
-        """Into fault: torque off at once, as 605Eh is 0, or braking first."""
-        self.error = code
-        self._journal(now, "fault", f"0x{code:04X}")
-        self._emit(frames.EMERGENCY + self._drive.node_id, frames.pack_emergency(code, 1), now)
-        if self.state is State.OPERATION_ENABLED and self.objects[0x605E, 0] != 0:
-            self._enter(State.FAULT_REACTION_ACTIVE, now)
-        elif self._booted:
-            self._enter(State.FAULT, now)
-
-    def _move(self, now: float) -> None:
-        """Move the bench on, with torque where the state has it, and see to the drive's own limits."""
-        bench, self._moved = self.bench, now
-        bench.torn = bool(self.faults.active("broken_cable", now))
-        slack = self.faults.active("slack_cable", now)
-        bench.slack = math.radians(slack.amount) if slack else 0.0
-        if self.state is State.OPERATION_ENABLED:
-            low, high = self.objects[0x607D, 1], self.objects[0x607D, 2]
-            if low < high and not low <= self._target <= high:
-                self._fail(LIMIT_ERROR, now)
-            else:
-                bench.doing, bench.command = FOLLOW, self._motor.angle(self._target)
-        elif self.state in (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE):
-            bench.doing = BRAKE
-        bench.advance(now)
-        if bench.doing == BRAKE and abs(bench.velocity) <= STANDSTILL:
-            quick = self.state is State.QUICK_STOP_ACTIVE
-            if not (quick and self.objects[0x605A, 0] >= 5):  # 5 to 8 stay, with torque
-                self._enter(State.SWITCH_ON_DISABLED if quick else State.FAULT, now)
-        self._check_lag(now)
-        if bench.temperature >= HOTTEST and self.state is State.OPERATION_ENABLED:
-            self._fail(OVER_TEMPERATURE, now)
-
-    def _check_lag(self, now: float) -> None:
-        """6065h, following error window, and 6066h, how long it may last [ms]."""
-        lag = abs(self._target - self._motor.counts(self.bench.motor))
-        if self.state is not State.OPERATION_ENABLED or lag <= self.objects[0x6065, 0]:
-            self._lagging_since = math.nan
-        elif math.isnan(self._lagging_since):
-            self._lagging_since = now
-        if now - self._lagging_since >= 1e-3 * self.objects[0x6066, 0]:
-            self._fail(LAG_ERROR, now)
-
-    def _obey(self, order: int, now: float) -> None:
-        """NMT node control; leaving operational takes the torque off."""
-        if order in (frames.NMT_RESET_NODE, frames.NMT_RESET_COMMUNICATION):
-            self._torque_off(now, "NMT reset")
-            self._power_up(now + REBOOT_TIME)
-            return
-        state = {
-            frames.NMT_START: frames.OPERATIONAL,
-            frames.NMT_STOP: frames.STOPPED,
-            frames.NMT_PRE_OPERATIONAL: frames.PRE_OPERATIONAL,
-        }.get(order)
-        if state is None:
-            return
-        self.nmt = state
-        self._journal(now, "nmt", str(state))
-        if state != frames.OPERATIONAL:
-            self._pending = None
-            if self.state in WITH_TORQUE:
-                self._enter(State.SWITCH_ON_DISABLED, now)
-
-    def _written(self, key: Key, value: int) -> None:
-        if key == (0x6040, 0):
-            self._pending = (value, self._target, 0)
-        elif key == (0x607A, 0):
-            self._target = value
-        elif key == (0x60B2, 0) and self.bench.torque_offset is not None:
-            self.bench.torque_offset = self._sampler.spool_torque(value)
-
-    def _statusword(self) -> int:
-        return encode(self.state) | (0x1000 if self.state is State.OPERATION_ENABLED else 0)
+        ``state``, a name of `core.signals.DriveState`; ``torque``, whether the motor may have it; ``error_code``, 0 for
+        none; ``last_heartbeat``, when the host was heard last [s] or None; and what else this family has.
+        """
+        ...

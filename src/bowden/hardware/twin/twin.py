@@ -1,4 +1,7 @@
-"""The twin's process: a bus, the node, the control socket, and the clock that drives them. Waits, never spins."""
+"""The twin's process, of a drive of any family: a bus, the node, the control socket, and the clock that drives them.
+
+Waits, never spins.
+"""
 
 import contextlib
 import gc
@@ -7,20 +10,15 @@ import os
 import resource
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 
 from bowden.core.errors import BowdenError, DriveError, ParameterError
 from bowden.hardware.buses.opening import claim, open_bus
-from bowden.hardware.drives.cia402 import WITH_TORQUE
-from bowden.hardware.drives.parameters import DriveParameters, check_parameters
-from bowden.hardware.twin.bench import OFF
 from bowden.hardware.twin.control import ControlServer, control_path
-from bowden.hardware.twin.injection import OF_CABLE, parse
-from bowden.hardware.twin.node import TwinNode
-from bowden.hardware.twin.objects import Key
-from bowden.hardware.twin.plant import TwinPlant
+from bowden.hardware.twin.injection import OF_CABLE, Injection, parse
+from bowden.hardware.twin.node import Journal, Send, TwinNode
 
 TICK = 1e-3
 """Longest wait [s]."""
@@ -32,33 +30,39 @@ MOST_ENTRIES = 500
 """Entries of the journal in one answer."""
 
 
+class BusPlace(NamedTuple):
+    """Where a node is."""
+
+    interface: str
+    """python-can's name of the bus."""
+    channel: str
+    bitrate: int
+    """[bit/s]"""
+    node_id: int
+    """Its number on the bus."""
+
+
 class Twin:
     """A drive and a bench in this process, on a bus with others.
 
     Args:
-        drive: bus, number, encoders and scales, as the rig has them.
-        bench: behind the drive.
+        bus: where it is.
         clock: the time [s].
-        overrides: objects of the dictionary that are otherwise than usual; None takes one away.
+        make_node: makes the drive, of what sends its frames and of what takes its journal.
 
     Raises:
         DriveError: the bus or the control socket cannot be used, or has a twin of this number already.
     """
 
     def __init__(
-        self,
-        drive: DriveParameters,
-        bench: TwinPlant,
-        clock: Callable[[], float],
-        overrides: dict[Key, int | None] | None = None,
+        self, bus: BusPlace, clock: Callable[[], float], make_node: Callable[[Send, Journal], TwinNode]
     ) -> None:
-        check_parameters(drive)
-        self._drive, self._clock = drive, clock
-        self.path = control_path(drive.interface, drive.channel, drive.node_id)
-        self._claim = claim(drive.interface, drive.channel, f"node {drive.node_id}")
+        self._place, self._clock = bus, clock
+        self.path = control_path(bus.interface, bus.channel, bus.node_id)
+        self._claim = claim(bus.interface, bus.channel, f"node {bus.node_id}")
         self._bus: can.BusABC | None = None
         try:
-            self._bus = open_bus(drive.interface, drive.channel, drive.bitrate, create=True)
+            self._bus = open_bus(*bus[:3], create=True)
             self._control = ControlServer(self.path)
         except BaseException:
             self._claim.release()
@@ -66,7 +70,7 @@ class Twin:
                 self._bus.shutdown()
             raise
         self._journal: deque[tuple[float, str, str]] = deque(maxlen=20_000)
-        self._node = TwinNode(drive, bench, self._send, self._note, overrides)
+        self._node = make_node(self._send, self._note)
         self._unsent, self._longest_wait, self._ticked = 0, 0.0, clock()
         self._began, self._began_cpu = clock(), _cpu_time()
         self._stopping = False
@@ -123,7 +127,7 @@ class Twin:
             self._note(now, "bus_off", "")
         elif not off and self._bus is None:
             with contextlib.suppress(DriveError):
-                self._bus = open_bus(self._drive.interface, self._drive.channel, self._drive.bitrate)
+                self._bus = open_bus(*self._place[:3])
                 self._note(now, "bus_on", "")
 
     def _receive(self, timeout: float) -> can.Message | None:
@@ -153,7 +157,7 @@ class Twin:
                 return {"journal": [{"time": time, "event": event, "detail": said} for time, event, said in recent]}
             case "inject":
                 injection = parse(str(request.get("fault", "")))
-                self._refuse(injection.name)
+                self._refuse(injection)
                 after, lasting = float(request.get("after") or 0.0), request.get("lasting")
                 end = math.inf if lasting is None else now + after + float(lasting)
                 self._node.faults.inject(injection._replace(start=now + after, end=end))
@@ -171,15 +175,18 @@ class Twin:
                 return {"time": at}
         raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, clear or scenario")
 
-    def _refuse(self, fault: str) -> None:
-        """Refuse what the plant has no inside for.
+    def _refuse(self, fault: Injection) -> None:
+        """Refuse what the drive cannot have, and what the plant has no inside for.
 
         Raises:
-            ParameterError: a fault of its cable.
+            ParameterError: with why.
         """
-        if fault in OF_CABLE and not self._node.bench.has_cable:
+        named = f"{fault.name} {fault.side}".rstrip()
+        if named in self._node.lacks:
+            raise ParameterError(f"{named}: {self._node.lacks[named]}", expected="another fault")
+        if fault.name in OF_CABLE and not self._node.bench.has_cable:
             raise ParameterError(
-                f"{fault} is of a cable, and what moves here is a plant of your own", expected="another fault"
+                f"{fault.name} is of a cable, and what moves here is a plant of your own", expected="another fault"
             )
 
     def _status(self, now: float) -> dict[str, Any]:
@@ -188,10 +195,7 @@ class Twin:
         return {
             "time": now,
             "pid": os.getpid(),
-            "state": node.state.name,
-            "nmt": node.nmt,
-            "torque": bench.doing != OFF and node.state in WITH_TORQUE,
-            "error_code": node.error,
+            **node.status(),
             "motor": bench.motor,
             "motor_velocity": bench.velocity,
             "joint": bench.joint,
@@ -200,8 +204,6 @@ class Twin:
             "current": bench.current,
             "interaction": bench.interaction,
             "temperature": bench.temperature,
-            "last_heartbeat": node.host_heartbeat if math.isfinite(node.host_heartbeat) else None,
-            "syncs": node.syncs,
             "unsent": self._unsent,
             "longest_wait": self._longest_wait,
             "faults": node.faults.names(now),

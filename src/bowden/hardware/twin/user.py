@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.source import Measurement
-from bowden.core.kernel import kernel, specialise
+from bowden.core.kernel import kernel, reached, specialise
 from bowden.hardware.twin.bench import FOLLOW, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
 from bowden.plants.plant import (
     SheathState,
@@ -104,13 +104,7 @@ class TwinUser:
         self._random = np.random.default_rng(seed)
         kernels = dynamics.kernels()
         rest, self._one_on, self._sensed, self._seen = (
-            specialise(one, dynamics.name, **{name: kernels[name] for name in used}, **dynamics.parts)
-            for one, used in (
-                (begin, ("plant_rest",)),
-                (one_on, ("plant_observe", "plant_advance", "plant_effort")),
-                (sensed, ("plant_observe",)),
-                (seen, ("plant_look",)),
-            )
+            specialise(one, dynamics.name, **reached(one, kernels)) for one in (begin, one_on, sensed, seen)
         )
         self._time, self._first, self._began = now, now, math.inf
         self.doing, self.command = OFF, initial_motor
@@ -133,14 +127,15 @@ class TwinUser:
         """Move on to `now` [s]: the cycle that it lies in has been calculated to its end.
 
         Raises:
-            ParameterError: the plant gave no number.
+            ParameterError: the plant gave no number, or failed.
         """
         self._now = max(now, self._time)
         if now - self._time > LONGEST_GAP:
             self._time = now - LONGEST_GAP
-        while now - self._time >= self.plant.sample_time:
-            self._time += self.plant.sample_time
-            self._step(self.command if self.doing == FOLLOW else self._after.motor)
+        with self._dynamics.explained():
+            while now - self._time >= self.plant.sample_time:
+                self._time += self.plant.sample_time
+                self._step(self.command if self.doing == FOLLOW else self._after.motor)
 
     def _step(self, applied: float) -> None:
         """The cycle that begins at `_time`, from where the one before ended."""

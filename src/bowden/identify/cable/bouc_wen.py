@@ -15,7 +15,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bowden.core.kernel import compiled
 from bowden.identify.cable.bouc_wen_search import bounds, cable_at, search
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
@@ -56,7 +55,7 @@ def cable_of(parameters: Mapping[str, float]) -> BoucWen:
 
 def simulate(parameters: Mapping[str, float], motor: Array) -> Array:
     """Joint angle along a recorded motion (n,) [rad], from the reported parameters."""
-    h = compiled(hysteresis)(np.ascontiguousarray(motor), float(parameters["initial_h"]), cable_of(parameters))
+    h = hysteresis(motor, float(parameters["initial_h"]), cable_of(parameters))
     joint = parameters["slope"] * motor + parameters["offset"] + parameters["hysteresis_gain"] * h
     static, heights = degrees_of(parameters)
     if static > 1 or heights > 0:
@@ -97,18 +96,17 @@ def fit_terms(path: Path, start: Array, static: int, heights: int, *, rough: boo
     plain = [path.motor, np.ones_like(u)] + [chebyshev(u, k) for k in range(2, static + 1)]
     looped = [np.ones_like(u)] + [chebyshev(np.clip(u, -1.0, 1.0), k) for k in range(1, heights + 1)]
     fixed, height = np.stack(plain, axis=1), np.stack(looped, axis=1)
-    follow = compiled(sensitivities)
 
     def basis(theta: Array) -> tuple[Array, Array]:
         cable, initial, change = cable_at(theta)
-        found = follow(path.motor, initial, cable)
+        found = sensitivities(path.motor, initial, cable)
         by_theta = np.einsum("na,ak->kn", found[:, 1:], change)
         return np.concatenate([fixed, height * found[:, :1]], axis=1), by_theta[:, :, None] * height
 
     low, high = bounds(path.span)
     found = minimise(basis, path.joint, path.weight, start, low, high, rough)
     cable, initial, _ = cable_at(found.theta)
-    h = follow(path.motor, initial, cable)
+    h = sensitivities(path.motor, initial, cable)
     gains = np.einsum("np,p->n", height, found.linear[fixed.shape[1] :])
     names = ["slope", "offset"] + [f"static_{k}" for k in range(2, static + 1)]
     names += ["hysteresis_gain"] + [f"hysteresis_gain_{k}" for k in range(1, heights + 1)]

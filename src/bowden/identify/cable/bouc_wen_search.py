@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import kernel, program
 from bowden.identify.cable.path import Path
 from bowden.models.cable.bouc_wen import BoucWen, saturation, travel_step
 
@@ -57,10 +57,11 @@ def search(path: Path, seed: int) -> Array:
     from scipy.optimize import Bounds, differential_evolution
 
     low, high = bounds(path.span)
-    cost = compiled(projected_costs)
 
     def costs(candidates: Array) -> Array:
-        return np.asarray(cost(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates.T)))
+        found = np.empty(candidates.shape[1])
+        program(projected_costs)(path.motor, path.joint, path.weight, np.ascontiguousarray(candidates.T), found)
+        return found
 
     found = differential_evolution(
         cast(Any, costs),  # scipy-stubs knows no vectorised objective
@@ -77,17 +78,25 @@ def search(path: Path, seed: int) -> Array:
 
 
 @kernel
-def projected_costs(motor: Array, joint: Array, weight: Array, candidates: Array) -> Array:
+def projected_costs(motor: Array, joint: Array, weight: Array, candidates: Array, costs: Array) -> None:
     """The squared error of joint ≈ a·motor + b·h + c with the best a, b, c, for each θ of `candidates` (m, 4).
+
+    Fills `costs` (m,).
 
     h takes coarse steps, exact to about 1e-3: this ranks candidates, the gradient stage follows.
     """
-    costs = np.empty(candidates.shape[0])
-    total = np.sum(weight)
-    motor_mean, joint_mean = np.sum(weight * motor) / total, np.sum(weight * joint) / total
-    xx = np.sum(weight * (motor - motor_mean) ** 2)
-    xy = np.sum(weight * (motor - motor_mean) * (joint - joint_mean))
-    yy = np.sum(weight * (joint - joint_mean) ** 2)
+    total, motor_mean, joint_mean = 0.0, 0.0, 0.0
+    for k in range(motor.size):
+        total += weight[k]
+        motor_mean += weight[k] * motor[k]
+        joint_mean += weight[k] * joint[k]
+    motor_mean, joint_mean = motor_mean / total, joint_mean / total
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for k in range(motor.size):
+        x, y = motor[k] - motor_mean, joint[k] - joint_mean
+        xx += weight[k] * (x * x)
+        xy += weight[k] * x * y
+        yy += weight[k] * (y * y)
     for i in range(candidates.shape[0]):
         n, gamma = np.exp(candidates[i, 2]), np.exp(candidates[i, 1])
         scale = np.exp(candidates[i, 1] / n)
@@ -113,4 +122,3 @@ def projected_costs(motor: Array, joint: Array, weight: Array, candidates: Array
             costs[i] = yy - a * xy - b * hy
         else:
             costs[i] = yy - xy * xy / xx
-    return costs

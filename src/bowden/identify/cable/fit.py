@@ -186,7 +186,7 @@ def identify(
     if not (t.ndim == 1 and t.shape == x.shape == y.shape):
         raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
     if unit not in ("rad", "deg"):
-        raise ParameterError(f"identify: unit is {unit!r}", expected="rad or deg")
+        raise ParameterError(f"identify: unit is {unit!r}", expected="rad or deg", do="give one of them")
     return identify_log(prepare(t, x, y, name, lambda sample: f"{name}, sample {sample + 1}", unit), seed, progress)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import kernel, program
 from bowden.identify.cable.turns import Turns
 
 Array = NDArray[np.float64]
@@ -77,26 +77,44 @@ def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int
     together = max(1, int(travel / nodes / max(fast, 1e-12)), len(motor) // (4 * nodes))
     together = min(together, max(1, len(motor) // nodes))
     bounds = np.array([0, *turns.at, len(motor)])
-    parts = compiled(gather)(time, motor, joint, bounds, turns.angle, together)
-    return Path(parts[0], parts[1], parts[2], parts[3], parts[4], turns.angle, turns.start_error, turns.common_error)
+    size = len(motor) // together + 2 * len(bounds)
+    nodes_of, stroke = np.empty((4, size)), np.empty(size, np.int64)
+    count = program(gather)(time, motor, joint, bounds, turns.angle, together, nodes_of, stroke)
+    m, j, w, t = (np.array(row[:count]) for row in nodes_of)
+    return Path(m, j, w, t, stroke[:count].copy(), turns.angle, turns.start_error, turns.common_error)
 
 
 @kernel
 def gather(
-    time: Array, motor: Array, joint: Array, bounds: NDArray[np.int64], turning: Array, together: int
-) -> tuple[Array, Array, Array, Array, NDArray[np.int64]]:
+    time: Array,
+    motor: Array,
+    joint: Array,
+    bounds: NDArray[np.int64],
+    turning: Array,
+    together: int,
+    nodes: Array,
+    owner: NDArray[np.int64],
+) -> int:
     """Average every `together` samples of a stroke into a node; then merge nodes that would step back.
 
     The samples are grouped by time, not by travel: a group that ended where a reading is large would be biased. The
     merging (pooled adjacent violators) gives the monotone motion closest to the readings; a rest becomes one node. It
     leaves the last node of a stroke a little too far out, so no node may lie beyond the reversals.
 
+    Args:
+        time: (n,) [s].
+        motor: (n,) [rad].
+        joint: (n,) [rad].
+        bounds: first sample of each stroke, and one past the last.
+        turning: motor angle at both ends of each stroke [rad].
+        together: samples in a node.
+        nodes: (4, m) to be filled with motor, joint, weight and time of each node.
+        owner: (m,) to be filled with its stroke.
+
     Returns:
-        Motor, joint, weight, time and stroke of each node.
+        How many nodes there are.
     """
-    size = motor.size // together + 2 * bounds.size
-    m, j, w, t = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    owner = np.zeros(size, np.int64)
+    m, j, w, t = nodes[0], nodes[1], nodes[2], nodes[3]
     n = 0
     for stroke in range(bounds.size - 1):
         sign = 1.0 if turning[stroke + 1] >= turning[stroke] else -1.0
@@ -118,4 +136,4 @@ def gather(
                 n -= 1
         for k in range(first, n):
             m[k] = sign * min(max(sign * m[k], sign * turning[stroke]), sign * turning[stroke + 1])
-    return m[:n], j[:n], w[:n], t[:n], owner[:n]
+    return n

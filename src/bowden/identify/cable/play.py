@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import kernel, program
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import minimise, solve_linear
@@ -17,13 +17,18 @@ from bowden.models.cable.backlash import push
 from bowden.models.cable.prandtl_ishlinskii import plays
 
 
-@kernel
 def play_sensitivities(motor: Array, half_width: float, initial_lag: float) -> Array:
     """z, ∂z/∂(half-width) and ∂z/∂(initial lag) along a motion (n, 3); z starts at motor[0] + `initial_lag`.
 
     In contact z = motor ∓ half-width; between the contacts z and its derivatives stay.
     """
     found = np.empty((motor.size, 3))
+    program(_fill_play_sensitivities)(motor, half_width, initial_lag, found)
+    return found
+
+
+@kernel
+def _fill_play_sensitivities(motor: Array, half_width: float, initial_lag: float, found: Array) -> None:
     z, by_width, by_lag = motor[0] + initial_lag, 0.0, 1.0
     for k in range(motor.size):
         after = push(z, motor[k], half_width)
@@ -31,7 +36,6 @@ def play_sensitivities(motor: Array, half_width: float, initial_lag: float) -> A
             by_width, by_lag = (-1.0 if after > z else 1.0), 0.0
         z = after
         found[k, 0], found[k, 1], found[k, 2] = z, by_width, by_lag
-    return found
 
 
 class PlayOperator:
@@ -63,7 +67,7 @@ class PlayOperator:
         """See `Family.predict`."""
         before = motor[0] + parameters["initial_lag"]  # a play that was pushed from there stands at z
         history = np.concatenate([[before], motor])
-        slots = compiled(plays)(history, np.array([parameters["half_width"]]))
+        slots = plays(history, np.array([parameters["half_width"]]))
         return np.asarray(parameters["slope"] * slots[1:, 0] + parameters["offset"])
 
     def _search(self, path: Path, start: Array, rough: bool = False) -> Estimate:
@@ -71,7 +75,7 @@ class PlayOperator:
         found = minimise(lambda theta: self._basis(path, theta), path.joint, path.weight, start, low, high, rough)
         width, side = found.theta
         basis = self._basis(path, found.theta)[0]
-        z = compiled(play_sensitivities)(path.motor, width, side * width)
+        z = play_sensitivities(path.motor, width, side * width)
         offset, slope = found.linear
         return Estimate(
             parameters={
@@ -94,6 +98,6 @@ class PlayOperator:
     def _basis(self, path: Path, theta: Array) -> tuple[Array, Array]:
         """Φ = [1, z] for θ = (half-width, initial lag over half-width)."""
         width, side = float(theta[0]), float(theta[1])
-        z = compiled(play_sensitivities)(path.motor, width, side * width)
+        z = play_sensitivities(path.motor, width, side * width)
         slopes = np.stack([z[:, 1] + side * z[:, 2], width * z[:, 2]])[:, :, None]
         return np.stack([np.ones_like(path.motor), z[:, 0]], axis=1), slopes

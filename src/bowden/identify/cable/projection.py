@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import kernel, program
 
 Array = NDArray[np.float64]
 Basis = Callable[[Array], tuple[Array, Array]]
@@ -37,10 +37,9 @@ class Projected:
 
 
 @kernel
-def weighted_products(columns: Array, weight: Array) -> Array:
-    """ΦᵀWΦ (p, p) of `columns` Φ (n, p) and `weight` (n,)."""
+def weighted_products(columns: Array, weight: Array, found: Array) -> None:
+    """ΦᵀWΦ of `columns` Φ (n, p) and `weight` (n,), added to `found` (p, p)."""
     n, p = columns.shape
-    found = np.zeros((p, p))
     for i in range(n):
         for a in range(p):
             scaled = weight[i] * columns[i, a]
@@ -49,13 +48,14 @@ def weighted_products(columns: Array, weight: Array) -> Array:
     for a in range(p):
         for b in range(a):
             found[b, a] = found[a, b]
-    return found
 
 
 def products(columns: Array, weight: Array) -> Array:
     """`weighted_products`, compiled: faster for a few columns than a threaded matrix product, and the same on any
     number of processors."""
-    return np.asarray(compiled(weighted_products)(np.ascontiguousarray(columns), weight))
+    found = np.zeros((columns.shape[1],) * 2)
+    program(weighted_products)(np.ascontiguousarray(columns), weight, found)
+    return found
 
 
 def inverse_of(gram: Array) -> Array:

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bowden.core.kernel import compiled
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import products, solve_linear
@@ -74,4 +73,4 @@ class PrandtlIshlinskii:
 
 def _slots(motor: Array, widths: Array, lag: float) -> Array:
     """zᵢ (n, k), each slot pushed to the first sample from motor[0] + `lag`."""
-    return np.asarray(compiled(plays)(np.concatenate([[motor[0] + lag], motor]), widths)[1:])
+    return plays(np.concatenate([[motor[0] + lag], motor]), widths)[1:]

@@ -5,11 +5,12 @@ that follows. The extreme reading itself lies too far out by a few times the noi
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import kernel, program
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -33,12 +34,34 @@ class Turns:
     """Standard error that all reversals of one side may have in common [rad]."""
 
 
+class Room(NamedTuple):
+    """Where `fill_polynomial` works."""
+
+    terms: Array
+    """(n, degree + 1)."""
+    gram: Array
+    """(degree + 1, degree + 1)."""
+    moments: Array
+    """(degree + 1,)."""
+    factors: Array
+    """(degree + 1,)."""
+    smooth: Array
+    """(n,): its result."""
+
+
+def _room(values: Array, degree: int) -> Room:
+    """Room for up to as many values."""
+    n, count = len(values), degree + 1
+    return Room(np.empty((n, count)), np.empty((count, count)), np.empty(count), np.empty(count), np.empty(n))
+
+
 def find_turns(motor: Array, noise: float) -> Turns:
     """The reversals of a motion (n,) [rad] whose reading has that `noise` [rad]; see `motor_noise`."""
     at = reversals(motor, max(8.0 * noise, 2e-3 * float(np.ptp(motor)), 1e-9))
     sums = np.concatenate([[0.0], np.cumsum(motor)])
     (start, start_error), (end, _) = _first_value(motor, noise), _first_value(motor[::-1], noise)
-    tops = compiled(extremes)(motor, sums, at, noise)
+    tops = np.empty(len(at))
+    program(extremes)(motor, sums, at, noise, _room(motor, 4), tops)
     angle = np.concatenate([[start], tops, [end]])
     return Turns(at, angle, start_error, _common_error(motor))
 
@@ -85,13 +108,14 @@ def resolution(angle: Array) -> float:
 
 def reversals(motor: Array, threshold: float) -> Index:
     """Samples at which the motor turns, ignoring swings smaller than `threshold` [rad]."""
-    return np.asarray(compiled(zigzag)(motor, threshold), dtype=np.intp)
+    found = np.empty(len(motor), np.int64)
+    count = program(zigzag)(np.ascontiguousarray(motor), threshold, found)
+    return found[:count].astype(np.intp)
 
 
 @kernel
-def zigzag(motor: Array, threshold: float) -> NDArray[np.int64]:
-    """Indices of the extremes between swings of at least `threshold`."""
-    found = np.empty(motor.size, np.int64)
+def zigzag(motor: Array, threshold: float, found: NDArray[np.int64]) -> int:
+    """Fill `found` with the indices of the extremes between swings of at least `threshold`, and count them."""
     count, direction, low, high = 0, 0, 0, 0
     for k in range(motor.size):
         if motor[k] > motor[high]:
@@ -106,11 +130,11 @@ def zigzag(motor: Array, threshold: float) -> NDArray[np.int64]:
             found[count] = low
             count -= direction
             direction, high, low = 1, k, k
-    return found[:count]
+    return count
 
 
 @kernel
-def extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
+def extreme(motor: Array, sums: Array, at: int, noise: float, room: Room) -> float:
     """The motor's true extreme near the sample `at` [rad]: the top of a quartic through the samples around it.
 
     The quartic spans the stretch within which the motor moves by a few times its noise, so that the noise is averaged
@@ -131,8 +155,12 @@ def extreme(motor: Array, sums: Array, at: int, noise: float) -> float:
     if half < 4:
         return float(motor[at])
     near = motor[at - half : at + half + 1]
-    smooth = polynomial(near, 4)[half // 4 : near.size - half // 4]
-    return np.max(smooth) if motor[at] > 0.5 * (near[0] + near[-1]) else np.min(smooth)
+    fill_polynomial(near, 4, room)
+    first = half // 4
+    low = high = room.smooth[first]
+    for k in range(first + 1, near.size - first):
+        low, high = min(low, room.smooth[k]), max(high, room.smooth[k])
+    return high if motor[at] > 0.5 * (near[0] + near[-1]) else low
 
 
 def _first_value(motor: Array, noise: float) -> tuple[float, float]:
@@ -144,32 +172,41 @@ def _first_value(motor: Array, noise: float) -> tuple[float, float]:
     near = motor[: far[0]] if len(far) else motor
     if len(near) < 12:
         return float(motor[0]), noise
-    return float(compiled(polynomial)(np.ascontiguousarray(near), 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
+    return float(polynomial(near, 2)[0]), 3.0 * noise / float(np.sqrt(len(near)))
 
 
 @kernel
-def extremes(motor: Array, sums: Array, at: Index, noise: float) -> Array:
-    """`extreme` at each sample of `at` (strokes − 1,) [rad]."""
-    found = np.empty(at.size)
+def extremes(motor: Array, sums: Array, at: Index, noise: float, room: Room, found: Array) -> None:
+    """Fill `found` with `extreme` at each sample of `at` (strokes − 1,) [rad]."""
     for k in range(at.size):
-        found[k] = extreme(motor, sums, at[k], noise)
-    return found
+        found[k] = extreme(motor, sums, at[k], noise, room)
+
+
+def polynomial(values: Array, degree: int) -> Array:
+    """Evenly spaced values (n,) smoothed by the polynomial of a degree that fits them best."""
+    room = _room(values, degree)
+    program(fill_polynomial)(np.ascontiguousarray(values), degree, room)
+    return room.smooth
 
 
 @kernel
-def polynomial(values: Array, degree: int) -> Array:
-    """Evenly spaced values (n,) smoothed by the polynomial that fits them best.
+def fill_polynomial(values: Array, degree: int, room: Room) -> None:
+    """`polynomial`, into the first n of ``room.smooth``.
 
     Chebyshev polynomials up to degree 4 are near enough to orthogonal for the normal equations to lose no digits.
     """
     n, count = values.size, degree + 1
-    terms = np.ones((n, count))
+    terms, gram, moments, factors, smooth = room.terms, room.gram, room.moments, room.factors, room.smooth
     for k in range(n):
+        terms[k, 0] = 1.0
         x = 2.0 * k / (n - 1) - 1.0
         terms[k, 1] = x
         for d in range(2, count):
             terms[k, d] = 2.0 * x * terms[k, d - 1] - terms[k, d - 2]
-    gram, moments = np.zeros((count, count)), np.zeros(count)
+    for a in range(count):
+        moments[a] = 0.0
+        for b in range(count):
+            gram[a, b] = 0.0
     middle = np.mean(values)
     for k in range(n):
         for a in range(count):
@@ -182,15 +219,12 @@ def polynomial(values: Array, degree: int) -> Array:
             moments[b] -= share * moments[a]
             for c in range(a, count):
                 gram[b, c] -= share * gram[a, c]
-    factors = np.zeros(count)
     for a in range(count - 1, -1, -1):
         factors[a] = moments[a]
         for b in range(a + 1, count):
             factors[a] -= gram[a, b] * factors[b]
         factors[a] /= gram[a, a]
-    smooth = np.empty(n)
     for k in range(n):
         smooth[k] = middle
         for a in range(count):
             smooth[k] += factors[a] * terms[k, a]
-    return smooth

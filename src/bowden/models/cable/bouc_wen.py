@@ -13,9 +13,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from bowden.core.kernel import kernel, power, sel
+from bowden.core.part import part
 from bowden.core.quantity import Quantity
 
 
+@part
 class BoucWen(NamedTuple):
     """Parameters of the cable; the defaults are the ones the paper fitted to its bench (Section 5.1.1).
 

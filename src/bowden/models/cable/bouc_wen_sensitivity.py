@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel, log, power, sel
+from bowden.core.kernel import kernel, log, power, program, sel
 from bowden.models.cable.bouc_wen import BoucWen, advance_prepared, prepare_cable, saturation, slope_of_h
 
 
@@ -103,7 +103,6 @@ def sensitivity_advance(at: Sensitive, travel: float, bound: float, cable: BoucW
     return at
 
 
-@kernel
 def sensitivities(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) -> NDArray[np.float64]:
     """h and its derivatives along a recorded motion.
 
@@ -116,6 +115,15 @@ def sensitivities(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) 
         h, ∂h/∂ρ, ∂h/∂σ, ∂h/∂n, ∂h/∂h(0) (n, 5).
     """
     found = np.empty((motor.size, 5))
+    program(fill_sensitivities)(np.ascontiguousarray(motor), initial_h, cable, found)
+    return found
+
+
+@kernel
+def fill_sensitivities(
+    motor: NDArray[np.float64], initial_h: float, cable: BoucWen, found: NDArray[np.float64]
+) -> None:
+    """`sensitivities`, into `found` (n, 5)."""
     bound = saturation(cable)
     at = Sensitive(initial_h, 0.0, 0.0, 0.0, 1.0)
     for k in range(motor.size):
@@ -123,13 +131,18 @@ def sensitivities(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) 
             at = sensitivity_advance(at, motor[k] - motor[k - 1], bound, cable)
         found[k, 0], found[k, 1], found[k, 2] = at.h, at.by_rate, at.by_shape
         found[k, 3], found[k, 4] = at.by_exponent, at.by_initial
+
+
+def hysteresis(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) -> NDArray[np.float64]:
+    """h along a recorded motion (n,) [–], from `motor` (n,) [rad] and h at its first sample."""
+    found = np.empty(motor.size)
+    program(fill_hysteresis)(np.ascontiguousarray(motor), initial_h, cable, found)
     return found
 
 
 @kernel
-def hysteresis(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) -> NDArray[np.float64]:
-    """h along a recorded motion (n,) [–], from `motor` (n,) [rad] and h at its first sample."""
-    found = np.empty(motor.size)
+def fill_hysteresis(motor: NDArray[np.float64], initial_h: float, cable: BoucWen, found: NDArray[np.float64]) -> None:
+    """`hysteresis`, into `found` (n,)."""
     h = initial_h
     found[0] = h
     prepared = prepare_cable(cable)
@@ -138,4 +151,3 @@ def hysteresis(motor: NDArray[np.float64], initial_h: float, cable: BoucWen) -> 
         if np.abs(np.copysign(prepared.bound, travel) - h) > 1e-12 * prepared.bound:  # rounding may stop h short of it
             h = advance_prepared(h, travel, prepared)
         found[k] = h
-    return found

@@ -9,11 +9,10 @@ Pokrovskii, *Systems with Hysteresis*, 1989; Kuhnen, European Journal of Control
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.kernel import kernel
+from bowden.core.kernel import kernel, program
 from bowden.models.cable.backlash import push
 
 
-@kernel
 def plays(motor: NDArray[np.float64], half_widths: NDArray[np.float64]) -> NDArray[np.float64]:
     """The slots of the stack along a recorded motion.
 
@@ -25,12 +24,18 @@ def plays(motor: NDArray[np.float64], half_widths: NDArray[np.float64]) -> NDArr
         zᵢ (n, k) [rad], each slot starting centred on the first sample.
     """
     slots = np.empty((motor.size, half_widths.size))
+    program(fill_plays)(np.ascontiguousarray(motor), np.ascontiguousarray(half_widths), slots)
+    return slots
+
+
+@kernel
+def fill_plays(motor: NDArray[np.float64], half_widths: NDArray[np.float64], slots: NDArray[np.float64]) -> None:
+    """`plays`, into `slots` (n, k)."""
     for i in range(half_widths.size):
         z = motor[0]
         for k in range(motor.size):
             z = push(z, motor[k], half_widths[i])
             slots[k, i] = z
-    return slots
 
 
 @kernel

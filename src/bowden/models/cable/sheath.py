@@ -16,10 +16,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from bowden.core.kernel import kernel
+from bowden.core.part import part
 from bowden.core.quantity import Quantity
 from bowden.models.cable.bouc_wen import BoucWen, advance
 
 
+@part
 class Sheath(NamedTuple):
     """How the hysteresis depends on the sheath's bend.
 

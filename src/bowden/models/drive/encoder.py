@@ -5,9 +5,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from bowden.core.kernel import kernel
+from bowden.core.part import part
 from bowden.core.quantity import Quantity
 
 
+@part
 class Encoder(NamedTuple):
     """An incremental encoder.
 

@@ -3,9 +3,11 @@
 from typing import Annotated, NamedTuple
 
 from bowden.core.kernel import kernel
+from bowden.core.part import part
 from bowden.core.quantity import Quantity
 
 
+@part
 class Motor(NamedTuple):
     """A geared motor with the bench's load; defaults: maxon EC-i 40, 70 W (Section 5.4) behind a 5:1 gear.
 

@@ -13,9 +13,11 @@ import numpy as np
 
 from bowden.core.errors import ParameterError
 from bowden.core.kernel import kernel
+from bowden.core.part import part
 from bowden.core.quantity import Quantity
 
 
+@part
 class Servo(NamedTuple):
     """What is to be known of a position-controlled motor.
 

@@ -10,6 +10,9 @@ from bowden.hardware.drives.family import DriveFamily, DriveNeeds, TwinProcess
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters, most_push
 from bowden.hardware.ports import Drive
 
+LOOK = 1e-3
+"""How often a drive looks at its heartbeat consumer [s]."""
+
 if TYPE_CHECKING:
     from bowden.hardware.twin.plant import TwinPlant
 
@@ -49,9 +52,13 @@ def twin(
         ParameterError: an option that is none.
         DriveError: the bus cannot be used, or has a twin already.
     """
-    from bowden.hardware.twin.twin import Twin as CanopenTwin
+    from bowden.hardware.twin.canopen_node import CanopenNode
+    from bowden.hardware.twin.twin import BusPlace, Twin
 
-    return CanopenTwin(parameters, plant, clock, dict(_override(text) for text in options))
+    check_parameters(parameters)
+    overrides = dict(_override(text) for text in options)
+    place = BusPlace(parameters.interface, parameters.channel, parameters.bitrate, parameters.node_id)
+    return Twin(place, clock, lambda send, journal: CanopenNode(parameters, plant, send, journal, overrides))
 
 
 def _override(text: str) -> tuple[tuple[int, int], int | None]:
@@ -111,6 +118,11 @@ def measures_tension(parameters: DriveParameters) -> bool:
     return parameters.tension_scale != 0.0
 
 
+def watchdog(parameters: DriveParameters) -> float:
+    """The heartbeat consumer's time, and the millisecond in which the drive looks at it [s]."""
+    return parameters.heartbeat_timeout + LOOK
+
+
 FAMILY = DriveFamily(
     name="cia402",
     title="The CiA 402 drive on its CANopen bus; `bowden twin` plays it.",
@@ -122,6 +134,7 @@ FAMILY = DriveFamily(
     address=address,
     control=control,
     claim=claim_host,
+    watchdog=watchdog,
     most_push=largest_push,
     measures_tension=measures_tension,
     explain=emergency_text,

@@ -1,4 +1,4 @@
-"""What is handed to a function of the face, checked: every refusal names the argument, what was given and expected."""
+"""What a user hands to a function, checked: every refusal names the argument, what was given, and what to give."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, article
 
 Array = NDArray[np.float64]
 
@@ -21,8 +21,8 @@ def said(value: Any) -> str:
         return f"an array of shape {value.shape}"
     if isinstance(value, type):
         return f"the class {value.__name__}"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else f"a {type(value).__name__}: {text[:50]}…"
+    words = " ".join(repr(value).split())
+    return words if len(words) <= 60 else f"{article(type(value).__name__)}: {words[:50]}…"
 
 
 def signal(value: Any, what: str) -> Array:
@@ -44,7 +44,9 @@ def signal(value: Any, what: str) -> Array:
             )
         found = np.asarray(found, dtype=np.float64)
     except ValueError as error:  # rows of different lengths
-        raise ParameterError(f"{what} is no row of numbers: {error}", expected="an array (n,)") from error
+        raise ParameterError(
+            f"{what} is no row of numbers: {error}", expected="an array (n,)", do="hand over one signal"
+        ) from error
     if found.ndim != 1:
         raise ParameterError(
             f"{what} is {said(found) if found.ndim else said(value)}",
@@ -68,15 +70,66 @@ def one_length(signals: dict[str, Array], where: str) -> None:
         )
 
 
-def path_of(value: Any, what: str) -> Path:
-    """A path.
+def path_of(value: Any, what: str, kind: str = "file") -> Path:
+    """The path of a file, or of another `kind`.
 
     Raises:
         ParameterError: something else.
     """
     if not isinstance(value, str | Path):
-        raise ParameterError(f"{what} is {said(value)}", expected="the path of a file")
+        raise ParameterError(
+            f"{what} is {said(value)}", expected=f"the path of a {kind}", do='write it in quotation marks: "…"'
+        )
     return Path(value)
+
+
+def flag(value: Any, what: str) -> bool:
+    """True or False.
+
+    Raises:
+        ParameterError: something else.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise ParameterError(f"{what} is {said(value)}", expected="True or False", do="give one of them")
+    return bool(value)
+
+
+def whole(value: Any, what: str, least: int) -> int:
+    """A whole number, `least` or above.
+
+    Raises:
+        ParameterError: something else.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
+        raise ParameterError(
+            f"{what} is {said(value)}", expected=f"a whole number from {least} on", do="give such a number"
+        )
+    return int(value)
+
+
+def text(value: Any, what: str, expected: str) -> str:
+    """Text.
+
+    Raises:
+        ParameterError: something else.
+    """
+    if not isinstance(value, str):
+        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="write it in quotation marks")
+    return value
+
+
+def function(value: Any, what: str, expected: str) -> Any:
+    """Something that can be called.
+
+    Raises:
+        ParameterError: something else.
+    """
+    if not callable(value):
+        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="hand over a function, or leave it out")
+    return value
+
+
+PROGRESS = "a function of what is being done and the share that is behind"
 
 
 LARGEST_ANGLE = 4.0 * np.pi
@@ -110,7 +163,7 @@ def number(value: Any, what: str, expected: str = "a finite number") -> float:
             raise TypeError
         found = float(value)
     except (TypeError, ValueError):
-        raise ParameterError(f"{what} is {said(value)}", expected=expected) from None
+        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="give a number") from None
     if not np.isfinite(found):
-        raise ParameterError(f"{what} is {found}", expected=expected)
+        raise ParameterError(f"{what} is {found}", expected=expected, do="give a finite number")
     return found

@@ -1,0 +1,60 @@
+"""Classes that a user makes by hand, and that refuse at once what can be none of their values."""
+
+from functools import wraps
+from inspect import Signature, signature
+from typing import Any, TypeVar
+
+from bowden.core.arguments import said
+from bowden.core.errors import ParameterError, near
+
+Kind = TypeVar("Kind", bound=type)
+
+_NO_NUMBER = (str, bytes, list, dict, set, type, type(None))
+"""What is refused: kernels are handed numbers, and arrays and symbols in their place."""
+
+
+def signed(kind: Kind) -> Kind:
+    """Let help and notebooks show the arguments of a dataclass whose ``__new__`` takes any, to refuse them itself."""
+    made: Any = kind
+    first, *others = signature(made.__init__).parameters.values()
+    assert first.name == "self"
+    made.__signature__ = Signature(others)
+    return kind
+
+
+def part(kind: Kind) -> Kind:
+    """Let a NamedTuple of numbers refuse, when it is made, a name that it has not and a value that is no number.
+
+    Ranges are looked at where a rig takes it (`bowden.rig.checked`). Compiled code makes it as before.
+
+    >>> from bowden.models.drive.encoder import Encoder
+    >>> Encoder(resolutoin=0.1)
+    Traceback (most recent call last):
+    ...
+    bowden.core.errors.ParameterError: Encoder has no 'resolutoin'; expected resolution (did you mean this?) or noise; correct the name
+    """  # noqa: E501  # as Python prints it
+    made: Any = kind
+    plain, fields = made.__new__, made._fields
+
+    @wraps(plain)
+    def checked(cls: Any, *given: Any, **named: Any) -> Any:
+        for name in named:
+            if name not in fields:
+                raise ParameterError(
+                    f"{kind.__name__} has no {name!r}", expected=near(name, fields), do="correct the name"
+                )
+        if len(given) > len(fields) or set(fields[: len(given)]) & named.keys():
+            raise ParameterError(
+                f"{kind.__name__} is given {len(given) + len(named)} values",
+                expected=f"{', '.join(fields)}, each at most once",
+                do="give them by name",
+            )
+        for name, value in (*zip(fields, given, strict=False), *named.items()):
+            if isinstance(value, _NO_NUMBER):
+                raise ParameterError(
+                    f"{kind.__name__}: {name} is {said(value)}", expected="a number, in SI and radians", do="give one"
+                )
+        return plain(cls, *given, **named)
+
+    made.__new__ = checked
+    return kind

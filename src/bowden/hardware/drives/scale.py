@@ -1,0 +1,70 @@
+"""From an encoder's counts to an angle and back, of any family's drive: on the bench, and on a suit."""
+
+from typing import NamedTuple
+
+from bowden.core.kernel import compiled
+from bowden.models.suit.suit_angle import HIGH, LOW, SpoolMap, flexor_arm, motor_of, spool_of
+
+
+class Scale(NamedTuple):
+    """The way from an encoder's counts to an angle and back: angle = origin + step · counts."""
+
+    step: float
+    """Angle of one count, with its sign [rad]."""
+    origin: float
+    """Angle at count zero [rad]."""
+
+    def angle(self, counts: float) -> float:
+        """Counts to an angle [rad]."""
+        return self.origin + self.step * counts
+
+    def counts(self, angle: float) -> float:
+        """An angle [rad] to counts, not rounded."""
+        return (angle - self.origin) / self.step
+
+    def steepest(self, low: float, high: float) -> float:
+        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
+        return 1.0
+
+
+class SuitScale(NamedTuple):
+    """The way from counts to the motor's angle in the joint's coordinate and back, through the spool's angle."""
+
+    spool: Scale
+    """Counts to the spool's angle."""
+    map: SpoolMap
+
+    @property
+    def step(self) -> float:
+        """Angle of the spool of one count, with its sign [rad]."""
+        return self.spool.step
+
+    def angle(self, counts: float) -> float:
+        """Counts to an angle [rad]."""
+        return float(compiled(motor_of)(self.spool.angle(counts), self.map))
+
+    def counts(self, angle: float) -> float:
+        """An angle [rad] to counts, not rounded."""
+        return self.spool.counts(float(compiled(spool_of)(float(angle), self.map)))
+
+    def steepest(self, low: float, high: float) -> float:
+        """Turn of the spool per angle, at most, between two angles [rad/rad]."""
+        low, high = (max(LOW, min(HIGH, angle)) for angle in (low, high))  # beyond, the map goes on along its tangent
+        between = (low + (high - low) * i / 64.0 for i in range(65))
+        return max(float(flexor_arm(angle, self.map)) for angle in between) / self.map.radius
+
+
+def spool_scale(step: float, home: float, counts_at_home: float, spool: SpoolMap | None) -> Scale | SuitScale:
+    """The motor's counts to the spool's angle, or, on a suit, to the motor's in the joint's coordinate.
+
+    Args:
+        step: angle of the spool of one count, with its sign [rad].
+        home: the motor's angle at home, on a suit in the joint's coordinate [rad].
+        counts_at_home: what the counter says there.
+        spool: of a suit.
+    """
+    if spool is None:
+        return Scale(step, home - step * counts_at_home)
+    scale = SuitScale(Scale(step, float(spool_of(home, spool)) - step * counts_at_home), spool)
+    scale.angle(scale.counts(0.0))  # compiles, before a loop asks
+    return scale

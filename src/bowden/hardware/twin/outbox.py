@@ -1,0 +1,40 @@
+"""What a twin's drive sends, with the faults of the bus: it says nothing, loses frames, or is late."""
+
+from collections import deque
+
+from bowden.hardware.twin.faults import Faults
+from bowden.hardware.twin.node import Send
+
+
+class Outbox:
+    """Where a node's frames go out.
+
+    Args:
+        send: puts a frame on the bus.
+        faults: of the drive.
+    """
+
+    def __init__(self, send: Send, faults: Faults) -> None:
+        self._send, self._faults = send, faults
+        self._waiting: deque[tuple[float, int, bytes]] = deque()
+
+    def emit(self, identifier: int, data: bytes, now: float) -> None:
+        """A frame that comes when something happens: an answer, a heartbeat, an emergency."""
+        if not self._faults.active("silence", now):
+            self._send(identifier, data)
+
+    def emit_cyclic(self, identifier: int, data: bytes, now: float) -> None:
+        """A frame with readings, of every cycle; those alone are lost or late."""
+        if self._faults.active("silence", now) or self._faults.drops_pdo(now):
+            return
+        late = self._faults.active("late_pdos", now)
+        if late:
+            self._waiting.append((now + 1e-3 * late.amount, identifier, data))
+        else:
+            self._send(identifier, data)
+
+    def tick(self, now: float) -> None:
+        """Send what has waited long enough."""
+        while self._waiting and self._waiting[0][0] <= now:
+            _, identifier, data = self._waiting.popleft()
+            self._send(identifier, data)

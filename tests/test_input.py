@@ -1,0 +1,345 @@
+"""Bad input: every name of the face refuses what it cannot take, and says which argument it is and what to do."""
+
+import inspect
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowden
+from bowden.core.errors import BowdenError, ParameterError
+from bowden.live.live_run import live_run
+from bowden.rig import packing
+from bowden.rig.rig import Rig
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+T = np.arange(0.0, 3.0, 0.01)
+WAVE = 0.5 * np.sin(T)
+NO_TEXT: tuple[Any, ...] = (3, 2.5, object(), ["x"], WAVE)
+NO_PATH: tuple[Any, ...] = (3, object(), ["x"], WAVE)
+NO_FLAG: tuple[Any, ...] = ("yes", 1, [], object())
+NO_NUMBER: tuple[Any, ...] = ("5", object(), [1.0], {}, float("nan"))
+NO_WHOLE: tuple[Any, ...] = ("5", 2.5, object(), -1, True)
+NO_PART: tuple[Any, ...] = ("5", None, [1.0], {}, int)
+NO_RIG: tuple[Any, ...] = (3, None, Rig, {"servo": 1}, WAVE)
+NO_LAW: tuple[Any, ...] = (3, Path.exists, int, {"adaptive": 1})
+NO_CALL: tuple[Any, ...] = (3, "print")
+
+
+def trace() -> bowden.Trace:
+    values = {"time": T, "reference": WAVE, "joint": 0.99 * WAVE}
+    return bowden.Trace(values, {"time": "s", "reference": "rad", "joint": "rad"})
+
+
+def made(function: Callable[..., Any], *given: Any, **named: Any) -> Callable[..., Any]:
+    """A call with all of its arguments right, of which one will be wrong."""
+
+    def call(**wrong: Any) -> Any:
+        place = {name: i for i, name in enumerate(list(inspect.signature(function).parameters)[: len(given)])}
+        values = list(given)
+        for name in [name for name in wrong if name in place]:
+            values[place[name]] = wrong.pop(name)
+        found = function(*values, **(named | wrong))
+        if hasattr(found, "__enter__"):
+            with found:
+                pass
+        return found
+
+    return call
+
+
+RIG = Rig(duration=1.0)
+CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
+    "campaign": (
+        made(bowden.campaign, "study.toml"),
+        {
+            "study": NO_PATH,
+            "out": NO_PATH,
+            "rig": NO_RIG[2:],
+            "workers": (0, *NO_WHOLE),
+            "cluster": NO_TEXT,
+            "progress": NO_CALL,
+        },
+    ),
+    "check": (made(bowden.check, RIG), {"rig": NO_RIG, "law": NO_LAW, "preset": NO_TEXT}),
+    "export": (
+        made(bowden.export, RIG, "c"),
+        {
+            "rig": NO_RIG,
+            "folder": NO_PATH,
+            "law": NO_LAW,
+            "preset": NO_TEXT,
+            "float32": NO_FLAG,
+            "emg_rate": NO_NUMBER,
+            "safety": NO_FLAG,
+            "force": NO_FLAG,
+        },
+    ),
+    "identify": (
+        made(bowden.identify, T, WAVE, 0.9 * WAVE),
+        {
+            "motor": (3.0, ["a"], np.zeros((3, 2)), [[1.0], [1.0, 2.0]]),
+            "joint": (3.0, ["a"], np.zeros((3, 2))),
+            "unit": (3, "grad"),
+            "name": NO_TEXT,
+            "seed": NO_WHOLE,
+            "progress": NO_CALL,
+        },
+    ),
+    "kernel": (made(bowden.kernel, trace), {"function": (3, "step", None, int)}),
+    "Law": (
+        made(bowden.Law, "mine", bowden.LAWS["adaptive"].gains, trace, trace, "mine"),
+        {"name": NO_TEXT, "gains": (3, {"a": 1.0}, (1.0,)), "start_kernel": (3, "f"), "step_kernel": (3, "f")},
+    ),
+    "Law.with_gains": (bowden.LAWS["adaptive"].with_gains, {"feedback_gain": ("1", None, {}), "nope": (1.0,)}),
+    "Law.preset": (made(bowden.LAWS["adaptive"].preset, "paper"), {"name": NO_TEXT[:3]}),
+    "league": (
+        made(bowden.league, RIG),
+        {
+            "rig": NO_RIG[2:],
+            "laws": (3, "adaptive", ["adaptiv"], [3]),
+            "plants": (3, "bench", [3], ["bensh"]),
+            "scenarios": (3, "fast", [3], ["fasd"]),
+            "data": NO_PATH,
+            "progress": NO_CALL,
+        },
+    ),
+    "MinimumJerk": (bowden.MinimumJerk, {"low": (0.0,)}),
+    "MinimumJerk.periodic": (
+        made(bowden.MinimumJerk.periodic, 0.0, 1.0, 4.0),
+        {"low": (*NO_NUMBER, -70.0), "high": (*NO_NUMBER, 70.0), "period": (*NO_NUMBER, 0.0, -1.0)},
+    ),
+    "MinimumJerk.point_to_point": (
+        made(bowden.MinimumJerk.point_to_point, [0.0, 1.0], [0.0, 1.0]),
+        {"times": (3.0, "ab", [0.0, "1"]), "positions": (3.0, "ab", [0.0, 70.0])},
+    ),
+    "read_log": (
+        made(bowden.read_log, "log.csv"),
+        {"path": NO_PATH, "time": NO_TEXT, "motor": NO_TEXT, "joint": NO_TEXT, "unit": NO_TEXT},
+    ),
+    "read_trace": (made(bowden.read_trace, "run.csv"), {"path": NO_PATH}),
+    "run": (
+        made(bowden.run, RIG),
+        {
+            "rig": NO_RIG,
+            "law": NO_LAW,
+            "preset": NO_TEXT,
+            "duration": (*NO_NUMBER, -1.0, 1e12),
+            "twin": NO_FLAG,
+            "channel": NO_TEXT,
+            "emg": NO_TEXT,
+            "out": NO_PATH,
+            "force": NO_FLAG,
+        },
+    ),
+    "simulate": (
+        made(bowden.simulate, RIG),
+        {
+            "rig": NO_RIG,
+            "preset": NO_TEXT,
+            "duration": (*NO_NUMBER, -1.0, 1e12),
+            "seed": (*NO_WHOLE, 2**63),
+            "force": NO_FLAG,
+        },
+    ),
+    "tune": (
+        made(bowden.tune, RIG),
+        {
+            "rig": NO_RIG,
+            "law": NO_LAW,
+            "preset": NO_TEXT,
+            "study": NO_PATH,
+            "seed": NO_WHOLE,
+            "generations": (0, *NO_WHOLE),
+            "progress": NO_CALL,
+        },
+    ),
+    "Trace": (
+        made(bowden.Trace, {"time": T}, {"time": "s"}),
+        {"columns": (3, {}, {"a": "x"}, {"a": T, "b": T[1:]}), "units": (3, {}, {"time": 1}), "seed": ("1", -1, 2.5)},
+    ),
+    "Trace.array": (made(trace().array, "joint"), {"name": (3, "jiont", None), "unit": (3, "mm")}),
+    "Trace.to_pandas": (made(trace().to_pandas), {"unit": (3, "mm", ["rad"])}),
+    "Trace.plot": (made(trace().plot), {"axes": (3, "here")}),
+    "Trace.to_csv": (made(trace().to_csv, "run.csv"), {"path": (None, *NO_PATH)}),
+    "Trace.to_parquet": (made(trace().to_parquet, "run.parquet"), {"path": (None, *NO_PATH)}),
+    "Trace.from_csv": (made(bowden.Trace.from_csv, "run.csv"), {"path": (None, *NO_PATH)}),
+    "Trace.from_parquet": (made(bowden.Trace.from_parquet, "run.parquet"), {"path": (None, *NO_PATH)}),
+    "Trace.convergence_times": (made(trace().convergence_times), {"band": NO_NUMBER, "period": NO_NUMBER}),
+    "Trace.bandwidth": (
+        made(trace().bandwidth, 0.1, 5.0),
+        {"lowest": (*NO_NUMBER, 9.0), "highest": NO_NUMBER, "half_width": (*NO_NUMBER, 0.0)},
+    ),
+    "Rig": (
+        made(Rig),
+        {
+            "cable": (3, "model.toml", bowden.BoucWen(slope=0.0)),
+            "plant": (3, "plant", trace),
+            "width": NO_NUMBER,
+            "servo": (3, "fast", bowden.Encoder(), bowden.Servo(natural_frequency=-1.0)),
+            "joint_encoder": (0.1, bowden.Servo(), bowden.Encoder(resolution=-1.0)),
+            "motor": (3, bowden.Motor(inertia=-1.0)),
+            "sheath": (3, bowden.Sheath(bend=180.0)),
+            "sample_time": (*NO_NUMBER, 1.0),
+            "delay": NO_WHOLE,
+            "substeps": NO_WHOLE,
+            "suit": (True, "worn"),
+            "wearer": ("me", 3),
+            "admittance": (True,),
+            "law": (3, trace, "adaptiv", None),
+            "preset": (3, WAVE),
+            "gains": (3, "high", {"nope": 1.0}, {3: 1.0}, {"feedback_gain": "1"}, {"feedback_gain": float("inf")}),
+            "reference": (3, "sine", bowden.MinimumJerk.periodic, [0.0, 1.0]),
+            "bend": ("straight", 180.0, None),
+            "duration": NO_NUMBER,
+            "seed": NO_WHOLE,
+            "initial_motor": ("0", float("nan"), 1e9),
+            "drive": ("can0", 3),
+            "limits": (3, {}),
+            "live": (3,),
+            "emg": ("lsl:x",),
+            "origin": NO_TEXT,
+            "remarks": ("text", [3], (3,)),
+            "stands_for": ("abc",),
+            "servos": (3,),
+        },
+    ),
+    "BoucWen": (bowden.BoucWen, {"slope": NO_PART, "slop": (1.0,)}),
+    "Encoder": (bowden.Encoder, {"resolution": NO_PART, "resolutoin": (0.1,)}),
+    "Motor": (bowden.Motor, {"gear": NO_PART, "gears": (2.0,)}),
+    "Servo": (bowden.Servo, {"damping": NO_PART, "dampng": (0.7,)}),
+    "Sheath": (bowden.Sheath, {"bend": NO_PART, "bent": (1.0,)}),
+    "Rig.read": (made(Rig.read, "rig.toml"), {"path": NO_PATH}),
+    "Rig.write": (made(RIG.write, "rig.toml"), {"path": NO_PATH}),
+    "Rig.of_tree": (
+        made(Rig.of_tree, {}, Path("rig.toml")),
+        {"tree": (3, "x"), "origin": NO_PATH, "keep": (3, "x")},
+    ),
+    "Rig.replace": (RIG.replace, {"delay": NO_WHOLE, "dely": (3,), "stands_for": ("x",)}),
+    "Rig.with_law": (made(RIG.with_law), {"law": (3, "adaptiv", trace), "preset": (3,), "folder": NO_PATH}),
+    "Rig.with_emg": (made(RIG.with_emg, "lsl:x"), {"source": NO_TEXT}),
+    "Rig.offline": (made(RIG.offline), {"whole": NO_FLAG}),
+    "Rig.on_bus": (made(RIG.on_bus, "can0"), {"channel": NO_TEXT, "interface": NO_TEXT}),
+    "Rig.fitted": (made(RIG.fitted), {"law": (3, "adaptiv", trace), "known": (3, {})}),
+    "Rig.plot": (made(RIG.plot), {"axes": (3, "here")}),
+}
+"""Name → a call of it that is right but for one argument, and wrong values of that."""
+
+
+def wrong() -> Iterator[Any]:
+    for name, (call, arguments) in CALLS.items():
+        for argument, values in arguments.items():
+            for i, value in enumerate(values):
+                yield pytest.param(call, argument, value, id=f"{name}-{argument}-{i}")
+
+
+@pytest.mark.parametrize(("call", "argument", "value"), list(wrong()))
+def test_a_wrong_argument_is_named_with_what_to_do(
+    call: Callable[..., Any], argument: str, value: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BowdenError) as caught:
+        call(**{argument: value})
+    error = caught.value
+    assert argument.split("_")[0].rstrip("s") in str(error), str(error)
+    assert error.expected, str(error)
+    assert error.do, str(error)
+    assert "\n" not in str(error)
+    assert "--" not in str(error)
+    assert not any(tmp_path.iterdir())
+
+
+def test_every_function_of_the_face_is_in_that_table() -> None:
+    functions = {name for name in bowden.__all__ if inspect.isroutine(getattr(bowden, name))} | {"identify", "export"}
+    assert functions - set(CALLS) == {"sel"}  # part of kernels, whose arguments are whatever stands for a number
+    methods = {
+        f"{kind.__name__}.{name}"
+        for kind in (Rig, bowden.Trace, bowden.MinimumJerk)
+        for name, value in inspect.getmembers(kind, lambda one: inspect.isfunction(one) or inspect.ismethod(one))
+        if not name.startswith("_") and set(inspect.signature(value).parameters) - {"self"}
+    }
+    assert methods - set(CALLS) == {"Rig.unpack", "Trace.to_polars"}  # below; as to_pandas
+
+
+# what a rig is packed as
+
+DOCUMENT = Rig(gains={"feedback_gain": 1.5}).document()
+FOREIGN: dict[str, Any] = {
+    "a number": 3,
+    "nothing": None,
+    "text": "rig.toml",
+    "bytes": b"\x00\xff",
+    "a list": b"[1]",
+    "an empty one": {},
+    "no format": {"servo": {}},
+    "a rig of the future": DOCUMENT | {"format": 99},
+    **{f"{name} is {value!r}": DOCUMENT | {name: value} for name in DOCUMENT for value in (3.5, "x", [1], {"a": 1})
+       if name not in ("format", "software", "origin", "hash", "own_gains") and (name, value) != ("preset", "x")
+       and not (value == 3.5 and name in ("sample_time", "width", "duration", "initial_motor", "bend"))},
+    "a recording that is none": DOCUMENT | {"reference": {"kind": "recorded", "said": {}, "time": "", "position": ""}},
+    "a law without a source": DOCUMENT | {"law": {"name": "a.py", "path": "a.py"}},
+    "a plant of text": DOCUMENT | {"plant": {"name": "a.py", "path": "a.py", "source": "!", "changed": {}}},
+    "own gains of no law": DOCUMENT | {"own_gains": {"nope": 1.0}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("given", FOREIGN.values(), ids=FOREIGN.keys())
+def test_a_foreign_document_is_refused_in_a_line(given: Any) -> None:
+    with pytest.raises(BowdenError) as caught:
+        Rig.unpack(given)
+    assert "\n" not in str(caught.value)
+    assert caught.value.expected
+
+
+def test_what_a_document_does_not_say_or_says_too_much_is_noted() -> None:
+    less = {name: value for name, value in DOCUMENT.items() if name != "plant"}
+    rig = Rig.unpack(less | {"spare": 1})
+    assert rig == Rig.unpack(DOCUMENT)
+    assert [note.partition(",")[0] for note in rig.notes] == [
+        "the packed rig has no plant: taken as the default bench has it",
+        "the packed rig has spare",
+    ]
+
+
+def test_a_rig_that_is_too_large_to_be_handed_on_is_refused_before_a_live_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packing, "MOST_BYTES", 1000)
+    with pytest.raises(ParameterError, match=r"the rig has 0 MB.*shorten or thin out its recorded motion"):
+        live_run(Rig())
+
+
+# older versions
+
+OLDER = sorted((Path(__file__).parent / "data" / "older_rigs").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", OLDER, ids=lambda path: path.stem)
+def test_a_rig_that_an_older_version_wrote_is_read(path: Path) -> None:
+    rig = Rig.read(path)
+    assert Rig.unpack(rig.pack()).hash == rig.hash
+    assert rig.fitted().name == "adaptive" or rig.suit.worn
+
+
+def test_a_key_that_there_is_no_more_is_told_with_what_became_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    for gain, became in bowden.LAWS["bowden"].former.items():
+        path.write_text(f"[control]\nlaw = 'bowden'\n[control.gains]\n{gain} = 0.1\n")
+        with pytest.raises(ParameterError, match=rf"rig\.toml: control\.gains: .*'{gain}' any more; expected {became}"):
+            Rig.read(path)
+    (tmp_path / "my_law.py").write_text((EXAMPLES / "my_law.py").read_text() + "\n\nTOLD = {'slope': 'slope'}\n")
+    with pytest.raises(ParameterError, match=r"my_law\.py has TOLD; expected FROM_RIG"):
+        Rig(law=str(tmp_path / "my_law.py"))
+    with pytest.raises(ParameterError, match=r"a law has no 'told'; expected from_rig"):
+        bowden.Law("mine", 3, trace, trace, "mine", told={})  # type: ignore[call-arg]
+
+
+def test_a_rig_stands_for_none_but_its_own() -> None:
+    rig = Rig()
+    assert "servo" in inspect.signature(Rig).parameters
+    assert "stands_for" not in inspect.signature(Rig).parameters
+    assert rig.offline().hash == rig.hash
+
+
+def test_the_package_shows_what_it_offers_and_no_more() -> None:
+    assert {name for name in dir(bowden) if not name.startswith("__")} == set(bowden.__all__) - {"__version__"}
