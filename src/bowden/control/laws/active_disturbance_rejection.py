@@ -159,7 +159,8 @@ HEARD = 0.1 * RADIANS
 def fitting_bandwidth(known: Knowledge) -> float:
     """ωo, no faster than servo, delay and the joint's noise allow [rad/s].
 
-    It is the least of 3.55·ω, 1/τ, and what lets 0.1° of noise through. The noise σ of joint and counting comes through as about σ·(ωo/ω)²·√(ωo·Ts) in the command.
+    It is the least of 3.55·ω, 1/τ, and what lets 0.1° of noise through. The noise σ of joint and counting comes through
+    as about σ·(ωo/ω)²·√(ωo·Ts) in the command.
     """
     omega, delay = known.servo_frequency, known.delay
     if math.isnan(omega) or math.isnan(delay):
