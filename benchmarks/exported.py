@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 import results
 from bowden.control import LAWS
+from bowden.control.conditioning import condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
+from bowden.core.nested import flat, rebuilt
 from bowden.core.signals import Reference, Sample
 from bowden.export import cortex
 from bowden.export.code import Style
-from bowden.export.law import law_module
+from bowden.export.law import law_module, state_of
 from bowden.export.module import files
 from bowden.export.readme import FLAGS
 from bowden.rig.presets import bench as paper
@@ -76,42 +78,51 @@ void run(const double *rows, long count, double *out)
 
 
 @kernel
-def compiled_rows(gains: Any, rows: Array, out: Array) -> None:
-    state = law_start(gains, Sample(0.0, 0.0))
+def compiled_rows(gains: Any, conditioning: Any, rows: Array, out: Array) -> None:
+    state, conditioned = law_start(gains, Sample(0.0, 0.0)), condition_start(conditioning, Sample(0.0, 0.0))
     for k in range(len(rows)):
         sample = Sample(rows[k, 1], rows[k, 2])
         if rows[k, 0] != 0.0:
-            state = law_start(gains, sample)
+            state, conditioned = law_start(gains, sample), condition_start(conditioning, sample)
         reference = Reference(rows[k, 3], rows[k, 4], rows[k, 5])
-        state, out[k, 0] = law_step(gains, state, sample, reference, rows[k, 6])
-        for j in range(len(state)):
-            out[k, j + 1] = state[j]
+        conditioned, shown = condition_step(conditioning, conditioned, reference, rows[k, 6])
+        state, out[k, 0] = law_step(gains, state, sample, shown, rows[k, 6])
+        numbers = flat((state, conditioned))
+        for j in range(len(numbers)):
+            out[k, j + 1] = numbers[j]
 
 
 @kernel
-def compiled_steps(gains: Any, rows: Array, commands: Array) -> None:
-    state = law_start(gains, Sample(rows[0, 1], rows[0, 2]))
+def compiled_steps(gains: Any, conditioning: Any, rows: Array, commands: Array) -> None:
+    first = Sample(rows[0, 1], rows[0, 2])
+    state, conditioned = law_start(gains, first), condition_start(conditioning, first)
     for k in range(len(rows)):
         reference = Reference(rows[k, 3], rows[k, 4], rows[k, 5])
-        state, commands[k] = law_step(gains, state, Sample(rows[k, 1], rows[k, 2]), reference, rows[k, 6])
+        conditioned, shown = condition_step(conditioning, conditioned, reference, rows[k, 6])
+        state, commands[k] = law_step(gains, state, Sample(rows[k, 1], rows[k, 2]), shown, rows[k, 6])
 
 
 def interpreted_steps(law: Law, rows: Array, commands: Array) -> None:
-    state = law.start(Sample(rows[0, 1], rows[0, 2]))
+    first = Sample(rows[0, 1], rows[0, 2])
+    state, conditioned = law.start(first), condition_start(law.conditioning, first)
     for k, (_, joint, motor, position, velocity, acceleration, dt) in enumerate(rows.tolist()):
         reference = Reference(position, velocity, acceleration)
-        state, commands[k] = law.step(state, Sample(joint, motor), reference, dt)
+        conditioned, shown = condition_step(law.conditioning, conditioned, reference, dt)
+        state, commands[k] = law.step(state, Sample(joint, motor), shown, dt)
 
 
 def interpreted_rows(law: Law, rows: Array, out: Array) -> None:
-    state = law.start(Sample(0.0, 0.0))
+    nowhere = Sample(0.0, 0.0)
+    state, conditioned = law.start(nowhere), condition_start(law.conditioning, nowhere)
     for k, (anew, joint, motor, position, velocity, acceleration, dt) in enumerate(rows.tolist()):
         sample = Sample(joint, motor)
         if anew:
-            state = law.start(sample)
-        state, command = law.step(state, sample, Reference(position, velocity, acceleration), dt)
-        state = type(state)(*map(float, state))
-        out[k, 0], out[k, 1:] = command, state
+            state, conditioned = law.start(sample), condition_start(law.conditioning, sample)
+        reference = Reference(position, velocity, acceleration)
+        conditioned, shown = condition_step(law.conditioning, conditioned, reference, dt)
+        state, command = law.step(state, sample, shown, dt)
+        state, conditioned = (rebuilt(part, lambda path, value: float(value)) for part in (state, conditioned))
+        out[k, 0], out[k, 1:] = command, flat((state, conditioned))
 
 
 def wild_rows() -> Array:
@@ -156,10 +167,12 @@ def built(law: Law, folder: Path, cc: str, *, single: bool) -> Any:
 def differing(law: Law, exported: Any) -> int:
     """Cycles in which the three forms do not agree to the bit."""
     rows = wild_rows()
-    width = 1 + len(law.start(Sample(0.0, 0.0)))
+    width = 1 + len(flat(state_of(law)))
     found = [np.empty((CYCLES, width)) for _ in range(3)]
     exported.run(rows.ctypes.data, CYCLES, found[0].ctypes.data)
-    specialise(compiled_rows, law.name, law_start=law.start_kernel, law_step=law.step_kernel)(law.gains, rows, found[1])
+    specialise(compiled_rows, law.name, law_start=law.start_kernel, law_step=law.step_kernel)(
+        law.gains, law.conditioning, rows, found[1]
+    )
     with np.errstate(all="ignore"):
         interpreted_rows(law, rows, found[2])
     for one in found:
@@ -179,7 +192,7 @@ def measured(law: Law, cc: str) -> list[str]:
         times = by_turns(
             ROUNDS,
             interpreted=lambda: interpreted_steps(law, some, out),
-            compiled=lambda: compiled(law.gains, rows, out),
+            compiled=lambda: compiled(law.gains, law.conditioning, rows, out),
             exported=lambda: double.steps(*data),
             in_float=lambda: single.steps(*data),
         )

@@ -191,14 +191,15 @@ def _loop(plant: Bench, references: Array, widths: Array, slopes: Array, normals
     dynamics, cycles = plant.dynamics(), references.shape[1]
     record, states = np.empty((len(RECORDED) + len(dynamics.columns), cycles)), np.empty((6, cycles))
     sheath = SheathPath(np.full(cycles + 1, plant.sheath.bend), widths, slopes)
-    arguments = (LAW.gains, TABLE.settings, dynamics.plant, references, sheath, normals, 0.0, plant.sample_time)
+    settings = (LAW.gains, LAW.conditioning, TABLE.settings, dynamics.plant)
+    arguments = (*settings, references, sheath, normals, 0.0, plant.sample_time)
     loop = compiled_loop(dynamics, LAW)
     return lambda: loop(*arguments, plant.delay, record, states, SensorFault(), np.empty((2, 0)))
 
 
 def _difference(trace: Trace, inputs: Array, block: Array, current: Array) -> float:
     """Largest difference over the columns of the trace."""
-    names = [name for name in trace.columns if name not in ("width", "current")]
+    names = [name for name in trace.columns if name not in ("width", "current") and not name.startswith("conditioned.")]
     theirs = dict(zip(names, [*inputs[:3], *block[:8], inputs[4], *block[8:]], strict=True)) | {"current": current}
     return max(float(np.max(np.abs(trace[name] - values))) for name, values in theirs.items())
 

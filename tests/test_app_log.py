@@ -66,7 +66,7 @@ def live_run() -> np.ndarray:
                 *(k * DT, *reference, *reading, *state.sample, wish),
                 *(*verdict, source, lateness, elapsed, 0.0, float(request), 0.05, 1.0, observed.preflight, 0.0),
                 *(math.nan, 8e-5),
-                *(*state.law, *state.supervisor),
+                *(*state.law, *state.conditioned, *state.supervisor),
             )
         )
         drive = min(drive + 1.0, 4.0) if verdict.power > 2.5 else 1.0

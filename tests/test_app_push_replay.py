@@ -155,7 +155,8 @@ def recorded(ran: Live) -> np.ndarray:
             (
                 *(k * DT, *cycle.reference, *reading, *cycle.recorded().sample, wish),
                 *(*verdict, plan.source, 0.0, DT, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, math.nan, 8e-5),
-                *(*cycle.recorded().law, *cycle.recorded().supervisor, *cycle.recorded().source),
+                *(*cycle.recorded().law, *cycle.recorded().conditioned),
+                *(*cycle.recorded().supervisor, *cycle.recorded().source),
             )
         )
     return np.array(rows)

@@ -13,6 +13,7 @@ import jsonschema
 import pytest
 
 from bowden.app import main
+from bowden.control.conditioning import Conditioned
 from bowden.export.readme import FLAGS
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
@@ -98,7 +99,9 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     assert done.returncode == 0, done.stderr
     assert done.stderr == "3000 cycles, 0 commands differ, by 0 rad at most\n"
     table = subprocess.run(["./replay", "recording.csv", "--print"], cwd=code, capture_output=True, text=True)
-    assert table.stdout.splitlines()[0] == "time,command,command"
+    assert table.stdout.splitlines()[0] == "time,command,command," + ",".join(
+        f"conditioned_{name}" for name in Conditioned._fields
+    )
     assert len(table.stdout.splitlines()) == 3001
     before = {path.name: path.read_bytes() for path in code.iterdir()}
     assert main.run(["export", "rig.toml", "--law", "uncompensated", "--to", "deep/code"]) == 0

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
+from bowden.control.conditioning import Conditioned
 from bowden.control.law import Law
+from bowden.core.nested import flat
 from bowden.core.signals import Reference, Sample
 from bowden.export import cortex
 from bowden.export.code import Style
@@ -43,7 +45,7 @@ def measured(law: Law, *, single: bool) -> cortex.Cost:
 def test_a_law_in_double_gives_the_bits_of_python(name: str) -> None:
     cost = measured(LAWS[name], single=False)
     assert cost.commands == commands(LAWS[name])
-    assert cost.state_bytes == 8 * len(LAWS[name].start(Sample(0.0, 0.0)))
+    assert cost.state_bytes == 8 * (len(flat(LAWS[name].start(Sample(0.0, 0.0)))) + len(Conditioned._fields))
 
 
 @pytest.mark.parametrize("name", ["adaptive", "bowden"])

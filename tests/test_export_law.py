@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.control import LAWS
+from bowden.control.conditioning import condition_start, condition_step
 from bowden.control.law import Law, law_start, law_step
 from bowden.core.kernel import kernel, specialise
 from bowden.core.nested import flat
@@ -80,29 +81,31 @@ def build(folder: Path, sources: list[str], name: str, *more: str) -> None:
 
 
 @kernel
-def run_rows(gains: Any, rows: Array, out: Array) -> None:
-    state = law_start(gains, Sample(0.0, 0.0))
+def run_rows(gains: Any, conditioning: Any, rows: Array, out: Array) -> None:
+    state, conditioned = law_start(gains, Sample(0.0, 0.0)), condition_start(conditioning, Sample(0.0, 0.0))
     for k in range(len(rows)):
         sample = Sample(rows[k, 1], rows[k, 2])
         if rows[k, 0] != 0.0:
-            state = law_start(gains, sample)
+            state, conditioned = law_start(gains, sample), condition_start(conditioning, sample)
         reference = Reference(rows[k, 3], rows[k, 4], rows[k, 5])
-        state, out[k, 0] = law_step(gains, state, sample, reference, rows[k, 6])
-        numbers = flat(state)
+        conditioned, shown = condition_step(conditioning, conditioned, reference, rows[k, 6])
+        state, out[k, 0] = law_step(gains, state, sample, shown, rows[k, 6])
+        numbers = flat((state, conditioned))
         for j in range(len(numbers)):
             out[k, j + 1] = numbers[j]
 
 
 def interpreted(law: Law, rows: Array) -> Array:
-    out, state = [], law.start(Sample(0.0, 0.0))
+    out, state, conditioned = [], law.start(Sample(0.0, 0.0)), condition_start(law.conditioning, Sample(0.0, 0.0))
     with np.errstate(all="ignore"):
         for anew, *values, dt in rows.tolist():
             sample, reference = Sample(*values[:2]), Reference(*values[2:])
             if anew:
-                state = law.start(sample)
-            state, command = law.step(state, sample, reference, dt)
-            state = floated(state)
-            out.append([float(command), *flat(state)])
+                state, conditioned = law.start(sample), condition_start(law.conditioning, sample)
+            conditioned, shown = condition_step(law.conditioning, conditioned, reference, dt)
+            state, command = law.step(state, sample, shown, dt)
+            state, conditioned = floated(state), floated(conditioned)
+            out.append([float(command), *flat((state, conditioned))])
     return np.array(out)
 
 
@@ -112,7 +115,9 @@ def test_exported_law_gives_the_bits_of_python(law: Law, tmp_path: Path) -> None
     rows = inputs(CYCLES)
     found = replayed(law, rows, tmp_path)
     compiled = np.empty_like(found)
-    specialise(run_rows, law.name, law_start=law.start_kernel, law_step=law.step_kernel)(law.gains, rows, compiled)
+    specialise(run_rows, law.name, law_start=law.start_kernel, law_step=law.step_kernel)(
+        law.gains, law.conditioning, rows, compiled
+    )
     assert np.isfinite(found).all(axis=1).mean() > 0.6
     assert (bits(found) == bits(compiled)).all()
     assert (bits(found[:INTERPRETED]) == bits(interpreted(law, rows[:INTERPRETED]))).all()

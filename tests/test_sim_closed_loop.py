@@ -59,6 +59,11 @@ def frozen(**gains: float) -> Any:
     return replace(LAWS["adaptive"].with_gains(**changes), start_kernel=start_at_the_truth)
 
 
+def shown(trace: Trace) -> np.ndarray:
+    """The reference that the law was shown (n, 3)."""
+    return np.stack([trace[f"conditioned.{name}"] for name in Reference._fields], axis=1)
+
+
 def linear_oracle(bench: Bench, gains: Any, references: np.ndarray) -> np.ndarray:
     """Joint angles of the same loop put together from python-control's parts.
 
@@ -92,7 +97,7 @@ def test_linear_loop_against_python_control(delay: int, damping: float, derivati
     law = frozen(error_gain=0.05, feedback_gain=15.0, derivative_time=derivative_time, smoothing=100.0)
     bench = Bench(cable=LINEAR, servo=Servo(30.0, damping), delay=delay)
     trace = simulate(bench, law, Steps(), duration=2.0)
-    expected = linear_oracle(bench, law.gains, Steps().sample(trace.time))
+    expected = linear_oracle(bench, law.gains, shown(trace))
     assert trace.stable
     assert np.ptp(trace["joint"]) > 0.3
     np.testing.assert_allclose(trace["joint"], expected, atol=1e-9)
@@ -102,7 +107,7 @@ def test_linear_loop_without_delay_against_python_control() -> None:
     """A command that acts in its own cycle is the plant without z⁻¹ beside the hold."""
     bench, law = Bench(cable=LINEAR, delay=0), frozen(error_gain=0.1, feedback_gain=12.0)
     trace = simulate(bench, law, Steps(), duration=2.0)
-    np.testing.assert_allclose(trace["joint"], linear_oracle(bench, law.gains, Steps().sample(trace.time)), atol=1e-9)
+    np.testing.assert_allclose(trace["joint"], linear_oracle(bench, law.gains, shown(trace)), atol=1e-9)
 
 
 @pytest.mark.parametrize("delay", [1, 2, 7])

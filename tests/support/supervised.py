@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.control.conditioning import condition_start
 from bowden.control.law import Law, law_start
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Measurement, source_start
@@ -134,6 +135,7 @@ def run_supervised(
     state = CycleState(
         seen,
         law_start(settings.gains, seen),
+        condition_start(settings.conditioning, seen),
         source_start(settings.source, Measurement(seen.joint, seen.motor, 0.0, math.nan)),
         begin(limits, first, thermal),
     )
@@ -287,7 +289,9 @@ def supervised(
     parts |= {"sound_start": law.start_kernel, "sound_step": law.step_kernel}
     parts |= reached(run_supervised, dynamics.kernels())
     specialise(run_supervised, f"{law.name}_{dynamics.name}", **parts, **SUPERVISED)(
-        CycleSettings(misled_gains(law, injected, plant.sample_time), TABLE.settings, Filters(), limits),
+        CycleSettings(
+            misled_gains(law, injected, plant.sample_time), law.conditioning, TABLE.settings, Filters(), limits
+        ),
         settings_of(plant, dynamics),
         thermal or cold(limits.thermal),
         inputs.references,

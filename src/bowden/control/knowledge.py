@@ -22,6 +22,7 @@ from dataclasses import replace
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+from bowden.control.conditioning import Conditioning
 from bowden.control.law import Law
 from bowden.core.errors import ParameterError, near
 from bowden.models.cable.bouc_wen import BoucWen, saturation
@@ -128,7 +129,7 @@ def preset_of(
 
 
 def informed(law: Law, known: Knowledge) -> Law:
-    """The law with what it takes of the knowledge in its gains, in place of what it was told before.
+    """The law with what it and its conditioner take of the knowledge, in place of what it was told before.
 
     What was chosen for it stays; what is not known is as the law's own. A value is kept inside the gain's limits. A law
     that has a gain for the doubt about its first guesses is told `slope`, `width` and `doubt` only where the knowledge
@@ -145,6 +146,9 @@ def _with_known(law: Law, known: Knowledge) -> Law:
     """`informed`, with what is not known as it is."""
     taken = {gain for gain, what in law.from_rig.items() if what in _GUESSES} if _own_is_better(law, known) else set()
     values = {}
+    parts = {name: getattr(known, name) for name in Conditioning._fields}
+    told = law.conditioning._replace(**{name: value for name, value in parts.items() if not math.isnan(value)})
+    law = replace(law, conditioning=told)
     for gain in law.from_rig:
         value = _value(law, gain, known)
         if gain not in law.chosen and gain not in taken and not math.isnan(value):

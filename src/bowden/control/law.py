@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
+from bowden.control.conditioning import Conditioning
 from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
@@ -98,6 +99,9 @@ class Law:
     """Gain of an older version → what stands in its place, for messages."""
     own: Gains = field(default=None, repr=False)
     """The gains with which the law comes; `gains` where nothing else is given."""
+    conditioning: Conditioning = field(default=Conditioning(), repr=False, compare=False)
+    """What the conditioner of its reference is told of a rig; it stands before the law in every loop, and is no part of
+    it."""
     chosen: frozenset[str] = frozenset()
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
 

@@ -53,6 +53,8 @@ class Source:
     step_kernel: Callable[[Any, Any, Measurement, Reference, float], tuple[Any, Reference, float]]
     state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state → its unit, where the state's type does not say."""
+    conditioned: bool = True
+    """Whether its reference goes through the conditioner; not where its derivatives are others on purpose."""
 
     def columns(self) -> dict[str, str]:
         """Column → unit of its state, as traces and logs have it: ``<name>.<field>``."""

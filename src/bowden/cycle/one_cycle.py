@@ -2,8 +2,11 @@
 
     one_cycle(settings, state, observed, plan, dt) -> (state, reference, wish, verdict)
 
-Law and source of the reference are stand-ins, and so are three parts that a loop may have or not, which `specialise`
-fills with `SUPERVISED` (the live loop, replay and the fault matrix) or with `BARE` (simulation of a law alone):
+Between source and law stands the conditioner (`control.conditioning`): the law is shown a motion, whatever the source
+gives. What is recorded as the reference, and what errors are taken to, is what the source gave. Law, source and, for
+sources that ask for it, conditioner are stand-ins, and so are three parts that a loop may have or not, which
+`specialise` fills with `SUPERVISED` (the live loop, replay and the fault matrix) or with `BARE` (simulation of a law
+alone):
 
     cycle_sense(settings, state, observed, dt) -> (sample, measured)           what law and source see of the readings
     cycle_lead(limits, command, added) -> wish                              the law's command, with what the source adds
@@ -20,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.control.conditioning import Conditioned, Conditioning, condition_start, condition_step
 from bowden.control.knowledge import with_measured_width
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
@@ -73,6 +77,8 @@ class CycleSettings(NamedTuple):
 
     gains: Any
     """The law's."""
+    conditioning: Conditioning
+    """Of the reference, before the law is shown it."""
     source: Any
     """Settings of the reference's source."""
     filters: Any
@@ -88,10 +94,20 @@ class CycleState(NamedTuple):
     """What the law saw."""
     law: Any
     """The law's own state."""
+    conditioned: Conditioned
+    """The reference that the law was shown."""
     source: Any
     """That of the reference's source."""
     supervisor: Any
     """That of the supervisor, or of what stands in its place; ``target`` is what the drive was told last [rad]."""
+
+
+@stand_in
+def cycle_condition(
+    conditioning: Conditioning, conditioned: Conditioned, reference: Reference, dt: float
+) -> tuple[Conditioned, Reference]:
+    """Stand-in for what the law is shown of the source's reference."""
+    raise NotImplementedError  # always replaced
 
 
 @stand_in
@@ -126,21 +142,24 @@ def one_cycle(
         dt: length of a cycle [s].
 
     Returns:
-        The state after this cycle, the law's reference, the wish for the motor [rad], and what the drive is told.
+        The state after this cycle, the source's reference, the wish for the motor [rad], and what the drive is told.
     """
     sample, measured = cycle_sense(settings, state, observed, dt)
-    law, source, reference, wish = state.law, state.source, plan.reference, state.supervisor.target
+    law, conditioned, source = state.law, state.conditioned, state.source
+    reference, wish = plan.reference, state.supervisor.target
     if plan.source == LAW_BEGINS:
         law = law_start(settings.gains, sample)
+        conditioned = condition_start(settings.conditioning, sample)
         source = source_start(settings.source, Measurement(sample.joint, sample.motor, measured.current, measured.load))
     if plan.source >= LAW_BEGINS:
         source, reference, added = source_step(settings.source, source, measured, plan.reference, dt)
-        law, command = law_step(settings.gains, law, sample, reference, dt)
+        conditioned, shown = cycle_condition(settings.conditioning, conditioned, reference, dt)
+        law, command = law_step(settings.gains, law, sample, shown, dt)
         wish = cycle_lead(settings.limits, command, added)
     elif plan.source == MOTION:
         wish = plan.motor
     supervisor, verdict = cycle_watch(settings.limits, state.supervisor, observed, wish, dt)
-    return CycleState(sample, law, source, supervisor), reference, wish, verdict
+    return CycleState(sample, law, conditioned, source, supervisor), reference, wish, verdict
 
 
 class Unwatched(NamedTuple):
@@ -175,9 +194,9 @@ BARE: dict[str, Callable[..., Any]] = {"cycle_sense": as_measured, "cycle_lead":
 
 
 @kernel
-def bare_settings(gains: Any, source: Any) -> CycleSettings:
+def bare_settings(gains: Any, conditioning: Conditioning, source: Any) -> CycleSettings:
     """The settings of a bare law."""
-    return CycleSettings(gains, source, 0.0, 0.0)
+    return CycleSettings(gains, conditioning, source, 0.0, 0.0)
 
 
 @kernel
@@ -185,7 +204,8 @@ def bare_start(settings: CycleSettings, measured: Measurement) -> CycleState:
     """The state with which a bare law begins."""
     sample = Sample(measured.joint, measured.motor)
     law, source = law_start(settings.gains, sample), source_start(settings.source, measured)
-    return CycleState(sample, law, source, Unwatched(measured.motor))
+    conditioned = condition_start(settings.conditioning, sample)
+    return CycleState(sample, law, conditioned, source, Unwatched(measured.motor))
 
 
 @kernel
@@ -232,6 +252,14 @@ SUPERVISED: dict[str, Callable[..., Any]] = {"cycle_sense": believed, "cycle_lea
 """A law as it runs live: `Observed` in, and the supervisor's last word out."""
 
 
+@kernel
+def unconditioned(
+    conditioning: Conditioning, conditioned: Conditioned, reference: Reference, dt: float
+) -> tuple[Conditioned, Reference]:
+    """`cycle_condition` of a source that asks for none: the reference as it is."""
+    return Conditioned(*reference, reference.position, 0.0, 0.0, 0.0), reference
+
+
 def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., Any]]:
     """A law's and a source's kernels by the names of the stand-ins that they replace."""
     return {
@@ -239,6 +267,7 @@ def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., 
         "law_step": law.step_kernel,
         "source_start": source.start_kernel,
         "source_step": source.step_kernel,
+        "cycle_condition": condition_step if source.conditioned else unconditioned,
     }
 
 
@@ -247,6 +276,7 @@ def cycle_in_place(
     settings: CycleSettings,
     sample: Array,
     law: Array,
+    conditioned: Array,
     source: Array,
     supervisor: Array,
     observed: Observed,
@@ -262,12 +292,14 @@ def cycle_in_place(
     before = CycleState(
         restored(begun, sample),
         restored(law_start(settings.gains, begun), law),
+        restored(condition_start(settings.conditioning, begun), conditioned),
         restored(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
         restored(begin(settings.limits, like, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
     after, reference, wish, verdict = one_cycle(settings, before, observed, plan, dt)
     keep(sample, after.sample)
     keep(law, after.law)
+    keep(conditioned, after.conditioned)
     keep(source, after.source)
     keep(supervisor, after.supervisor)
     return reference, wish, verdict
@@ -298,12 +330,12 @@ class Cycle:
 
     def __init__(self, law: Law, limits: Limits, filters: Filters, period: float, source: Source = TABLE) -> None:
         self.law, self.limits, self.filters, self.period, self.source = law, limits, filters, period, source
-        self._settings = CycleSettings(law.gains, source.settings, filters, limits)
+        self._settings = CycleSettings(law.gains, law.conditioning, source.settings, filters, limits)
         self._run: Callable[..., tuple[Reference, float, Verdict]] = specialise(
             cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
         )
         self.reference = NOWHERE
-        """What the law was told last."""
+        """What the source gave last."""
         self._like: CycleState
         self._rows: list[Array]
 
@@ -322,7 +354,8 @@ class Cycle:
         joint, motor = (0.0 if math.isnan(angle) else float(angle) for angle in (reading.joint, reading.motor))
         sample = Sample(joint, motor)
         law, source = self.law.start(sample), self.source.start(Measurement(joint, motor, 0.0, math.nan))
-        fresh = CycleState(sample, law, source, begin(self.limits, reading, thermal))
+        conditioned = condition_start(self.law.conditioning, sample)
+        fresh = CycleState(sample, law, conditioned, source, begin(self.limits, reading, thermal))
         self.state = fresh
         observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
         for wish_source in (HOLD, MOTION, LAW_BEGINS, LAW):
@@ -340,5 +373,5 @@ class Cycle:
 
     def recorded(self) -> CycleState:
         """What is recorded of the last cycle: each part of the state flat, but nothing of a table."""
-        sample, law, source, supervisor = (row.tolist() for row in self._rows)
-        return CycleState(sample, law, [] if self.source is TABLE else source, supervisor)
+        state = CycleState(*(row.tolist() for row in self._rows))
+        return state._replace(source=[]) if self.source is TABLE else state

@@ -1,8 +1,11 @@
 """A control law as a module of C."""
 
 import re
+from typing import Any, NamedTuple
 
+from bowden.control.conditioning import Conditioned, condition_start, condition_step
 from bowden.control.law import Law
+from bowden.core.quantity import meanings
 from bowden.core.signals import Reference, Sample
 from bowden.export.checked import Argument, Function
 from bowden.export.layout import identifier
@@ -10,29 +13,55 @@ from bowden.export.module import Module
 
 
 def law_module(law: Law) -> Module:
-    """``NAME_start`` and ``NAME_step``, with the law's gains as constants."""
-    sample, reference = Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0)
-    state = law.start(sample)
+    """``NAME_start`` and ``NAME_step``, with the law's gains as constants, and the conditioner of its reference within.
+
+    What one cycle does between source and wish, `bowden.cycle.one_cycle`, is one function of C.
+    """
+    sample, reference, state = Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0), state_of(law)
+    own: Any = type(law.start(sample))
+    whole: Any = type(state)
+
+    def start(gains: Any, conditioning: Any, sample: Sample) -> Any:
+        return whole(*law.start_kernel(gains, sample), condition_start(conditioning, sample))
+
+    def step(gains: Any, conditioning: Any, state: Any, sample: Sample, reference: Reference, dt: float) -> Any:
+        conditioned, shown = condition_step(conditioning, state.conditioned, reference, dt)
+        after, command = law.step_kernel(gains, own(*state[:-1]), sample, shown, dt)
+        return whole(*after, conditioned), command
+
     gains = Argument("gains", law.gains, constant=True)
+    conditioning = Argument("conditioning", law.conditioning, constant=True)
     seen = Argument("sample", sample)
     return Module(
         prefix(law),
         f"The control law {law.name!r}: {law.source}.",
         (
             Function(
-                "start", law.start_kernel, (gains, seen), ("state",), "The state with which the law begins at a sample."
+                "start", start, (gains, conditioning, seen), ("state",), "The state in which a law begins at a sample."
             ),
             Function(
                 "step",
-                law.step_kernel,
-                (gains, Argument("state", state), seen, Argument("reference", reference), Argument("dt", 0.001)),
+                step,
+                (
+                    *(gains, conditioning, Argument("state", state), seen),
+                    *(Argument("reference", reference), Argument("dt", 0.001)),
+                ),
                 ("state", "return"),
                 "One cycle of dt [s]: the motor's target angle [rad].",
             ),
         ),
         structs={"state": "state", "sample": "sample", "reference": "reference"},
         units=law.state_units,
+        meanings=dict(meanings(own)),
     )
+
+
+def state_of(law: Law) -> Any:
+    """What the code of a law remembers, as an example: the law's state, and behind it the conditioner's."""
+    sample = Sample(0.0, 0.0)
+    own, named = law.start(sample), NamedTuple
+    whole: Any = named("State", [*((name, Any) for name in own._fields), ("conditioned", Conditioned)])
+    return whole(*own, condition_start(law.conditioning, sample))
 
 
 def prefix(law: Law) -> str:

@@ -80,20 +80,27 @@ class Structs:
         self.prefix = prefix
         self.written: dict[str, str] = {}
 
-    def name(self, value: Any, called: str = "", units: Mapping[str, str] | None = None) -> str:
+    def name(
+        self,
+        value: Any,
+        called: str = "",
+        units: Mapping[str, str] | None = None,
+        meant: Mapping[str, str] | None = None,
+    ) -> str:
         """The type of a structure in C; its struct is written if it is new.
 
         Args:
             value: a NamedTuple, or a number.
             called: its name, in place of its class's.
             units: field → unit, where the class does not say.
+            meant: field → what it means, likewise.
         """
         if not is_named(value):
             return f"{self.prefix}_real"
         name = f"{self.prefix}_{called or snake(identifier(type(value).__name__))}"
         if name not in self.written:
             kind: Any = type(value)
-            meaning_of = meanings(kind)
+            meaning_of = {**(meant or {}), **meanings(kind)}
             rows = [self._field(field, inner, meaning_of, units or {}) for field, inner in value._asdict().items()]
             self.written[name] = "typedef struct {\n" + "\n".join(rows) + f"\n}} {name};\n"
         return name

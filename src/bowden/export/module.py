@@ -30,6 +30,8 @@ class Module:
     """Name of an argument → name of its struct, where it is not its class's."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state → unit, where its class does not say."""
+    meanings: Mapping[str, str] = field(default_factory=dict)
+    """Field of the state → what it means, where its class does not say."""
 
 
 @lru_cache(maxsize=32)
@@ -150,7 +152,8 @@ def _signature(module: Module, one: Function, structs: Structs) -> str:
         pointer = f"const {kind} *" if is_named(argument.example) else f"{kind} "
         inputs.append(f"{pointer}{argument.name}")
     for name, value in zip(one.results, results, strict=True):
-        kind = structs.name(value, module.structs.get(name, ""), module.units if name == "state" else None)
+        of_state = (module.units, module.meanings) if name == "state" else ()
+        kind = structs.name(value, module.structs.get(name, ""), *of_state)
         if name == "return":
             returned = kind
         elif name == "state":

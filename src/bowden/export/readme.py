@@ -72,9 +72,10 @@ static int running = 0;
 {_states(emg, gate)}
 {_LOOP_WITH_GATE if gate else _LOOP}```
 {_emg(emg)}{_gate(gate)}
-The law is told the reference with its velocity and acceleration. A sample that is not a number does no harm to most
-laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the FPU
-(`CPACR` is set before the first cycle).
+Velocity and acceleration of the reference may be zero, noisy or not a number, and its position may jump or be held:
+what the law is shown is made of it within `{name}_step`, as in Python. A sample that is not a number does no harm to
+most laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the
+FPU (`CPACR` is set before the first cycle).
 """
     dt = f"{sample_time!r}{'f' if single else ''}"
     return page.replace("@NAME@", name).replace("@DT@", dt).replace("@PERIOD@", f"{sample_time!r}")

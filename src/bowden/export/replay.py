@@ -1,8 +1,7 @@
 """The test bench of an exported law: a C program that replays a recorded run and compares its commands."""
 
 from bowden.control.law import Law
-from bowden.core.signals import Sample
-from bowden.export.law import prefix
+from bowden.export.law import prefix, state_of
 from bowden.export.layout import leaves
 from bowden.export.module import template
 
@@ -19,9 +18,9 @@ def replay_source(law: Law, sample_time: float, *, single: bool = False) -> str:
         single: the law's code is in float, and its commands are not expected to be the recorded ones to the bit.
     """
     name = prefix(law)
-    state = [leaf.access("state") for leaf in leaves(law.start(Sample(0.0, 0.0)))]
+    state = [leaf.access("state") for leaf in leaves(state_of(law))]
     values = ",\n        ".join(["(double)command", *(f"(double){text}" for text in state)])
-    names = ",".join(leaf.name for leaf in leaves(law.start(Sample(0.0, 0.0))))
+    names = ",".join(leaf.name for leaf in leaves(state_of(law)))
     names = f"command,{names}"
     return (
         template("replay.c")

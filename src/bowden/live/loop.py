@@ -118,7 +118,7 @@ class Loop:
                 *((woke - self._start) * 1e-9, *cycle.reference, *reading, *state.sample, wish),
                 *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
                 *(script.outcome, script.reason, script.play, 0.0),
-                *(*state.law, *state.supervisor, *(() if course is None else course.row())),
+                *(*state.law, *state.conditioned, *state.supervisor, *(() if course is None else course.row())),
                 *(*(() if push is None else push.row()), *state.source),
             )
             finished = clock.now()

@@ -1,10 +1,13 @@
 """Replay: a recorded run once more through law and supervisor, cycle by cycle, against what was commanded then."""
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from bowden.control.conditioning import COLUMNS as CONDITIONED
+from bowden.control.conditioning import Conditioned
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Measurement, Source
 from bowden.core.errors import LogError
@@ -110,6 +113,7 @@ def replay(
             cycle.state = CycleState(
                 sample,
                 from_columns(law_begun, first, "law") if same else law_begun,
+                _conditioned(first),
                 begun if source is TABLE else from_columns(begun, first, source.name),
                 from_columns(STOPPED, first, "supervisor"),
             )
@@ -123,6 +127,13 @@ def replay(
         wishes[k], judged = cycle.step(observed, plan)
         said[k] = judged
     return _compared(found, gaps, wishes, said, found.rows[:, verdict], _torques(found, gaps, period))
+
+
+def _conditioned(row: Mapping[str, float]) -> Conditioned:
+    """What the law was shown in a row; the reference itself in a log from before there was a conditioner."""
+    shown = (row["reference"], row["reference_velocity"], row["reference_acceleration"])
+    begun = Conditioned(*shown, row["reference"], 0.0, 0.0, 0.0)
+    return begun if set(CONDITIONED) - set(row) else from_columns(begun, row, "conditioned")
 
 
 def _torques(found: Recording, gaps: Any, period: float) -> Any:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from bowden.control.conditioning import COLUMNS as CONDITIONED
 from bowden.control.law import Law
 from bowden.control.source import TABLE, Source
 from bowden.core import nested
@@ -50,12 +51,13 @@ CYCLE: Mapping[str, str] = {
     "play": "rad",
     "run_time": "s",
 }
-"""Column → unit of what every run has; the law's state follows, the supervisor's, what EMG said in a run by
+"""Column → unit of what every run has; the law's state follows, what it was shown of the reference with what the
+conditioner remembers, the supervisor's state, what EMG said in a run by
 it, the torque offset in a run with one, and the state of what makes the reference where the wearer's push does.
 
-``joint`` and ``motor`` are as measured, at the same instant as the reference; ``joint_seen`` and ``motor_seen`` are
-behind the filters. ``wish`` is from before the supervisor and ``command`` from after it; ``overruns`` are the deadlines
-that were skipped before this cycle.
+``joint`` and ``motor`` are as measured, at the same instant as the reference, which is what the source gave;
+``joint_seen`` and ``motor_seen`` are behind the filters. ``wish`` is from before the supervisor and ``command`` from
+after it; ``overruns`` are the deadlines that were skipped before this cycle.
 """
 
 AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}
@@ -76,6 +78,7 @@ def columns(law: Law, *, emg: bool = False, pushed: bool = False, source: Source
     return {
         **CYCLE,
         **law.columns(),
+        **CONDITIONED,
         **SUPERVISOR,
         **(COLUMNS if emg else {}),
         **(PUSH if pushed else {}),

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.control.conditioning import Conditioning
 from bowden.control.source import Measurement
 from bowden.core.kernel import apart, kernel
 from bowden.core.metrics import LATE, SMALLEST_STROKE
@@ -53,6 +54,8 @@ class One(NamedTuple):
     """The numbers of one run."""
 
     gains: Any
+    conditioning: Conditioning
+    """Of the law's reference."""
     source: Any
     """Settings of what makes the reference."""
     plant: Any
@@ -128,7 +131,7 @@ def run_batch(
         spent = 0.0
         body = plant_rest(one.plant, one.initial_motor, sheath_at(sheath, 0))
         _, first = plant_observe(one.plant, body, normals[0])
-        settings = bare_settings(one.gains, one.source)
+        settings = bare_settings(one.gains, one.conditioning, one.source)
         state = bare_start(settings, first)
         lasted = cycles
         for k in range(cycles):

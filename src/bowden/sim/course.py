@@ -26,9 +26,9 @@ class _Place(NamedTuple):
     row: int
     """Among the given."""
     one: One
-    """Without gains."""
+    """Without gains and conditioning."""
     numbers: list[float]
-    """Of it; those of the gains come before them."""
+    """Of it; those of gains and conditioning come before them."""
 
 
 class Course:
@@ -47,7 +47,7 @@ class Course:
         for case in cases:
             found.append(Ready(case, duration, found[-1] if found else None))
         groups: dict[object, list[int]] = {}
-        ones = [ready.one((), TABLE) for ready in found]
+        ones = [ready.one((), (), TABLE) for ready in found]
         for i, one in enumerate(ones):
             groups.setdefault((one.dt, cases[i].fault is None, form_of(one)), []).append(i)
         self._places: dict[int, _Place] = {}
@@ -79,11 +79,15 @@ class Course:
             places = [self._places[i] for i in runs]
             given, law = places[0].given, laws[runs[0]]
             numbers = np.array(
-                [[*numbers_of(laws[i].gains), *place.numbers] for i, place in zip(runs, places, strict=True)]
+                [
+                    [*numbers_of(laws[i].gains), *numbers_of(laws[i].conditioning), *place.numbers]
+                    for i, place in zip(runs, places, strict=True)
+                ]
             )
             figures = np.empty((len(runs), len(FIGURES)))
             rows = given.rows[[place.row for place in places]]
-            given.run(law, TABLE, places[0].one._replace(gains=law.gains), numbers, rows, limits, figures)
+            like = places[0].one._replace(gains=law.gains, conditioning=law.conditioning)
+            given.run(law, TABLE, like, numbers, rows, limits, figures)
             for i, row in zip(runs, figures, strict=True):
                 if np.isnan(row[0]):
                     break

@@ -158,7 +158,7 @@ class Ready:
             self.sheath: SheathPath = old.sheath
         else:
             self.sheath = sheath_path(plant.sheath, case.bend(self.edges))
-        self.ones = [self.one(law.gains, case.source_of(i)) for i, law in enumerate(case.laws)]
+        self.ones = [self.one(law.gains, law.conditioning, case.source_of(i)) for i, law in enumerate(case.laws)]
         self.numbers = [numbers_of(one) for one in self.ones]
         self.forms = [form_of(one) for one in self.ones]
 
@@ -167,11 +167,12 @@ class Ready:
         """Bytes of the inputs, at most."""
         return 8.0 * (6 + self.dynamics.normals) * len(self.edges)
 
-    def one(self, gains: Any, source: Source) -> One:
-        """The numbers of a run with these gains."""
+    def one(self, gains: Any, conditioning: Any, source: Source) -> One:
+        """The numbers of a run with these gains, and this conditioning of the reference."""
         case, plant = self.case, self.case.plant
         return One(
             gains=gains,
+            conditioning=conditioning,
             source=source.settings,
             plant=self.dynamics.plant,
             resistance=float(plant.motor.resistance),

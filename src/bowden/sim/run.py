@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from bowden import __version__
 from bowden.control import user_law
+from bowden.control.conditioning import COLUMNS as CONDITIONED
+from bowden.control.conditioning import Conditioning
 from bowden.control.law import Law
 from bowden.control.reference import Trajectory
 from bowden.control.source import TABLE, Measurement, Source
@@ -49,6 +51,7 @@ _AT_ONCE = 15_000
 @kernel
 def run_loop(
     gains: Any,
+    conditioning: Conditioning,
     source: Any,
     plant: Any,
     references: Array,
@@ -69,6 +72,7 @@ def run_loop(
 
     Args:
         gains: of the law.
+        conditioning: of its reference.
         source: settings of what makes the reference.
         plant: `Dynamics.plant`.
         references: what the source is told (3, n); overwritten with what it makes of them.
@@ -78,14 +82,15 @@ def run_loop(
         dt: length of a cycle [s].
         delay: from a sample to the moment its command reaches the servo [cycles].
         record: to be filled: `RECORDED`, then the plant's columns.
-        states: to be filled: the law's state, then the source's as far as there is room.
+        states: to be filled: the law's state, the reference that it was shown with what the conditioner remembers, then
+            the source's state as far as there is room.
         fault: of a sensor.
         kept: (2, n) for the readings that a fault may look back at; without one it is not touched.
     """
     cycles = references.shape[1]
     body = plant_rest(plant, initial_motor, sheath_at(sheath, 0))
     _, first = plant_observe(plant, body, normals[0])
-    settings = bare_settings(gains, source)
+    settings = bare_settings(gains, conditioning, source)
     state = bare_start(settings, first)
     for k in range(cycles):
         body, measured = plant_observe(plant, body, normals[k])
@@ -102,7 +107,7 @@ def run_loop(
         columns = plant_look(plant, body)
         for j in range(len(columns)):
             record[4 + j, k] = columns[j]
-        numbers = flat((state.law, state.source))
+        numbers = flat((state.law, state.conditioned, state.source))
         for j in range(states.shape[0]):
             states[j, k] = numbers[j]
         if not abs(command) < RUNAWAY:
@@ -166,6 +171,7 @@ def simulate(
     with dynamics.explained():
         lasted = compiled_loop(dynamics, law, source, fails=fault.kind > 0.0)(
             law.gains,
+            law.conditioning,
             source.settings,
             dynamics.plant,
             references,
@@ -247,8 +253,8 @@ def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> d
 
 
 def state_columns(law: Law, source: Source) -> tuple[dict[str, str], dict[str, str]]:
-    """What law and source remember, as the columns of a trace name it, each with its unit; a table's is worth none."""
-    return law.columns(), {} if source is TABLE else source.columns()
+    """What law, conditioner and source remember, as a trace names it, each with its unit; a table's is worth none."""
+    return law.columns(), CONDITIONED | ({} if source is TABLE else source.columns())
 
 
 def check_clock(plant: Plant, duration: float) -> None:

@@ -178,5 +178,8 @@ def push_step(
 
 
 def push_source(settings: Push) -> Source:
-    """The source with its settings."""
-    return Source("admittance", settings, push_start, push_step)
+    """The source with its settings.
+
+    A law is shown the cables' stretch in the position, and on purpose not in the velocity: it is not conditioned.
+    """
+    return Source("admittance", settings, push_start, push_step, conditioned=False)
