@@ -25,7 +25,8 @@ the position changes, and where it stands still, as often as it changed before:
 
 A position that moves in each cycle is so differentiated as sharply as the servo can use. One that is held for T is
 taken for the mean of its stairs, (T − Ts)/2 late, with the velocity of the motion under them; Ts/T is how well the time
-of a change is known. A miss that no servo could follow, beyond `LEAP`·(ω·T)², counts for the position alone.
+of a change is known. A miss that no servo could follow, beyond `LEAP`·max(ω·T, 1/`SHARPNESS`)², counts for the position
+alone.
 
 Once the position has stood still for `SLOWEST`, its next change is a jump, not a motion.
 """
@@ -149,7 +150,7 @@ def estimated(
     theta = sel(span > 1.5 * dt, np.fmax(smooth, dt / span), smooth)
     kept = 1.0 - theta
     miss = told - (position + late * (velocity + 0.5 * late * acceleration))
-    reach = settings.servo_frequency * span
+    reach = np.fmax(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits so long, or for a value
     most = LEAP * reach * reach
     felt = np.fmax(0.0 - most, np.fmin(most, miss)) / span
     by_acceleration = kept * kept * kept * felt / span
