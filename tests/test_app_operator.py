@@ -168,6 +168,7 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
         "faults": ["drive in fault"],
         "remedies": ["read the error code"],
         "emergencies": ["0x4210: over-temperature of the power stage"],
+        "torque": "off",
         "error": "the loop failed",
         "cycles": 100,
         "cycles_logged": 40,

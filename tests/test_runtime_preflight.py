@@ -16,7 +16,7 @@ SETTINGS = Preflight(listen=0.05)
 
 
 def reading(motor: float, joint: float, state: float = 4.0) -> DriveReading:
-    return DriveReading(motor, joint, 0.0, math.nan, 40.0, 0.0, 0.0, 0.01, state, 0.0, 0.0)
+    return DriveReading(motor, joint, 0.0, math.nan, 40.0, 0.0, 0.0, 0.01, state, 0.0, 0.0, 0.0, 0.0)
 
 
 def play_through(

@@ -84,13 +84,16 @@ def run(
 
 def _badly(session: "Session") -> list[str]:
     """What ended a run that did not end as asked; nothing of one that did."""
+    from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
     from bowden.safety import faults
     from bowden.safety.supervisor import Mode
 
     ended = session.ended or {}
-    if not session.error and ended.get("mode") == Mode.STOPPED:
+    left = TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN))
+    if not session.error and ended.get("mode") == Mode.STOPPED and left is TorqueLeft.OFF:
         return []
-    found = [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
+    found = [*filter(None, [TORQUE_LEFT[left]])]
+    found += [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
     return [f"the run was ended: {'; '.join([*found, *filter(None, [ended.get('reason'), session.error])])}"]
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
+from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
 from bowden.live import emg_summary, push_summary
 from bowden.live.lateness import figures
 from bowden.live.mcap_read import read
@@ -36,12 +37,13 @@ def document(session: "Session") -> dict[str, Any]:
         "law": session.live.law.name,
         "rig": session.live.rig.hash,
         "drive": session.ready["drive"],
-        "ended_well": mode == "stopped",
+        "ended_well": mode == "stopped" and not ended.get("torque"),
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
         "preflight": ended.get("reason") or None,
         "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+        "torque": TorqueLeft(ended["torque"] if ended else TorqueLeft.UNKNOWN).name.lower(),
         "error": session.error or None,
         "cycles": ended.get("cycles"),
         "cycles_logged": len(log.rows),
@@ -85,6 +87,8 @@ def print_summary(found: dict[str, Any]) -> None:
         push_summary.print_figures(found["interaction"])
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
         print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+    if found["torque"] != "off":
+        print(TORQUE_LEFT[TorqueLeft[found["torque"].upper()]])
     for text in found["emergencies"]:
         print(f"emergency: {text}")
     if found["preflight"]:

@@ -70,6 +70,7 @@ class Limits(NamedTuple):
     reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0)] = 2.0
     heartbeat_age: Annotated[float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0)] = 0.05
     enable_time: Annotated[float, Quantity("from arming to the drive's operation enabled", "s", ge=0.0)] = 1.0
+    disable_time: Annotated[float, Quantity("torque at most so long after the power was told off", "s", ge=0.0)] = 0.05
     bus_errors: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second", ge=0.0)] = 2.5
     lateness: Annotated[
         float, Quantity("largest lateness of a cycle, and largest sum of the last ones", "s", ge=0.0)

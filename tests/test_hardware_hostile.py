@@ -1,0 +1,85 @@
+"""The driver and the loop against a node that does harm: a table of attacks, and what must come of each."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import TorqueLeft
+from bowden.live.loop import Ended
+from bowden.live.preflight import Preflight
+from bowden.live.script import Script
+from bowden.safety.faults import Fault, of
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode
+from loop_rig import LoopRig
+from support.hostile_node import Attack, HostileBus
+
+DRIVE = DriveParameters(answer_timeout=0.05)
+LIMITS = Limits(tracking=9.0, target_reach=99.0, play=9.0)
+"""The node's motor is a simple one, and is not what is tested here."""
+SILENCE = 0.05
+"""Within it the torque is off after the host's last word [s]."""
+
+
+def test_the_node_is_a_sound_one_where_it_does_no_harm(tmp_path: Path) -> None:
+    bus, ended = run(Attack(), tmp_path)
+    assert (Mode(ended.mode), ended.faults, ended.torque) == (Mode.STOPPED, 0, TorqueLeft.OFF)
+    assert not bus.node.torque
+    assert bus.node.motor != 1000.0, "it has turned"
+
+
+def run(attack: Attack, folder: Path) -> tuple[HostileBus, Ended]:
+    """A run of the loop on such a node, from its bring-up to its end."""
+    bus = HostileBus(attack)
+    drive = CanopenDrive(DRIVE, bus)
+    drive.bring_up()
+    table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(500) * 1e-3)
+    script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+    rig = LoopRig(folder, LAWS["adaptive"], LIMITS, drive, script, lambda rig: bus.pass_time(), quits=1500)
+    ended, _ = rig.run()
+    bus.pass_time(0.2)
+    return bus, ended
+
+
+@dataclass(frozen=True)
+class Row:
+    """An attack on a run and what it must come to."""
+
+    attack: Attack
+    faults: tuple[Fault, ...]
+    """Any of these is among the run's."""
+    torque: tuple[TorqueLeft, ...] = (TorqueLeft.OFF,)
+
+
+SYNC, TARGET, START, HEARTBEAT = (0x080, b""), (0x201, b"\x0f\0\0\0\0\0"), (0x000, b"\x01\x01"), (0x77F, b"\x05")
+QUESTION = (0x601, b"\x40\0\x10\0\0\0\0\0")
+RUNS: dict[str, Row] = {
+    "keeps its torque": Row(Attack(keeps_torque=True), (Fault.NOT_DISABLED,), (TorqueLeft.ON,)),
+    "enables itself": Row(Attack(enables_itself=0.005), (Fault.NOT_DISABLED,), (TorqueLeft.ON,)),
+    "vanishes at rest": Row(Attack(vanishes=0.005), (Fault.HEARTBEAT_LOST,), (TorqueLeft.UNKNOWN,)),
+    "vanishes under power": Row(Attack(vanishes=0.5), (Fault.HEARTBEAT_LOST, Fault.MOTOR_STALE), (TorqueLeft.UNKNOWN,)),
+    "another SYNC": Row(Attack(foreign=(SYNC,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+    "another master's targets": Row(
+        Attack(foreign=(TARGET,), foreign_from=0.5), (Fault.SECOND_MASTER,), tuple(TorqueLeft)
+    ),
+    "another's questions": Row(Attack(foreign=(QUESTION,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+    "another's NMT": Row(Attack(foreign=(START,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+    "another's heartbeat": Row(Attack(foreign=(HEARTBEAT,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_an_attack_on_a_run_ends_it_and_is_said(name: str, tmp_path: Path) -> None:
+    row = RUNS[name]
+    bus, ended = run(row.attack, tmp_path)
+    assert Mode(ended.mode) is Mode.LATCHED or ended.torque != TorqueLeft.OFF, "the exit code is 1"
+    assert set(row.faults) & set(of(ended.faults)), of(ended.faults)
+    assert TorqueLeft(ended.torque) in row.torque
+    if ended.torque == TorqueLeft.OFF:
+        assert not bus.node.torque
