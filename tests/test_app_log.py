@@ -103,8 +103,8 @@ def write(path: Path, rows: np.ndarray, settings: dict[str, Any], *, close: bool
 def test_the_columns_are_in_the_order_in_which_the_loop_fills_them() -> None:
     names = list(CYCLE)
     assert tuple(names[4:17]) == DriveReading._fields
-    assert tuple(name.removesuffix("_seen") for name in names[15:17]) == Sample._fields
-    assert ("target", *names[19:23]) == Verdict._fields
+    assert tuple(name.removesuffix("_seen") for name in names[17:19]) == Sample._fields
+    assert ("target", *names[21:25]) == Verdict._fields
 
 
 def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str, code: int = 0) -> Any:

@@ -5,8 +5,11 @@ import json
 import math
 import os
 import pwd
+import select
 import signal
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -46,7 +49,19 @@ class FakeSession:
     rows: list[dict[str, float]]
     asked: list[Request] = field(default_factory=list)
     seen: int = 0
-    ready: dict[str, str] = field(default_factory=lambda: {"drive": "EPOS4, node 1; in fault, 0x8130: heartbeat lost"})
+    ready: dict[str, Any] = field(
+        default_factory=lambda: {"grants": [], "drive": "EPOS4, node 1; in fault, 0x8130: heartbeat lost"}
+    )
+
+    beats: int = 0
+    ended: bool = False
+    running: bool = True
+
+    def beat(self) -> None:
+        self.beats += 1
+
+    def end(self) -> None:
+        self.ended = True
 
     def last(self) -> dict[str, float]:
         self.seen += 1
@@ -54,6 +69,47 @@ class FakeSession:
 
     def ask(self, request: Request) -> None:
         self.asked.append(request)
+
+    def remember(self) -> None:
+        pass
+
+    def wait(self, seconds: float) -> None:
+        pass
+
+
+def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hung connection, Ctrl-S: the picture waits, and nothing else does."""
+    master, slave = os.openpty()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("rich._console", None)
+    monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "x" * 20_000)
+    monkeypatch.setattr(operator, "_CLEARED", 0.05)
+    session, patience = FakeSession([row()]), time.monotonic() + 60.0
+
+    def until(what: Callable[[], Any]) -> None:
+        while not what():
+            assert time.monotonic() < patience
+            time.sleep(0.01)
+
+    with open(slave, closefd=False) as keys, open(slave, "w", closefd=False) as screen:
+        monkeypatch.setattr("sys.stdin", keys)
+        monkeypatch.setattr("sys.stdout", screen)
+        given: Any = session
+        seen_through = threading.Thread(
+            target=operator.operate, args=(given, operator.Ending()), kwargs={"auto": False, "quiet": False}
+        )
+        seen_through.start()
+        until(lambda: not select.select([], [slave], [], 0.0)[1])
+        beats = session.beats
+        os.write(master, b"s")
+        until(lambda: Request.STOP in session.asked)
+        until(lambda: session.beats > beats + 2)
+        os.write(master, b"q")
+        seen_through.join(60.0)
+        assert not seen_through.is_alive()
+        assert session.ended, "before the terminal is put in order"
+        os.close(master)
+    os.close(slave)
 
 
 def test_a_signal_interrupts_once_while_a_run_is_put_together_and_is_noted_afterwards() -> None:
@@ -67,10 +123,13 @@ def test_a_signal_interrupts_once_while_a_run_is_put_together_and_is_noted_after
                 os.kill(os.getpid(), number)
         assert ending.asked
     with operator.ending_signals() as ending:
-        ending.only_noted()
+        told: list[int] = []
+        ending.ends(lambda: told.append(1))
         assert not ending.asked
         os.kill(os.getpid(), signal.SIGHUP)
         assert ending.asked
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert told == [1, 1], "the loop is told by the signal itself"
     assert signal.getsignal(signal.SIGTERM) is before
 
 
@@ -173,6 +232,7 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
         "cycles": 100,
         "cycles_logged": 40,
         "log": "a.mcap",
+        "more_logs": [],
         "log_whole": False,
     }
     print_summary(found)

@@ -8,9 +8,10 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import DriveError
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
-from bowden.hardware.ports import TorqueLeft
+from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live.loop import Ended
 from bowden.live.preflight import Preflight
 from bowden.live.script import Script
@@ -18,7 +19,7 @@ from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode
 from loop_rig import LoopRig
-from support.hostile_node import Attack, HostileBus
+from support.hostile_node import DISABLED, Attack, HostileBus
 
 DRIVE = DriveParameters(answer_timeout=0.05)
 LIMITS = Limits(tracking=9.0, target_reach=99.0, play=9.0)
@@ -83,3 +84,54 @@ def test_an_attack_on_a_run_ends_it_and_is_said(name: str, tmp_path: Path) -> No
     assert TorqueLeft(ended.torque) in row.torque
     if ended.torque == TorqueLeft.OFF:
         assert not bus.node.torque
+
+
+REFUSED: dict[str, tuple[Attack, str]] = {
+    "watches nobody": (Attack(watches=False), "does not notice that its host is silent"),
+    "forgets what silence is": (Attack(forgets=((0x6007, 0),)), "keeps 6007h:0 at 0; expected 1"),
+    "forgets whom to watch": (Attack(forgets=((0x1016, 1),)), "keeps 1016h:1 at 0"),
+    "forgets what a fault is": (Attack(forgets=((0x605E, 0),)), "keeps 605Eh:0 at 2"),
+    "another SYNC": (Attack(foreign=(SYNC,)), "another master is on the bus .* 080h"),
+    "another's targets": (Attack(foreign=(TARGET,)), "another master is on the bus"),
+    "another's questions": (Attack(foreign=(QUESTION,)), "another master is on the bus"),
+    "another's heartbeat": (Attack(foreign=(HEARTBEAT,)), "a node 127, which is our own number, is on the bus"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_node_without_what_safety_rests_on_gets_no_power(name: str) -> None:
+    attack, said = REFUSED[name]
+    bus = HostileBus(attack)
+    with pytest.raises(DriveError, match=said):
+        CanopenDrive(DRIVE, bus).bring_up()
+    assert not bus.node.torque
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_a_node_that_restarts_in_its_bring_up_is_refused_or_is_set_up_whole(part: int) -> None:
+    """Whenever it is brought up, the loop's death takes its torque off."""
+    refused = 0
+    for question in range(1 + 5 * part, 150, 20):
+        bus = HostileBus(Attack(reboots_at_question=question))
+        drive = CanopenDrive(DRIVE, bus)
+        try:
+            drive.bring_up()
+        except DriveError:
+            refused += 1
+            continue
+        for _ in range(20):
+            drive.read(bus.time)
+            drive.write(0.0, Power.ON, bus.time)
+            bus.pass_time()
+        died = bus.time
+        bus.pass_time(0.2)
+        assert not bus.node.torque
+        assert bus.node.off_since <= died + SILENCE
+    assert refused >= 5
+
+
+def test_a_lost_answer_is_asked_for_again_and_a_text_without_end_is_cut() -> None:
+    for attack in (Attack(endless_text=True), *(Attack(loses_answer=n) for n in (1, 2, 30))):
+        bus = HostileBus(attack)
+        assert "at node 1" in CanopenDrive(DRIVE, bus).bring_up()
+        assert bus.node.state == DISABLED, "as before the trial of its watch"

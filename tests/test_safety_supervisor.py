@@ -115,6 +115,7 @@ EDGES: list[tuple[str, float, float, Fault]] = [
     ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
     ("emg_age", 0.0, NAN, Fault.EMG_LOST),
     ("foreign", 0.0, 1.0, Fault.SECOND_MASTER),
+    ("foreign", 0.0, -1.0, Fault.SECOND_MASTER),
     ("foreign", 0.0, NAN, Fault.SECOND_MASTER),
     ("recorder", 1.0, 0.0, Fault.RECORDER_LOST),
     ("recorder", 1.0, NAN, Fault.RECORDER_LOST),
@@ -262,9 +263,16 @@ def test_a_drive_that_keeps_its_torque_is_found_in_every_mode_without_power(driv
     again = follow([*on, *lasting(1, drive_state=drive_state, request=Request.ACKNOWLEDGE)], LIMITS, stopped)
     assert again[-1].mode == Mode.LATCHED, "no word leads out of it while it lasts"
     assert follow([*on, *off], LIMITS, stopped)[-1].mode == Mode.STOPPED
+    gone = follow([*on, *lasting(9, drive_state=1.0)], LIMITS, stopped)[-1]
+    assert (gone.mode, of(gone.faults)[-1]) == (Mode.LATCHED, Fault.NOT_DISABLED), "it is held until acknowledged"
     latched = follow([*lasting(1, emergency=1.0), *on])
     assert [Fault.NOT_DISABLED in of(v.faults) for v in latched].index(True) in (50, 51, 52)
     assert {v.faults for v in follow(lasting(60, drive_state=1.0), LIMITS, stopped)} == {0.0}
+
+
+def test_what_comes_and_goes_while_it_is_latched_is_not_held() -> None:
+    rows = [*lasting(1, emergency=1.0), *lasting(2, drive_state=1.0, joint=NAN), *lasting(2, drive_state=1.0)]
+    assert of(follow(rows)[-1].faults) == [Fault.EMERGENCY]
 
 
 def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:

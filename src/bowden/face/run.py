@@ -32,7 +32,8 @@ def run(
     """Run a law live, with every cycle in a log; a context, whose end is the run's, in a controlled release.
 
     The run starts stopped. ``session.complete()`` arms it and comes back when the reference, or a fault, has ended it;
-    ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step. After the block
+    ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step; each is a sign
+    of life, and a run that has none for ``limits.operator_age`` is released and ends. After the block
     ``session.trace()`` is the record; what ended the run otherwise than as asked is told as a warning. Before anything
     starts, the law is checked as `bowden.check` does it.
 

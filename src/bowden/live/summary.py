@@ -1,7 +1,7 @@
 """What a run came to, from its log."""
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
 from bowden.live import emg_summary, push_summary
 from bowden.live.lateness import figures
-from bowden.live.mcap_read import read
+from bowden.live.mcap_read import Recording, read
 from bowden.safety import faults
 from bowden.safety.supervisor import Mode
 
@@ -26,7 +26,7 @@ def document(session: "Session") -> dict[str, Any]:
     emg, emg_process = session.live.emg, session.emg_process
     pushing = session.live.pushing
     more = (*(() if emg_process is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
-    log = read(session.log, tuple(dict.fromkeys((*_NEEDED, *more))))
+    log = _joined([read(path, tuple(dict.fromkeys((*_NEEDED, *more)))) for path in session.logs if path.exists()])
     led = log["source"] >= WishSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
@@ -57,8 +57,18 @@ def document(session: "Session") -> dict[str, Any]:
         "interaction": None if pushing is None else push_summary.figures(log, pushing, session.live.rig.sample_time),
         "grants": session.ready["grants"],
         "log": str(session.log),
+        "more_logs": [str(path) for path in session.logs[1:]],
         "log_whole": log.whole,
     }
+
+
+def _joined(logs: list[Recording]) -> Recording:
+    """Every row once, of a run whose recorder had to be started again; whole if each of its logs is."""
+    if len(logs) == 1:
+        return logs[0]
+    numbers, first = np.unique(np.concatenate([log.numbers for log in logs]), return_index=True)
+    broken = next((log for log in logs if not log.whole), logs[0])
+    return replace(broken, numbers=numbers, rows=np.concatenate([log.rows for log in logs])[first])
 
 
 _NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
@@ -97,6 +107,8 @@ def print_summary(found: dict[str, Any]) -> None:
         print(f"ended by an error: {found['error']}")
     whole = found["log_whole"]
     print(f"Log: {found['log']}  (bowden log {'info' if whole else 'recover'} {found['log']})")
+    for path in found["more_logs"]:
+        print(f"  and {path}")
     lost = (found["cycles"] or 0) - found["cycles_logged"]
     if lost > 0:
         print(

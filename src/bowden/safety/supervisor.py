@@ -354,7 +354,7 @@ def supervise(
     powered, releasing = 1.0 - outside(last.mode, PREFLIGHT, RELEASING), last.mode == RELEASING
     bridged = powered * sel(once > 0.0, last.bridged + time, np.fmax(0.0, last.bridged - limits.bridge_leak * time))
     ended = (bridged > limits.bridge_time + 0.5 * dt) + (once >= 2.0) + releasing > 0.0
-    reaction = np.fmax(powered * sel(ended, eventually, once), 3.0 * found.NOT_DISABLED)
+    reaction = sel(powered > 0.0, sel(ended, eventually, once), found.NOT_DISABLED * eventually)
 
     # the next mode
     run = (observed.request == RUN) * (observed.preflight == 1.0) * (enabled > 0.0) * (reaction == 0.0) > 0.0
