@@ -1,7 +1,6 @@
 """What the operator sees and how a run is ended, without a run: signals, `--auto`, the screen, the motor's warmth."""
 
 import io
-import json
 import math
 import os
 import pwd
@@ -19,6 +18,7 @@ import pytest
 from rich.console import Console
 
 from bowden.control import LAWS
+from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.parameters import DriveParameters
@@ -31,9 +31,10 @@ from bowden.live.screen import picture
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 
-DRIVE = DriveParameters()
+DRIVE, LIMITS = DriveParameters(), Limits()
 WARM = {"supervisor.heat.winding": 80.0, "supervisor.heat.housing": 60.0, "supervisor.heat.i2t": 12.0}
 
 
@@ -84,7 +85,7 @@ def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.Monke
     monkeypatch.setattr("rich._console", None)
     monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "x" * 20_000)
     monkeypatch.setattr(operator, "_CLEARED", 0.05)
-    session, patience = FakeSession([row()]), time.monotonic() + 60.0
+    session, patience, threads = FakeSession([row()]), time.monotonic() + 60.0, threading.active_count()
 
     def until(what: Callable[[], Any]) -> None:
         while not what():
@@ -109,6 +110,7 @@ def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.Monke
         assert not seen_through.is_alive()
         assert session.ended, "before the terminal is put in order"
         os.close(master)
+        until(lambda: threading.active_count() == threads)
     os.close(slave)
 
 
@@ -256,11 +258,11 @@ def state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
 
 def test_a_warm_motor_is_warm_after_a_restart_and_another_rigs_is_not(state: Path) -> None:
     thermal_file.write(DRIVE, WARM)
-    again = thermal_file.read(DRIVE, Thermal())
+    again = thermal_file.read(DRIVE, LIMITS)
     assert again.winding == pytest.approx(80.0, abs=2.0)
     assert again.housing == pytest.approx(60.0, abs=1.0)
-    assert thermal_file.read(DRIVE._replace(node_id=2), Thermal()) == cold(Thermal())
-    assert thermal_file.read(DRIVE._replace(channel="another"), Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE._replace(node_id=2), LIMITS) == cold(Thermal())
+    assert thermal_file.read(DRIVE._replace(channel="another"), LIMITS) == cold(Thermal())
     assert len(list(state.iterdir())) == 1
 
 
@@ -268,30 +270,33 @@ def test_a_warm_motor_is_warm_after_a_restart_and_another_rigs_is_not(state: Pat
     "text",
     ["", "[]", "{", "null", '{"winding": 1}', '{"winding": NaN, "housing": 1, "i2t": 0, "unix_s": 0}', "\0", '"x"'],
 )
-def test_a_file_that_says_nothing_is_a_cold_motor_and_is_told(
+def test_a_file_that_says_nothing_is_a_hot_motor_and_is_told(
     text: str, state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
     assert capsys.readouterr().err == "", "the first run"
     thermal_file.write(DRIVE, WARM)
     next(state.iterdir()).write_text(text)
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
-    assert "it is taken for cold" in capsys.readouterr().err
+    found = thermal_file.read(DRIVE, LIMITS)
+    assert (found.winding, found.housing) == (LIMITS.winding_limit, LIMITS.housing_limit)
+    assert "it is taken for as hot as it may be" in capsys.readouterr().err
 
 
 def test_nothing_is_colder_than_its_surroundings(state: Path) -> None:
     thermal_file.write(DRIVE, dict.fromkeys(WARM, -1000.0))
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
 
 
-def test_a_clock_that_was_set_back_cools_nothing_and_a_long_rest_cools_all(state: Path) -> None:
-    thermal_file.write(DRIVE, WARM)
-    path = next(state.iterdir())
-    kept = json.loads(path.read_text())
-    path.write_text(json.dumps(kept | {"unix_s": kept["unix_s"] + 1e9}))
-    assert thermal_file.read(DRIVE, Thermal())[:] == (80.0, 60.0, 12.0)
-    path.write_text(json.dumps(kept | {"unix_s": 0.0}))
-    assert thermal_file.read(DRIVE, Thermal())[:] == pytest.approx(cold(Thermal())[:], abs=0.1)
+def test_a_motor_cools_by_the_time_that_this_computer_has_counted(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No clock that can be set has a say; of a computer that was started anew, the time since is what is certain."""
+    thermal_file.write(DRIVE, WARM, surely=True)
+    boot, now = boot_seconds()
+    for again, passed, winding in ((boot, 0.0, 80.0), (boot, -1e3, 80.0), ("another", -now, 80.0)):
+        monkeypatch.setattr(thermal_file, "boot_seconds", lambda found=(again, now + passed): found)
+        assert thermal_file.read(DRIVE, LIMITS).winding == pytest.approx(winding, abs=0.5)
+    for again, at in ((boot, now + 1e4), ("another", 1e4)):
+        monkeypatch.setattr(thermal_file, "boot_seconds", lambda found=(again, at): found)
+        assert thermal_file.read(DRIVE, LIMITS)[:] == pytest.approx(cold(Thermal())[:], abs=0.1)
 
 
 def test_a_place_that_cannot_be_written_is_told(state: Path) -> None:
@@ -307,4 +312,4 @@ def test_who_has_no_home_begins_cold_and_is_not_stopped_by_it(monkeypatch: pytes
     monkeypatch.delenv("HOME", raising=False)
     monkeypatch.setattr(pwd, "getpwuid", nobody)
     assert "home" in thermal_file.write(DRIVE, WARM)
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())

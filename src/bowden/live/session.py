@@ -113,7 +113,7 @@ class Session:
         self._revision = rig_revision(Path(live.rig.origin).parent)
         self._record_to(self.log)
         warmth = live.limits.thermal
-        thermal = thermal_file.read(live.rig.drive_parameters, warmth) if self._remembers else cold(warmth)
+        thermal = thermal_file.read(live.rig.drive_parameters, live.limits) if self._remembers else cold(warmth)
         given = {
             "rig": live.rig.document(),
             "measure": live.measure,
@@ -265,11 +265,11 @@ class Session:
         self.beat()
         self.block.ask(int(request))
 
-    def remember(self) -> None:
-        """Keep how warm the motor is, for the next run."""
+    def remember(self, *, surely: bool = False) -> None:
+        """Keep how warm the motor is, for the next run; `surely` waits for the disk."""
         row = self.last()
         if row is not None and self._remembers:
-            self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row)
+            self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)
 
     def complete(self) -> None:
         """Arm, run the law over the rig's whole reference, and come back when that has ended, well or by a fault.
@@ -326,10 +326,10 @@ class Session:
             except subprocess.TimeoutExpired:
                 self._loop.kill()
                 self.error = f"the loop's process did not end within {_END:g} s and was killed"
-            self.remember()
+            self.remember(surely=True)
             if self._not_kept:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
-                print(f"bowden: note: {what}; the next run takes it for cold", file=sys.stderr)
+                print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)
             self._await_end()
         if self.emg_process is not None:
             self.emg_process.close()
