@@ -2,6 +2,7 @@
 
 import math
 import re
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
+from bowden.control.knowledge import Knowledge, informed
 from bowden.control.law import Law
 from bowden.control.law_parts import LEAD, LEAD_SQUARE, ahead
 from bowden.control.laws.active_disturbance_rejection import observer_gains, prediction
@@ -20,6 +22,7 @@ from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.models.cable.backlash import Play, joint_angle, push
 from bowden.models.cable.bouc_wen import saturation
+from bowden.models.drive.servo import Servo
 from bowden.rig.presets import bench as paper
 from support import bench_runs
 
@@ -228,6 +231,50 @@ def test_the_observer_s_bandwidth_is_the_tuning_rule_s_choice() -> None:
     more = law.with_gains(observer_bandwidth=law.gains.observer_bandwidth + 10.0)
     assert enough(more) is not None
     assert figures(law.name, False)[2] <= 2.0 < measured(more, False)[2]
+
+
+def rig(omega: float, delay: int, sample_time: float, noise: float = 2e-4) -> Knowledge:
+    """What is known of a rig, by its servo's ω [rad/s], cycles of delay, Ts [s] and the joint's noise [rad]."""
+    return Knowledge(omega, 1.0, (delay + 0.5) * sample_time, sample_time, joint_noise=noise, joint_step=0.0)
+
+
+def test_the_observer_s_bandwidth_follows_servo_delay_and_noise() -> None:
+    law, bench = LAWS["active_disturbance_rejection"], rig(53.58, 1, DT)
+    assert informed(law, bench).gains.observer_bandwidth == pytest.approx(law.gains.observer_bandwidth, rel=1e-12)
+    assert informed(law, rig(15.0, 1, DT)).gains.observer_bandwidth == pytest.approx(15.0 / 53.58 * 190.0)
+    late, loud = informed(law, rig(53.58, 8, DT)).gains, informed(law, rig(53.58, 1, DT, 2e-3)).gains
+    assert late.observer_bandwidth == pytest.approx(1.0 / 8.5e-3)
+    assert loud.observer_bandwidth == pytest.approx((0.1 * RADIANS / 2e-3 * 53.58**2 / DT**0.5) ** 0.4)
+    unknown = informed(law, Knowledge(servo_frequency=30.0)).gains
+    assert (unknown.observer_bandwidth, unknown.arrival) == (law.gains.observer_bandwidth, 1.0)
+
+
+@pytest.mark.parametrize("omega", [15.0, 50.0, 120.0])
+@pytest.mark.parametrize(("delay", "sample_time"), [(0, 1e-3), (1, 4e-3), (3, 5e-4), (8, 1e-3), (8, 4e-3)])
+def test_disturbance_rejection_holds_on_rigs_that_it_is_not_tuned_for(
+    monkeypatch: pytest.MonkeyPatch, omega: float, delay: int, sample_time: float
+) -> None:
+    """6 dB and 45° from 0.7 to 1.05 of the slope, as the check asks."""
+    monkeypatch.setattr(sys.modules[__name__], "DT", sample_time)
+    law = informed(LAWS["active_disturbance_rejection"], rig(omega, delay, sample_time))
+    plant = servo_model(Servo(omega, 1.0), sample_time, delay, 1.0)
+    for factor in (SLOPES[0], SLOPES[-1]):
+        found = margins(plant, linear(law, factor * law.gains.slope), sample_time)
+        assert found.stable
+        assert (found.gain_margin_db or math.inf) >= 6.0
+        assert (found.phase_margin_deg or math.inf) >= 45.0
+
+
+def test_what_is_on_its_way_is_no_disturbance() -> None:
+    """The observer is given the command that acts: beyond a cycle of delay its two lags have the delay's mean."""
+    law = informed(LAWS["active_disturbance_rejection"], rig(40.0, 8, DT))
+    state, seen = law.start(Sample(0.0, 0.0)), []
+    for _ in range(100):
+        state = state._replace(command=1.0)
+        state, _ = law.step(state, Sample(0.0, 0.0), REST, DT)
+        seen.append(1.0 - state.command_before)
+    assert sum(seen) == pytest.approx(7.0, abs=0.01)  # cycles until the ninth, of which the loop itself has one
+    assert seen == sorted(seen, reverse=True)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -14,17 +14,24 @@ f holding the hysteresis, every change of the cable, and what is wrong with ω, 
 eigenvalues of (I − L·C)·Φ, at β = exp(−ωo·T); `observer_gains` has it in closed form. For ω = 0 this is the observer
 of Miklosovic, Radke and Gao (2006). Han and Gao leave the plant's own stiffness to f as well; through a servo it is
 large and known, and an observer slow enough for the encoder's noise would follow it with a lag of 3/ωo. The
-model-assisted form is taken instead, with φa, the reference with the servo's lag and the delay taken away. The observer
-is told the command that acts, which is one cycle old.
+model-assisted form is taken instead, with φa, the reference with the servo's lag and the delay taken away.
+
+The observer is given the command that acts, so that what the law itself has on its way is no disturbance to it. One
+cycle of the delay is exact; what a rig has beyond that, τ − 1.5·Ts, is two first-order lags of half of it each.
+
+ωo follows from the rig (`fitting_bandwidth`): no faster than servo, delay and noise allow.
 """
 
+import math
 from typing import Annotated, NamedTuple
 
+from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
 from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
 from bowden.core.kernel import exp, kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
+from bowden.core.units import RADIANS
 
 
 class ActiveDisturbanceRejectionGains(NamedTuple):
@@ -44,6 +51,9 @@ class ActiveDisturbanceRejectionGains(NamedTuple):
     """Lag of servo and delay that is taken away [s]."""
     lead_square: float = LEAD_SQUARE
     """The same to second order [s²]."""
+    arrival: float = 1.0
+    """Share of what is left that each of the two lags makes up for in a cycle that stand for the delay beyond one; 1
+    where there is none [–]."""
 
 
 class ActiveDisturbanceRejectionState(NamedTuple):
@@ -53,7 +63,8 @@ class ActiveDisturbanceRejectionState(NamedTuple):
     joint_rate: Annotated[float, Quantity("z₂, its rate", "rad/s")]
     disturbance: Annotated[float, Quantity("z₃, all acceleration that is not b₀·command", "rad/s²")]
     command: Annotated[float, Quantity("the last command", "rad")]
-    command_before: Annotated[float, Quantity("the command before it, which acted over the last cycle", "rad")]
+    command_between: Annotated[float, Quantity("the command behind the first of the delay's two lags", "rad")]
+    command_before: Annotated[float, Quantity("the command behind both, which acted over the last cycle", "rad")]
 
 
 class Prediction(NamedTuple):
@@ -101,7 +112,7 @@ def start(gains: ActiveDisturbanceRejectionGains, sample: Sample) -> ActiveDistu
     """Begin at rest, with the motor held where it is: f is what keeps the joint where it is then."""
     stiffness = gains.natural_frequency * gains.natural_frequency
     held = stiffness * (sample.joint - gains.slope * sample.motor)
-    return ActiveDisturbanceRejectionState(sample.joint, 0.0, held, sample.motor, sample.motor)
+    return ActiveDisturbanceRejectionState(sample.joint, 0.0, held, sample.motor, sample.motor, sample.motor)
 
 
 @kernel
@@ -130,7 +141,44 @@ def step(
     steer = (wanted * wanted - stiffness) * (reference.position - joint)
     damp = 2.0 * (wanted - gains.damping * omega) * (reference.velocity - joint_rate)
     command = ahead(reference, gains.lead, gains.lead_square) / gains.slope + (steer + damp - disturbance) / input_gain
-    return ActiveDisturbanceRejectionState(joint, joint_rate, disturbance, command, state.command), command
+    between = state.command_between + gains.arrival * (state.command - state.command_between)
+    acting = state.command_before + gains.arrival * (between - state.command_before)
+    return ActiveDisturbanceRejectionState(joint, joint_rate, disturbance, command, between, acting), command
+
+
+SERVO_SHARE = 190.0 / 53.58
+"""ωo over the servo's ω, at most: that of the default bench, where chatter stops it (docs/laws.md) [–]."""
+
+DELAY_SHARE = 1.0
+"""ωo times the delay τ, at most [–]."""
+
+HEARD = 0.1 * RADIANS
+"""Standard deviation of the command that the joint's encoder alone may make, at most [rad]."""
+
+
+def fitting_bandwidth(known: Knowledge) -> float:
+    """ωo, no faster than servo, delay and the joint's noise allow [rad/s].
+
+    It is the least of 3.55·ω, 1/τ, and what lets 0.1° of noise through. The noise σ of joint and counting comes through
+    as about σ·(ωo/ω)²·√(ωo·Ts) in the command.
+    """
+    omega, delay = known.servo_frequency, known.delay
+    if math.isnan(omega) or math.isnan(delay):
+        return math.nan
+    bound = min(SERVO_SHARE * omega, DELAY_SHARE / delay if delay > 0.0 else math.inf)
+    parts = (known.joint_noise, known.joint_step / math.sqrt(12.0))
+    noise = math.hypot(*(part for part in parts if not math.isnan(part)))
+    if noise > 0.0 and not math.isnan(known.sample_time):
+        bound = min(bound, (HEARD / noise * omega**2 / math.sqrt(known.sample_time)) ** 0.4)
+    return bound
+
+
+def arrival(known: Knowledge) -> float:
+    """Share of the two lags that stand for the delay beyond one cycle [–].
+
+    1/(1 + (τ/Ts − 1.5)/2), and 1 for a delay of up to one cycle.
+    """
+    return 1.0 / (1.0 + 0.5 * max(0.0, known.delay / known.sample_time - 1.5))
 
 
 LAW = Law(
@@ -144,7 +192,9 @@ LAW = Law(
         "slope": "slope",
         "natural_frequency": "servo_frequency",
         "damping": "servo_damping",
+        "observer_bandwidth": fitting_bandwidth,
         "control_bandwidth": "servo_frequency",
+        "arrival": arrival,
     },
     feeds_back=frozenset({"joint"}),
     compensates_lag=True,
@@ -154,5 +204,6 @@ LAW = Law(
         "damping": (0.0, 100.0),
         "observer_bandwidth": (1e-3, 1e5),
         "control_bandwidth": (0.0, 1e4),
+        "arrival": (1e-3, 1.0),
     },
 )
