@@ -91,6 +91,11 @@ REFUSED: dict[str, tuple[Attack, str]] = {
     "forgets what silence is": (Attack(forgets=((0x6007, 0),)), "keeps 6007h:0 at 0; expected 1"),
     "forgets whom to watch": (Attack(forgets=((0x1016, 1),)), "keeps 1016h:1 at 0"),
     "forgets what a fault is": (Attack(forgets=((0x605E, 0),)), "keeps 605Eh:0 at 2"),
+    "lines for counts": (
+        Attack(objects=(((0x608F, 1), 4096),)),
+        "counts_per_turn is 16384; expected 4096, as node",
+    ),
+    "counts behind a gear": (Attack(objects=(((0x6091, 1), 5),)), "behind a gear of 5:1"),
     "another SYNC": (Attack(foreign=(SYNC,)), "another master is on the bus .* 080h"),
     "another's targets": (Attack(foreign=(TARGET,)), "another master is on the bus"),
     "another's questions": (Attack(foreign=(QUESTION,)), "another master is on the bus"),
@@ -128,6 +133,14 @@ def test_a_node_that_restarts_in_its_bring_up_is_refused_or_is_set_up_whole(part
         assert not bus.node.torque
         assert bus.node.off_since <= died + SILENCE
     assert refused >= 5
+
+
+def test_on_a_real_bus_a_drive_has_limits_of_its_own() -> None:
+    for objects in ((((0x607D, 1), 0), ((0x607D, 2), 0)), (((0x607D, 1), 1000), ((0x607D, 2), -1000))):
+        attack = Attack(objects=objects)
+        assert CanopenDrive(DRIVE, HostileBus(attack)).bring_up(), "the twin's bus"
+        with pytest.raises(DriveError, match="has no limits of its position"):
+            CanopenDrive(DRIVE._replace(interface="socketcan"), HostileBus(attack)).bring_up()
 
 
 def test_a_lost_answer_is_asked_for_again_and_a_text_without_end_is_cut() -> None:

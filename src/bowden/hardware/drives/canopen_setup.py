@@ -10,6 +10,7 @@ import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
+from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, OperationMode, decode, supports
@@ -37,6 +38,8 @@ TURNS_A_MINUTE = 0xB44700
 """That unit in 60A9h, below the byte with the power of ten (CiA 303-2)."""
 LISTENING = 1.0
 """So long the bus is listened to before anything is said on it: another master gives its signs of life in it [s]."""
+_SAME_SCALE = 1e-3
+"""Two scales that differ by less are the same, but for a rounding [–]."""
 UNCHANGED = 1
 """1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still tells its state."""
 
@@ -74,6 +77,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
         state = _check_torque_free(node)
         node.command(frames.NMT_PRE_OPERATIONAL)
         _check_mode(node)
+        _check_scale(node, drive)
         motor, joint = motor_scale(drive), joint_scale(drive)
         if drive.home == "here":
             motor = motor_scale(drive, node.read(0x6064, signed=True))
@@ -207,6 +211,27 @@ def _check_mode(node: Dialogue) -> None:
         )
 
 
+def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
+    """The rig's counts a turn against the drive's own, where it tells them (CiA 402, "factor group").
+
+    Positions must be in the motor encoder's counts: a wrong scale passes everything else that is checked here.
+    """
+    increments, turns = node.read_if_there(0x608F, 1), node.read_if_there(0x608F, 2)
+    if increments and turns and abs(increments / turns / drive.motor_counts_per_turn - 1.0) > _SAME_SCALE:
+        raise DriveError(
+            f"drive.motor_counts_per_turn is {drive.motor_counts_per_turn:g}",
+            expected=f"{increments / turns:g}, as {node.name} has it (608Fh), counts and not lines of the encoder",
+            do="correct it in rig.toml, or 608Fh with its maker's tool",
+        )
+    motor, shaft = node.read_if_there(0x6091, 1), node.read_if_there(0x6091, 2)
+    if motor and shaft and motor != shaft:
+        raise DriveError(
+            f"{node.name} counts its positions behind a gear of {motor}:{shaft} (6091h)",
+            expected="1:1, so that they are the motor's; the rig's own gear is motor.gear",
+            do="set 6091h to 1:1 with its maker's tool",
+        )
+
+
 def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitScale) -> None:
     """The rig's limits against those in the drive, which are read and never changed."""
 
@@ -219,6 +244,12 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
 
     low, high = node.read_if_there(0x607D, 1, signed=True), node.read_if_there(0x607D, 2, signed=True)
     if low is None or high is None or low >= high:
+        if drive.interface != UNIX:
+            raise DriveError(
+                f"{node.name} has no limits of its position (607Dh is {low or 0}/{high or 0})",
+                expected="the range that the rig may go to at most, in counts",
+                do="set 607Dh with its maker's tool: it holds whatever this computer does, and whatever its scales are",
+            )
         low, high = -frames.INT32, frames.INT32 - 1  # its counter's own
     ends = sorted((motor.angle(low), motor.angle(high)))
     if math.isfinite(drive.lowest_motor) and drive.lowest_motor < ends[0]:
