@@ -1,5 +1,6 @@
 """What the operator sees and how a run is ended, without a run: signals, `--auto`, the screen, the motor's warmth."""
 
+import contextlib
 import io
 import math
 import os
@@ -57,6 +58,7 @@ class FakeSession:
     beats: int = 0
     ended: bool = False
     running: bool = True
+    still: float = 0.0
 
     def beat(self) -> None:
         self.beats += 1
@@ -78,12 +80,19 @@ class FakeSession:
         pass
 
 
+def test_a_loop_that_stands_still_is_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
+    session: Any = FakeSession([row()], still=6.0)
+    operator.operate(session, operator.Ending(), auto=True, quiet=True)
+    assert session.ended
+    assert "the loop has stood still for 6 s" in capsys.readouterr().err
+
+
 def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hung connection, Ctrl-S: the picture waits, and nothing else does."""
     master, slave = os.openpty()
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr("rich._console", None)
-    monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "x" * 20_000)
+    monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "\n".join(["x" * 70] * 20))
     monkeypatch.setattr(operator, "_CLEARED", 0.05)
     session, patience, threads = FakeSession([row()]), time.monotonic() + 60.0, threading.active_count()
 
@@ -92,7 +101,7 @@ def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.Monke
             assert time.monotonic() < patience
             time.sleep(0.01)
 
-    with open(slave, closefd=False) as keys, open(slave, "w", closefd=False) as screen:
+    with contextlib.suppress(OSError), open(slave, closefd=False) as keys, open(slave, "w", closefd=False) as screen:
         monkeypatch.setattr("sys.stdin", keys)
         monkeypatch.setattr("sys.stdout", screen)
         given: Any = session

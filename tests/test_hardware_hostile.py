@@ -21,7 +21,7 @@ from bowden.safety.supervisor import Mode
 from loop_rig import LoopRig
 from support.hostile_node import DISABLED, Attack, HostileBus
 
-DRIVE = DriveParameters(answer_timeout=0.05)
+DRIVE = DriveParameters(answer_timeout=0.05, current_limit=20.0)
 LIMITS = Limits(tracking=9.0, target_reach=99.0, play=9.0)
 """The node's motor is a simple one, and is not what is tested here."""
 SILENCE = 0.05
@@ -95,6 +95,7 @@ REFUSED: dict[str, tuple[Attack, str]] = {
         Attack(objects=(((0x608F, 1), 4096),)),
         "counts_per_turn is 16384; expected 4096, as node",
     ),
+    "a rated torque of 1 µN·m": (Attack(objects=(((0x6076, 0), 1),)), "the rig's largest is 20 A"),
     "counts behind a gear": (Attack(objects=(((0x6091, 1), 5),)), "behind a gear of 5:1"),
     "another SYNC": (Attack(foreign=(SYNC,)), "another master is on the bus .* 080h"),
     "another's targets": (Attack(foreign=(TARGET,)), "another master is on the bus"),

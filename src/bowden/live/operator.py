@@ -19,6 +19,8 @@ from bowden.safety.supervisor import Request
 if TYPE_CHECKING:
     from bowden.live.session import Session
 
+STANDS_STILL = 5.0
+"""A loop that has done no cycle for so long does none any more; the drive has long taken its torque off [s]."""
 _LOOK = 0.1
 """Between two looks at the run and at the keys [s]."""
 _CLEARED = 1.0
@@ -93,6 +95,9 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
         while session.running and not ending.asked:
             session.beat()
             row = session.last()
+            if session.still > STANDS_STILL:
+                print(f"bowden: note: the loop has stood still for {session.still:.0f} s", file=sys.stderr)
+                return
             if row is not None:
                 show(row)
                 if steps is not None and next(steps, None) is None:
@@ -179,7 +184,9 @@ def _draw(
 
     from bowden.live.screen import picture
 
-    with contextlib.suppress(OSError), Live(auto_refresh=False, transient=True) as live:  # the terminal may be gone
+    # nothing else that is printed may go through it: it would wait for this thread
+    live = Live(auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False)
+    with contextlib.suppress(OSError), live:  # the terminal may be gone
         while not over.is_set():
             come.wait()
             come.clear()

@@ -27,6 +27,7 @@ from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
+from bowden.live.operator import STANDS_STILL
 from bowden.live.provenance import rig_revision
 from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
@@ -76,6 +77,7 @@ class Session:
         """Error code of the drive's last emergency; 0 where there was none."""
         self._last: Row | None = None
         self._not_kept = ""
+        self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._processes: list[subprocess.Popen[str]] = []
         name = f"{os.getpid()}-{os.urandom(3).hex()}"
@@ -127,6 +129,7 @@ class Session:
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
         self.ready = self._await_ready()
+        self._came = self.clock.now()
         if self.emg_process is not None:
             self.emg_process.go()
 
@@ -258,7 +261,14 @@ class Session:
             codes = rows[:, AT["emergency"]]
             self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
         row = self._last
+        if len(rows):
+            self._came = self.clock.now()
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+
+    @property
+    def still(self) -> float:
+        """For how long the loop has done no cycle, as far as `last` has looked [s]."""
+        return (self.clock.now() - self._came) / SECOND
 
     def ask(self, request: Request) -> None:
         """Ask the supervisor for something."""
@@ -282,8 +292,11 @@ class Session:
         while self.running:
             if self.last() is not None and next(steps, None) is None:
                 return
+            if self.still > STANDS_STILL:
+                break
             self.wait(_LOOK)
-        raise DriveError("the live loop has ended", do="begin another run")
+        how = f"has stood still for {self.still:.0f} s" if self.running else "has ended"
+        raise DriveError(f"the live loop {how}", do="begin another run")
 
     def trace(self) -> Trace:
         """The record of the run, from its log, once it has ended.

@@ -91,6 +91,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
                 expected="the motor's, in µN·m",
                 do="set the motor's data in the drive with its maker's tool",
             )
+        _check_rated(node, drive, rated_torque / drive.torque_constant)
         identity = _identity(node, state)
         _start(node)
         _try_watch(node, drive, state)
@@ -229,6 +230,18 @@ def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
             f"{node.name} counts its positions behind a gear of {motor}:{shaft} (6091h)",
             expected="1:1, so that they are the motor's; the rig's own gear is motor.gear",
             do="set 6091h to 1:1 with its maker's tool",
+        )
+
+
+def _check_rated(node: Dialogue, drive: DriveParameters, rated: float) -> None:
+    """Whether thousandths of the `rated` current [A] can tell the rig's: 16 bits must hold its largest, and finely."""
+    most, least = 1e-3 * frames.INT16 * rated, 1e-3 * rated
+    if drive.current_limit > 0.0 and not 100.0 * least <= drive.current_limit <= most:
+        raise DriveError(
+            f"{node.name} tells currents from {least:.3g} to {most:.3g} A by its rated torque (6076h) and the motor's "
+            f"torque constant, and the rig's largest is {drive.current_limit:g} A",
+            expected="a rated torque of the motor's size, in µN·m",
+            do="set the motor's data in the drive with its maker's tool, or correct the torque constant in [motor]",
         )
 
 
