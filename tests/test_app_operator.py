@@ -253,6 +253,11 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
     assert "bowden log recover a.mcap" in said.out
     assert "60 cycles of 100 are not in the log" in said.err
     assert "not closed properly" in said.err
+    late = dict.fromkeys(("p50_us", "p99_us", "p999_us", "max_us"), 1.0)
+    print_summary(found | {"cycles": None, "lateness": late, "run_time_median_us": 1.0, "overruns": None})
+    said = capsys.readouterr()
+    assert "40 cycles in the log" in said.out
+    assert "None" not in said.out
     print_summary(found | {"ended_well": True, "cycles": 40, "log_whole": True})
     said = capsys.readouterr()
     assert "ended by a fault" not in said.out

@@ -88,9 +88,13 @@ def print_summary(found: dict[str, Any]) -> None:
     if late:
         print(
             f"lateness {late['p50_us']:.0f} µs median, {late['p99_us']:.0f} p99, {late['p999_us']:.0f} p99.9, "
-            f"{late['max_us']:.0f} max; the cycle takes {found['run_time_median_us']:.0f} µs; "
-            f"{found['overruns']} overruns in {found['cycles']} cycles"
+            f"{late['max_us']:.0f} max; the cycle takes {found['run_time_median_us']:.0f} µs; ",
+            end="",
         )
+        if found["cycles"] is None:  # the loop said nothing at its end
+            print(f"{found['cycles_logged']} cycles in the log")
+        else:
+            print(f"{found['overruns']} overruns in {found['cycles']} cycles")
     if found["emg"]:
         emg_summary.print_figures(found["emg"])
     if found["interaction"]:
