@@ -126,8 +126,7 @@ class TrignoDialogue:
             )
         legacy = self._open_data()
         rate = rate_of(LEGACY_EMG_PORT if legacy else EMG_PORT, *settings)
-        version = "".join(letter for letter in greeting.removeprefix(GREETING) if letter.isprintable()).strip()
-        return Base(version, rate, tuple(columns), tuple(idle), legacy)
+        return Base(greeting.removeprefix(GREETING).strip(), rate, tuple(columns), tuple(idle), legacy)
 
     def _open_data(self) -> bool:
         """Connect the EMG port; whether it is the legacy one."""
