@@ -1,12 +1,15 @@
-"""What several laws share: the servo inverted for the reference, the direction of motion, the feedback, limits."""
+"""What several laws share: the servo inverted, filters, the direction of motion, the feedback, bandwidths, limits."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Annotated, NamedTuple
 
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import FromRig
-from bowden.core.kernel import kernel, sel
+from bowden.core.kernel import exp, kernel, sel, tanh
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference
+from bowden.core.units import RADIANS
 
 LEAD = 0.0388
 """Lag of the default bench, 2ζ/ω + (d + ½)·Ts, which `ahead` takes away [s]."""
@@ -29,6 +32,34 @@ def lag_square(known: Knowledge) -> float:
 def half_width(known: Knowledge) -> float:
     """Half of the dead zone, in motor travel [rad]."""
     return 0.5 * known.width
+
+
+SERVO_SHARE = 190.0 / 53.58
+"""`quiet_bandwidth` over the servo's ω, at most: the default bench's, where chatter stops it (docs/laws.md) [–]."""
+
+HEARD = 0.1 * RADIANS
+"""Standard deviation of the command that the encoders alone may make, at most [rad]."""
+
+
+def quiet_bandwidth(known: Knowledge, delay_share: float, noises: Iterable[float]) -> float:
+    """Bandwidth of an observer whose estimate goes through the servo's inverse [rad/s].
+
+    It is the least of 3.55·ω, delay_share/τ, and what lets 0.1° of noise through. The noise σ comes through as about
+    σ·(q/ω)²·√(q·Ts) in the command.
+
+    Args:
+        known: of the rig; NaN is returned where it has no ω or no τ.
+        delay_share: of the bandwidth times the delay, at most.
+        noises: standard deviations [rad], NaN for what is not known.
+    """
+    omega, delay = known.servo_frequency, known.delay
+    if math.isnan(omega) or math.isnan(delay):
+        return math.nan
+    bound = min(SERVO_SHARE * omega, delay_share / delay if delay > 0.0 else math.inf)
+    noise = math.hypot(*(part for part in noises if not math.isnan(part)))
+    if noise > 0.0 and not math.isnan(known.sample_time):
+        bound = min(bound, (HEARD / noise * omega**2 / math.sqrt(known.sample_time)) ** 0.4)
+    return bound
 
 
 LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
@@ -115,3 +146,60 @@ def fed_back(
     error = bounded(sel(wait > 0.0, error, missed), -1e3, 1e3, error)
     summed = integral + sel(wait > 0.0, 0.0, rate * error * dt)
     return error, bounded(summed, -limit, limit, integral)
+
+
+class Filtered(NamedTuple):
+    """A number behind a critically damped low-pass of second order, with its derivatives."""
+
+    value: Annotated[float, Quantity("the number", "rad")]
+    rate: Annotated[float, Quantity("its rate", "rad/s")]
+    acceleration: Annotated[float, Quantity("the rate of that", "rad/s²")]
+
+
+@kernel
+def settled(before: float, goal: float, bandwidth: float, dt: float) -> float:
+    """One cycle of the low-pass q/(s + q) towards a goal that is held, solved exactly.
+
+    >>> round(settled(1.0, 0.0, 10.0, 0.1), 4)
+    0.3679
+    """
+    return goal + (before - goal) * exp(-bandwidth * dt)
+
+
+@kernel
+def filtered(before: Filtered, goal: float, bandwidth: float, dt: float) -> Filtered:
+    """One cycle of q²/(s + q)² towards a goal that is held, solved exactly.
+
+    >>> last = filtered(Filtered(0.0, 0.0, 0.0), 1.0, 10.0, 1.0)
+    >>> round(last.value, 4), round(filtered(last, 1.0, 10.0, 1.0).value, 7)
+    (0.9995, 1.0)
+    """
+    left = exp(-bandwidth * dt)
+    off = before.value - goal
+    push = (before.rate + bandwidth * off) * dt
+    value = goal + (off + push) * left
+    rate = (before.rate - bandwidth * push) * left
+    return Filtered(value, rate, bandwidth * bandwidth * (goal - value) - 2.0 * bandwidth * rate)
+
+
+@kernel
+def limited(before: Filtered, goal: float, bandwidth: float, rate_limit: float, dt: float) -> Filtered:
+    """The same towards a goal that is no further away than Φ = 2·rate_limit/q, smoothly.
+
+    A ramp of the speed v is followed at the distance 2·v/q, so that the rate goes to `rate_limit` at most.
+
+    >>> slow = limited(Filtered(0.0, 0.0, 0.0), 1.0, 10.0, 0.5, 1e-3)
+    >>> for _ in range(1000):
+    ...     slow = limited(slow, 1.0, 10.0, 0.5, 1e-3)
+    >>> round(slow.value, 1), round(slow.rate, 2)
+    (0.5, 0.5)
+    """
+    layer = 2.0 * rate_limit / bandwidth
+    near = before.value + layer * tanh((goal - before.value) / layer)
+    return filtered(before, near, bandwidth, dt)
+
+
+@kernel
+def through_servo(number: Filtered, natural_frequency: float, damping: float) -> float:
+    """What the servo must be asked for, so that it is at the number, 1 + 2ζ/ω·d/dt + 1/ω²·d²/dt² [rad]."""
+    return number.value + (2.0 * damping * number.rate + number.acceleration / natural_frequency) / natural_frequency

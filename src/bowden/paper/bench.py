@@ -32,6 +32,12 @@ def observer(fit: Calibration | None = None) -> bowden.Law:
     )
 
 
+def adaptive() -> bowden.Law:
+    """The adaptive law with its own gains, chosen for this bench, whatever a calibration says of the servo."""
+    law = bowden.LAWS["adaptive"]
+    return law.with_gains(**law.gains._asdict())
+
+
 def run_bench(
     law: bowden.Law, *, moved: bool = False, fit: Calibration | None = None, duration: float | None = None
 ) -> bowden.Trace:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bowden.control import LAWS
 from bowden.core.trace import Trace
-from bowden.paper.bench import observer, run_bench, run_chirp
+from bowden.paper.bench import adaptive, observer, run_bench, run_chirp
 from bowden.rig.presets.suit import DRIVE_INTEGRAL, run_suit, suit_adaptive, suit_ours
 
 if TYPE_CHECKING:
@@ -50,12 +50,12 @@ class Runs:
     @cached_property
     def adaptive(self) -> Trace:
         """Fig. 13 and 14."""
-        return run_bench(LAWS["adaptive"])
+        return run_bench(adaptive())
 
     @cached_property
     def adaptive_moved(self) -> Trace:
         """Fig. 15B."""
-        return run_bench(LAWS["adaptive"], moved=True)
+        return run_bench(adaptive(), moved=True)
 
     @cached_property
     def observer_chirp(self) -> Trace:
@@ -65,7 +65,7 @@ class Runs:
     @cached_property
     def adaptive_chirp(self) -> Trace:
         """Fig. 16, adaptive."""
-        return run_chirp(LAWS["adaptive"])
+        return run_chirp(adaptive())
 
     @cached_property
     def suit_uncompensated(self) -> Trace:

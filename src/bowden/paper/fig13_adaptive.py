@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from bowden.control import LAWS
 from bowden.core.metrics import convergence_time, rmse
 from bowden.core.style import COLOURS, new_figure, thin
 from bowden.core.units import DEGREES
-from bowden.paper.bench import run_bench, true_bound
+from bowden.paper.bench import adaptive, run_bench, true_bound
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.plots import time_and_loop
 from bowden.rig.presets import bench as paper
@@ -19,7 +18,7 @@ def run(runs: Runs) -> Finding:
     trace = runs.adaptive
     period = paper.calibration().period
     beta, bound = trace["law.slope_inverse"], trace["law.bound"]
-    long = run_bench(LAWS["adaptive"], duration=_LONG)
+    long = run_bench(adaptive(), duration=_LONG)
     times = [convergence_time(long.time, long[f"law.{name}"], period=period) for name in ("slope_inverse", "bound")]
     early = int(np.searchsorted(trace.time, 2.5))
     late = trace.time >= 10.0

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from bowden.control import LAWS
 from bowden.core.style import COLOURS, new_figure
-from bowden.paper.bench import run_chirp
+from bowden.paper.bench import adaptive, run_chirp
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import CHIRP_FREQUENCIES, chirp_gain, chirp_reached, closed_loop_bandwidth
 from bowden.rig.presets import bench as paper
@@ -14,7 +13,7 @@ from bowden.rig.presets import bench as paper
 
 def run(runs: Runs) -> Finding:
     """|joint/reference| of the observer, of the adaptive law, and of the adaptive law without its D̂m."""
-    without_bound = run_chirp(LAWS["adaptive"].with_gains(bound_adaptation=0.0))
+    without_bound = run_chirp(adaptive().with_gains(bound_adaptation=0.0))
     chirp = paper.chirp()
     omega = 2.0 * math.pi * CHIRP_FREQUENCIES
     figure, (axes,) = new_figure(width=8.6, height=4.2)

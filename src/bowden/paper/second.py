@@ -3,7 +3,7 @@
 from bowden.control import LAWS
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
-from bowden.paper.bench import observer, run_bench, run_chirp
+from bowden.paper.bench import adaptive, observer, run_bench, run_chirp
 from bowden.paper.figures_of_merit import closed_loop_bandwidth, dead_zone_deg
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.bench import Calibration
@@ -23,7 +23,7 @@ def predictions(fit: Calibration) -> list[float]:
     """The figures of `ROWS` under a calibration."""
 
     def deg(law_is_adaptive: bool, moved: bool) -> float:
-        law = LAWS["adaptive"] if law_is_adaptive else observer(fit)
+        law = adaptive() if law_is_adaptive else observer(fit)
         return rmse(run_bench(law, moved=moved, fit=fit).error) * DEGREES
 
     bandwidth = closed_loop_bandwidth(run_chirp(observer(fit), fit), paper.chirp())

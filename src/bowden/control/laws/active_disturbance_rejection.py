@@ -27,11 +27,10 @@ from typing import Annotated, NamedTuple
 
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded
+from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded, quiet_bandwidth
 from bowden.core.kernel import exp, kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
-from bowden.core.units import RADIANS
 
 
 class ActiveDisturbanceRejectionGains(NamedTuple):
@@ -146,31 +145,13 @@ def step(
     return ActiveDisturbanceRejectionState(joint, joint_rate, disturbance, command, between, acting), command
 
 
-SERVO_SHARE = 190.0 / 53.58
-"""ωo over the servo's ω, at most: that of the default bench, where chatter stops it (docs/laws.md) [–]."""
-
 DELAY_SHARE = 1.0
 """ωo times the delay τ, at most [–]."""
 
-HEARD = 0.1 * RADIANS
-"""Standard deviation of the command that the joint's encoder alone may make, at most [rad]."""
-
 
 def fitting_bandwidth(known: Knowledge) -> float:
-    """ωo, no faster than servo, delay and the joint's noise allow [rad/s].
-
-    It is the least of 3.55·ω, 1/τ, and what lets 0.1° of noise through. The noise σ of joint and counting comes through
-    as about σ·(ωo/ω)²·√(ωo·Ts) in the command.
-    """
-    omega, delay = known.servo_frequency, known.delay
-    if math.isnan(omega) or math.isnan(delay):
-        return math.nan
-    bound = min(SERVO_SHARE * omega, DELAY_SHARE / delay if delay > 0.0 else math.inf)
-    parts = (known.joint_noise, known.joint_step / math.sqrt(12.0))
-    noise = math.hypot(*(part for part in parts if not math.isnan(part)))
-    if noise > 0.0 and not math.isnan(known.sample_time):
-        bound = min(bound, (HEARD / noise * omega**2 / math.sqrt(known.sample_time)) ** 0.4)
-    return bound
+    """ωo, no faster than servo, delay and the joint's noise allow [rad/s]."""
+    return quiet_bandwidth(known, DELAY_SHARE, (known.joint_noise, known.joint_step / math.sqrt(12.0)))
 
 
 def arrival(known: Knowledge) -> float:

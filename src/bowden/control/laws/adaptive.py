@@ -16,11 +16,15 @@ differentiates. τ = 0 is a plain difference.
 
 Linearised, the law is a PID around the servo (gains κλ, κ and β̂λ); the printed gains λ = 2, κ = 10 diverge at 1 kHz
 around any servo that is as fast as Fig. 16 implies (erratum 7). They are kept as the preset ``paper``.
+
+The law's own λ, κ and ε are those of the default bench. On another rig they follow from servo, delay and sample time:
+`error_gain`, `feedback_gain` and `smoothing` below.
 """
 
 import math
 from typing import Annotated, NamedTuple
 
+from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law, UltimateBounds
 from bowden.core.kernel import kernel, tanh
 from bowden.core.quantity import Quantity
@@ -129,6 +133,59 @@ def proven(gains: AdaptiveGains, slope: float, uncertainty: float) -> UltimateBo
 PRINTED = AdaptiveGains(error_gain=2.0, feedback_gain=10.0, derivative_time=0.0)
 """The gains of Section 5.1.2, as printed."""
 
+BENCH_FREQUENCY = 53.5767
+"""ω of the servo for which the law's own gains were chosen; its ζ is 1 [rad/s]."""
+
+BENCH_DELAY, BENCH_SAMPLE_TIME = 0.0015, 0.001
+"""τ and Ts of the default bench [s]."""
+
+DELAY_SHARE = 1.25
+"""κ on a rig whose delay bounds it, in shares of the bench's κ times the ratio of latencies [–]."""
+
+LARGEST_BOUND = 0.4
+"""D̂m up to which tanh's steepest slope may at most double κ, as it does on the bench [rad]."""
+
+
+def _latency(delay: float, sample_time: float) -> float:
+    """What comes after a sample besides the servo: delay, the derivative's filter, and its difference [s]."""
+    return delay + AdaptiveGains().derivative_time + sample_time
+
+
+def _prompter(known: Knowledge) -> float:
+    """The bench's latency over that of the rig [–]."""
+    return _latency(BENCH_DELAY, BENCH_SAMPLE_TIME) / _latency(known.delay, known.sample_time)
+
+
+def _servo_shares(known: Knowledge) -> tuple[float, float]:
+    """2ζ/ω, and the λ at which λ·ω²·latency is the bench's, both over those of the bench [–]."""
+    slower = BENCH_FREQUENCY / known.servo_frequency
+    return slower * known.servo_damping, slower**2 * _prompter(known)
+
+
+def error_gain(known: Knowledge) -> float:
+    """λ, the less of what cancels the servo's lag and what the delay allows [s].
+
+    κ + κ·λ·s of the command is the first part of (s² + 2ζω·s + ω²)/ω², the servo's inverse, where λ = 2ζ/ω. The
+    derivative β̂·λ·s through the servo crosses one at λ·ω², which must stay well below 1/latency.
+    """
+    return AdaptiveGains().error_gain * min(_servo_shares(known))
+
+
+def feedback_gain(known: Knowledge) -> float:
+    """κ, the less of what servo and delay allow [1/s].
+
+    Around the servo the sum alone has the gain margin 2ζω/κ; where the delay takes a part of λ away, less is left.
+    """
+    cancels, allowed = _servo_shares(known)
+    by_servo = known.servo_damping * known.servo_frequency / BENCH_FREQUENCY * math.sqrt(min(1.0, allowed / cancels))
+    return AdaptiveGains().feedback_gain * min(by_servo, DELAY_SHARE * _prompter(known))
+
+
+def smoothing(known: Knowledge) -> float:
+    """ε, so that β̂·D̂m/ε, which adds to κ near s = 0, is to κ what it is on the bench [rad·s]."""
+    return LARGEST_BOUND / feedback_gain(known)
+
+
 SUIT = AdaptiveGains(error_gain=0.05, feedback_gain=3.0, smoothing=0.2)
 """λ, κ and ε chosen for margin on the suit, where a forearm hangs in springs (`benchmarks/suit_gains.py`)."""
 
@@ -140,6 +197,7 @@ LAW = Law(
     source="Dinh et al. 2017, Eqs 9–14; adaptation gains of Section 5.1.2",
     presets={"paper": PRINTED, "suit": SUIT},
     suit_preset="suit",
+    from_rig={"error_gain": error_gain, "feedback_gain": feedback_gain, "smoothing": smoothing},
     feeds_back=frozenset({"joint"}),
     settling=settling,
     proven=proven,
