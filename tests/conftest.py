@@ -4,6 +4,7 @@ import contextlib
 import gc
 import os
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,13 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("the recordings in ../shared/data are not here")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def little_listening(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bring-up within the tests' process listens for other masters for an instant; a rig's does for a second."""
+    if "bowden.hardware.drives.canopen_setup" in sys.modules:
+        monkeypatch.setattr("bowden.hardware.drives.canopen_setup.LISTENING", 0.03)
 
 
 @pytest.fixture

@@ -48,7 +48,7 @@ def live_run() -> np.ndarray:
     begun, ran = False, 0
     for k in range(CYCLES):
         joint = math.nan if k in (1500, 1501) else 0.93 * motor - 0.02 + noise[k, 0]
-        reading = DriveReading(motor, joint, 0.4, math.nan, 35.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0)
+        reading = DriveReading(motor, joint, 0.4, math.nan, 35.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0, 0.0, 0.0)
         if not begun:
             cycle.begin(reading, cold(limits.thermal))
             begun, target = True, cycle.state.supervisor.target
@@ -102,9 +102,9 @@ def write(path: Path, rows: np.ndarray, settings: dict[str, Any], *, close: bool
 
 def test_the_columns_are_in_the_order_in_which_the_loop_fills_them() -> None:
     names = list(CYCLE)
-    assert tuple(names[4:15]) == DriveReading._fields
-    assert tuple(name.removesuffix("_seen") for name in names[15:17]) == Sample._fields
-    assert ("target", *names[19:23]) == Verdict._fields
+    assert tuple(names[4:17]) == DriveReading._fields
+    assert tuple(name.removesuffix("_seen") for name in names[17:19]) == Sample._fields
+    assert ("target", *names[21:25]) == Verdict._fields
 
 
 def document(arguments: list[str], capsys: pytest.CaptureFixture[str], schema: str, code: int = 0) -> Any:

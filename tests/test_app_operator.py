@@ -1,12 +1,15 @@
 """What the operator sees and how a run is ended, without a run: signals, `--auto`, the screen, the motor's warmth."""
 
+import contextlib
 import io
-import json
 import math
 import os
 import pwd
+import select
 import signal
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +19,7 @@ import pytest
 from rich.console import Console
 
 from bowden.control import LAWS
+from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.parameters import DriveParameters
@@ -28,9 +32,10 @@ from bowden.live.screen import picture
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 
-DRIVE = DriveParameters()
+DRIVE, LIMITS = DriveParameters(), Limits()
 WARM = {"supervisor.heat.winding": 80.0, "supervisor.heat.housing": 60.0, "supervisor.heat.i2t": 12.0}
 
 
@@ -46,7 +51,20 @@ class FakeSession:
     rows: list[dict[str, float]]
     asked: list[Request] = field(default_factory=list)
     seen: int = 0
-    ready: dict[str, str] = field(default_factory=lambda: {"drive": "EPOS4, node 1; in fault, 0x8130: heartbeat lost"})
+    ready: dict[str, Any] = field(
+        default_factory=lambda: {"grants": [], "drive": "EPOS4, node 1; in fault, 0x8130: heartbeat lost"}
+    )
+
+    beats: int = 0
+    ended: bool = False
+    running: bool = True
+    still: float = 0.0
+
+    def beat(self) -> None:
+        self.beats += 1
+
+    def end(self) -> None:
+        self.ended = True
 
     def last(self) -> dict[str, float]:
         self.seen += 1
@@ -54,6 +72,55 @@ class FakeSession:
 
     def ask(self, request: Request) -> None:
         self.asked.append(request)
+
+    def remember(self) -> None:
+        pass
+
+    def wait(self, seconds: float) -> None:
+        pass
+
+
+def test_a_loop_that_stands_still_is_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
+    session: Any = FakeSession([row()], still=6.0)
+    operator.operate(session, operator.Ending(), auto=True, quiet=True)
+    assert session.ended
+    assert "the loop has stood still for 6 s" in capsys.readouterr().err
+
+
+def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hung connection, Ctrl-S: the picture waits, and nothing else does."""
+    master, slave = os.openpty()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("rich._console", None)
+    monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "\n".join(["x" * 70] * 20))
+    monkeypatch.setattr(operator, "_CLEARED", 0.05)
+    session, patience, threads = FakeSession([row()]), time.monotonic() + 60.0, threading.active_count()
+
+    def until(what: Callable[[], Any]) -> None:
+        while not what():
+            assert time.monotonic() < patience
+            time.sleep(0.01)
+
+    with contextlib.suppress(OSError), open(slave, closefd=False) as keys, open(slave, "w", closefd=False) as screen:
+        monkeypatch.setattr("sys.stdin", keys)
+        monkeypatch.setattr("sys.stdout", screen)
+        given: Any = session
+        seen_through = threading.Thread(
+            target=operator.operate, args=(given, operator.Ending()), kwargs={"auto": False, "quiet": False}
+        )
+        seen_through.start()
+        until(lambda: not select.select([], [slave], [], 0.0)[1])
+        beats = session.beats
+        os.write(master, b"s")
+        until(lambda: Request.STOP in session.asked)
+        until(lambda: session.beats > beats + 2)
+        os.write(master, b"q")
+        seen_through.join(60.0)
+        assert not seen_through.is_alive()
+        assert session.ended, "before the terminal is put in order"
+        os.close(master)
+        until(lambda: threading.active_count() == threads)
+    os.close(slave)
 
 
 def test_a_signal_interrupts_once_while_a_run_is_put_together_and_is_noted_afterwards() -> None:
@@ -67,10 +134,13 @@ def test_a_signal_interrupts_once_while_a_run_is_put_together_and_is_noted_after
                 os.kill(os.getpid(), number)
         assert ending.asked
     with operator.ending_signals() as ending:
-        ending.only_noted()
+        told: list[int] = []
+        ending.ends(lambda: told.append(1))
         assert not ending.asked
         os.kill(os.getpid(), signal.SIGHUP)
         assert ending.asked
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert told == [1, 1], "the loop is told by the signal itself"
     assert signal.getsignal(signal.SIGTERM) is before
 
 
@@ -168,10 +238,12 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
         "faults": ["drive in fault"],
         "remedies": ["read the error code"],
         "emergencies": ["0x4210: over-temperature of the power stage"],
+        "torque": "off",
         "error": "the loop failed",
         "cycles": 100,
         "cycles_logged": 40,
         "log": "a.mcap",
+        "more_logs": [],
         "log_whole": False,
     }
     print_summary(found)
@@ -181,6 +253,11 @@ def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pyte
     assert "bowden log recover a.mcap" in said.out
     assert "60 cycles of 100 are not in the log" in said.err
     assert "not closed properly" in said.err
+    late = dict.fromkeys(("p50_us", "p99_us", "p999_us", "max_us"), 1.0)
+    print_summary(found | {"cycles": None, "lateness": late, "run_time_median_us": 1.0, "overruns": None})
+    said = capsys.readouterr()
+    assert "40 cycles in the log" in said.out
+    assert "None" not in said.out
     print_summary(found | {"ended_well": True, "cycles": 40, "log_whole": True})
     said = capsys.readouterr()
     assert "ended by a fault" not in said.out
@@ -195,11 +272,11 @@ def state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
 
 def test_a_warm_motor_is_warm_after_a_restart_and_another_rigs_is_not(state: Path) -> None:
     thermal_file.write(DRIVE, WARM)
-    again = thermal_file.read(DRIVE, Thermal())
+    again = thermal_file.read(DRIVE, LIMITS)
     assert again.winding == pytest.approx(80.0, abs=2.0)
     assert again.housing == pytest.approx(60.0, abs=1.0)
-    assert thermal_file.read(DRIVE._replace(node_id=2), Thermal()) == cold(Thermal())
-    assert thermal_file.read(DRIVE._replace(channel="another"), Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE._replace(node_id=2), LIMITS) == cold(Thermal())
+    assert thermal_file.read(DRIVE._replace(channel="another"), LIMITS) == cold(Thermal())
     assert len(list(state.iterdir())) == 1
 
 
@@ -207,30 +284,33 @@ def test_a_warm_motor_is_warm_after_a_restart_and_another_rigs_is_not(state: Pat
     "text",
     ["", "[]", "{", "null", '{"winding": 1}', '{"winding": NaN, "housing": 1, "i2t": 0, "unix_s": 0}', "\0", '"x"'],
 )
-def test_a_file_that_says_nothing_is_a_cold_motor_and_is_told(
+def test_a_file_that_says_nothing_is_a_hot_motor_and_is_told(
     text: str, state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
     assert capsys.readouterr().err == "", "the first run"
     thermal_file.write(DRIVE, WARM)
     next(state.iterdir()).write_text(text)
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
-    assert "it is taken for cold" in capsys.readouterr().err
+    found = thermal_file.read(DRIVE, LIMITS)
+    assert (found.winding, found.housing) == (LIMITS.winding_limit, LIMITS.housing_limit)
+    assert "it is taken for as hot as it may be" in capsys.readouterr().err
 
 
 def test_nothing_is_colder_than_its_surroundings(state: Path) -> None:
     thermal_file.write(DRIVE, dict.fromkeys(WARM, -1000.0))
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
 
 
-def test_a_clock_that_was_set_back_cools_nothing_and_a_long_rest_cools_all(state: Path) -> None:
-    thermal_file.write(DRIVE, WARM)
-    path = next(state.iterdir())
-    kept = json.loads(path.read_text())
-    path.write_text(json.dumps(kept | {"unix_s": kept["unix_s"] + 1e9}))
-    assert thermal_file.read(DRIVE, Thermal())[:] == (80.0, 60.0, 12.0)
-    path.write_text(json.dumps(kept | {"unix_s": 0.0}))
-    assert thermal_file.read(DRIVE, Thermal())[:] == pytest.approx(cold(Thermal())[:], abs=0.1)
+def test_a_motor_cools_by_the_time_that_this_computer_has_counted(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No clock that can be set has a say; of a computer that was started anew, the time since is what is certain."""
+    thermal_file.write(DRIVE, WARM, surely=True)
+    boot, now = boot_seconds()
+    for again, passed, winding in ((boot, 0.0, 80.0), (boot, -1e3, 80.0), ("another", -now, 80.0)):
+        monkeypatch.setattr(thermal_file, "boot_seconds", lambda found=(again, now + passed): found)
+        assert thermal_file.read(DRIVE, LIMITS).winding == pytest.approx(winding, abs=0.5)
+    for again, at in ((boot, now + 1e4), ("another", 1e4)):
+        monkeypatch.setattr(thermal_file, "boot_seconds", lambda found=(again, at): found)
+        assert thermal_file.read(DRIVE, LIMITS)[:] == pytest.approx(cold(Thermal())[:], abs=0.1)
 
 
 def test_a_place_that_cannot_be_written_is_told(state: Path) -> None:
@@ -246,4 +326,4 @@ def test_who_has_no_home_begins_cold_and_is_not_stopped_by_it(monkeypatch: pytes
     monkeypatch.delenv("HOME", raising=False)
     monkeypatch.setattr(pwd, "getpwuid", nobody)
     assert "home" in thermal_file.write(DRIVE, WARM)
-    assert thermal_file.read(DRIVE, Thermal()) == cold(Thermal())
+    assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())

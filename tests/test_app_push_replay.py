@@ -142,7 +142,7 @@ def recorded(ran: Live) -> np.ndarray:
     """Rows of the law at work from the first cycle, on a suit that is pushed to and fro."""
     source = ran.source()
     cycle = Cycle(ran.law, ran.limits, Filters(), DT, source)
-    reading = DriveReading(0.8, 0.8, 0.0, math.nan, 35.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+    reading = DriveReading(0.8, 0.8, 0.0, math.nan, 35.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
     cycle.begin(reading, cold(ran.limits.thermal))
     rows = []
     for k in range(CYCLES):

@@ -210,6 +210,19 @@ def test_without_its_loop_the_torque_is_off_50_ms_after_the_last_heartbeat(
     assert "the loop's process was ended by SIGKILL" in found["error"]
 
 
+def test_a_recorder_that_is_killed_is_started_again_and_no_cycle_is_lost(
+    rig: Path, twin: RunningTwin, tmp_path: Path
+) -> None:
+    process = in_the_law(rig, twin, tmp_path)
+    os.kill(child_of(process, "bowden.live.recorder"), signal.SIGKILL)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGTERM)
+    found = finished(process)
+    assert [Path(path).name for path in found["more_logs"]] == ["adaptive-1-again1.mcap"]
+    assert found["cycles_logged"] == found["cycles"]
+    assert (found["ended_well"], found["torque"], process.returncode) == (True, "off", 0)
+
+
 @pytest.mark.long
 def test_ctrl_c_at_the_terminal_is_no_fault_of_the_drives(rig: Path, tmp_path: Path) -> None:
     for _ in tries():

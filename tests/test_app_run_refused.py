@@ -47,6 +47,11 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
         ("[limits]\nthermal_winding_capacity_j_per_k = 0.0", ["--auto"], "thermal.winding_capacity is 0.0"),
         ("[limits]\npay_out_deg_per_s = 5000.0", ["--auto"], "limits contradict one another"),
         ("[live]\njoint_cutoff_hz = 900.0", ["--auto"], "live.joint_cutoff_hz is 900"),
+        (
+            "[reference]\nkind = 'periodic_minimum_jerk'\nhigh_deg = 70.0\n[limits]\njoint_high_deg = 60.0",
+            ["--auto"],
+            "the reference goes from 0° to 70°; expected within the joint's limits, -28.65° to 60°",
+        ),
         ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
         ("[control]\npreset = 'paper'", ["--auto"], "adaptive does not hold"),
         ("", [], "no terminal"),

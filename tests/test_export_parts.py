@@ -65,8 +65,8 @@ GATE = """#include <stdio.h>
 int main(void)
 {
     static safety_state state;
-    double row[21];
-    while (fread(row, 8, 21, stdin) == 21) {
+    double row[23];
+    while (fread(row, 8, 23, stdin) == 23) {
         safety_observed observed;
         safety_verdict verdict;
 @OBSERVED@
@@ -75,7 +75,7 @@ int main(void)
             safety_cold(&warmth);
             safety_begin(&state, &observed.reading, &warmth);
         }
-        safety_supervise(&state, &observed, row[19], row[20], &verdict);
+        safety_supervise(&state, &observed, row[21], row[22], &verdict);
         fwrite(&state, sizeof state, 1, stdout);
         fwrite(&verdict, sizeof verdict, 1, stdout);
     }
@@ -147,12 +147,12 @@ def drives(count: int) -> Iterator[tuple[float, Observed, float]]:
         angle = 0.3 * np.sin(6e-3 * max(0, n - 40))
         state = 4.0 if n > 8 else 2.0
         request = {5: Request.ARM, 30: Request.RUN, 396: Request.ACKNOWLEDGE}.get(n, Request.NONE)
-        reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0]
+        reading = [angle, 0.9 * angle, 1.0, 20.0, 30.0, 0.0, 0.0, 0.001, state, 0.0, 0.0, 0.0, 1e-3]
         rest = [1e-5, DT, float(request), 0.01, 1.0, float(n > 20), 0.02, angle + 0.01]
         values = [*reading, *rest]
         if n > 150 and random.random() < 0.02:
             values[random.integers(len(values))] = float(random.choice(wild))
-        yield float(n == 0), Observed(DriveReading(*values[:11]), *values[11:18]), values[18]
+        yield float(n == 0), Observed(DriveReading(*values[:13]), *values[13:20]), values[20]
 
 
 def test_exported_gate_gives_the_bits_of_python(tmp_path: Path) -> None:

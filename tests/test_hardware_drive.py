@@ -15,7 +15,7 @@ from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import WITH_TORQUE
 from bowden.hardware.drives.parameters import DriveParameters
-from bowden.hardware.ports import Drive, Power
+from bowden.hardware.ports import Drive, Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
 from bowden.hardware.twin.bus import TwinBus
 from bowden.hardware.twin.injection import KINDS, parse
@@ -257,9 +257,10 @@ def test_a_reboot_is_seen_and_needs_a_new_bring_up() -> None:
 
 
 def test_close_takes_the_torque_off_and_is_no_fault() -> None:
-    rig = Rig().up().on()
-    rig.run(50, Power.ON, target=0.3)
-    rig.drive.close()
+    rig = Rig().up()
+    rig.bus.journal.clear()  # of the trial of the drive's watch over us
+    rig.on().run(50, Power.ON, target=0.3)
+    assert rig.drive.close() is TorqueLeft.OFF
     rig.bus.advance(1.0)
     assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
     assert rig.bus.node.nmt == frames.STOPPED

@@ -23,6 +23,7 @@ from bowden.hardware.emg.trigno_dialogue import Address
 from bowden.hardware.emg.trigno_faults import read_faults
 from bowden.hardware.emg.trigno_protocol import (
     EMG_PORT,
+    GREETING,
     LEGACY_EMG_PORT,
     Lines,
     Samples,
@@ -389,3 +390,10 @@ def test_a_recording_becomes_whole_frames_in_volts() -> None:
     frames = frames_of(np.full((60, 2), 3.0), 27)
     assert [len(frame) for frame in frames] == [27 * 64] * 2
     assert np.frombuffer(frames[0], "<f4").reshape(-1, 16)[5, :3] == pytest.approx([3e-3, 3e-3, 0.0])
+
+
+def test_a_greeting_puts_nothing_but_text_on_the_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bowden.hardware.emg.trigno_server.GREETING", f"{GREETING} \x1b[2J")
+    with serving(counter()) as address, pytest.raises(StreamError, match="which is no text") as refused:
+        TrignoStream(address).open()
+    assert str(refused.value).isprintable()

@@ -162,3 +162,20 @@ def test_a_bare_name_is_a_bus_of_this_user(channel: str, tmp_path: Path, monkeyp
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     folder = bus_folder(channel)
     assert folder == (Path(channel) if "/" in channel else tmp_path / f"bowden-{os.getuid()}" / channel)
+
+
+def test_a_place_of_a_bare_name_is_this_users_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    place = tmp_path / f"bowden-{os.getuid()}"
+    UnixBus("a").shutdown()
+    assert place.stat().st_mode & 0o777 == 0o700
+    place.chmod(0o755)
+    with pytest.raises(can.CanInitializationError, match="is not this user's alone"):
+        UnixBus("a")
+    (place / "a" / "door.lock").unlink()
+    (place / "a").rmdir()
+    place.rmdir()
+    place.symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    with pytest.raises(can.CanInitializationError, match="is not this user's alone"):
+        UnixBus("a")

@@ -203,3 +203,14 @@ def test_no_file_names_a_place_on_somebodys_machine() -> None:
 def test_that_test_sees_a_place() -> None:
     assert MACHINE.search("cd /home/somebody/bowden")
     assert not MACHINE.search("see https://example.org/home/page and ../shared/data")
+
+
+def test_no_child_takes_modules_from_the_folder_in_which_a_command_runs() -> None:
+    """A ``queue.py`` that lies there would run within the loop: Python puts that folder first unless told ``-P``."""
+    found = []
+    for path in modules():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.List) and node.elts and ast.unparse(node.elts[0]) == "sys.executable":
+                found.append((path.name, ast.unparse(node.elts[1])))
+    assert len(found) >= 5
+    assert [name for name, option in found if option != "'-P'"] == []

@@ -12,7 +12,7 @@ from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core.clock import next_deadline
 from bowden.core.signals import DriveReading
 from bowden.cycle.one_cycle import WishSource
-from bowden.hardware.ports import Power
+from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import TwinBench
 from bowden.live.loop import Ended
 from bowden.live.mcap_read import Recording
@@ -51,9 +51,9 @@ class Watched:
         self.told.append((now, power, target))
         self._drive.write(target, power, now, torque)
 
-    def close(self) -> None:
+    def close(self) -> TorqueLeft:
         self.closed += 1
-        self._drive.close()
+        return self._drive.close()
 
 
 def rig_of(folder: Path, between: Callable[[LoopRig], None], **asks: Any) -> LoopRig:

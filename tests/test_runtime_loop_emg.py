@@ -28,10 +28,12 @@ SETTINGS = CourseSettings(IntentSettings(0.0, 1.0, 1.0))
 CYCLES = 3000
 
 
-def run(folder: Path, contracts: int, lasts: int, begins: int = 0, stalls: int = -1) -> tuple[Ended, Recording]:
+def run(
+    folder: Path, contracts: int, lasts: int, begins: int = 0, stalls: int = -1, dies: int = 99_999
+) -> tuple[Ended, Recording]:
     """A run by EMG: the muscle contracts `contracts` cycles after the law has the motor, never if that is 0; the stream
     begins after `begins` cycles, and is gone `lasts` cycles after the law has the motor; after `stalls` of them the
-    computer stalls once.
+    computer stalls once; after `dies` of them the electrodes are dead.
     """
     intent_block.create(folder / "intent")
     stream = IntentWriter(folder / "intent")
@@ -41,7 +43,9 @@ def run(folder: Path, contracts: int, lasts: int, begins: int = 0, stalls: int =
             rig.time += 8 * SECOND // 1000
         if rig.sleeps >= begins and rig.led < lasts:
             active = float(0 < contracts <= rig.led)
-            stream.write(StreamReading(newest=rig.time, onset=rig.time if active else 0, flexor=active, share=0.5))
+            active, trouble = (0.0, 1.0) if rig.led >= dies else (active, 0.0)
+            onset = rig.time if active else 0
+            stream.write(StreamReading(newest=rig.time, onset=onset, flexor=active, share=0.5, trouble=trouble))
 
     course = EmgCourse(SETTINGS, IntentReader(folder / "intent"), 0, CYCLES)
     script = Script(np.zeros((1, 3)), 0.0, 0.5, Preflight(), 1e-3, course)
@@ -71,6 +75,17 @@ def test_a_motion_goes_on_where_it_was_after_cycles_that_were_skipped(tmp_path: 
     assert ended.overruns >= 7
     moves = np.diff(log["reference"][log["source"] == WishSource.LAW][1100:])
     assert moves.max() == pytest.approx(1.875e-3, rel=1e-3), "15/8 of the mean speed, a cycle after the other"
+
+
+def test_dead_electrodes_hold_no_limb_and_end_no_rest(tmp_path: Path) -> None:
+    """They send zeros as freshly as any; one that never moved is left where it is."""
+    for contracts, ends in ((300, Mode.LATCHED), (0, Mode.STOPPED)):
+        folder = tmp_path / str(contracts)
+        folder.mkdir()
+        ended, log = run(folder, contracts, 99_999, dies=1500)
+        assert (ended.mode, ended.faults) == (ends, 2**Fault.EMG_LOST if contracts else 0)
+        led = log["source"] >= WishSource.LAW_BEGINS
+        assert led.sum() == pytest.approx(2502 if contracts else CYCLES, abs=3)
 
 
 @pytest.mark.parametrize("contracts", [300, 1600])

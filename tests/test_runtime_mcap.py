@@ -127,7 +127,7 @@ def test_our_reader_reads_what_was_written(tmp_path: Path) -> None:
     assert found.rows.tobytes() == rows.tobytes()
     assert found.numbers.tolist() == list(range(len(rows)))
     assert (found.columns, found.units, found.settings) == (COLUMNS, UNITS, dict(ABOUT.settings))
-    assert found.closing == {"lost": "0", "dropped": "0", "rows": "400"}
+    assert found.closing == {"lost": "0", "dropped": "0", "given_up": "0", "rows": "400"}
     assert [event.number for event in found.events] == [0, 133, 134, 200]
     trace = found.trace()
     assert trace.units["supervisor.winding"] == "°C"

@@ -2,13 +2,15 @@
 
 import itertools
 import math
+from pathlib import Path
 
 import pytest
 
-from bowden.core.errors import SafetyError
+from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
 from bowden.live.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
+from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 
 DT = 1e-3
@@ -16,7 +18,7 @@ SETTINGS = Preflight(listen=0.05)
 
 
 def reading(motor: float, joint: float, state: float = 4.0) -> DriveReading:
-    return DriveReading(motor, joint, 0.0, math.nan, 40.0, 0.0, 0.0, 0.01, state, 0.0, 0.0)
+    return DriveReading(motor, joint, 0.0, math.nan, 40.0, 0.0, 0.0, 0.01, state, 0.0, 0.0, 0.0, 0.0)
 
 
 def play_through(
@@ -136,3 +138,13 @@ def test_a_motor_without_a_thermal_model_is_refused(wrong: dict[str, float]) -> 
 def test_gains_that_do_not_hold_are_refused(verdict: str) -> None:
     with pytest.raises(SafetyError, match="bowden check"):
         require(Limits(), DT, verdict)
+
+
+@pytest.mark.parametrize(
+    "key", ["operator_age_s", "winding_limit_c", "heartbeat_age_s", "lateness_s", "tension_high_n"]
+)
+def test_a_limit_has_a_ceiling(key: str, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(f"[limits]\n{key} = 1e308\n")
+    with pytest.raises(ParameterError, match=f"{key} is 1e.308; expected a number not above"):
+        Rig.read(rig)

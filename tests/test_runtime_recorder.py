@@ -111,7 +111,7 @@ def test_every_row_of_three_seconds_is_in_the_file(rig: Rig) -> None:
     assert [(event.number, event.text) for event in found.events] == [(0, "mode: 0"), (501, "mode: 0 → 1")]
     assert found.about["software"].startswith("bowden ")
     assert found.about["host"]
-    assert found.closing == {"lost": "0", "dropped": "0", "rows": str(rig.written)}
+    assert found.closing == {"lost": "0", "dropped": "0", "given_up": "0", "rows": str(rig.written)}
     assert rig.state() == RecorderState.ENDED
     with rig.file.open("rb") as file:
         assert sum(1 for _ in StreamReader(file, validate_crcs=True).records) > 2 * rig.written
@@ -217,6 +217,7 @@ def test_a_small_disk_ends_in_a_whole_file(rig: Rig, tmp_path: Path) -> None:
         assert 0 < len(found.rows) < rig.written
         assert found.closing is not None
         assert int(found.closing["dropped"]) > 0
+        assert found.missing >= int(found.closing["dropped"]), "what the disk did not take is missing"
         assert found.rows.tobytes() == rows_of(0, len(found.rows)).tobytes()
     finally:
         rig.kill()

@@ -36,7 +36,7 @@ LIMITS = Limits(
     **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
 )
 THERMAL = LIMITS.thermal
-READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
 BEGUN = begin(LIMITS, READING, cold(THERMAL))
 RUNNING = BEGUN._replace(
     decided=BEGUN.decided._replace(mode=Mode.RUNNING, passed=1.0), servo=BEGUN.servo._replace(enabled=1.0)
@@ -379,6 +379,26 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("sums.armed", 1 + DT, {**ARMED, "state.sums.armed": 1.0, "observed.elapsed": 3 * DT, "observed.lateness": NAN}),
     ("sums.armed", 0.0, {**STOPPED, "state.sums.armed": 1.0}),
     ("sums.armed", 0.0, {"state.sums.armed": 1.0}),
+    ("sums.undisabled", 1 + DT, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 4.0}),
+    (
+        "sums.undisabled",
+        1 + 3 * DT,
+        {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 4.0, "observed.elapsed": 3 * DT},
+    ),
+    ("sums.undisabled", 0.0, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 3.0}),
+    ("sums.undisabled", 1 + DT, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 6.0}),
+    ("sums.undisabled", 0.0, {**STOPPED, "state.sums.undisabled": 1.0, "reading.drive_state": 7.0}),
+    ("sums.undisabled", 0.0, {"state.sums.undisabled": 1.0}),
+    ("sample_age", 3 * DT, {"reading.sample_age": 3 * DT}),
+    ("sample_age", 0.0, {"reading.sample_age": NAN}),
+    ("sample_age", 0.0, {"reading.sample_age": -DT}),
+    ("motor.age", 4 * DT, {"state.sample_age": 3 * DT, "reading.motor": NAN}),
+    ("motor.age", 3 * DT, {"observed.elapsed": 4 * DT, "reading.sample_age": DT, "reading.motor": NAN}),
+    ("motor.age", 0.0, {"reading.sample_age": 3 * DT, "reading.motor": NAN}),
+    ("joint.age", DT, {"reading.joint_age": 1.0}),
+    ("motor.age", DT, {"reading.motor_age": 1.0}),
+    ("joint.age", 0.0, {"reading.motor_age": 1.0}),
+    ("motor.age", 0.0, {"reading.joint_age": 1.0}),
     ("sums.late", 0.0, {}),
     ("sums.late", 1 / 64 - 0.02 * DT, {"state.sums.late": 1 / 64}),
     ("sums.late", 2.5 * DT - 0.08 * DT, {"observed.elapsed": 4 * DT}),
@@ -492,7 +512,7 @@ def next_mode(mode: Mode, request: Request, wrong: str, preflight: float) -> Mod
         return Mode.RELEASING
     if reaction == 1:
         return Mode.BRIDGING
-    if mode == Mode.PREFLIGHT and not (request == Request.RUN and preflight == 1.0):
+    if mode == Mode.PREFLIGHT and not (request == Request.RUN and preflight == 1.0 and wrong != "a warning"):
         return Mode.PREFLIGHT
     return Mode.RUNNING
 
@@ -513,7 +533,7 @@ def test_every_change_of_mode(mode: Mode) -> None:
         assert verdict.power == (0.0 if wanted in (Mode.STOPPED, Mode.LATCHED) else 3.0), told
         assert verdict.reaction == TOLD.get(wanted, 0), told
         ran = mode in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING) or (
-            request == Request.RUN and wanted == Mode.RUNNING
+            request == Request.RUN and preflight == 1.0 and wanted == Mode.RUNNING
         )
         assert state.decided.passed == float(ran and mode not in (Mode.STOPPED, Mode.LATCHED)), told
 
@@ -676,8 +696,8 @@ def test_inside_holds_its_ends_and_lasting_counts_while_a_condition_holds() -> N
 def test_a_reading_is_used_as_it_is_or_not_at_all() -> None:
     before = Followed(0.5, 2.0, 0.25)
 
-    def after(value: float) -> tuple[Followed, float, float]:
-        return follow(before, value, 0.25, 4.0, 0.125, 3.0, 0.5)
+    def after(value: float, came: float = 1.0) -> tuple[Followed, float, float]:
+        return follow(before, value, came, 0.25, 4.0, 0.125, 3.0, 0.5)
 
     good = Followed(1.5, 2.0 + (1.0 - 2.0 * 0.5) / (0.5 + 0.5), 0.0)
     assert after(1.5) == (good, 0.0, 0.0)
@@ -689,6 +709,9 @@ def test_a_reading_is_used_as_it_is_or_not_at_all() -> None:
     assert after(0.5 - 0.125 - 3.0 * 0.5 - TINY) == (kept, 0.0, 1.0)
     assert after(4.0 + TINY) == (kept, 1.0, 0.0)
     assert after(NAN) == (kept, 1.0, 0.0)
+    assert after(0.5, came=0.0) == (kept, 0.0, 0.0), "an old one says nothing"
+    assert after(0.5)[0] == Followed(0.5, 2.0 - 2.0 * 0.5 / (0.5 + 0.5), 0.0), "a new one says that all stood still"
+    assert after(0.75, came=0.0) == after(0.75), "what has changed is a reading, whatever is said of it"
 
 
 def test_the_servo_s_prediction_solves_its_equation_at_the_end_of_the_step() -> None:

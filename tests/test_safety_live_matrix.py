@@ -26,7 +26,7 @@ CASES = [
 
 
 def _reading() -> DriveReading:
-    return DriveReading(0.0, 0.0, 0.4, math.nan, 35.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+    return DriveReading(0.0, 0.0, 0.4, math.nan, 35.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def compare(folder: Path, law: str, kind: Injected, seed: int, onset: int) -> None:

@@ -22,7 +22,7 @@ from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, V
 
 DT = 1e-3
 LIMITS = Limits(measures_tension=1.0, measures_temperature=1.0, uses_emg=1.0)
-READING = DriveReading(0.5, 0.45, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+READING = DriveReading(0.5, 0.45, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
 OBSERVED = Observed(READING, 0.0, DT, 0.0, 0.1, 1.0, 1.0, 0.02)
 COLD = cold(LIMITS.thermal)
 LOOSE = LIMITS._replace(tracking=9.0)
@@ -114,6 +114,9 @@ EDGES: list[tuple[str, float, float, Fault]] = [
     ("operator_age", 0.0, NAN, Fault.OPERATOR_LOST),
     ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
     ("emg_age", 0.0, NAN, Fault.EMG_LOST),
+    ("foreign", 0.0, 1.0, Fault.SECOND_MASTER),
+    ("foreign", 0.0, -1.0, Fault.SECOND_MASTER),
+    ("foreign", 0.0, NAN, Fault.SECOND_MASTER),
     ("recorder", 1.0, 0.0, Fault.RECORDER_LOST),
     ("recorder", 1.0, NAN, Fault.RECORDER_LOST),
     ("motor", 6.5, 6.5 + 1e-9, Fault.MOTOR_LOST),
@@ -220,7 +223,7 @@ def test_a_worse_fault_ends_a_release_at_once() -> None:
 
 
 def test_an_operators_stop_releases_and_does_not_latch() -> None:
-    verdicts = follow([*lasting(1, request=Request.STOP), *lasting(300)], LOOSE)
+    verdicts = follow([*lasting(1, request=Request.STOP), *lasting(199), *lasting(100, drive_state=1.0)], LOOSE)
     assert verdicts[0].mode == Mode.RELEASING
     assert (verdicts[-1].mode, verdicts[-1].power, verdicts[-1].faults) == (Mode.STOPPED, Power.OFF, 0.0)
 
@@ -235,14 +238,70 @@ def test_a_stop_before_the_drive_is_enabled_is_off_at_once() -> None:
 
 
 def test_a_latch_holds_until_it_is_acknowledged_and_then_a_new_preflight_is_due() -> None:
-    rows = [*lasting(1, emergency=0x5530), *lasting(50, request=Request.ARM), *lasting(50, request=Request.RUN)]
-    verdicts = follow([*rows, *lasting(1, request=Request.ACKNOWLEDGE), *lasting(1)])
+    off = {"drive_state": 1.0}
+    rows = [
+        *lasting(1, emergency=0x5530),
+        *lasting(50, request=Request.ARM, **off),
+        *lasting(50, request=Request.RUN, **off),
+    ]
+    verdicts = follow([*rows, *lasting(1, request=Request.ACKNOWLEDGE, **off), *lasting(1, **off)])
     assert {v.mode for v in verdicts[:-2]} == {Mode.LATCHED}
     assert {v.power for v in verdicts} == {Power.OFF}
     assert of(verdicts[50].faults) == [Fault.EMERGENCY]
     assert (verdicts[-1].mode, verdicts[-1].faults) == (Mode.STOPPED, 0.0)
-    again = follow([*rows, *lasting(1, request=Request.ACKNOWLEDGE), *lasting(2, request=Request.ARM, preflight=0.0)])
-    assert again[-1].mode == Mode.PREFLIGHT
+    rest = [*lasting(1, request=Request.ACKNOWLEDGE, **off), *lasting(2, request=Request.ARM, preflight=0.0, **off)]
+    assert follow([*rows, *rest])[-1].mode == Mode.PREFLIGHT
+
+
+@pytest.mark.parametrize("drive_state", [4.0, 5.0, 6.0])
+def test_a_drive_that_keeps_its_torque_is_found_in_every_mode_without_power(drive_state: float) -> None:
+    stopped = begin(LIMITS, READING, COLD)
+    on, off = lasting(60, drive_state=drive_state), lasting(1, drive_state=1.0, request=Request.ACKNOWLEDGE)
+    verdicts = follow(on, LIMITS, stopped)
+    assert [v.mode for v in verdicts].index(Mode.LATCHED) in (49, 50, 51)
+    assert [Fault.NOT_DISABLED in of(v.faults) for v in verdicts].index(True) in (49, 50, 51)
+    again = follow([*on, *lasting(1, drive_state=drive_state, request=Request.ACKNOWLEDGE)], LIMITS, stopped)
+    assert again[-1].mode == Mode.LATCHED, "no word leads out of it while it lasts"
+    assert follow([*on, *off], LIMITS, stopped)[-1].mode == Mode.STOPPED
+    gone = follow([*on, *lasting(9, drive_state=1.0)], LIMITS, stopped)[-1]
+    assert (gone.mode, of(gone.faults)[-1]) == (Mode.LATCHED, Fault.NOT_DISABLED), "it is held until acknowledged"
+    latched = follow([*lasting(1, emergency=1.0), *on])
+    assert [Fault.NOT_DISABLED in of(v.faults) for v in latched].index(True) in (50, 51, 52)
+    assert {v.faults for v in follow(lasting(60, drive_state=1.0), LIMITS, stopped)} == {0.0}
+
+
+def test_what_comes_and_goes_while_it_is_latched_is_not_held() -> None:
+    rows = [*lasting(1, emergency=1.0), *lasting(2, drive_state=1.0, joint=NAN), *lasting(2, drive_state=1.0)]
+    assert of(follow(rows)[-1].faults) == [Fault.EMERGENCY]
+
+
+def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
+    """Cycle 100 is 6 ms late: it reads what was sampled in time, and the next one what was sampled 7 ms later."""
+    speed = 0.9 * LIMITS.joint_speed
+    times = [k * DT + (6e-3 if k == 100 else 0.0) for k in range(101)] + [(k + 6) * DT for k in range(101, 150)]
+    rows = []
+    for k in range(1, 150):
+        way = 0.5 + speed * max(0.0, times[k - 1] - 0.03)
+        ages = {"sample_age": times[k] - times[k - 1], "elapsed": times[k] - times[k - 1]}
+        rows.append((seen(motor=way, joint=0.9 * way, **ages), 0.5))
+    loose = LIMITS._replace(tracking=9.0, target_reach=9.0, motor_high=9.0, joint_high=9.0, sensor_span=9.0)
+    judged = follow(rows, loose, running(loose))
+    assert {v.faults for v in judged} == {0.0}
+    unknown = [(o._replace(reading=o.reading._replace(sample_age=0.0)), wish) for o, wish in rows]
+    assert {fault for v in follow(unknown, loose, running(loose)) for fault in of(v.faults)} == {
+        Fault.JOINT_JUMP,
+        Fault.MOTOR_JUMP,
+    }, "what it is without the sample's age"
+
+
+def test_a_reading_after_a_gap_is_judged_by_the_whole_gap() -> None:
+    """At 7 rad/s, with two of three readings missing."""
+    rows = []
+    for k in range(90):
+        way = 0.5 + 7.0 * DT * (k - k % 3)
+        rows.append((seen(motor=way, joint=0.9 * way, motor_age=k % 3, joint_age=k % 3), 0.5))
+    loose = LIMITS._replace(jump=1e-6, tracking=9.0, joint_speed=6.5, motor_speed=7.5)
+    assert {v.faults for v in follow(rows, loose, running(loose))} == {0.0}
 
 
 def test_the_worst_reaction_wins() -> None:
@@ -352,6 +411,8 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.PREFLIGHT_FAILED: lasting(9, preflight=-1.0),
     Fault.RECORDER_LOST: lasting(9, recorder=0.0),
     Fault.EMG_LOST: lasting(9, emg_age=0.201),
+    Fault.NOT_DISABLED: lasting(60, drive_state=5.0),
+    Fault.SECOND_MASTER: lasting(9, foreign=1.0),
 }
 """Each fault as the only one, or the first: what shows it."""
 
@@ -370,6 +431,8 @@ def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
         state = warm_motor(winding=limits.winding_limit + 1.0)
     elif fault == Fault.I2T:
         state = warm_motor(i2t=700.0)
+    elif fault == Fault.NOT_DISABLED:
+        state = begin(limits, READING, COLD)
     elif fault == Fault.WISH_FAR:
         limits = limits._replace(acceleration=1e9)
     elif fault == Fault.MOTOR_OVER_SPEED:

@@ -74,6 +74,8 @@ def assault(
             anything(random, 4.0, 0.0, 0.0, 7.0, wild),
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
             anything(random, 0.0, 0.0, 0.0, 1.0, wild),
+            anything(random, 0.0, 0.0, 0.0, 1.0, wild),
+            anything(random, 0.0, 0.0, 0.0, 1.0, wild),
         )
         wish = near + 0.002 * (random.random() - 0.5)
         elapsed = anything(random, dt, 0.0, 0.0, limits.clock_gap, wild)
@@ -111,7 +113,7 @@ def assault(
 
 def attack(limits: Limits, cycles: int, seed: int, dt: float = 1e-3) -> tuple[int, int, int]:
     """`assault` compiled: violations, cycles with power, cycles that the law led."""
-    blank = DriveReading(0.1, 0.09, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0)
+    blank = DriveReading(0.1, 0.09, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
     random = np.random.default_rng(seed)
     wrong, powered, led = compiled(assault)(limits, blank, cold(limits.thermal), cycles, random, dt)
     return int(wrong), int(powered), int(led)

@@ -154,6 +154,8 @@ def drive_reading(
         drive.state,
         0.0,
         0.0,
+        0.0,
+        0.0,
     )
 
 

@@ -19,7 +19,7 @@ from bowden.core.clock import SECOND
 from bowden.core.kernel import compiled
 from bowden.core.signals import DriveReading, Reference
 from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filters, Plan
-from bowden.hardware.ports import Power
+from bowden.hardware.ports import Power, TorqueLeft
 from bowden.live import control_block, ring
 from bowden.live.control_block import ControlBlock
 from bowden.live.loop import Loop
@@ -179,8 +179,8 @@ class InjectedLoop:
     def reset_fault(self) -> None:
         pass
 
-    def close(self) -> None:
-        pass
+    def close(self) -> TorqueLeft:
+        return TorqueLeft.OFF
 
     # what else there is
 

@@ -13,12 +13,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
-import can
 import numpy as np
 
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import LAW
-from bowden.hardware.buses.unix_bus import UnixBus
+from bowden.hardware.buses.unix_bus import FRAME, UnixBus
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.live.automatic import automatic
 from bowden.live.live_run import live_run
@@ -106,9 +105,11 @@ class LiveMatrix:
         log = self._folder / f"{self._number}.mcap"
         live = live_run(rig.on_bus(self.twin.channel))
         self.session = self._stack.enter_context(Session(live, log, remembers=False))
+        there = [path.name.split("-")[0] for path in sorted(Path(self.twin.channel).glob("*.node"))]
         self.third = UnixBus(self.twin.channel)
         self._stack.callback(self.third.shutdown)
-        self._running = True
+        self._to_twin = self.third._links[there.index(str(self.twin.process.pid))]
+        self._running = self._operated = True
 
     def _under_the_law(self) -> None:
         """Arm and run, as `bowden run --auto` does, until the law has led for a moment.
@@ -131,15 +132,19 @@ class LiveMatrix:
 
     def _look(self) -> dict[str, float]:
         while (row := self.session.last()) is None:
-            time.sleep(LOOK)
+            self._rest(LOOK)
         return row
+
+    def _rest(self, seconds: float) -> None:
+        """Let time pass, with the operator's signs of life while there is an operator."""
+        (self.session.wait if self._operated else time.sleep)(seconds)
 
     def _wait_for(self, true: Callable[[], bool], patience: float) -> bool:
         ends = time.monotonic() + patience
         while time.monotonic() < ends:
             if true():
                 return True
-            time.sleep(LOOK)
+            self._rest(LOOK)
         return False
 
     def react(self, case: "Case", onset: float) -> Reaction:
@@ -150,7 +155,7 @@ class LiveMatrix:
         """
         self._under_the_law()
         session = self.session
-        time.sleep(onset)
+        self._rest(onset)
         session.last()  # what was before
         rows = [session.rows.read().rows]
         case.inject(self)
@@ -159,8 +164,8 @@ class LiveMatrix:
             rows.append(session.rows.read().rows)
             if any(np.any(one[:, AT["mode"]] >= Mode.LATCHED) or _stopped(one) for one in rows[-1:] if len(one)):
                 break
-            time.sleep(LOOK)
-        time.sleep(SETTLED)
+            self._rest(LOOK)
+        self._rest(SETTLED)
         rows.append(session.rows.read().rows)
         torque = bool(self.twin.control.status()["torque"])
         seen = np.concatenate([one for one in rows if len(one)])
@@ -178,17 +183,17 @@ class LiveMatrix:
         self._wait_for(lambda: self._look()["mode"] in (Mode.STOPPED, Mode.LATCHED), 2.0)
 
     def write(self, index: int, sub: int, value: int, size: int) -> None:
-        """Write an object of the drive's dictionary, as a third node on the bus."""
+        """Write an object of the drive's dictionary; nobody else hears of it."""
         self._send(frames.SDO_REQUEST + NODE, frames.pack_sdo_write(index, sub, value, size))
 
     def command(self, order: int) -> None:
-        """An NMT command, as a third node."""
+        """An NMT command; nobody else hears of it."""
         self._send(frames.NMT, bytes((order, NODE)))
 
     def _send(self, identifier: int, data: bytes) -> None:
         while self.third.take() is not None:
             pass  # nobody reads here
-        self.third.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        self._to_twin.send(FRAME.pack(identifier, len(data), data))  # on the bus it would be another master
 
     def lose_recorder(self) -> None:
         """Kill the recorder."""
@@ -196,7 +201,7 @@ class LiveMatrix:
 
     def lose_operator(self) -> None:
         """End the operator's signs of life."""
-        self.session._stop.set()
+        self._operated = False
 
 
 class Case(NamedTuple):
@@ -220,7 +225,7 @@ def _has(kind: Injected, text: str, *, lasting: float | None = None, **more: obj
 
 
 def _written(kind: Injected, index: int, sub: int, value: int, before: int, size: int, **more: object) -> Case:
-    """A third node writes an object."""
+    """An object is written behind the host's back."""
     return Case(
         kind,
         lambda matrix: matrix.write(index, sub, value, size),

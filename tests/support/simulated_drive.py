@@ -1,7 +1,9 @@
 """A drive without a bus: the twin's bench as the live loop's `Drive` in the loop's own process, at any clock's time."""
 
+import math
+
 from bowden.core.signals import DriveReading, DriveState
-from bowden.hardware.ports import Power
+from bowden.hardware.ports import Power, TorqueLeft
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.plant import TwinPlant
 
@@ -25,7 +27,7 @@ class SimulatedDrive:
         self._bench = bench
         self._power = Power.OFF
         self._joint, self._motor = bench.read_encoders()
-        self._age = 0.0
+        self._age, self._sampled = 0.0, math.nan
 
     def bring_up(self) -> str:
         """See `hardware.ports.Drive.bring_up`."""
@@ -38,14 +40,14 @@ class SimulatedDrive:
         self._age += 1.0
         return DriveReading(
             *(self._motor, self._joint, bench.current, bench.tension, bench.temperature, age, age),
-            *(0.0, float(state), 0.0, 0.0),
+            *(0.0, float(state), 0.0, 0.0, 0.0, now - self._sampled),
         )
 
     def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
         """See `hardware.ports.Drive.write`."""
         self._bench.advance(now)
         self._joint, self._motor = self._bench.read_encoders()
-        self._age, self._power = 0.0, power
+        self._age, self._sampled, self._power = 0.0, now, power
         self._bench.doing, self._bench.command = _NEXT[power][1], target
         if self._bench.torque_offset is not None:
             self._bench.torque_offset = torque
@@ -53,6 +55,7 @@ class SimulatedDrive:
     def reset_fault(self) -> None:
         """See `hardware.ports.Drive.reset_fault`; it has none."""
 
-    def close(self) -> None:
+    def close(self) -> TorqueLeft:
         """See `hardware.ports.Drive.close`."""
         self._power, self._bench.doing = Power.OFF, OFF
+        return TorqueLeft.OFF

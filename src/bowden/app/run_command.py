@@ -34,7 +34,8 @@ def run(
 ) -> None:
     """Run a law live: starts stopped; keys arm, run, stop and acknowledge; ends in a controlled release.
 
-    Exit code 0 when the run ended as asked, 1 when a fault or an error ended it, 2 when it could not begin.
+    Exit code 0 when the run ended as asked, 1 when a fault or an error ended it or cycles of it are in no log, 2 when
+    it could not begin.
     """
     from bowden.face.run import live_session
     from bowden.live.operator import ending_signals, operate, refuse_without_keys
@@ -53,7 +54,7 @@ def run(
         print_json(found | {"seconds": seconds()})
     else:
         print_summary(found)
-    if not found["ended_well"]:
+    if not found["ended_well"] or found["cycles_logged"] < (found["cycles"] or 0):
         raise typer.Exit(1)
 
 

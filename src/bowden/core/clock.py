@@ -62,6 +62,12 @@ def next_deadline(deadline: int, now: int, period: int) -> tuple[int, int]:
     return deadline + (skipped + 1) * period, skipped
 
 
+def boot_seconds() -> tuple[str, float]:
+    """Which start of this computer it is, and the time since, sleep included [s]: nobody can set it."""
+    with open("/proc/sys/kernel/random/boot_id", encoding="ascii") as file:
+        return file.read().strip(), time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
 def unix_seconds() -> float:
     """Wall-clock time [s since 1970], for the names of files and what a person is shown: it may jump."""
     return time.time()

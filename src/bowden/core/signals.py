@@ -79,3 +79,7 @@ class DriveReading(NamedTuple):
     """Error code that the drive told of its own accord in this cycle; 0 for none [–]."""
     bus_errors: float
     """Frames that could not be sent, or bus-off, since the start [–]."""
+    foreign: float
+    """Frames in this cycle that this host alone may send, and that somebody else has sent [–]."""
+    sample_age: float
+    """Since the drive took its newest sample, at the beginning of this cycle [s]."""

@@ -258,7 +258,7 @@ def cycle_in_place(
     Of the states that begin here the types alone are needed, so that no state crosses from Python and back.
     """
     begun = Sample(0.0, 0.0)
-    like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     before = CycleState(
         restored(begun, sample),
         restored(law_start(settings.gains, begun), law),

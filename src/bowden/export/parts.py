@@ -69,7 +69,7 @@ def _cold(limits: Limits) -> ThermalState:
     return cold(limits.thermal)
 
 
-_NOTHING = DriveReading(*(0.0,) * 11)
+_NOTHING = DriveReading(*(0.0,) * len(DriveReading._fields))
 
 
 def safety_module(limits: Limits) -> Module:

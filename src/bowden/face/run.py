@@ -32,7 +32,8 @@ def run(
     """Run a law live, with every cycle in a log; a context, whose end is the run's, in a controlled release.
 
     The run starts stopped. ``session.complete()`` arms it and comes back when the reference, or a fault, has ended it;
-    ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step. After the block
+    ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step; each is a sign
+    of life, and a run that has none for ``limits.operator_age`` is released and ends. After the block
     ``session.trace()`` is the record; what ended the run otherwise than as asked is told as a warning. Before anything
     starts, the law is checked as `bowden.check` does it.
 
@@ -84,13 +85,16 @@ def run(
 
 def _badly(session: "Session") -> list[str]:
     """What ended a run that did not end as asked; nothing of one that did."""
+    from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
     from bowden.safety import faults
     from bowden.safety.supervisor import Mode
 
     ended = session.ended or {}
-    if not session.error and ended.get("mode") == Mode.STOPPED:
+    left = TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN))
+    if not session.error and ended.get("mode") == Mode.STOPPED and left is TorqueLeft.OFF:
         return []
-    found = [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
+    found = [*filter(None, [TORQUE_LEFT[left]])]
+    found += [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
     return [f"the run was ended: {'; '.join([*found, *filter(None, [ended.get('reason'), session.error])])}"]
 
 

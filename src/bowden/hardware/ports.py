@@ -22,6 +22,25 @@ class Power(IntEnum):
     """The motor follows the target."""
 
 
+class TorqueLeft(IntEnum):
+    """What is known of a drive's torque when its host has gone."""
+
+    OFF = 0
+    """The drive has said that it has none."""
+    UNKNOWN = 1
+    """It has not said so: it is silent."""
+    ON = 2
+    """It says that it still has torque."""
+
+
+TORQUE_LEFT = {
+    TorqueLeft.OFF: "",
+    TorqueLeft.UNKNOWN: "the drive has not said that its torque is off: take it for on, and press the emergency stop",
+    TorqueLeft.ON: "the drive still has its torque, though it was told off: press the emergency stop now",
+}
+"""What it means for the operator."""
+
+
 class Drive(Protocol):
     """A position-controlled motor drive with a motor and a joint angle."""
 
@@ -54,8 +73,12 @@ class Drive(Protocol):
         """Let the next cycle reset a fault; on an operator's word only."""
         ...
 
-    def close(self) -> None:
-        """Power off, and let go of the bus; safe to call twice."""
+    def close(self) -> TorqueLeft:
+        """Power off, and let go of the bus; safe to call twice.
+
+        Returns:
+            What the drive says of its torque by then; `TorqueLeft.OFF` of a drive that was never brought up.
+        """
         ...
 
 

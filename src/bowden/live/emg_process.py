@@ -36,7 +36,7 @@ class EmgProcess:
         intent_block.create(self.block)
         given = json.dumps({"rig": rig.document(), "block": str(self.block)})
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "bowden.live.intent_process"],
+            [sys.executable, "-P", "-m", "bowden.live.intent_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

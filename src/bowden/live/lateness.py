@@ -69,7 +69,7 @@ def bare_loop_apart(seconds: float, period: float, settings: Settings) -> tuple[
         BowdenError: the process failed.
     """
     given = json.dumps([seconds, period, asdict(settings)])
-    done = subprocess.run([sys.executable, "-m", __name__, given], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-P", "-m", __name__, given], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise BowdenError(f"the bare loop failed: {done.stderr.strip()[-300:]}")
     late, grants = json.loads(done.stdout)

@@ -158,7 +158,20 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
         return Live(rig, measure, LAWS["uncompensated"], limits, table, moved.servo_from, start, pushing, notes, logged)
     time = np.arange(round(rig.duration / rig.sample_time), dtype=np.float64) * rig.sample_time
     table = rig.trajectory.sample(time)
+    if emg is None and pushing is None:
+        _check_reference(table[:, 0], limits)
     return Live(rig, measure, rig.fitted(), limits, table, 0, rig.start_motor, pushing, notes, logged)
+
+
+def _check_reference(positions: NDArray[np.float64], limits: Limits) -> None:
+    """Refuse a reference (n,) that the joint cannot follow to its ends without the supervisor's ending the run."""
+    low, high = float(positions.min()), float(positions.max())
+    if not limits.joint_low <= low <= high <= limits.joint_high:
+        raise ParameterError(
+            f"the reference goes from {low / RADIANS:g}° to {high / RADIANS:g}°",
+            expected=f"within the joint's limits, {limits.joint_low / RADIANS:g}° to {limits.joint_high / RADIANS:g}°",
+            do="correct it, or [limits]",
+        )
 
 
 def _check_range(emg: EmgRun, limits: Limits) -> None:

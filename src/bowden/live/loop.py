@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
+from bowden.core.signals import DriveState
 from bowden.cycle.one_cycle import LAW_BEGINS, Cycle
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
@@ -12,10 +13,16 @@ from bowden.live.ring import RingWriter
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Observed, Request
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
 _RESTING = (float(Mode.STOPPED), float(Mode.LATCHED))
+_TURNING = (
+    *(float(DriveState.OPERATION_ENABLED), float(DriveState.QUICK_STOP_ACTIVE)),
+    float(DriveState.FAULT_REACTION_ACTIVE),
+)
+"""States of a drive that may have torque."""
 _LAST = 10
 """Cycles with the power off before the loop ends, in which the drive hears of it and says so."""
 
@@ -31,6 +38,8 @@ class Ended:
     """Number of the supervisor's last `Mode`."""
     faults: int
     """The supervisor's last bit set."""
+    torque: int
+    """Number of the drive's `hardware.ports.TorqueLeft`."""
 
 
 class Loop:
@@ -69,14 +78,18 @@ class Loop:
         self._quit = True
 
     def run(self) -> Ended:
-        """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drive."""
-        try:
-            return self._run()
-        finally:
-            self._drive.close()
-            self._ring.close()
+        """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drive.
 
-    def _run(self) -> Ended:
+        The end waits until the drive says that its torque is off, or the supervisor has found that it keeps it.
+        """
+        try:
+            cycles, overruns, mode, faults = self._run()
+        finally:
+            left = self._drive.close()
+            self._ring.close()
+        return Ended(cycles, overruns, mode, faults, int(left))
+
+    def _run(self) -> tuple[int, int, int, int]:
         clock, drive, cycle = self._clock, self._drive, self._cycle
         script, ring, block, course, push = self._script, self._ring, self._block, self._course, self._push
         period, patience = round(cycle.period * SECOND), cycle.limits.operator_age
@@ -126,10 +139,11 @@ class Loop:
             ring.publish()
 
             before, cycles = woke, cycles + 1
-            resting = resting + 1 if ending and mode in _RESTING else 0
+            turning = reading.drive_state in _TURNING and not int(verdict.faults) >> Fault.NOT_DISABLED & 1
+            resting = resting + 1 if ending and mode in _RESTING and not turning else 0
             deadline, skipped = next_deadline(deadline, finished, period)
             overruns += skipped
-        return Ended(cycles, overruns, int(mode), int(verdict.faults) if verdict else 0)
+        return cycles, overruns, int(mode), int(verdict.faults) if verdict else 0
 
 
 _RUNNING = float(Mode.RUNNING)

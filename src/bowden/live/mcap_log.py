@@ -139,7 +139,7 @@ class LogFile:
         while True:
             before, kept = self.size, len(self._metadata)
             try:
-                self._put_metadata(CLOSING, {**closing, "rows": str(self.rows)})
+                self._put_metadata(CLOSING, {**closing, "given_up": str(given_up), "rows": str(self.rows)})
                 self._append(_bytes(DataEnd(0)))
                 self._append(self._summary())
                 return given_up

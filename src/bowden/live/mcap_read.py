@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError
 from bowden.core.trace import Trace
 from bowden.live.mcap_layout import Event
-from bowden.live.mcap_reader import Damage, LogReader
+from bowden.live.mcap_reader import Damage, LogReader, missing_of
 
 _TRACE = 50_000  # rows
 
@@ -39,8 +39,8 @@ class Recording:
 
     @property
     def missing(self) -> int:
-        """Rows that the loop wrote before the last one here, and that are not here."""
-        return int(self.numbers[-1]) + 1 - len(self.numbers) if len(self.numbers) else 0
+        """Rows that the loop wrote and that are not here: before the last one, and after it as far as the log tells."""
+        return missing_of(int(self.numbers[-1]) if len(self.numbers) else -1, len(self.numbers), self.closing)
 
     @property
     def whole(self) -> bool:

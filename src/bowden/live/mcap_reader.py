@@ -48,6 +48,18 @@ class Piece(NamedTuple):
     events: list[Event]
 
 
+def missing_of(last: int, count: int, closing: dict[str, str] | None) -> int:
+    """Rows that the loop wrote and that a log does not have: those before its last one, or all that its end tells of.
+
+    Args:
+        last: number of its last row, -1 of none.
+        count: of its rows.
+        closing: its last metadata record.
+    """
+    told = [(closing or {}).get(name, "0") for name in ("lost", "dropped", "given_up")]
+    return max(last + 1 - count, sum(int(number) for number in told if number.isascii() and number.isdigit()))
+
+
 class LogReader:
     """A log that is read piece by piece, so that it need not fit into memory; iterate over it once.
 
@@ -83,7 +95,7 @@ class LogReader:
     @property
     def missing(self) -> int:
         """See `Recording.missing`, once all is read."""
-        return self._last + 1 - self.count
+        return missing_of(self._last, self.count, self.closing)
 
     @property
     def whole(self) -> bool:

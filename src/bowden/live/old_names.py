@@ -58,6 +58,14 @@ _PUSH: Mapping[str, str] = {
     "from_stretch": "estimate.from_stretch",
 }
 
+SINCE: Mapping[str, float] = {
+    "foreign": 0.0,
+    "sample_age": 0.0,
+    "supervisor.sums.undisabled": 0.0,
+    "supervisor.sample_age": 0.0,
+}
+"""Columns of a run's readings and supervisor that older logs do not have, with what stands for them."""
+
 _LAW: Mapping[str, str] = {"plan": "plan.motor", "slope_up": "slopes.up", "slope_down": "slopes.down"}
 """What our law's parts called otherwise before; every other field kept its own name."""
 

@@ -6,6 +6,7 @@ import select
 import signal
 import sys
 import termios
+import threading
 import tty
 from collections.abc import Callable, Iterator
 from types import FrameType
@@ -18,8 +19,12 @@ from bowden.safety.supervisor import Request
 if TYPE_CHECKING:
     from bowden.live.session import Session
 
+STANDS_STILL = 5.0
+"""A loop that has done no cycle for so long does none any more; the drive has long taken its torque off [s]."""
 _LOOK = 0.1
 """Between two looks at the run and at the keys [s]."""
+_CLEARED = 1.0
+"""At the end a terminal is given so long to take the picture away [s]."""
 _REMEMBER = 50
 """Looks between two times that the motor's warmth is kept."""
 _KEYS = {"a": Request.ARM, "r": Request.RUN, "s": Request.STOP, " ": Request.STOP, "k": Request.ACKNOWLEDGE}
@@ -39,23 +44,25 @@ def refuse_without_keys(auto: bool, json: bool) -> None:
 class Ending:
     """The signals that ask for the end.
 
-    While a run is being put together the first of them interrupts it; from `operate` on they are only noted, so that
-    nothing cuts an orderly end short.
+    While a run is being put together the first of them interrupts it; from `operate` on each tells the loop itself to
+    end, whatever this process is at, and is noted, so that nothing cuts an orderly end short.
     """
 
     def __init__(self) -> None:
         self.asked = False
         """Whether one has come."""
-        self._interrupts = True
+        self._end: Callable[[], None] | None = None
 
-    def only_noted(self) -> None:
-        """From here on none of them interrupts anything."""
-        self._interrupts = False
+    def ends(self, end: Callable[[], None]) -> None:
+        """From here on none of them interrupts anything; each calls `end`."""
+        self._end = end
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
-        interrupts, self.asked, self._interrupts = self._interrupts, True, False
-        if interrupts:
+        first, self.asked = not self.asked, True
+        if self._end is not None:
+            self._end()
+        elif first:
             raise KeyboardInterrupt
 
 
@@ -74,16 +81,23 @@ def ending_signals() -> Iterator[Ending]:
 def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> None:
     """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
 
+    The sign of life is given here, between two looks at the keys, and by nobody else: whoever cannot read a key gives
+    none. Nothing here waits for the terminal to take what is shown.
+
     Raises:
         SafetyError: with `auto`, the supervisor or the preflight did not let it run.
     """
-    ending.only_noted()
+    ending.ends(session.end)
     _tell_grants(session)
-    with _keys() as key, _screen(session, auto, quiet) as show:
+    with _keys() as key, _screen(session, auto, quiet) as show, contextlib.closing(_Ends(session)):
         steps = automatic(session) if auto else None
         looks = 0
         while session.running and not ending.asked:
+            session.beat()
             row = session.last()
+            if session.still > STANDS_STILL:
+                print(f"bowden: note: the loop has stood still for {session.still:.0f} s", file=sys.stderr)
+                return
             if row is not None:
                 show(row)
                 if steps is not None and next(steps, None) is None:
@@ -97,6 +111,13 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
             if looks % _REMEMBER == 0:
                 session.remember()
             session.wait(0.5 * _LOOK if auto else 0.0)
+
+
+class _Ends:
+    """Tells the loop to end before the terminal is put in order, which may take as long as it likes."""
+
+    def __init__(self, session: "Session") -> None:
+        self.close = session.end
 
 
 def _tell_grants(session: "Session") -> None:
@@ -126,28 +147,48 @@ def _keys() -> Iterator[Callable[..., Any]]:
         yield key
     finally:
         with contextlib.suppress(termios.error):
-            termios.tcsetattr(handle, termios.TCSADRAIN, before)
+            termios.tcsetattr(handle, termios.TCSANOW, before)
 
 
 @contextlib.contextmanager
 def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..., Any]]:
-    """A function that shows a row; on a terminal only."""
+    """A function that has a row shown; on a terminal only.
+
+    A terminal may take nothing for as long as it likes (Ctrl-S, a connection that hangs), and writing to it waits. So
+    it is written to by a thread of its own, and what comes meanwhile is left out but for the newest.
+    """
     if quiet or not sys.stdout.isatty():
         yield lambda row: None
         return
+    newest: list[dict[str, float]] = []
+    come, over = threading.Event(), threading.Event()
+    drawing = threading.Thread(target=_draw, args=(session, auto, newest, come, over), daemon=True)
+
+    def show(row: dict[str, float]) -> None:
+        newest[:] = [row]
+        come.set()
+
+    drawing.start()
+    try:
+        yield show
+    finally:
+        over.set()
+        come.set()
+        drawing.join(_CLEARED)
+
+
+def _draw(
+    session: "Session", auto: bool, newest: list[dict[str, float]], come: threading.Event, over: threading.Event
+) -> None:
     from rich.live import Live
 
     from bowden.live.screen import picture
 
-    live = Live(auto_refresh=False, transient=True)
-
-    def show(row: dict[str, float]) -> None:
-        with contextlib.suppress(OSError):  # the terminal is gone: the run ends in its own way
-            live.update(picture(session, row, auto), refresh=True)
-
-    live.start()
-    try:
-        yield show
-    finally:
-        with contextlib.suppress(OSError):
-            live.stop()
+    # nothing else that is printed may go through it: it would wait for this thread
+    live = Live(auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False)
+    with contextlib.suppress(OSError), live:  # the terminal may be gone
+        while not over.is_set():
+            come.wait()
+            come.clear()
+            if newest:
+                live.update(picture(session, newest[0], auto), refresh=True)

@@ -29,6 +29,7 @@ def _revision(folder: Path) -> str:
     command = [
         "git",
         "--no-optional-locks",
+        *("-c", "core.fsmonitor=false"),  # a folder's own settings name a program there, which git would run
         "-C",
         str(folder),
         "describe",

@@ -30,6 +30,8 @@ CYCLE: Mapping[str, str] = {
     "drive_state": "1",
     "emergency": "1",
     "bus_errors": "1",
+    "foreign": "1",
+    "sample_age": "s",
     "joint_seen": "rad",
     "motor_seen": "rad",
     "wish": "rad",
@@ -61,7 +63,7 @@ that were skipped before this cycle.
 AT: Mapping[str, int] = {name: i for i, name in enumerate(CYCLE)}
 """Column → its place in a row."""
 
-NOTHING_READ = DriveReading(*(float("nan"),) * 5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING_READ = DriveReading(*(float("nan"),) * 5, *(0.0,) * 8)
 """A reading before the first."""
 
 STOPPED = begin(Limits(), NOTHING_READ, cold(Thermal()))

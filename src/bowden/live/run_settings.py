@@ -99,7 +99,7 @@ def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
         raise LogError(f"the log's settings have no {name} that this version knows: {error}", do=do) from error
 
 
-_SINCE = {name: Limits._field_defaults[name] for name in ("uses_emg", "emg_age")}
+_SINCE = {name: Limits._field_defaults[name] for name in ("uses_emg", "emg_age")} | {"disable_time": math.inf}
 """Limits that older logs do not have, as they were in force then: not at all."""
 
 _LED_SINCE = {"room": math.inf}

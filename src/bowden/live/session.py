@@ -1,4 +1,8 @@
-"""A live run from the operator's side: recorder and loop started, signs of life, requests, and an orderly end."""
+"""A live run from the operator's side: recorder and loop started, signs of life, requests, and an orderly end.
+
+A sign of life comes from whoever sees the run through, with each look at it (`last`, `ask`, `wait`, `beat`), and from
+no thread of its own: it would go on for an operator who can no longer stop the run.
+"""
 
 import contextlib
 import json
@@ -23,6 +27,7 @@ from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
+from bowden.live.operator import STANDS_STILL
 from bowden.live.provenance import rig_revision
 from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
@@ -41,6 +46,8 @@ _END = 10.0
 """From the wish to end to the process' end [s]."""
 _LOOK = 0.05
 """Between two looks at a run that is seen through [s]."""
+_MOST_LOGS = 3
+"""Recorders of a run, one after the other."""
 _BEAT = 0.1
 """Between two signs of life [s]."""
 
@@ -59,6 +66,8 @@ class Session:
 
     def __init__(self, live: Live, log: Path, emg_process: EmgProcess | None = None, *, remembers: bool = True) -> None:
         self.live, self.log, self.emg_process, self._remembers = live, log, emg_process, remembers
+        self.logs = [log]
+        """Files of the run: one more for each time that its recorder had to be started again."""
         self.clock = MonotonicClock()
         self.ended: dict[str, Any] | None = None
         """What the loop said at its end."""
@@ -68,8 +77,8 @@ class Session:
         """Error code of the drive's last emergency; 0 where there was none."""
         self._last: Row | None = None
         self._not_kept = ""
+        self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
-        self._stop = threading.Event()
         self._processes: list[subprocess.Popen[str]] = []
         name = f"{os.getpid()}-{os.urandom(3).hex()}"
         self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
@@ -102,12 +111,11 @@ class Session:
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
         self._scenario = TwinScenario(live.rig.drive_parameters, now / SECOND)
-        self.block.beat(now)
-        threading.Thread(target=self._beat, daemon=True).start()
-        revision = rig_revision(Path(live.rig.origin).parent)
-        self._recorder = self._start(["bowden.live.recorder", str(self._ring), str(self.log), "--rig", revision])
+        self.beat()
+        self._revision = rig_revision(Path(live.rig.origin).parent)
+        self._record_to(self.log)
         warmth = live.limits.thermal
-        thermal = thermal_file.read(live.rig.drive_parameters, warmth) if self._remembers else cold(warmth)
+        thermal = thermal_file.read(live.rig.drive_parameters, live.limits) if self._remembers else cold(warmth)
         given = {
             "rig": live.rig.document(),
             "measure": live.measure,
@@ -121,6 +129,7 @@ class Session:
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
         self.ready = self._await_ready()
+        self._came = self.clock.now()
         if self.emg_process is not None:
             self.emg_process.go()
 
@@ -132,7 +141,7 @@ class Session:
             given: what it reads from its standard input.
         """
         process = subprocess.Popen(
-            [sys.executable, "-m", *words],
+            [sys.executable, "-P", "-m", *words],
             stdin=subprocess.DEVNULL if given is None else subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -147,9 +156,33 @@ class Session:
                 process.stdin.close()
         return process
 
-    def _beat(self) -> None:
-        while not self._stop.wait(_BEAT):
-            self.block.beat(self.clock.now())
+    def _record_to(self, log: Path) -> None:
+        self._recorder = self._start(["bowden.live.recorder", str(self._ring), str(log), "--rig", self._revision])
+
+    def _record_again(self) -> None:
+        """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
+        self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
+        print(f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}", file=sys.stderr)
+        self._record_to(self.logs[-1])
+
+    def _end_recorder(self) -> None:
+        """Have all rows written before the ring goes: by another recorder where this one is dead or stands still."""
+        self.rows.recorder.stop()
+        while True:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._recorder.wait(_END)
+            if self._recorder.poll() == 0 or not hasattr(self, "ready") or len(self.logs) >= _MOST_LOGS:
+                return
+            self._recorder.kill()
+            self._record_again()
+
+    def beat(self) -> None:
+        """The operator lives, and can stop the run."""
+        self.block.beat(self.clock.now())
+
+    def end(self) -> None:
+        """Tell the loop to end the run, in a controlled release; nothing is waited for."""
+        self.block.quit()
 
     def _listen(self) -> None:
         assert self._loop.stdout is not None
@@ -169,18 +202,18 @@ class Session:
 
     def _answer(self) -> dict[str, Any] | None:
         """The first thing that the loop's process says; None where it ended without a word."""
-        with contextlib.suppress(queue.Empty):
-            return self._said.get(timeout=_ANSWER_WITHIN)
-        if sys.stderr.isatty():
-            print("bowden: the loop is made ready; the first time it is compiled, for a minute", file=sys.stderr)
-        with contextlib.suppress(queue.Empty):
-            return self._said.get(timeout=_START)
+        for look in range(round(_START / _BEAT)):
+            self.beat()
+            with contextlib.suppress(queue.Empty):
+                return self._said.get(timeout=_BEAT)
+            if look == round(_ANSWER_WITHIN / _BEAT) and sys.stderr.isatty():
+                print("bowden: the loop is made ready; the first time it is compiled, for a minute", file=sys.stderr)
         raise DriveError(f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor")
 
     def _check_recorder(self) -> None:
         deadline = self.clock.now() + 10 * SECOND
         while self.recorder == RecorderState.ABSENT and self._recorder.poll() is None:
-            self.clock.sleep_until(self.clock.now() + SECOND // 50)
+            self.wait(0.02)
             if self.clock.now() > deadline:
                 break
         if self._recorder.poll() is not None:
@@ -218,6 +251,9 @@ class Session:
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns; None before the first."""
+        self.beat()
+        if self._recorder.poll() and self.running and len(self.logs) < _MOST_LOGS:
+            self._record_again()
         rows = self.rows.read().rows
         if len(rows):
             self._last = rows[-1]
@@ -225,17 +261,25 @@ class Session:
             codes = rows[:, AT["emergency"]]
             self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
         row = self._last
+        if len(rows):
+            self._came = self.clock.now()
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+
+    @property
+    def still(self) -> float:
+        """For how long the loop has done no cycle, as far as `last` has looked [s]."""
+        return (self.clock.now() - self._came) / SECOND
 
     def ask(self, request: Request) -> None:
         """Ask the supervisor for something."""
+        self.beat()
         self.block.ask(int(request))
 
-    def remember(self) -> None:
-        """Keep how warm the motor is, for the next run."""
+    def remember(self, *, surely: bool = False) -> None:
+        """Keep how warm the motor is, for the next run; `surely` waits for the disk."""
         row = self.last()
         if row is not None and self._remembers:
-            self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row)
+            self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)
 
     def complete(self) -> None:
         """Arm, run the law over the rig's whole reference, and come back when that has ended, well or by a fault.
@@ -248,8 +292,11 @@ class Session:
         while self.running:
             if self.last() is not None and next(steps, None) is None:
                 return
+            if self.still > STANDS_STILL:
+                break
             self.wait(_LOOK)
-        raise DriveError("the live loop has ended", do="begin another run")
+        how = f"has stood still for {self.still:.0f} s" if self.running else "has ended"
+        raise DriveError(f"the live loop {how}", do="begin another run")
 
     def trace(self) -> Trace:
         """The record of the run, from its log, once it has ended.
@@ -277,29 +324,30 @@ class Session:
 
     def wait(self, seconds: float) -> None:
         """Let time pass [s]."""
-        self._stop.wait(seconds)
+        until = self.clock.now() + round(seconds * SECOND)
+        while (left := until - self.clock.now()) > 0:
+            self.beat()
+            self.clock.sleep_until(self.clock.now() + min(left, round(_BEAT * SECOND)))
 
     def __exit__(self, *_: object) -> None:
         """End the run: release, power off, log closed, memory given back."""
         if hasattr(self, "block"):
-            self.block.quit()
+            self.end()
         if hasattr(self, "_loop"):
             try:
                 self._loop.wait(_END)
             except subprocess.TimeoutExpired:
                 self._loop.kill()
                 self.error = f"the loop's process did not end within {_END:g} s and was killed"
-            self.remember()
+            self.remember(surely=True)
             if self._not_kept:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
-                print(f"bowden: note: {what}; the next run takes it for cold", file=sys.stderr)
+                print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)
             self._await_end()
         if self.emg_process is not None:
             self.emg_process.close()
         if hasattr(self, "_recorder"):
-            self.rows.recorder.stop()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._recorder.wait(_END)
+            self._end_recorder()
         for process in self._processes:
             if process.poll() is None:
                 process.kill()
@@ -307,7 +355,6 @@ class Session:
             for pipe in (process.stdout, process.stderr):
                 if pipe is not None:
                     pipe.close()
-        self._stop.set()
         self._ring.unlink(missing_ok=True)
         self._block.unlink(missing_ok=True)
 

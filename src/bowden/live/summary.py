@@ -1,7 +1,7 @@
 """What a run came to, from its log."""
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
+from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
 from bowden.live import emg_summary, push_summary
 from bowden.live.lateness import figures
-from bowden.live.mcap_read import read
+from bowden.live.mcap_read import Recording, read
 from bowden.safety import faults
 from bowden.safety.supervisor import Mode
 
@@ -25,7 +26,7 @@ def document(session: "Session") -> dict[str, Any]:
     emg, emg_process = session.live.emg, session.emg_process
     pushing = session.live.pushing
     more = (*(() if emg_process is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
-    log = read(session.log, tuple(dict.fromkeys((*_NEEDED, *more))))
+    log = _joined([read(path, tuple(dict.fromkeys((*_NEEDED, *more)))) for path in session.logs if path.exists()])
     led = log["source"] >= WishSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
@@ -36,12 +37,13 @@ def document(session: "Session") -> dict[str, Any]:
         "law": session.live.law.name,
         "rig": session.live.rig.hash,
         "drive": session.ready["drive"],
-        "ended_well": mode == "stopped",
+        "ended_well": mode == "stopped" and not ended.get("torque"),
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
         "preflight": ended.get("reason") or None,
         "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
+        "torque": TorqueLeft(ended["torque"] if ended else TorqueLeft.UNKNOWN).name.lower(),
         "error": session.error or None,
         "cycles": ended.get("cycles"),
         "cycles_logged": len(log.rows),
@@ -55,8 +57,18 @@ def document(session: "Session") -> dict[str, Any]:
         "interaction": None if pushing is None else push_summary.figures(log, pushing, session.live.rig.sample_time),
         "grants": session.ready["grants"],
         "log": str(session.log),
+        "more_logs": [str(path) for path in session.logs[1:]],
         "log_whole": log.whole,
     }
+
+
+def _joined(logs: list[Recording]) -> Recording:
+    """Every row once, of a run whose recorder had to be started again; whole if each of its logs is."""
+    if len(logs) == 1:
+        return logs[0]
+    numbers, first = np.unique(np.concatenate([log.numbers for log in logs]), return_index=True)
+    broken = next((log for log in logs if not log.whole), logs[0])
+    return replace(broken, numbers=numbers, rows=np.concatenate([log.rows for log in logs])[first])
 
 
 _NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
@@ -76,15 +88,21 @@ def print_summary(found: dict[str, Any]) -> None:
     if late:
         print(
             f"lateness {late['p50_us']:.0f} µs median, {late['p99_us']:.0f} p99, {late['p999_us']:.0f} p99.9, "
-            f"{late['max_us']:.0f} max; the cycle takes {found['run_time_median_us']:.0f} µs; "
-            f"{found['overruns']} overruns in {found['cycles']} cycles"
+            f"{late['max_us']:.0f} max; the cycle takes {found['run_time_median_us']:.0f} µs; ",
+            end="",
         )
+        if found["cycles"] is None:  # the loop said nothing at its end
+            print(f"{found['cycles_logged']} cycles in the log")
+        else:
+            print(f"{found['overruns']} overruns in {found['cycles']} cycles")
     if found["emg"]:
         emg_summary.print_figures(found["emg"])
     if found["interaction"]:
         push_summary.print_figures(found["interaction"])
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
         print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+    if found["torque"] != "off":
+        print(TORQUE_LEFT[TorqueLeft[found["torque"].upper()]])
     for text in found["emergencies"]:
         print(f"emergency: {text}")
     if found["preflight"]:
@@ -93,6 +111,8 @@ def print_summary(found: dict[str, Any]) -> None:
         print(f"ended by an error: {found['error']}")
     whole = found["log_whole"]
     print(f"Log: {found['log']}  (bowden log {'info' if whole else 'recover'} {found['log']})")
+    for path in found["more_logs"]:
+        print(f"  and {path}")
     lost = (found["cycles"] or 0) - found["cycles_logged"]
     if lost > 0:
         print(

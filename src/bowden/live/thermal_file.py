@@ -1,4 +1,8 @@
-"""How warm a run left its motor, kept for the next one: a restart cools nothing."""
+"""How warm a run left its motor, kept for the next one: a restart cools nothing.
+
+A motor cools by the time that this computer has counted since: its clock may be set, or wrong after a start. What was
+kept and cannot be read is a motor as hot as it may be; only where nothing was ever kept is it taken for cold.
+"""
 
 import hashlib
 import json
@@ -9,10 +13,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bowden.core.clock import unix_seconds
+from bowden.core.clock import boot_seconds
 from bowden.hardware.drives.family import family_of
 from bowden.live.row import thermal_of
-from bowden.models.drive.thermal import Thermal, ThermalState, cold, rested
+from bowden.models.drive.thermal import ThermalState, cold, rested
+from bowden.safety.limits import Limits
 
 
 def _path(drive: Any) -> Path:
@@ -22,34 +27,50 @@ def _path(drive: Any) -> Path:
     return root / "bowden" / f"thermal-{name}.json"
 
 
-def read(drive: Any, thermal: Thermal) -> ThermalState:
-    """The motor as it is now, after the time since the last run; cold where nothing is known of it.
+def read(drive: Any, limits: Limits) -> ThermalState:
+    """The motor as it is now, after the time since the last run; cold where there was none.
 
-    What was kept but cannot be used is told on standard error. Nothing is colder than its surroundings.
+    What was kept but cannot be used is told on standard error, and the motor is then as hot as `limits` allow. Nothing
+    is colder than its surroundings.
     """
+    thermal = limits.thermal
     try:
         kept = json.loads(_path(drive).read_text(encoding="utf-8"))
         state = ThermalState(*(float(kept[name]) for name in ThermalState._fields))
-        state = rested(thermal, state, unix_seconds() - float(kept["unix_s"]))
         if not all(map(math.isfinite, state)):
             raise ValueError(f"the motor is at {state.winding} °C")
-        return ThermalState(*map(max, state, cold(thermal)))
+        boot, now = boot_seconds()
+        since = float(kept["boot_s"]) if kept["boot"] == boot else 0.0
+        return ThermalState(*map(max, rested(thermal, state, now - since), cold(thermal)))
     except (FileNotFoundError, RuntimeError):  # the first run, or a user without a home, who has been told
-        pass
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return cold(thermal)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         what = f"how warm the last run left the motor cannot be read from {_path(drive)}"
-        print(f"bowden: note: {what} ({type(error).__name__}: {error}); it is taken for cold", file=sys.stderr)
-    return cold(thermal)
+        said = f"bowden: note: {what} ({type(error).__name__}: {error}); it is taken for as hot as it may be"
+        print(said, file=sys.stderr)
+        peak, most = limits.current_peak, thermal.continuous_current
+        return ThermalState(limits.winding_limit, limits.housing_limit, (peak * peak - most * most) * limits.i2t_time)
 
 
-def write(drive: Any, row: Mapping[str, float]) -> str:
-    """Keep what a row of the run says; why it cannot be kept, or nothing. The next run then begins cold."""
-    text = json.dumps(thermal_of(row)._asdict() | {"unix_s": unix_seconds()})
+def write(drive: Any, row: Mapping[str, float], *, surely: bool = False) -> str:
+    """Keep what a row of the run says; why it cannot be kept, or nothing.
+
+    Args:
+        drive: its parameters.
+        row: of the run.
+        surely: wait until the disk has it, so that a loss of power loses it no more.
+    """
+    boot, now = boot_seconds()
+    text = json.dumps(thermal_of(row)._asdict() | {"boot": boot, "boot_s": now})
     try:
         path = _path(drive)
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(f".{os.getpid()}")
-        part.write_text(text, encoding="utf-8")
+        with open(part, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            if surely:
+                os.fsync(file.fileno())
         part.replace(path)
     except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
         return str(error)

@@ -38,6 +38,7 @@ def running_twin(rig: Path | Rig, channel: Path, options: Sequence[str] = ()) ->
     """
     command = [
         sys.executable,
+        "-P",
         "-c",
         "from bowden.app.main import main; main()",
         "twin",

@@ -36,14 +36,18 @@ def lasting(condition: float, before: float, time: float) -> float:
 
 @kernel
 def follow(
-    before: Followed, value: float, time: float, span: float, jump: float, fastest: float, smoothing: float
+    before: Followed, value: float, came: float, time: float, span: float, jump: float, fastest: float, smoothing: float
 ) -> tuple[Followed, float, float]:
     """The sensor after a reading `time` [s] later, which is used as it is or not at all.
+
+    A reading that did not come and is still the last one says nothing of the time since: neither that all stood
+    still, nor how fast what comes next has moved.
 
     Args:
         before: the last good reading.
         value: the reading, or NaN [rad].
-        time: since the reading before, above 0 [s].
+        came: 1 where it came in this cycle, 0 where it is an older one.
+        time: from the sample of the reading before to that of this one [s].
         span: largest |value| that can be [rad].
         jump: change that noise explains [rad].
         fastest: speed that motion explains [rad/s].
@@ -57,6 +61,6 @@ def follow(
     now = sel(lost > 0.0, before.value, value)
     change = now - before.value
     jumped = beyond(np.abs(change), jump + fastest * age)
-    good = np.fmax(lost, jumped) == 0.0
+    good = (np.fmax(lost, jumped) == 0.0) * (1.0 - (came == 0.0) * (change == 0.0)) > 0.0
     speed = before.speed + (change - before.speed * age) / (smoothing + age)
     return Followed(sel(good, now, before.value), sel(good, speed, before.speed), sel(good, 0.0, age)), lost, jumped

@@ -53,7 +53,7 @@ def gl_backend() -> str:
     said = []
     for backend in backends:
         surroundings = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
-        command = [sys.executable, "-c", _PROBE.format(backend)]
+        command = [sys.executable, "-P", "-c", _PROBE.format(backend)]
         try:
             done = subprocess.run(command, env=surroundings, capture_output=True, text=True, timeout=60.0)
         except subprocess.TimeoutExpired:

@@ -101,8 +101,12 @@ class Fault(IntEnum):
                         "read its reason; arm again when you are ready to run")
     RECORDER_LOST = (0, 0, 0.0, "nothing is recorded", "recorder dead, behind, or disk full",
                      "make room on the disk, start the recorder again; a running loop goes on, no new one is armed")
-    EMG_LOST = (2, 2, 0.004, "EMG lost", "newest sample older than emg_age, in a run by EMG",
-                "look at the electrodes' base station, its network and the program that sends; then arm anew")
+    EMG_LOST = (2, 2, 0.004, "EMG lost", "newest sample older than emg_age, or trouble away from rest, in a run by EMG",
+                "look at the electrodes, their base station, its network and the program that sends; then arm anew")
+    NOT_DISABLED = (3, 3, 0.004, "drive keeps its torque", "its state has torque for disable_time after power off",
+                    "press the emergency stop, and keep away; do not use this drive before it has been repaired")
+    SECOND_MASTER = (3, 3, 0.004, "another master on the bus", "a frame came that this host alone may send",
+                     "end the other program or take the other device off the bus")
 # fmt: on
 
 

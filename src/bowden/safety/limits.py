@@ -7,7 +7,12 @@ from bowden.models.drive.thermal import Thermal
 
 
 class Limits(NamedTuple):
-    """Limits, each with its meaning and unit; those without a key in rig.toml follow from its other sections."""
+    """Limits, each with its meaning and unit; those without a key in rig.toml follow from its other sections.
+
+    Times, temperatures and forces have ceilings, beyond which a limit would no longer limit: 180 °C is what the best
+    usual insulation of a winding bears (IEC 60085, class H), 120 °C a power stage, 85 °C a magnet's and a textile's
+    neighbourhood; ages of seconds are for trials against a twin on a computer that stalls, not for a limb.
+    """
 
     motor_low: Annotated[float, Quantity("smallest target of the motor", "rad")] = -0.3
     motor_high: Annotated[float, Quantity("largest target of the motor", "rad", ge=0.0)] = 2.0
@@ -20,7 +25,7 @@ class Limits(NamedTuple):
     ] = 0.02
     motor_speed: Annotated[float, Quantity("largest speed of the motor at the spool", "rad/s", ge=0.0)] = 15.0
     joint_speed: Annotated[float, Quantity("largest speed of the joint", "rad/s", ge=0.0)] = 8.0
-    speed_filter: Annotated[float, Quantity("time constant of both measured speeds", "s", ge=0.0)] = 0.005
+    speed_filter: Annotated[float, Quantity("time constant of both measured speeds", "s", ge=0.0, le=0.1)] = 0.005
     target_speed: Annotated[
         float, Quantity("largest change of the target in a cycle, over the cycle's time", "rad/s", ge=0.0)
     ] = 200.0
@@ -35,8 +40,8 @@ class Limits(NamedTuple):
     tracking: Annotated[
         float, Quantity("largest distance of the motor from the servo's model at rest", "rad", ge=0.0)
     ] = 0.1
-    tracking_lag: Annotated[float, Quantity("what the distance may grow by with speed", "s", ge=0.0)] = 0.01
-    tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0)] = 0.005
+    tracking_lag: Annotated[float, Quantity("what the distance may grow by with speed", "s", ge=0.0, le=0.1)] = 0.01
+    tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.005
     slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad")] = 0.7
     slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", ge=0.0)] = 1.05
     play: Annotated[float, Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0)] = 0.3
@@ -48,39 +53,46 @@ class Limits(NamedTuple):
     ] = 0.4
     measures_current: Annotated[float, Quantity("1 where the drive tells its current, else 0", key=None)] = 1.0
     current_peak: Annotated[float, Quantity("largest current", "A", key=None)] = 20.0
-    current_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0)] = 0.002
+    current_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.002
     saturation: Annotated[
-        float, Quantity("share of the largest current at which the drive counts as saturated", ge=0.0)
+        float, Quantity("share of the largest current at which the drive counts as saturated", ge=0.0, le=1.0)
     ] = 0.95
-    saturation_time: Annotated[float, Quantity("how long it may be", "s", ge=0.0)] = 0.05
-    i2t_time: Annotated[float, Quantity("how long the largest current may last from a start at rest", "s", ge=0.0)] = (
-        2.0
-    )
+    saturation_time: Annotated[float, Quantity("how long it may be", "s", ge=0.0, le=1.0)] = 0.05
+    i2t_time: Annotated[
+        float, Quantity("how long the largest current may last from a start at rest", "s", ge=0.0, le=60.0)
+    ] = 2.0
     thermal: Thermal = Thermal()
-    winding_limit: Annotated[float, Quantity("largest temperature of the winding", "°C", ge=0.0)] = 125.0
+    winding_limit: Annotated[float, Quantity("largest temperature of the winding", "°C", ge=0.0, le=180.0)] = 125.0
     housing_limit: Annotated[
-        float, Quantity("largest temperature of the housing; skin and textile may touch it", "°C", ge=0.0)
+        float, Quantity("largest temperature of the housing; skin and textile may touch it", "°C", ge=0.0, le=85.0)
     ] = 70.0
     measures_temperature: Annotated[float, Quantity("1 where the drive tells its temperature, else 0", ge=0.0)] = 0.0
-    drive_limit: Annotated[float, Quantity("largest temperature of the drive", "°C", ge=0.0)] = 80.0
+    drive_limit: Annotated[float, Quantity("largest temperature of the drive", "°C", ge=0.0, le=120.0)] = 80.0
     measures_tension: Annotated[float, Quantity("1 where the cable's tension is measured, else 0", key=None)] = 0.0
-    tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0)] = 150.0
+    tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0, le=2000.0)] = 150.0
     tension_low: Annotated[float, Quantity("below it the cable is slack", "N")] = 2.0
-    slack_time: Annotated[float, Quantity("how long it may be slack", "s", ge=0.0)] = 0.05
+    slack_time: Annotated[float, Quantity("how long it may be slack", "s", ge=0.0, le=1.0)] = 0.05
     reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0)] = 2.0
-    heartbeat_age: Annotated[float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0)] = 0.05
-    enable_time: Annotated[float, Quantity("from arming to the drive's operation enabled", "s", ge=0.0)] = 1.0
-    bus_errors: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second", ge=0.0)] = 2.5
+    heartbeat_age: Annotated[
+        float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0, le=10.0)
+    ] = 0.05
+    enable_time: Annotated[float, Quantity("from arming to the drive's operation enabled", "s", ge=0.0, le=10.0)] = 1.0
+    disable_time: Annotated[
+        float, Quantity("torque at most so long after the power was told off", "s", ge=0.0, le=0.5)
+    ] = 0.05
+    bus_errors: Annotated[
+        float, Quantity("frames that could not be sent; one is forgiven each second", ge=0.0, le=100.0)
+    ] = 2.5
     lateness: Annotated[
-        float, Quantity("largest lateness of a cycle, and largest sum of the last ones", "s", ge=0.0)
+        float, Quantity("largest lateness of a cycle, and largest sum of the last ones", "s", ge=0.0, le=10.0)
     ] = 0.02
-    clock_gap: Annotated[float, Quantity("longest time between two cycles that a late loop explains", "s", ge=0.0)] = (
-        0.5
-    )
-    operator_age: Annotated[float, Quantity("age of the operator's last sign of life", "s", ge=0.0)] = 1.0
+    clock_gap: Annotated[
+        float, Quantity("longest time between two cycles that a late loop explains", "s", ge=0.0, le=10.0)
+    ] = 0.5
+    operator_age: Annotated[float, Quantity("age of the operator's last sign of life", "s", ge=0.0, le=5.0)] = 1.0
     uses_emg: Annotated[float, Quantity("1 where EMG moves the reference, else 0", key=None)] = 0.0
-    emg_age: Annotated[float, Quantity("age of the newest EMG sample that is still good", "s", ge=0.0)] = 0.2
-    preflight_time: Annotated[float, Quantity("from arming to running, at most", "s", ge=0.0)] = 60.0
+    emg_age: Annotated[float, Quantity("age of the newest EMG sample that is still good", "s", ge=0.0, le=2.0)] = 0.2
+    preflight_time: Annotated[float, Quantity("from arming to running, at most", "s", ge=0.0, le=600.0)] = 60.0
     bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0)] = 0.005
     bridge_leak: Annotated[
         float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0)
@@ -89,6 +101,9 @@ class Limits(NamedTuple):
     pay_out: Annotated[float, Quantity("speed at which R2 lets the cable out", "rad/s", ge=0.0)] = 7.0
     slack_sign: Annotated[float, Quantity("direction of the motor that lets the cable out: −1 or 1")] = -1.0
     released_current: Annotated[
-        float, Quantity("current below which the cable carries nothing, if it lasts for `released_time`", "A", ge=0.0)
+        float,
+        Quantity(
+            "current below which the cable carries nothing, if it lasts for `released_time`", "A", ge=0.0, le=10.0
+        ),
     ] = 0.3
-    released_time: Annotated[float, Quantity("how long the current must be that small", "s", ge=0.0)] = 0.02
+    released_time: Annotated[float, Quantity("how long the current must be that small", "s", ge=0.0, le=0.2)] = 0.02

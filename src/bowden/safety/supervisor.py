@@ -94,6 +94,7 @@ class Sums(NamedTuple):
     bus_errors: Annotated[float, Quantity("the drive's counter when it was last known")]
     failures: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second")]
     armed: Annotated[float, Quantity("time with power and without a run", "s")]
+    undisabled: Annotated[float, Quantity("time with torque after the power was told off", "s")]
 
 
 class SupervisorState(NamedTuple):
@@ -107,6 +108,7 @@ class SupervisorState(NamedTuple):
     anchor: Anchor
     sums: Sums
     heat: ThermalState
+    sample_age: Annotated[float, Quantity("how old the drive's newest sample was", "s")]
 
 
 class Found(NamedTuple):
@@ -150,6 +152,8 @@ class Found(NamedTuple):
     PREFLIGHT_FAILED: float
     RECORDER_LOST: float
     EMG_LOST: float
+    NOT_DISABLED: float
+    SECOND_MASTER: float
 
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
@@ -175,8 +179,9 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
         Anchor(motor, joint),
-        Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         thermal,
+        0.0,
     )
 
 
@@ -193,6 +198,11 @@ class SensedAngles(NamedTuple):
     """1 where the clock cannot be right, else 0."""
     time: float
     """Since the cycle before; the length of a cycle where the clock cannot be right [s]."""
+    sampled: float
+    """From the sample that was read in the cycle before to this cycle's, which is not the time between the cycles: a
+    late cycle reads what was sampled in time, and the next one what was sampled late [s]."""
+    sample_age: float
+    """Of this cycle's sample; 0 where it is not known [s]."""
     motor: Followed
     motor_lost: float
     motor_jump: float
@@ -207,10 +217,16 @@ def see(limits: Limits, state: SupervisorState, observed: Observed, dt: float) -
     reading, powered = observed.reading, 1.0 - outside(state.decided.mode, PREFLIGHT, RELEASING)
     clock = np.fmax(outside(observed.elapsed, 0.05 * dt, limits.clock_gap), outside(observed.lateness, -dt, BIG))
     time = sel(clock > 0.0, dt, observed.elapsed)
+    age = sel(outside(reading.sample_age, 0.0, BIG) > 0.0, 0.0, reading.sample_age)
+    sampled = np.fmax(0.0, time + state.sample_age - age)
     span, jump, filtered = limits.sensor_span, sel(powered > 0.0, limits.jump, BIG), limits.speed_filter
-    motor, motor_lost, motor_jump = follow(state.motor, reading.motor, time, span, jump, limits.motor_speed, filtered)
-    joint, joint_lost, joint_jump = follow(state.joint, reading.joint, time, span, jump, limits.joint_speed, filtered)
-    return SensedAngles(clock, time, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump)
+    motor, motor_lost, motor_jump = follow(
+        state.motor, reading.motor, reading.motor_age == 0.0, sampled, span, jump, limits.motor_speed, filtered
+    )
+    joint, joint_lost, joint_jump = follow(
+        state.joint, reading.joint, reading.joint_age == 0.0, sampled, span, jump, limits.joint_speed, filtered
+    )
+    return SensedAngles(clock, time, sampled, age, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump)
 
 
 @kernel
@@ -223,7 +239,9 @@ def look(
     powered = 1.0 - outside(last.mode, PREFLIGHT, RELEASING)
 
     # angles
-    clock, time, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump = see(limits, state, observed, dt)
+    clock, time, sampled, age, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump = see(
+        limits, state, observed, dt
+    )
     alive = (powered == 0.0) + (np.abs(joint.value - state.anchor.joint) > limits.joint_still) > 0.0
     anchor = Anchor(sel(alive, motor.value, state.anchor.motor), sel(alive, joint.value, state.anchor.joint))
     flat, steep, margin = limits.slope_low * motor.value, limits.slope_high * motor.value, limits.motor_margin
@@ -232,7 +250,8 @@ def look(
     off = outside(reading.drive_state, 3.5, 4.5)
     fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * servo.enabled * off
     enabled = powered * np.fmax(servo.enabled, 1.0 - off)
-    moved, speed = servo_predict(servo.position, servo.speed, last.target_before, omega, zeta, time)
+    undisabled = lasting((1.0 - powered) * (1.0 - outside(reading.drive_state, 3.5, 6.5)), sums.undisabled, time)
+    moved, speed = servo_predict(servo.position, servo.speed, last.target_before, omega, zeta, sampled)
     model, model_speed = sel(servo.enabled > 0.0, moved, motor.value), sel(servo.enabled > 0.0, speed, 0.0)
     lag = beyond(np.abs(motor.value - model), limits.tracking + limits.tracking_lag * np.abs(model_speed))
     astray = lasting(lag, servo.astray, time)
@@ -302,6 +321,8 @@ def look(
         PREFLIGHT_FAILED=powered * (1.0 - last.passed) * failed,
         RECORDER_LOST=outside(observed.recorder, 0.5, 1.5),
         EMG_LOST=limits.uses_emg * outside(observed.emg_age, -1.0, limits.emg_age),
+        NOT_DISABLED=beyond(undisabled, limits.disable_time),
+        SECOND_MASTER=outside(reading.foreign, 0.0, 0.0),
     )
     return (
         SupervisorState(
@@ -311,8 +332,9 @@ def look(
             motor,
             joint,
             anchor,
-            Sums(overload, saturated, slack, late, errors, failures, armed),
+            Sums(overload, saturated, slack, late, errors, failures, armed, undisabled),
             heat,
+            age,
         ),
         found,
         time,
@@ -332,10 +354,11 @@ def supervise(
     powered, releasing = 1.0 - outside(last.mode, PREFLIGHT, RELEASING), last.mode == RELEASING
     bridged = powered * sel(once > 0.0, last.bridged + time, np.fmax(0.0, last.bridged - limits.bridge_leak * time))
     ended = (bridged > limits.bridge_time + 0.5 * dt) + (once >= 2.0) + releasing > 0.0
-    reaction = powered * sel(ended, eventually, once)
+    reaction = sel(powered > 0.0, sel(ended, eventually, once), found.NOT_DISABLED * eventually)
 
     # the next mode
     run = (observed.request == RUN) * (observed.preflight == 1.0) * (enabled > 0.0) * (reaction == 0.0) > 0.0
+    run = run * (found.RECORDER_LOST == 0.0) > 0.0
     passed = powered * sel(run, 1.0, last.passed)
     going = sel(reaction > 0.0, BRIDGING, sel(passed > 0.0, RUNNING, PREFLIGHT))
     going = sel((reaction >= 2.0) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
@@ -351,7 +374,7 @@ def supervise(
     going = sel(reaction >= 3.0, LATCHED, going)
     arms = (observed.request == ARM) * (last.mode == STOPPED) * (active == 0.0)
     rests = sel(arms, PREFLIGHT, sel((last.mode == LATCHED) * (observed.request != ACKNOWLEDGE), LATCHED, STOPPED))
-    mode = sel(powered > 0.0, going, rests)
+    mode = sel(powered > 0.0, going, sel(found.NOT_DISABLED > 0.0, LATCHED, rests))
 
     # the target: without power it follows the motor, so that nothing moves when power comes
     out = limits.slack_sign
@@ -365,6 +388,16 @@ def supervise(
     reported = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
     decided = Decided(mode, passed, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
     return (
-        SupervisorState(target, decided, seen.servo, seen.motor, seen.joint, seen.anchor, seen.sums, seen.heat),
+        SupervisorState(
+            target,
+            decided,
+            seen.servo,
+            seen.motor,
+            seen.joint,
+            seen.anchor,
+            seen.sums,
+            seen.heat,
+            seen.sample_age,
+        ),
         Verdict(target, sel(idle, POWER_OFF, POWER_ON), mode, reported, active),
     )

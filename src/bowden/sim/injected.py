@@ -106,7 +106,7 @@ def misread(
     joint, motor, current, tension = reading.joint, reading.motor, reading.current, reading.tension
     temperature, motor_age, joint_age = reading.temperature, reading.motor_age, reading.joint_age
     heartbeat_age, drive_state, emergency = reading.heartbeat_age, reading.drive_state, reading.emergency
-    bus_errors = reading.bus_errors
+    bus_errors, foreign = reading.bus_errors, reading.foreign
     begun, late = k - since, max(k - 400, 0)
     sign = -1.0 if k % 2 else 1.0
     if kind == Injected.JOINT_NAN:
@@ -182,4 +182,6 @@ def misread(
         drive_state,
         emergency,
         bus_errors,
+        foreign,
+        reading.sample_age,
     )

@@ -12,10 +12,12 @@ Registered with python-can as interface ``bowden_unix``; can be made directly as
 
 import array
 import contextlib
+import errno
 import fcntl
 import os
 import select
 import socket
+import stat
 import struct
 import tempfile
 from collections.abc import Iterator
@@ -44,6 +46,20 @@ def bus_folder(channel: str) -> Path:
     if "/" in channel:
         return Path(channel)
     return Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()) / f"bowden-{os.getuid()}" / channel
+
+
+def _check_own(channel: str) -> None:
+    """Refuse a place of this user that is another's, or open to others: whoever may write there plays the drive.
+
+    Raises:
+        PermissionError: so it is.
+    """
+    if "/" in channel:
+        return
+    place = bus_folder(channel).parent
+    found = os.lstat(place)
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise PermissionError(errno.EPERM, f"{place} is not this user's alone: remove it, or set its mode to 700")
 
 
 class UnixBus(can.BusABC):
@@ -76,7 +92,10 @@ class UnixBus(can.BusABC):
         self._poll = select.poll()
         try:
             if create:
+                if "/" not in str(channel):
+                    folder.parent.mkdir(mode=0o700, exist_ok=True)
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _check_own(str(channel))
             with _alone(folder):
                 self._join(folder)
         except OSError as error:

@@ -3,7 +3,7 @@
 import contextlib
 import struct
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import can
 import canopen
@@ -15,11 +15,50 @@ from bowden.hardware.drives import canopen_frames as frames
 NOT_THERE = (0x0602_0000, 0x0609_0011)
 """SDO abort codes: no such object, no such sub-index (CiA 301)."""
 
+_TOO_LONG = 0x0607_0012
+"""SDO abort code: length of service parameter too high (CiA 301)."""
+
 _FAILURES = (SdoError, can.CanError, OSError, struct.error)
 """What the library raises where nobody answers, or answers with what is none (`struct.error`)."""
 
 _GLANCE = 5e-3
 """Between two looks at an object that is to change [s]."""
+
+_LONGEST = 64
+"""Of an answer: numbers have four bytes, and no more of a text is shown [bytes]."""
+
+_TRIES = 2
+"""Of a question, since a frame may get lost."""
+
+
+class Overheard(can.Listener):
+    """What has come over the bus beside answers.
+
+    Args:
+        node_id: the drive's.
+        host_id: ours.
+    """
+
+    def __init__(self, node_id: int, host_id: int) -> None:
+        self._node, self._ours = node_id, frames.of_the_host(node_id, host_id)
+        self.foreign: int | None = None
+        """COB-ID of the first frame that nobody but this host may send; None where none has come."""
+        self.booted = False
+        """Whether the node has started anew."""
+        self.emergencies: list[int] = []
+        """Error codes of the node, in their order."""
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Take in a frame; called by the library's thread."""
+        cob_id, data = msg.arbitration_id, bytes(msg.data)
+        if msg.is_error_frame or msg.is_extended_id:
+            return
+        if cob_id in self._ours and self.foreign is None:
+            self.foreign = cob_id
+        if cob_id == frames.HEARTBEAT + self._node and frames.unpack_heartbeat(data) == frames.BOOT_UP:
+            self.booted = True
+        if cob_id == frames.EMERGENCY + self._node and (code := frames.unpack_emergency(data)):
+            self.emergencies.append(code)
 
 
 class Dialogue:
@@ -29,12 +68,15 @@ class Dialogue:
         network: the library's.
         node_id: whom to ask.
         timeout: how long an answer may take [s].
+        heard: what comes beside answers.
     """
 
-    def __init__(self, network: canopen.Network, node_id: int, timeout: float) -> None:
-        self._network = network
+    def __init__(self, network: canopen.Network, node_id: int, timeout: float, heard: Overheard) -> None:
+        self._network, self.heard = network, heard
         self._node = network.add_node(canopen.RemoteNode(node_id, _no_dictionary()))
-        self._node.sdo.RESPONSE_TIMEOUT = timeout
+        self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = timeout, _TRIES
+        self._kept: dict[tuple[int, int], tuple[int, int]] = {}
+        """What was written last, and the bits of it that count."""
         self._timeout = timeout
         self._id = node_id
         self.name = f"node {node_id}"
@@ -45,8 +87,16 @@ class Dialogue:
         Raises:
             DriveError: nobody is on the bus.
         """
+        self.send(frames.NMT, bytes((order, self._id)))
+
+    def send(self, cob_id: int, data: bytes) -> None:
+        """A frame.
+
+        Raises:
+            DriveError: nobody is on the bus.
+        """
         try:
-            self._network.send_message(frames.NMT, bytes((order, self._id)))
+            self._network.send_message(cob_id, data)
         except _FAILURES as error:
             raise DriveError(
                 f"nobody is on the bus: {error}", do="switch the drive on, or start bowden twin; see to cable and ends"
@@ -55,18 +105,29 @@ class Dialogue:
     def answers(self) -> bool:
         """Whether the node answers at all; one that NMT has stopped, or that is not there, does not."""
         try:
-            self._node.sdo.upload(0x1000, 0)
+            self._upload(0x1000, 0)
         except canopen.SdoAbortedError:
             return True
         except _FAILURES:
             return False
         return True
 
-    def receives(self, number: int, span: float) -> bool:
-        """Whether a node of that number says anything within `span` [s]."""
-        self._network.scanner.nodes.clear()
-        threading.Event().wait(span)
-        return number in self._network.scanner.nodes
+    def _upload(self, index: int, sub: int) -> bytes:
+        """The bytes of an object, of one whose server never ends the first of them."""
+        stream, data = self._node.sdo.open(index, sub, buffering=0), b""
+        while len(data) < _LONGEST and (piece := stream.read(7)):
+            data += piece
+        if len(data) >= _LONGEST:
+            self._node.sdo.abort(_TOO_LONG)
+        return data
+
+    def waits(self, span: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Let `span` [s] pass, or less where something comes to be so; whether it has."""
+        for _ in range(round(span / _GLANCE)):
+            if until():
+                return True
+            threading.Event().wait(_GLANCE)
+        return until()
 
     def read_if_there(self, index: int, sub: int = 0, *, signed: bool = False) -> int | None:
         """A number; None where the drive has no such object.
@@ -75,7 +136,7 @@ class Dialogue:
             DriveError: no answer, or a refusal.
         """
         try:
-            return int.from_bytes(self._node.sdo.upload(index, sub), "little", signed=signed)
+            return int.from_bytes(self._upload(index, sub), "little", signed=signed)
         except canopen.SdoAbortedError as error:
             if error.code in NOT_THERE:
                 return None
@@ -97,7 +158,7 @@ class Dialogue:
     def text(self, index: int) -> str:
         """A text, cut after 40 letters; empty where there is none."""
         try:
-            said = bytes(self._node.sdo.upload(index, 0)).decode("ascii", "replace")
+            said = self._upload(index, 0).decode("ascii", "replace")
         except _FAILURES:
             return ""
         return "".join(letter for letter in said if letter.isprintable())[:40]
@@ -116,6 +177,20 @@ class Dialogue:
                 f"{self.name} refuses {index:04X}h:{sub} = {value}: {error}",
                 expected="a CiA 402 drive for cyclic synchronous position",
             ) from error
+        self._kept[index, sub] = written, mask
+        self._compare(index, sub)
+
+    def keeps_all(self) -> None:
+        """Read back once more all that was written.
+
+        Raises:
+            DriveError: something has another value by now.
+        """
+        for index, sub in self._kept:
+            self._compare(index, sub)
+
+    def _compare(self, index: int, sub: int) -> None:
+        written, mask = self._kept[index, sub]
         kept = self.read(index, sub)
         if (kept ^ written) & mask:
             raise DriveError(f"{self.name} keeps {index:04X}h:{sub} at {kept}", expected=f"{written}, as written")
@@ -126,18 +201,14 @@ class Dialogue:
         Raises:
             DriveError: no answer, a refusal, or no such object.
         """
-        for _ in range(1 + int(self._timeout / _GLANCE)):
-            if self.read(index, sub, signed=True) == value:
-                return True
-            threading.Event().wait(_GLANCE)
-        return False
+        return self.waits(self._timeout, lambda: self.read(index, sub, signed=True) == value)
 
     def others(self) -> list[int]:
         """The numbers of the other nodes that answer."""
         with contextlib.suppress(*_FAILURES):
             self._network.scanner.search()
         with contextlib.suppress(*_FAILURES):
-            self._node.sdo.upload(0x1000, 0)  # nobody answers this, and meanwhile the others do
+            self._upload(0x1000, 0)  # nobody answers this, and meanwhile the others do
         return sorted(set(self._network.scanner.nodes) - {self._id})
 
     def reaches(self, state: int, patience: int = 3) -> bool:
@@ -151,19 +222,21 @@ class Dialogue:
 
 
 @contextlib.contextmanager
-def dialogue(bus: can.BusABC, node_id: int, timeout: float) -> Iterator[Dialogue]:
+def dialogue(bus: can.BusABC, node_id: int, host_id: int, timeout: float) -> Iterator[Dialogue]:
     """A dialogue over our bus; at its end the library's thread is gone, and the bus still open.
 
     Args:
         bus: open, and read by nobody else.
         node_id: whom to ask.
+        host_id: who we are.
         timeout: how long an answer may take [s].
     """
-    network = canopen.Network(bus)
+    network, heard = canopen.Network(bus), Overheard(node_id, host_id)
+    network.listeners.append(heard)  # type: ignore[arg-type]  # it takes any listener
     network.NOTIFIER_CYCLE = 0.02  # the thread is waited for at the end
     network.connect()
     try:
-        yield Dialogue(network, node_id, timeout)
+        yield Dialogue(network, node_id, timeout, heard)
     finally:
         if network.notifier is not None:
             network.notifier.stop(5.0)

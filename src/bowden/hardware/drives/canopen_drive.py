@@ -13,12 +13,12 @@ import can
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveReading, DriveState
 from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
-from bowden.hardware.buses.unix_bus import ERROR
+from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, set_up
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters
-from bowden.hardware.ports import Power
+from bowden.hardware.ports import Power, TorqueLeft
 
 MOST_FRAMES = 64
 """Frames that one cycle reads at most, so that a flood on the bus cannot hold the loop."""
@@ -27,7 +27,7 @@ CLOSING_CYCLES = 20
 """How often `close` asks for the power to go off, 2 ms apart, while the drive still has torque."""
 
 NOTHING = DriveReading(
-    math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0
+    math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0
 )  # fmt: skip
 """What has been read before anything has come."""
 
@@ -57,6 +57,7 @@ class CanopenDrive:
         self._rpdo, self._sync = _frame(frames.RPDO1 + node, 8 if self._pushed else 6), _frame(frames.SYNC, 0)
         self._heartbeat = _frame(frames.HEARTBEAT + host, 1)
         self._heartbeat.data = bytearray((frames.OPERATIONAL,))
+        self._ours = frames.of_the_host(node, host)
 
     def bring_up(self) -> str:
         """See `hardware.ports.Drive.bring_up`; may be called again after a failure or a reboot of the drive."""
@@ -85,11 +86,12 @@ class CanopenDrive:
         self._counts = 0  # the motor's position, as it came last
         self._values = NOTHING
         self._heartbeat_at, self._heartbeat_sent = math.nan, -math.inf
+        self._synced = math.nan
 
     def read(self, now: float) -> DriveReading:
         """See `hardware.ports.Drive.read`."""
         values = self._values
-        motor_age, joint_age, emergency = values.motor_age + 1.0, values.joint_age + 1.0, 0.0
+        motor_age, joint_age, emergency, foreign = values.motor_age + 1.0, values.joint_age + 1.0, 0.0, 0.0
         motor, joint, current = values.motor, values.joint, values.current
         tension, temperature = values.tension, values.temperature
         drive, found, node = self._drive, self._found, self._drive.node_id
@@ -117,12 +119,15 @@ class CanopenDrive:
                 self._operational = self._operational and state == frames.OPERATIONAL
             elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
                 emergency = emergency or float(code)  # of several in a cycle the first is the cause
+            elif cob_id & ~REMOTE in self._ours:
+                foreign += 1.0
         self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)
         if math.isnan(self._heartbeat_at):
             self._heartbeat_at = now  # of the first cycle: from here on it can be late
         self._values = DriveReading(
             motor, joint, current, tension, temperature, motor_age, joint_age,
-            now - self._heartbeat_at, float(self._state), emergency, float(self._bus_errors),
+            now - self._heartbeat_at, float(self._state), emergency, float(self._bus_errors), foreign,
+            0.0 if math.isnan(self._synced) else now - self._synced,
         )  # fmt: skip
         return self._values
 
@@ -151,6 +156,7 @@ class CanopenDrive:
             self._reset = False
         led = self._state is DriveState.OPERATION_ENABLED and self._sent == Controlword.ENABLE_OPERATION
         self._order(self._sent, round(counts), torque if led and math.isfinite(torque) else 0.0)
+        self._synced = now
         if now - self._heartbeat_sent >= self._drive.heartbeat_time - 0.5 * self._drive.sample_time:
             self._heartbeat_sent = now
             self._send(self._heartbeat)
@@ -185,19 +191,27 @@ class CanopenDrive:
             motor_home=drive.motor_home + motor - values.motor, joint_home=drive.joint_home + joint - values.joint
         )
 
-    def close(self) -> None:
+    def close(self) -> TorqueLeft:
         """See `hardware.ports.Drive.close`.
 
-        The drive is told to watch our heartbeat no longer only once it has said that it has no torque.
+        The drive is told to watch our heartbeat no longer only once it has said that it has no torque. What it said
+        before it was told off for the last time does not count.
         """
+        left = TorqueLeft.OFF
         if self._bus is not None and self._found is not None:
+            left = TorqueLeft.UNKNOWN
+            for _ in range(MOST_FRAMES):
+                if self._receive() is None:
+                    break
             for _ in range(CLOSING_CYCLES):
                 self._order(Controlword.DISABLE_VOLTAGE, self._counts)
                 with contextlib.suppress(can.CanError, OSError):
                     status = self._wait_for(frames.TPDO1, 0.002)
                     motion = frames.unpack_tpdo1(status) if status is not None else None
-                    self._statusword_state = decode(motion.statusword) if motion else self._statusword_state
-                if self._statusword_state not in WITH_TORQUE:
+                    if motion:
+                        on = decode(motion.statusword) in WITH_TORQUE
+                        left = TorqueLeft.ON if on else TorqueLeft.OFF
+                if left is TorqueLeft.OFF:
                     node = self._drive.node_id
                     unwatched = _frame(frames.SDO_REQUEST + node, 8)
                     unwatched.data = bytearray(frames.pack_sdo_write(0x1016, 1, 0, 4))
@@ -209,6 +223,7 @@ class CanopenDrive:
             stop.data = bytearray((frames.NMT_STOP, self._drive.node_id))
             self._send(stop)
         self._leave()
+        return left
 
     def _wait_for(self, cob_id: int, timeout: float) -> bytes | None:
         """The data of the drive's next frame of that kind; None where it does not come."""

@@ -64,6 +64,14 @@ class Sensors(NamedTuple):
     """[0.1 °C]; None of a drive that does not send it."""
 
 
+def of_the_host(node: int, host: int) -> frozenset[int]:
+    """COB-IDs of what nobody but this host may send while it has a drive: NMT, SYNC, the drive's RPDOs, questions to
+    its SDO server (CiA 301 has one client of it), and the host's own heartbeat.
+    """
+    rpdos = (RPDO1 + 0x100 * i + node for i in range(4))
+    return frozenset((NMT, SYNC, *rpdos, SDO_REQUEST + node, HEARTBEAT + host))
+
+
 def pack_rpdo1(control: int, target: int, torque: int | None = None) -> bytes:
     """Controlword, target position [counts] and, where it is mapped, torque offset [‰] as bytes."""
     return _RPDO1.pack(control, target) if torque is None else _RPDO1_PUSHED.pack(control, target, torque)

@@ -10,10 +10,11 @@ import can
 
 from bowden.core.errors import DriveError
 from bowden.core.signals import DriveState
+from bowden.hardware.buses.opening import UNIX
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_dialogue import Dialogue, dialogue
-from bowden.hardware.drives.cia402 import WITH_TORQUE, OperationMode, decode, supports
-from bowden.hardware.drives.emergencies import emergency_text
+from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, OperationMode, decode, supports
+from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, emergency_text
 from bowden.hardware.drives.parameters import DriveParameters, joint_scale, motor_scale
 from bowden.hardware.drives.scale import Scale, SuitScale
 
@@ -35,8 +36,10 @@ RPM = 2.0 * math.pi / 60.0
 """rad/s in one turn a minute, the unit of 607Fh and 6080h unless 60A9h has a power of ten of it."""
 TURNS_A_MINUTE = 0xB44700
 """That unit in 60A9h, below the byte with the power of ten (CiA 303-2)."""
-LISTENING = 0.03
-"""Time in which another host, whose heartbeats come every 13 ms at most, is heard [s]."""
+LISTENING = 1.0
+"""So long the bus is listened to before anything is said on it: another master gives its signs of life in it [s]."""
+_SAME_SCALE = 1e-3
+"""Two scales that differ by less are the same, but for a rounding [–]."""
 UNCHANGED = 1
 """1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still tells its state."""
 
@@ -64,19 +67,17 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
         DriveError: no answer, not a CiA 402 servo drive, it does not know the mode, it refuses a setting, it is under
             torque, or the rig's limits are beyond its own.
     """
-    with dialogue(bus, drive.node_id, drive.answer_timeout) as node:
-        if node.receives(drive.host_id, LISTENING):
-            raise DriveError(
-                f"a node {drive.host_id}, which is our own number, is on the bus already",
-                expected="one host",
-                do="end the other run first, or correct host_id in [drive]",
-            )
+    with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
+        node.waits(LISTENING, lambda: node.heard.foreign is not None)
+        _check_alone(node, drive)
+        node.heard.booted = False  # one that has just been switched on
         if not node.answers():  # an end of ours has stopped it: only then may it be told anything before it is known
             node.command(frames.NMT_PRE_OPERATIONAL)
         _check_profile(node)
         state = _check_torque_free(node)
         node.command(frames.NMT_PRE_OPERATIONAL)
         _check_mode(node)
+        _check_scale(node, drive)
         motor, joint = motor_scale(drive), joint_scale(drive)
         if drive.home == "here":
             motor = motor_scale(drive, node.read(0x6064, signed=True))
@@ -90,11 +91,77 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
                 expected="the motor's, in µN·m",
                 do="set the motor's data in the drive with its maker's tool",
             )
+        _check_rated(node, drive, rated_torque / drive.torque_constant)
         identity = _identity(node, state)
-        node.command(frames.NMT_START)
-        if not node.reaches(frames.OPERATIONAL):
-            raise DriveError(f"{node.name} does not become operational", expected="NMT state 5 in its heartbeat")
+        _start(node)
+        _try_watch(node, drive, state)
+        _check_alone(node, drive)
+    if node.heard.booted:
+        raise DriveError(
+            f"{node.name} has started anew during its bring-up",
+            expected="a drive that stays on",
+            do="look at its supply, and begin again",
+        )
     return DriveFindings(identity, motor, joint, rated_torque, state)
+
+
+def _check_alone(node: Dialogue, drive: DriveParameters) -> None:
+    """Nobody else may be heard who does what a host does."""
+    cob_id = node.heard.foreign
+    if cob_id is not None:
+        who = f"a node {drive.host_id}, which is our own number," if cob_id > frames.HEARTBEAT else "another master"
+        raise DriveError(
+            f"{who} is on the bus already (a frame {cob_id:03X}h)",
+            expected="one host",
+            do="end the other run or program first, or correct host_id in [drive]",
+        )
+
+
+def _start(node: Dialogue) -> None:
+    """Operational; and all settings as written, of which one that has started anew meanwhile has nothing left."""
+    node.command(frames.NMT_START)
+    if not node.reaches(frames.OPERATIONAL):
+        raise DriveError(f"{node.name} does not become operational", expected="NMT state 5 in its heartbeat")
+    node.keeps_all()
+
+
+def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> None:
+    """Whether the drive does notice that its host has fallen silent: one heartbeat of ours, and then none.
+
+    All that happens when this computer dies rests on it, so it is not taken on trust. The motor has no torque. A fault
+    that comes of it is reset again; one that was there before stays, and where that is of a lost host, it is the proof.
+    """
+    if state is DriveState.FAULT and node.read_if_there(0x603F) == HEARTBEAT_LOST:
+        return
+    node.heard.emergencies.clear()
+    node.send(frames.HEARTBEAT + drive.host_id, bytes((frames.OPERATIONAL,)))
+    if not node.waits(drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.heard.emergencies):
+        raise DriveError(
+            f"{node.name} does not notice that its host is silent",
+            expected=f"an emergency 0x{HEARTBEAT_LOST:X} {1e3 * drive.heartbeat_timeout:g} ms after our last heartbeat",
+            do="take a drive or firmware that watches its host (1016h, 6007h): this one would keep its torque",
+        )
+    signals = node.read(0x6007) == FAULT_SIGNAL
+    reached = decode(node.read(0x6041))
+    if signals and reached not in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
+        raise DriveError(
+            f"{node.name} is in {reached.name.lower().replace('_', ' ')} after its host fell silent",
+            expected="fault, as 6007h wants it",
+            do="take a drive or firmware that acts on 6007h",
+        )
+    if not node.reaches(frames.OPERATIONAL, 1):
+        _start(node)  # one without 1029h leaves operational when its host is lost
+    if state is DriveState.FAULT or not signals:
+        return
+    for word in (Controlword.DISABLE_VOLTAGE, Controlword.FAULT_RESET, Controlword.DISABLE_VOLTAGE):
+        node.send(frames.RPDO1 + drive.node_id, frames.pack_rpdo1(word, 0, 0 if drive.torque_offset > 0.0 else None))
+        node.send(frames.SYNC, b"")
+    if not node.waits(drive.answer_timeout, lambda: decode(node.read(0x6041)) is not DriveState.FAULT):
+        raise DriveError(
+            f"{node.name} stays in fault after the trial of its watch over the host",
+            expected="a fault reset by 6040h bit 7",
+            do="reset it with its maker's tool",
+        )
 
 
 def _check_profile(node: Dialogue) -> None:
@@ -145,6 +212,39 @@ def _check_mode(node: Dialogue) -> None:
         )
 
 
+def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
+    """The rig's counts a turn against the drive's own, where it tells them (CiA 402, "factor group").
+
+    Positions must be in the motor encoder's counts: a wrong scale passes everything else that is checked here.
+    """
+    increments, turns = node.read_if_there(0x608F, 1), node.read_if_there(0x608F, 2)
+    if increments and turns and abs(increments / turns / drive.motor_counts_per_turn - 1.0) > _SAME_SCALE:
+        raise DriveError(
+            f"drive.motor_counts_per_turn is {drive.motor_counts_per_turn:g}",
+            expected=f"{increments / turns:g}, as {node.name} has it (608Fh), counts and not lines of the encoder",
+            do="correct it in rig.toml, or 608Fh with its maker's tool",
+        )
+    motor, shaft = node.read_if_there(0x6091, 1), node.read_if_there(0x6091, 2)
+    if motor and shaft and motor != shaft:
+        raise DriveError(
+            f"{node.name} counts its positions behind a gear of {motor}:{shaft} (6091h)",
+            expected="1:1, so that they are the motor's; the rig's own gear is motor.gear",
+            do="set 6091h to 1:1 with its maker's tool",
+        )
+
+
+def _check_rated(node: Dialogue, drive: DriveParameters, rated: float) -> None:
+    """Whether thousandths of the `rated` current [A] can tell the rig's: 16 bits must hold its largest, and finely."""
+    most, least = 1e-3 * frames.INT16 * rated, 1e-3 * rated
+    if drive.current_limit > 0.0 and not 100.0 * least <= drive.current_limit <= most:
+        raise DriveError(
+            f"{node.name} tells currents from {least:.3g} to {most:.3g} A by its rated torque (6076h) and the motor's "
+            f"torque constant, and the rig's largest is {drive.current_limit:g} A",
+            expected="a rated torque of the motor's size, in µN·m",
+            do="set the motor's data in the drive with its maker's tool, or correct the torque constant in [motor]",
+        )
+
+
 def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitScale) -> None:
     """The rig's limits against those in the drive, which are read and never changed."""
 
@@ -157,6 +257,12 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
 
     low, high = node.read_if_there(0x607D, 1, signed=True), node.read_if_there(0x607D, 2, signed=True)
     if low is None or high is None or low >= high:
+        if drive.interface != UNIX:
+            raise DriveError(
+                f"{node.name} has no limits of its position (607Dh is {low or 0}/{high or 0})",
+                expected="the range that the rig may go to at most, in counts",
+                do="set 607Dh with its maker's tool: it holds whatever this computer does, and whatever its scales are",
+            )
         low, high = -frames.INT32, frames.INT32 - 1  # its counter's own
     ends = sorted((motor.angle(low), motor.angle(high)))
     if math.isfinite(drive.lowest_motor) and drive.lowest_motor < ends[0]:

@@ -33,6 +33,12 @@ _BEFORE = SECOND // 2
 """A run by a recording ends so long before it, so that the end of a recording is no lost stream [ns]."""
 
 
+TROUBLED = SECOND
+"""A signal in trouble away from rest for longer than this is lost: nobody could ask for the way back [ns]."""
+_AT_REST = 1e-3
+"""So near to the extended joint a reference is at rest [rad]."""
+
+
 class CourseSettings(NamedTuple):
     """How contractions move the reference."""
 
@@ -107,7 +113,7 @@ class EmgCourse:
         self._mode = self._memory[:1].data
         self._reference = self._memory[14:].data
         self._step = compiled(_in_place)
-        self._latest, self._age = StreamReading(), math.inf
+        self._latest, self._age, self._good = StreamReading(), math.inf, 0
         self.over = False
         """Whether a recording is about to end, and the run with it."""
         self.begin()
@@ -115,9 +121,17 @@ class EmgCourse:
         self.begin()
 
     def look(self, now: int) -> float:
-        """Take in what the stream says at `now` [ns]; how long ago its newest sample was taken [s]."""
+        """Take in what the stream says at `now` [ns]; how long ago its newest sample was taken [s].
+
+        Samples of dead electrodes come as fresh as any. Where the reference is away from rest and a signal has been in
+        trouble for longer than `TROUBLED`, what counts is the newest sample without.
+        """
         latest = self._latest = self._reader.read()
         self._age = (now - latest.newest) * 1e-9 if latest.newest else math.inf
+        if latest.trouble == 0.0 or self._reference[0] <= self._low + _AT_REST:
+            self._good = now
+        if now - self._good > TROUBLED:
+            self._age = max(self._age, (now - self._good) * 1e-9)
         self.over = 0 < latest.ends < now + _BEFORE
         return self._age
 

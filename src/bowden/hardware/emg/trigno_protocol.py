@@ -41,6 +41,10 @@ _FACTORS = {"V": 1e3, "VOLTS": 1e3, "MV": 1.0, "MILLIVOLTS": 1.0, "UV": 1e-3, "M
 """Unit as the server writes it, in capitals → mV."""
 
 
+_TEXT = frozenset((*b"\t\n\r", *range(32, 127)))
+"""Bytes of a line: nothing that a terminal would take for an order."""
+
+
 class Lines:
     """Lines out of a byte stream, however it is cut.
 
@@ -63,7 +67,7 @@ class Lines:
         """
         *whole, self._rest = (self._rest + data).split(END)
         long = max(map(len, (*whole, self._rest))) > self.LONGEST
-        if long or any(byte > 126 or byte < 9 for line in (*whole, self._rest) for byte in line):
+        if long or any(byte not in _TEXT for line in (*whole, self._rest) for byte in line):
             raise StreamError(
                 f"the command port sends {shown(b''.join(whole) + self._rest)}, which is no text",
                 expected="a Trigno SDK server",
