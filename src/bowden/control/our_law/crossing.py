@@ -75,9 +75,9 @@ ODD = 9.0
 FLATTEST, STEEPEST = 0.6, 1.7
 """Bounds of 1/a over the told one [–]."""
 
-RUNAWAY, RUNAWAY_SHARE = 0.6, 0.5
-"""How far the correction may be from the contact: this, and this share of the way since: beyond, the cable is torn or
-the joint's sensor dead [rad, –]."""
+UNANSWERED = 0.6
+"""How far the correction goes without any motion of the joint, no further than the widest dead zone: beyond, the cable
+is slack or torn, the joint at a stop, or its sensor dead [rad]."""
 
 
 class Crossing(NamedTuple):
@@ -93,6 +93,8 @@ class Crossing(NamedTuple):
     extreme: Annotated[float, Quantity("the joint at the last touch; while crossing, furthest on the old side", "rad")]
     inverse: Annotated[float, Quantity("1/a", "1")]
     variance: Annotated[float, Quantity("its variance", "1")]
+    answer_joint: Annotated[float, Quantity("the joint where it was last seen to move", "rad")]
+    answer_contact: Annotated[float, Quantity("o there", "rad")]
 
 
 class Known(NamedTuple):
@@ -138,7 +140,7 @@ class Crossed(NamedTuple):
 def at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
     """Nothing is known but what was told."""
     doubt = UNSURE * inverse
-    return Crossing(0.0, UNSEEN, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt)
+    return Crossing(0.0, UNSEEN, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt, joint, contact)
 
 
 @kernel
@@ -204,8 +206,9 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     waits = (behind * behind < 2.0 * before.width * forward * told.answer) * (behind > 0.0) * (1.0 - mode) > 0.0
     kept = asked_before + side * np.fmax(side * (asked - asked_before), -forward * dt)
     asked = sel(waits, kept, asked)
-    reach = RUNAWAY + RUNAWAY_SHARE * np.abs(way) * loop
-    asked = np.fmax(before.contact - reach, np.fmin(before.contact + reach, asked))
+    answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * told.noise
+    answer_contact = sel(answers, contact, before.answer_contact)
+    asked = np.fmax(answer_contact - UNANSWERED, np.fmin(answer_contact + UNANSWERED, asked))
 
     # jump, and back at a touch
     left = side * np.fmax(0.0, before.width - sel(crossing, 0.0, done))
@@ -218,7 +221,20 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     rate = before.jump_rate + dt * acceleration
     shift = jump - change * told.position
     return Crossed(
-        Crossing(side, furthest, lack + dt * rate, rate, width, place, mode, extreme, inverse, variance),
+        Crossing(
+            side,
+            furthest,
+            lack + dt * rate,
+            rate,
+            width,
+            place,
+            mode,
+            extreme,
+            inverse,
+            variance,
+            sel(answers, joint, before.answer_joint),
+            answer_contact,
+        ),
         asked,
         shift,
         acceleration,

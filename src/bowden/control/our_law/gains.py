@@ -24,8 +24,9 @@ class BowdenGains(NamedTuple):
     """c, of the observer: its rate κ is c/(1/ω + 1.5·τ) [–]."""
 
 
-SUIT = BowdenGains(lag=0.09)
-"""For the suit (docs/suit.md): a forearm that hangs in the springs of cables and fabric follows some 90 ms late."""
+SUIT = BowdenGains(noise=0.0009, lag=0.09)
+"""For the suit (docs/suit.md): a flex sensor that counts by 0.05°, and a forearm that hangs in the springs of cables
+and fabric and follows some 90 ms late."""
 
 LIMITS: dict[str, tuple[float, float]] = {
     "servo_frequency": (1.0, 1e4),

@@ -76,8 +76,7 @@ class Swing(NamedTuple):
     """What is seen of a swing."""
 
     slow: Annotated[float, Quantity("the disturbance's slow part", "rad")]
-    side: Annotated[float, Quantity("of the half-wave now", "1")]
-    top: Annotated[float, Quantity("largest of the half-wave now", "rad")]
+    top: Annotated[float, Quantity("largest of the half-wave now, with its sign", "rad")]
     last: Annotated[float, Quantity("largest of the one before", "rad")]
     time: Annotated[float, Quantity("since the half-wave began", "s")]
     last_time: Annotated[float, Quantity("time of the one before", "s")]
@@ -94,7 +93,7 @@ class Swing(NamedTuple):
 @kernel
 def no_swing(lag: float) -> Swing:
     """Nothing has been seen yet."""
-    return Swing(0.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 1.0, lag, 0.0, 0.0, 0.1, 0.0, 0.0)
+    return Swing(0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 1.0, lag, 0.0, 0.0, 0.1, 0.0, 0.0)
 
 
 @kernel
@@ -112,8 +111,8 @@ def watched(before: Swing, slow_before: float, disturbance: float, noise: float,
     slow = slow_before + (disturbance - slow_before) * dt / (SLOW_PART + dt)
     fast = disturbance - slow
     size, least = np.abs(fast), np.fmax(LEAST, SIGMAS * noise)
-    turned = fast * before.side < 0.0
-    top = np.fmax(before.top, size)
+    turned = fast * before.top < 0.0
+    top = np.fmax(np.abs(before.top), size)
     in_time = (before.time < SLOWEST) * (before.time < ALIKE * before.last_time) > 0.0
     alike = in_time * (before.time > before.last_time / ALIKE) > 0.0
     grows = in_time * (before.last > least) * (top > GROWN * before.last) > 0.0
@@ -140,8 +139,7 @@ def watched(before: Swing, slow_before: float, disturbance: float, noise: float,
     back = sel(trial > 0.0, before.share, np.fmin(1.0, before.share * (1.0 + dt / RETURN)))
     return Swing(
         slow,
-        sel(turned, -before.side, before.side),
-        sel(turned, size, top),
+        sel(turned, fast, np.copysign(top, fast)),
         sel(turned, top, before.last),
         sel(turned, 0.0, np.fmin(1.0, before.time + dt)),
         sel(turned, before.time, before.last_time),
@@ -161,7 +159,6 @@ def beside(before: Swing, by: float) -> Swing:
     """The same where the disturbance goes by −`by` at once since the plan took it over [rad]."""
     return Swing(
         before.slow - by,
-        before.side,
         before.top,
         before.last,
         before.time,
