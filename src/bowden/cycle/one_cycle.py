@@ -257,7 +257,8 @@ def unconditioned(
     conditioning: Conditioning, conditioned: Conditioned, reference: Reference, dt: float
 ) -> tuple[Conditioned, Reference]:
     """`cycle_condition` of a source that asks for none: the reference as it is."""
-    return Conditioned(*reference, reference.position, 0.0, 0.0, 0.0), reference
+    position, velocity, acceleration = reference
+    return Conditioned(position, velocity, acceleration, position, 0.0, 0.0, 0.0), reference
 
 
 def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., Any]]:
