@@ -3,28 +3,51 @@
 Its equations are in `bowden.control.our_law`, their derivation in ``docs/our_law.md``.
 """
 
+import math
+
+from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
 from bowden.control.our_law.gains import LIMITS, SUIT, BowdenGains
 from bowden.control.our_law.law import start, step
 
 
 def settling(gains: BowdenGains) -> float:
-    """Ten strokes [s]: nine full crossings teach all that the dead zone's filter weighs them by, and nothing is leaked.
+    """Ten strokes [s]: five touches teach the width to a tenth, and a swing is told by a few of its half-waves.
 
     A stroke of the check's trial takes 2 s; no gain sets how soon the law learns.
     """
     return 20.0
 
 
+def surely_wide(known: Knowledge) -> float:
+    """The lower end of a known dead zone, (1 − 2·doubt)·width, at the motor [rad]."""
+    return max(0.0, 1.0 - 2.0 * known.doubt) * known.width
+
+
+def reading_noise(known: Knowledge) -> float:
+    """Standard deviation of the joint's reading, its counting included [rad]."""
+    return math.hypot(known.joint_noise, known.joint_step / math.sqrt(12.0))
+
+
+_LEARNED = "nothing in its place: the law learns it"
+_DERIVED = "nothing in its place: it follows from servo, delay and noise"
+
 FORMER = {
     "height": "width, the dead zone in motor angle",
-    "steepness": "nothing in its place: the law learns it",
-    "soft_feedback": "feedback, with most as its largest",
-    "least_speed": "slow",
-    "wander": "nothing in its place: the law measures it",
-    "noise": "nothing in its place: the law measures it",
+    "steepness": _LEARNED,
+    "soft_feedback": "bandwidth",
+    "feedback": "bandwidth",
+    "least_speed": _DERIVED,
+    "wander": _LEARNED,
+    "doubt": "nothing in its place: width is the lower end of what is known",
+    **dict.fromkeys(
+        ("most", "budget", "lead", "smoothing", "quiet", "crossing", "early", "reach", "worth", "tolerance", "search"),
+        _DERIVED,
+    ),
+    **dict.fromkeys(("patience", "slow", "caution", "haste", "foresight", "rest", "sway", "stray", "stop"), _LEARNED),
+    **dict.fromkeys(("late", "rush", "sight", "chase"), "lag, by which the arm follows late"),
 }
-"""Gains of the law's first version (`Law.former`)."""
+"""Gains of the law's former versions (`Law.former`)."""
 
 LAW = Law(
     name="bowden",
@@ -34,7 +57,14 @@ LAW = Law(
     source="this project, docs/our_law.md",
     presets={"suit": SUIT},
     suit_preset="suit",
-    from_rig={name: name for name in ("servo_frequency", "servo_damping", "delay", "slope", "width", "doubt")},
+    from_rig={
+        "servo_frequency": "servo_frequency",
+        "servo_damping": "servo_damping",
+        "delay": "delay",
+        "slope": "slope",
+        "width": surely_wide,
+        "noise": reading_noise,
+    },
     compensates_lag=True,
     settling=settling,
     limits=LIMITS,

@@ -1,0 +1,241 @@
+"""What is worth knowing of the cable: how wide its dead zone is, where its contact is, and how steep it is.
+
+Both angles are measured at the same instant, so that o = motor − joint/a, the contact, is known without any model of
+the servo. While the cable is engaged o stays; where the motor turns it moves to the other side of the dead zone.
+
+- **Width** w, the lower end of what it may be: a measurement below it is believed at once, one above it by a share. A
+  jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where
+  the joint follows late a touch is seen late, and the share is smaller.
+- **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
+  innovation test. It is used in the plan alone: in the feedback it would be the loop's gain.
+- **Jump**: at a turn of the reference, seen ahead by as long as a jump takes, I goes by what is left of w, and J is
+  what the command lacks of it, J'' = −p²·J − 2p·J'. A jump goes to a place: what the motor has crossed is left out.
+- **Touch**: the joint moves again. What of I is beyond the contact is taken back at once: the motor stops there.
+- **Hold**: where the joint is ahead of the reference by less than that moves while the motor would go back through the
+  dead zone, e² < 2·w·|φ̇|/(a·K'), K' the time of the observer's answer, the motor waits.
+
+| mode | becomes | when |
+|---|---|---|
+| follow | cross | the reference turns by more than the tolerance |
+| cross | follow | the joint moves on by more than a touch |
+| cross | follow, on the side that it came from | the reference turns back before that |
+
+Within cross the observer goes on with its bounded speed (search); within follow it may hold. Portable subset.
+"""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
+
+FOLLOW, CROSS = 0.0, 1.0
+"""The two modes."""
+
+UNSEEN = 1e9
+"""What `Crossing.furthest` is before there was a reference."""
+
+PACE = 2.0
+"""p over the servo's ω: a jump asks for (p/ω)² times the width in the command's acceleration term [–]."""
+
+MIDDLE = 1.5
+"""Half a jump's time, times p [–]."""
+
+TURN, TURN_SIGMAS = 0.001, 4.0
+"""Way of the reference that is a turn, and the same in standard deviations of the noise [rad, –]."""
+
+TOUCH, TOUCH_SIGMAS = 0.0017, 6.0
+"""Way of the joint that is a touch [rad, –]."""
+
+BELIEVED = 0.4
+"""Share by which a larger width is believed [–]."""
+
+WIDEST = 0.6
+"""Largest width that is believed [rad]."""
+
+SLACK = 0.2
+"""Share of the width that the motor may have gone without having begun to cross: the slope's error [–]."""
+
+UNSURE = 0.15
+"""Standard deviation of the told slope, as a share of it [–]."""
+
+WANDERS = 0.02
+"""By how much a slope changes from a stretch to the next, standard deviation [–]."""
+
+STRANGE = 0.035
+"""By how much a contact moves for other reasons in a stretch, standard deviation [rad]."""
+
+STRETCH = 0.05
+"""Shortest stretch of the joint that says something of the slope [rad]."""
+
+ODD = 9.0
+"""Square of an innovation over its variance beyond which it is not believed [–]."""
+
+FLATTEST, STEEPEST = 0.6, 1.7
+"""Bounds of 1/a over the told one [–]."""
+
+UNANSWERED = 0.6
+"""How far the correction goes without any motion of the joint, no further than the widest dead zone: beyond, the cable
+is slack or torn, the joint at a stop, or its sensor dead [rad]."""
+
+
+class Crossing(NamedTuple):
+    """What is known of the cable, and where in it the motor is."""
+
+    side: Annotated[float, Quantity("way of the reference; 0 before its first", "1")]
+    furthest: Annotated[float, Quantity("the reference furthest on this side", "rad")]
+    jump: Annotated[float, Quantity("J, what the command lacks of a jump", "rad")]
+    jump_rate: Annotated[float, Quantity("its rate", "rad/s")]
+    width: Annotated[float, Quantity("w, lower end of the dead zone's width in motor angle", "rad")]
+    contact: Annotated[float, Quantity("o at the last touch, or where the motor turned", "rad")]
+    mode: Annotated[float, Quantity("0 follow, 1 cross", "1")]
+    extreme: Annotated[float, Quantity("the joint at the last touch; while crossing, furthest on the old side", "rad")]
+    inverse: Annotated[float, Quantity("1/a", "1")]
+    variance: Annotated[float, Quantity("its variance", "1")]
+    answer_joint: Annotated[float, Quantity("the joint where it was last seen to move", "rad")]
+    answer_contact: Annotated[float, Quantity("o there", "rad")]
+
+
+class Known(NamedTuple):
+    """What a cycle of `crossed` is told."""
+
+    joint: float
+    """[rad]"""
+    motor: float
+    """[rad]"""
+    position: float
+    """Of the reference [rad]."""
+    velocity: float
+    """[rad/s]"""
+    acceleration: float
+    """[rad/s²]"""
+    inverse: float
+    """1/a₀, as told [–]."""
+    noise: float
+    """σ [rad]."""
+    omega: float
+    """ω of the servo [rad/s]."""
+    delay: float
+    """τ [s]."""
+    lag: float
+    """Of the joint [s]."""
+    answer: float
+    """Time of the observer's answer [s]."""
+
+
+class Crossed(NamedTuple):
+    """What came of it."""
+
+    crossing: Crossing
+    asked: float
+    """I after holding and within reach, before its jump [rad]."""
+    shift: float
+    """What I and F go by at once: the jump, less what the plan takes over as the slope is learned [rad]."""
+    acceleration: float
+    """J'' [rad/s²]."""
+
+
+@kernel
+def at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
+    """Nothing is known but what was told."""
+    doubt = UNSURE * inverse
+    return Crossing(0.0, UNSEEN, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt, joint, contact)
+
+
+@kernel
+def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt: float) -> Crossed:
+    """One cycle.
+
+    Args:
+        before: one cycle ago.
+        told: both angles, the reference, and what is told of the rig.
+        asked_before: I one cycle ago [rad].
+        asked: I as the observer wants it [rad].
+        dt: cycle [s].
+    """
+    joint, motor, speed, loop = told.joint, told.motor, told.velocity, told.inverse
+    first = before.furthest >= UNSEEN
+    pace = PACE * told.omega
+    ahead = told.delay + MIDDLE / pace
+    here = told.position + ahead * (speed + 0.5 * ahead * told.acceleration)
+    fresh = before.side == 0.0
+    reached = before.side * np.fmax(before.side * here, before.side * before.furthest)
+    furthest = sel(first, told.position, sel(fresh, before.furthest, reached))
+    back = sel(fresh, np.abs(here - furthest), before.side * (furthest - here))
+    turns = (back > TURN + TURN_SIGMAS * told.noise) * (1.0 - first) > 0.0
+    side = sel(turns, sel(fresh, np.sign(here - furthest), -before.side), before.side)
+    furthest = sel(turns, here, furthest)
+    crossing = before.mode > 0.5
+
+    # slope, at a turn
+    contact = motor - joint * before.inverse
+    way = joint - before.extreme
+    far = np.abs(way) > STRETCH
+    by = (contact - before.contact) / sel(far, way, 1.0)
+    other = STRANGE * STRANGE / (way * way + 1e-9)
+    stretch = turns * (1.0 - crossing) * (1.0 - fresh) * far > 0.0
+    odd = by * by > ODD * (before.variance + other)
+    trust = sel(odd, 0.0, before.variance / (before.variance + other))
+    learned = np.fmax(FLATTEST * loop, np.fmin(STEEPEST * loop, before.inverse + trust * by))
+    inverse = sel(stretch, learned, before.inverse)
+    least, most = WANDERS * loop, UNSURE * loop
+    surer = sel(odd, 2.0 * before.variance, (1.0 - trust) * before.variance + least * least)
+    variance = sel(stretch, np.fmin(most * most, surer), before.variance)
+    change = inverse - before.inverse
+    contact = contact - change * joint
+
+    # touch, and the width
+    old_side = side * np.fmin(side * joint, side * before.extreme)
+    extreme = sel(turns, sel(crossing, old_side, joint), sel(crossing, old_side, before.extreme))
+    moved = side * (joint - extreme) > TOUCH + TOUCH_SIGMAS * told.noise
+    touches = crossing * (1.0 - turns) * moved > 0.0
+    mode = sel(turns, sel(fresh, FOLLOW, sel(crossing, FOLLOW, CROSS)), sel(touches, FOLLOW, before.mode))
+    gone = side * (contact - before.contact)
+    late = 1.0 + told.omega * told.lag
+    believed = sel(gone < before.width, 1.0, BELIEVED / (late * late))
+    wider = np.fmax(0.0, np.fmin(WIDEST, before.width + believed * (gone - before.width)))
+    width = sel(touches, wider, before.width)
+    done = np.fmin(before.width, np.fmax(0.0, gone - SLACK * before.width))
+    at_turn = sel(crossing, before.contact, contact - side * done)
+    place = sel(touches, contact, sel(turns, at_turn, before.contact))
+
+    # hold, and no further than a cable reaches
+    behind = side * (joint - told.position) * loop
+    forward = np.fmax(0.0, side * speed) * loop
+    waits = (behind * behind < 2.0 * before.width * forward * told.answer) * (behind > 0.0) * (1.0 - mode) > 0.0
+    kept = asked_before + side * np.fmax(side * (asked - asked_before), -forward * dt)
+    asked = sel(waits, kept, asked)
+    answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * told.noise
+    answer_contact = sel(answers, contact, before.answer_contact)
+    asked = np.fmax(answer_contact - UNANSWERED, np.fmin(answer_contact + UNANSWERED, asked))
+
+    # jump, and back at a touch
+    left = side * np.fmax(0.0, before.width - sel(crossing, 0.0, done))
+    beyond = side * np.fmax(0.0, side * (asked - contact))
+    jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
+    slower = 1.0 + pace * dt
+    lack = before.jump - jump
+    pull = -pace * pace * (lack + dt * before.jump_rate) - 2.0 * pace * before.jump_rate
+    acceleration = pull / (slower * slower)
+    rate = before.jump_rate + dt * acceleration
+    shift = jump - change * told.position
+    return Crossed(
+        Crossing(
+            side,
+            furthest,
+            lack + dt * rate,
+            rate,
+            width,
+            place,
+            mode,
+            extreme,
+            inverse,
+            variance,
+            sel(answers, joint, before.answer_joint),
+            answer_contact,
+        ),
+        asked,
+        shift,
+        acceleration,
+    )
