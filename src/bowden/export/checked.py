@@ -24,7 +24,7 @@ class Argument:
     constant: bool = False
     """Whether it is written into the code."""
     plain: bool = False
-    """Whether its constants go by the names of their fields alone, beside other constants that go by their argument's."""
+    """Whether its constants go by their fields' names alone, beside others that go by their argument's as well."""
 
 
 @dataclass(frozen=True)
