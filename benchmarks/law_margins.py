@@ -7,9 +7,9 @@ stands here a second time. What the law is told stays; what the rig really is, i
 Two loops are looked at:
 
 - opened **at the command**: gain, phase and delay margin;
-- opened **at the observer's step** ψ(x), the one place where the law is not linear. Noise, largest speed and a slower κ keep
-  ψ(x)/x between 0 and its linear value, whenever they change, so that by the circle criterion the loop stays bounded
-  where Re L(e^{jωTs}) > −1 at all frequencies. The criterion suffices; a loop that misses it may still be bounded.
+- opened **at the observer's step** ψ(x), the one place where the law is not linear. Noise, largest speed and a slower κ
+  keep ψ(x)/x between 0 and its linear value, whenever they change, so that by the circle criterion the loop stays
+  bounded where Re L(e^{jωTs}) > −1 at all frequencies. It suffices; a loop that misses it may still be bounded.
 """
 
 import argparse
@@ -141,7 +141,8 @@ def closed(plant: StateSpace, law: StateSpace) -> Array:
 def meets_circle_criterion(plant: StateSpace, law: StateSpace, still: StateSpace, dt: float) -> bool:
     """Whether the loop is bounded for every ψ(x)/x between 0 and its linear value.
 
-    The closed loop differs from the one whose correction stands still by one product u·w; 1 + L = det(zI − A)/det(zI − A₀).
+    The closed loop differs from the one whose correction stands still by one product u·w, and
+    1 + L = det(zI − A)/det(zI − A₀).
     """
     without = closed(plant, still)
     left, sizes, right = np.linalg.svd(closed(plant, law) - without)
