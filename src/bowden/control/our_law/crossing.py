@@ -208,11 +208,13 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     asked = sel(waits, kept, asked)
     answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * told.noise
     answer_contact = sel(answers, contact, before.answer_contact)
-    asked = np.fmax(answer_contact - UNANSWERED, np.fmin(answer_contact + UNANSWERED, asked))
+    lowest = np.fmin(asked_before, answer_contact - UNANSWERED)
+    highest = np.fmax(asked_before, answer_contact + UNANSWERED)
+    asked = np.fmax(lowest, np.fmin(highest, asked))  # held back and never drawn along: that would be a loop of its own
 
     # jump, and back at a touch
     left = side * np.fmax(0.0, before.width - sel(crossing, 0.0, done))
-    beyond = side * np.fmax(0.0, side * (asked - contact))
+    beyond = side * np.fmax(0.0, np.fmin(WIDEST, side * (asked - contact)))
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt
     lack = before.jump - jump

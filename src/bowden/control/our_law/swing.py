@@ -80,7 +80,7 @@ class Swing(NamedTuple):
     last: Annotated[float, Quantity("largest of the one before", "rad")]
     time: Annotated[float, Quantity("since the half-wave began", "s")]
     last_time: Annotated[float, Quantity("time of the one before", "s")]
-    count: Annotated[float, Quantity("half-waves that did not decay", "1")]
+    counted: Annotated[float, Quantity("half-waves that did not decay", "1")]
     share: Annotated[float, Quantity("of κ that is used", "1")]
     lag: Annotated[float, Quantity("of the joint behind its cable", "s")]
     wearers: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
@@ -118,9 +118,9 @@ def watched(before: Swing, slow_before: float, disturbance: float, noise: float,
     grows = in_time * (before.last > least) * (top > GROWN * before.last) > 0.0
     news = top > BEYOND * before.wearers
     kept = alike * news * (top > least) * (top > KEPT * before.last) > 0.0
-    ended = sel(kept, before.count + sel(grows, GROWTH, 1.0), 0.0)
-    count = sel(turned, ended, sel(before.time > SLOWEST, 0.0, before.count))
-    soon = grows * news * (before.count + GROWTH > ENOUGH) * (1.0 - turned) > 0.0
+    ended = sel(kept, before.counted + sel(grows, GROWTH, 1.0), 0.0)
+    count = sel(turned, ended, sel(before.time > SLOWEST, 0.0, before.counted))
+    soon = grows * news * (before.counted + GROWTH > ENOUGH) * (1.0 - turned) > 0.0
     enough = soon + (count > ENOUGH) > 0.0
 
     tried = before.trial > 0.0
@@ -163,7 +163,7 @@ def beside(before: Swing, by: float) -> Swing:
         before.last,
         before.time,
         before.last_time,
-        before.count,
+        before.counted,
         before.share,
         before.lag,
         before.wearers,
