@@ -11,7 +11,7 @@ from bowden.control import LAWS
 from bowden.core.kernel import compiled, kernel
 from bowden.core.nested import columns, flat, from_columns, names, refilled, restored
 from bowden.core.signals import Sample
-from bowden.live.old_names import _renamed, names_of_today
+from bowden.live.old_names import SINCE, _renamed, names_of_today
 from bowden.live.row import STOPPED, SUPERVISOR
 
 STATES = [STOPPED, *(law.start(Sample(0.1, 0.2)) for law in LAWS.values())]
@@ -58,7 +58,7 @@ def test_units_are_those_of_the_types() -> None:
 
 def test_old_names_are_those_of_today_where_a_log_has_them_all() -> None:
     supervisor, push, law = _renamed()
-    assert set(supervisor.values()) | {"supervisor.target"} == set(SUPERVISOR)
+    assert set(supervisor.values()) | {"supervisor.target"} == set(SUPERVISOR) - set(SINCE)
     assert len(push) == 17
     assert set(law.values()) | {"law.origin"} == set(LAWS["bowden"].columns())
     assert names_of_today(("time", *supervisor, "law.width")) == ("time", *supervisor.values(), "law.width")

@@ -23,6 +23,8 @@ class Argument:
     """A value of the same structure; of a constant, its value."""
     constant: bool = False
     """Whether it is written into the code."""
+    plain: bool = False
+    """Whether its constants go by their fields' names alone, beside others that go by their argument's as well."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Function:
     results: tuple[str, ...]
     """In the kernel's order: ``state``, ``return`` for what the function returns, other names for pointers to it."""
     summary: str
+    about: Callable[..., Any] | None = None
+    """The kernel that messages name, where another one is wrapped around it."""
 
 
 def check_graph(function: Function, graph: Graph, again: Graph) -> None:
@@ -51,7 +55,7 @@ def check_graph(function: Function, graph: Graph, again: Graph) -> None:
     Raises:
         ParameterError: they are not the same.
     """
-    code = getattr(function.kernel, "__code__", None)
+    code = getattr(function.about or function.kernel, "__code__", None)
     where = f"{code.co_filename}, line {code.co_firstlineno}: " if code else ""
     if again != graph:
         raise ParameterError(

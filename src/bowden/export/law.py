@@ -29,7 +29,7 @@ def law_module(law: Law) -> Module:
         after, command = law.step_kernel(gains, own(*state[:-1]), sample, shown, dt)
         return whole(*after, conditioned), command
 
-    gains = Argument("gains", law.gains, constant=True)
+    gains = Argument("gains", law.gains, constant=True, plain=True)
     conditioning = Argument("conditioning", law.conditioning, constant=True)
     seen = Argument("sample", sample)
     return Module(
@@ -37,7 +37,12 @@ def law_module(law: Law) -> Module:
         f"The control law {law.name!r}: {law.source}.",
         (
             Function(
-                "start", start, (gains, conditioning, seen), ("state",), "The state in which a law begins at a sample."
+                "start",
+                start,
+                (gains, conditioning, seen),
+                ("state",),
+                "The state in which a law begins at a sample.",
+                law.start_kernel,
             ),
             Function(
                 "step",
@@ -48,6 +53,7 @@ def law_module(law: Law) -> Module:
                 ),
                 ("state", "return"),
                 "One cycle of dt [s]: the motor's target angle [rad].",
+                law.step_kernel,
             ),
         ),
         structs={"state": "state", "sample": "sample", "reference": "reference"},

@@ -124,7 +124,8 @@ def macro(module: Module, argument: Argument, leaf: str) -> str:
     if not isinstance(argument.example, tuple):
         return f"{module.prefix}_{argument.name}".upper()
     several = len({one.name for function in module.functions for one in function.arguments if one.constant}) > 1
-    return f"{module.prefix}_{argument.name}_{leaf}".upper() if several else f"{module.prefix}_{leaf}".upper()
+    alone = argument.plain or not several
+    return f"{module.prefix}_{leaf}".upper() if alone else f"{module.prefix}_{argument.name}_{leaf}".upper()
 
 
 def _constants(module: Module, style: Style) -> list[tuple[str, str, str]]:

@@ -20,13 +20,13 @@ class BowdenGains(NamedTuple):
     """σ, standard deviation of the joint's reading, counting included [rad]."""
     lag: float = 0.0
     """Time by which the joint follows the cable late, such as an arm in its springs; more is learned [s]."""
-    bandwidth: float = 6.0
+    bandwidth: float = 5.0
     """c, of the observer: its rate κ is c/(1/ω + 1.5·τ) [–]."""
 
 
-SUIT = BowdenGains(noise=0.0009, lag=0.09)
+SUIT = BowdenGains(noise=0.0009, lag=0.09, bandwidth=4.0)
 """For the suit (docs/suit.md): a flex sensor that counts by 0.05°, and a forearm that hangs in the springs of cables
-and fabric and follows some 90 ms late."""
+and fabric and follows some 90 ms late, with an observer a little slower for it."""
 
 LIMITS: dict[str, tuple[float, float]] = {
     "servo_frequency": (1.0, 1e4),
