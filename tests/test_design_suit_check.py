@@ -107,7 +107,7 @@ def test_our_law_holds_on_a_suit_by_its_trials(tmp_path: Path, capsys: pytest.Ca
     ("law", "said"),
     [
         (LAWS["adaptive"], "in the trial it runs away"),
-        (suit_ours().with_gains(most=40.0, budget=5.0), "in the trial the joint "),
+        (suit_ours().with_gains(bandwidth=20.0, lag=0.0), "in the trial the joint "),
     ],
 )
 def test_gains_of_the_bench_do_not_hold_on_a_suit(law: Law, said: str) -> None:
