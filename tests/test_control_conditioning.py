@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bowden.control.conditioning import SLOWEST, Conditioning, condition_start, condition_step
 from bowden.control.knowledge import Knowledge, informed
 from bowden.control.laws.uncompensated import LAW
-from bowden.control.reference import PeriodicMinimumJerk, PointToPoint, Trajectory
+from bowden.control.reference import Chirp, PeriodicMinimumJerk, PointToPoint, Trajectory
 from bowden.core.kernel import compiled, kernel
 from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
@@ -44,7 +44,11 @@ def rms(values: Array) -> float:
 
 
 @pytest.mark.parametrize("dt", [4e-3, 1e-3, 2.5e-4])
-@pytest.mark.parametrize("motion", [PeriodicMinimumJerk(0.0, 1.5, 1.5), MOTION], ids=["periodic", "point to point"])
+@pytest.mark.parametrize(
+    "motion",
+    [PeriodicMinimumJerk(0.0, 1.5, 1.5), MOTION, Chirp(1.5, 0.1, 13.0, 4.0)],
+    ids=["periodic", "point to point", "chirp"],
+)
 def test_a_motion_is_shown_to_the_bit(motion: Trajectory, dt: float) -> None:
     told = sampled(motion, dt)
     assert conditioned(told, dt).tobytes() == told.tobytes()

@@ -1,6 +1,5 @@
 """Bring-up: it looks before it touches, reads what the drive made of the settings, and knows its units and counts."""
 
-import contextlib
 from typing import Any
 
 import can
@@ -161,6 +160,9 @@ def test_bring_up_among_foreign_frames_succeeds_or_says_why(noise: list[tuple[in
     bus = Noisy(DRIVE, make_bench)
     bus.noise = tuple(noise)
     drive = CanopenDrive(DRIVE, bus)
-    with contextlib.suppress(DriveError):
+    left = {DriveState.SWITCH_ON_DISABLED}
+    try:
         drive.bring_up()
-    assert bus.node.state is DriveState.SWITCH_ON_DISABLED
+    except DriveError:
+        left.add(DriveState.FAULT)  # where it was given up while the drive was to notice that its host is silent
+    assert bus.node.state in left

@@ -91,6 +91,8 @@ class Law:
     proven: "Callable[[Any, float, float], UltimateBounds | None] | None" = None
     """Gains, the cable's slope [rad/rad] and half its dead zone at the joint [rad] → where the law's own proof lets its
     errors end; None where it says nothing, as of gains for which it does not hold."""
+    heard: float = 0.0
+    """Motion of the joint below which its feedback weighs it less; the linear loop is that of larger motions [rad]."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)

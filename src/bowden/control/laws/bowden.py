@@ -19,6 +19,10 @@ def settling(gains: BowdenGains) -> float:
     return 20.0
 
 
+HEARD = 0.015
+"""`Law.heard`: six times what counts as no news at rest on the default bench [rad]."""
+
+
 def surely_wide(known: Knowledge) -> float:
     """The lower end of a known dead zone, (1 − 2·doubt)·width, at the motor [rad]."""
     return max(0.0, 1.0 - 2.0 * known.doubt) * known.width
@@ -67,6 +71,7 @@ LAW = Law(
     },
     compensates_lag=True,
     settling=settling,
+    heard=HEARD,
     limits=LIMITS,
     former=FORMER,
 )
