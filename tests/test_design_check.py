@@ -136,8 +136,8 @@ def test_our_law_has_learned_by_the_end_of_its_trial() -> None:
     short, long = (
         run_trial(BENCH, LAWS["bowden"], np.pi, STROKE, 1, moving).visited[-1] for moving in (MOVING, LONGEST)
     )
-    for name in ("crossing.width", "slopes.up", "slopes.down"):
-        assert short[name] == pytest.approx(long[name], rel=0.01)
+    for name in ("crossing.width", "crossing.inverse"):
+        assert short[name] == pytest.approx(long[name], rel=0.05)
 
 
 def test_what_holds_must_stand_a_part_of_its_margin_with_the_play() -> None:

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
@@ -9,6 +10,10 @@ import pytest
 from bowden.control import LAWS
 from bowden.control.knowledge import MEASURED, informed, with_measured_width
 from bowden.control.knowledge import dead_zone as of_model
+from bowden.control.law import Law
+from bowden.core.kernel import kernel
+from bowden.core.quantity import Quantity
+from bowden.core.signals import Reference, Sample
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters, WishSource
 from bowden.live.dead_zone import dead_zone
@@ -21,7 +26,44 @@ from bowden.safety.limits import Limits
 from loop_rig import LoopRig, twin_bench
 from support.simulated_drive import SimulatedDrive
 
-LAW, LIMITS, BENCH = LAWS["bowden"], Limits(), default_bench()
+LIMITS, BENCH = Limits(), default_bench()
+
+
+class Guesses(NamedTuple):
+    """Of a law that is told a dead zone, and how far to trust it."""
+
+    slope: float = 1.0
+    width: float = 0.0
+    doubt: float = 1.0
+    lag: float = 0.0
+
+
+class Kept(NamedTuple):
+    """The width that it began with."""
+
+    width: Annotated[float, Quantity("width", "rad")]
+
+
+@kernel
+def begin_with_it(gains: Guesses, _sample: Sample) -> Kept:
+    return Kept(gains.width)
+
+
+@kernel
+def follow(gains: Guesses, state: Kept, _sample: Sample, reference: Reference, _dt: float) -> tuple[Kept, float]:
+    return state, reference.position / gains.slope
+
+
+LAW = Law(
+    name="guessing",
+    gains=Guesses(),
+    start_kernel=begin_with_it,
+    step_kernel=follow,
+    source="this test",
+    presets={"suit": Guesses(lag=0.09)},
+    from_rig={"slope": "slope", "width": "width", "doubt": "doubt"},
+    limits={"width": (0.0, 0.5), "doubt": (0.0, 1.0)},
+)
 
 
 def test_the_preflight_measures_the_dead_zone_of_the_bench() -> None:
@@ -51,7 +93,7 @@ def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path)
     width = log["play"][first]
     assert width > 0.02
     assert np.isnan(log["play"][0])
-    assert log["law.crossing.width"][first] == width
+    assert log["law.width"][first] == width
     same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
     assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
 
@@ -79,7 +121,7 @@ def test_what_is_measured_is_better_than_a_presets_guess_and_worse_than_a_model(
     assert with_measured_width(model, 0.1).gains == model.gains
 
 
-@pytest.mark.parametrize("name", ["adaptive", "offset_inverse", "observer"])
+@pytest.mark.parametrize("name", ["adaptive", "offset_inverse", "observer", "bowden"])
 def test_a_law_that_learns_no_dead_zone_is_told_nothing_of_it(name: str) -> None:
     assert with_measured_width(LAWS[name], 0.1) is LAWS[name]
 
@@ -91,3 +133,9 @@ def test_an_identified_cable_is_a_laws_first_guess() -> None:
     assert law.gains.doubt == 0.1
     by_hand = informed(LAW, knowledge_of(BENCH)).gains
     assert (by_hand.slope, by_hand.width, by_hand.doubt) == (1.0, 0.0, 1.0)
+
+
+def test_our_law_is_told_the_lower_end_of_an_identified_dead_zone() -> None:
+    law, known = LAWS["bowden"], knowledge_of(BENCH, identified=True)
+    assert informed(law, known).gains.width == pytest.approx(0.8 * known.width)
+    assert informed(law, knowledge_of(BENCH)).gains.width == 0.0

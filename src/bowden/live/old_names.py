@@ -4,7 +4,6 @@ What was recorded then is what is recorded now, under other names: the log can b
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 
 _SUPERVISOR: Mapping[str, str] = {
     "mode": "decided.mode",
@@ -66,23 +65,11 @@ SINCE: Mapping[str, float] = {
 }
 """Columns of a run's readings and supervisor that older logs do not have, with what stands for them."""
 
-_LAW: Mapping[str, str] = {"plan": "plan.motor", "slope_up": "slopes.up", "slope_down": "slopes.down"}
-"""What our law's parts called otherwise before; every other field kept its own name."""
-
-
-@cache
-def _renamed() -> tuple[Mapping[str, str], ...]:
-    """Old name → name of today, one state a mapping."""
-    from bowden.control import LAWS  # of use for an old log alone
-
-    other = {today: old for old, today in _LAW.items()}
-    today = [name.removeprefix("law.") for name in LAWS["bowden"].columns()]
-    law = {other.get(name, name.rpartition(".")[2]): name for name in today}
-    states = {"supervisor": _SUPERVISOR, "admittance": _PUSH, "law": law}
-    return tuple(
-        {f"{part}.{old}": f"{part}.{name}" for old, name in names.items() if old != name}
-        for part, names in states.items()
-    )
+_RENAMED: tuple[Mapping[str, str], ...] = tuple(
+    {f"{part}.{old}": f"{part}.{name}" for old, name in names.items() if old != name}
+    for part, names in {"supervisor": _SUPERVISOR, "admittance": _PUSH}.items()
+)
+"""Old name → name of today, one state a mapping; a law of then is another law, and its columns keep their names."""
 
 
 def names_of_today(columns: Sequence[str]) -> tuple[str, ...]:
@@ -100,4 +87,4 @@ def _found(there: set[str]) -> Iterator[Mapping[str, str]]:
     """The states of which a log has every old name: one alone may be another law's own."""
     if any(name.count(".") > 1 for name in there) or not {"supervisor.winding"} & there:
         return
-    yield from (names for names in _renamed() if set(names) <= there)
+    yield from (names for names in _RENAMED if set(names) <= there)

@@ -90,6 +90,7 @@ class Crossing(NamedTuple):
     furthest: Annotated[float, Quantity("the reference furthest on this side", "rad")]
     jump: Annotated[float, Quantity("J, what the command lacks of a jump", "rad")]
     jump_rate: Annotated[float, Quantity("its rate", "rad/s")]
+    jump_bend: Annotated[float, Quantity("the rate of that", "rad/s²")]
     width: Annotated[float, Quantity("w, lower end of the dead zone's width in motor angle", "rad")]
     contact: Annotated[float, Quantity("o at the last touch, or where the motor turned", "rad")]
     mode: Annotated[float, Quantity("0 follow, 1 cross", "1")]
@@ -135,15 +136,13 @@ class Crossed(NamedTuple):
     """I after holding and within reach, before its jump [rad]."""
     shift: float
     """What I and F go by at once: the jump, less what the plan takes over as the slope is learned [rad]."""
-    acceleration: float
-    """J'' [rad/s²]."""
 
 
 @kernel
 def at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
     """Nothing is known but what was told."""
     doubt = UNSURE * inverse
-    return Crossing(0.0, UNSEEN, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt, joint, contact)
+    return Crossing(0.0, UNSEEN, 0.0, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt, joint, contact)
 
 
 @kernel
@@ -211,17 +210,20 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     asked = sel(waits, kept, asked)
     answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * told.noise
     answer_contact = sel(answers, contact, before.answer_contact)
-    asked = np.fmax(answer_contact - UNANSWERED, np.fmin(answer_contact + UNANSWERED, asked))
+    lowest = np.fmin(asked_before, answer_contact - UNANSWERED)
+    highest = np.fmax(asked_before, answer_contact + UNANSWERED)
+    asked = np.fmax(lowest, np.fmin(highest, asked))  # held back and never drawn along: that would be a loop of its own
 
     # jump, and back at a touch
     left = side * np.fmax(0.0, before.width - sel(crossing, 0.0, done))
-    beyond = side * np.fmax(0.0, side * (asked - contact))
+    beyond = side * np.fmax(0.0, np.fmin(WIDEST, side * (asked - contact)))
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt
     lack = before.jump - jump
-    pull = -pace * pace * (lack + dt * before.jump_rate) - 2.0 * pace * before.jump_rate
-    acceleration = pull / (slower * slower)
-    rate = before.jump_rate + dt * acceleration
+    pull = -pace * (pace * (pace * (lack + dt * (before.jump_rate + dt * before.jump_bend)) + 3.0 * before.jump_rate)
+                    + 3.0 * dt * pace * before.jump_bend + 3.0 * before.jump_bend)
+    bend = before.jump_bend + dt * pull / (slower * slower * slower)
+    rate = before.jump_rate + dt * bend
     shift = jump - change * told.position
     return Crossed(
         Crossing(
@@ -229,6 +231,7 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
             furthest,
             lack + dt * rate,
             rate,
+            bend,
             width,
             place,
             mode,
@@ -240,5 +243,4 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
         ),
         asked,
         shift,
-        acceleration,
     )

@@ -17,15 +17,18 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law_parts import Filtered, through_servo
-from bowden.control.our_law.crossing import UNSEEN, Crossing, Known, at_start, crossed
+from bowden.control.our_law.crossing import TOUCH, TOUCH_SIGMAS, UNSEEN, Crossing, Known, at_start, crossed
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import Observer, arrives, at_rest, corrected, pace_of, shifted
 from bowden.control.our_law.swing import Swing, beside, no_swing, watched
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
-FURTHEST = 1e3
-"""Angles beyond it are none [rad]."""
+FURTHEST = 1e6
+"""Angles beyond it are none; a motor may have made many turns [rad]."""
+
+FASTEST = 30.0
+"""A joint is no faster; a reading that jumps further is no news, and is taken for the joint's no faster [rad/s]."""
 
 REST = 0.1
 """Time within which a reference that rests does not go as far as a tolerance [s]."""
@@ -68,8 +71,11 @@ def step(
 
     lag = state.swing.lag
     arrived = arrives(before, delay, lag, dt)
-    error = sample.joint - reference.position
-    disturbance = sel(seen, error * inverse - arrived, -before.asked)
+    most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
+    way = sample.joint - known.answer_joint
+    joint = known.answer_joint + sel(seen, np.fmax(-most, np.fmin(most, way)), 0.0)
+    error = joint - reference.position
+    disturbance = sel(seen * (np.abs(way) <= most) > 0.0, error * inverse - arrived, -before.asked)
     slow = sel(known.furthest >= UNSEEN, disturbance, state.swing.slow)
     swing = watched(state.swing, slow, disturbance, noise, pace.kappa, dt)
 
@@ -80,7 +86,6 @@ def step(
         before, disturbance, arrived, kappa, pace, least, reference.velocity * inverse, dt
     )
     answer = 1.0 / kappa + 2.0 / pace.quick + delay
-    joint = sel(seen, sample.joint, known.extreme)
     motor = sel(seen, sign * sample.motor, known.contact + joint * known.inverse)
     told = Known(
         joint,
@@ -105,7 +110,7 @@ def step(
     wanted = Filtered(
         position + observer.sent + cable.jump,
         velocity + observer.rate + cable.jump_rate,
-        reference.acceleration * cable.inverse + acceleration + after.acceleration,
+        reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
     )
     command = sign * through_servo(wanted, omega, gains.servo_damping)
     return BowdenState(observer, beside(swing, after.shift), cable), command

@@ -142,7 +142,7 @@ def watched(before: Swing, slow_before: float, disturbance: float, noise: float,
     back = sel(trial > 0.0, before.share, np.fmin(1.0, before.share * (1.0 + dt / RETURN)))
     return Swing(
         slow,
-        sel(turned, fast, np.copysign(top, fast)),
+        sel(turned, fast, sel(fast < 0.0, -top, top)),
         sel(turned, top, before.last),
         sel(turned, 0.0, np.fmin(1.0, before.time + dt)),
         sel(turned, before.time, before.last_time),

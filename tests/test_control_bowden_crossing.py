@@ -1,0 +1,70 @@
+"""The crossing of our law: its table of modes, and that the width it believes is a lower end."""
+
+import numpy as np
+import pytest
+
+from bowden.control.our_law.crossing import BELIEVED, CROSS, FOLLOW, Crossing, Known, at_start, crossed
+
+DT = 1e-3
+
+
+def told(joint: float, motor: float, position: float, velocity: float) -> Known:
+    return Known(
+        joint, motor, position, velocity, 0.0, inverse=1.0, noise=1e-4, omega=53.6, delay=1e-3, lag=0.0, answer=0.02
+    )
+
+
+def led(cable: Crossing, rows: list[tuple[float, float, float]]) -> tuple[Crossing, float]:
+    """After each of these joints, motors and references, slowly; the shifts summed up."""
+    total, before = 0.0, rows[0][2]
+    for joint, motor, position in rows:
+        after = crossed(cable, told(joint, motor, position, 0.05 * np.sign(position - before)), 0.0, 0.0, DT)
+        cable, before, total = after.crossing, position, total + after.shift
+    return cable, total
+
+
+def line(first: float, last: float, count: int) -> list[float]:
+    return np.linspace(first, last, count).tolist()
+
+
+def up(width: float) -> Crossing:
+    """Followed up to 0.5 rad with a width believed, engaged."""
+    cable, _ = led(at_start(0.0, 0.0, 1.0, width), [(x, x, x) for x in line(0.0, 0.5, 500)])
+    assert (cable.mode, cable.side) == (FOLLOW, 1.0)
+    return cable
+
+
+def turned(width: float) -> tuple[Crossing, float]:
+    return led(up(width), [(0.5, 0.5, x) for x in line(0.499, 0.46, 40)])
+
+
+def test_a_turn_of_the_reference_begins_a_crossing_by_what_is_left_of_the_width() -> None:
+    cable, shift = turned(0.1)
+    assert (cable.mode, cable.side) == (CROSS, -1.0)
+    assert shift == pytest.approx(-0.1, abs=0.005)
+    assert turned(0.0)[1] == pytest.approx(0.0, abs=1e-9), "nothing is known, nothing is jumped"
+
+
+@pytest.mark.parametrize("gone", [0.06, 0.16])
+def test_a_touch_ends_it_and_the_width_stays_a_lower_end(gone: float) -> None:
+    """What is narrower is believed at once, what is wider by a share."""
+    cable, _ = turned(0.1)
+    cable, _ = led(cable, [(0.5, x, 0.45) for x in line(0.5, 0.5 - gone, 50)])
+    assert cable.mode == CROSS
+    cable, _ = led(cable, [(0.5 - x, 0.5 - gone - x, 0.45 - x) for x in line(0.0, 0.004, 8)])
+    assert cable.mode == FOLLOW
+    expected = gone if gone < 0.1 else 0.1 + BELIEVED * (gone - 0.1)
+    assert cable.width == pytest.approx(expected, abs=0.002)
+
+
+def test_a_reference_that_turns_back_before_the_touch_is_on_its_old_side_again() -> None:
+    cable, there = turned(0.1)
+    cable, back = led(cable, [(0.5, 0.45, x) for x in line(0.46, 0.5, 40)])
+    assert (cable.mode, cable.side) == (FOLLOW, 1.0)
+    assert cable.width == 0.1
+    assert back == pytest.approx(-there, abs=0.005)
+
+
+def test_a_still_reference_never_turns() -> None:
+    cable, shift = led(up(0.1), [(0.5 + 0.05 * np.sin(0.01 * k), 0.5, 0.5) for k in range(2000)])
+    assert (cable.mode, cable.side, shift) == (FOLLOW, 1.0, 0.0)
