@@ -39,10 +39,11 @@ FOLLOW, CROSS = 0.0, 1.0
 UNSEEN = 1e9
 """What `Crossing.furthest` is before there was a reference."""
 
-PACE = 2.0
-"""p over the servo's ω: a jump asks for (p/ω)² times the width in the command's acceleration term [–]."""
+PACE = 3.0
+"""p over the servo's ω: a jump asks for up to half of (p/ω)² times the width in the command's acceleration term, and
+begins without a step of it [–]."""
 
-MIDDLE = 1.5
+MIDDLE = 2.2
 """Half a jump's time, times p [–]."""
 
 TURN, TURN_SIGMAS = 0.001, 4.0
@@ -220,8 +221,11 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt
     lack = before.jump - jump
-    pull = -pace * (pace * (pace * (lack + dt * (before.jump_rate + dt * before.jump_bend)) + 3.0 * before.jump_rate)
-                    + 3.0 * dt * pace * before.jump_bend + 3.0 * before.jump_bend)
+    stiff, damp = (
+        pace * (lack + dt * (before.jump_rate + dt * before.jump_bend)),
+        before.jump_rate + dt * before.jump_bend,
+    )
+    pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
     bend = before.jump_bend + dt * pull / (slower * slower * slower)
     rate = before.jump_rate + dt * bend
     shift = jump - change * told.position

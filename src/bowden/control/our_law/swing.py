@@ -83,11 +83,10 @@ class Swing(NamedTuple):
     last: Annotated[float, Quantity("largest of the one before", "rad")]
     time: Annotated[float, Quantity("since the half-wave began", "s")]
     last_time: Annotated[float, Quantity("time of the one before", "s")]
-    counted: Annotated[float, Quantity("half-waves that did not decay", "1")]
+    counted: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
     share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
     lag: Annotated[float, Quantity("of the joint behind its cable", "s")]
     wearers: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
-    trial: Annotated[float, Quantity("half-waves until the trial ends; 0 while watching", "1")]
     period: Annotated[float, Quantity("half-wave of the trial's swing", "s")]
     early: Annotated[float, Quantity("largest in the trial's first span", "rad")]
     late: Annotated[float, Quantity("largest in its second", "rad")]
@@ -96,7 +95,7 @@ class Swing(NamedTuple):
 @kernel
 def no_swing(lag: float) -> Swing:
     """Nothing has been seen yet."""
-    return Swing(0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 1.0, lag, 0.0, 0.0, 0.1, 0.0, 0.0)
+    return Swing(0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 1.0, lag, 0.0, 0.1, 0.0, 0.0)
 
 
 @kernel
@@ -126,31 +125,30 @@ def watched(before: Swing, slow_before: float, disturbance: float, noise: float,
     soon = grows * news * (before.counted + GROWTH > ENOUGH) * (1.0 - turned) > 0.0
     enough = soon + (count > ENOUGH) > 0.0
 
-    tried = before.trial > 0.0
+    tried = before.counted < 0.0
     suspected = enough * (1.0 - tried) > 0.0
-    left = before.trial - dt / before.period
+    left = -before.counted - dt / before.period
     ends = tried * (left <= 0.0) > 0.0
-    early = sel((left > WATCHED) * (left < 2.0 * WATCHED) > 0.0, np.fmax(before.early, size), before.early)
-    late = sel(left <= WATCHED, np.fmax(before.late, size), before.late)
+    early = sel(tried * (left > WATCHED) * (left < 2.0 * WATCHED) > 0.0, np.fmax(before.early, size), before.early)
+    late = sel(tried * (left <= WATCHED) > 0.0, np.fmax(before.late, size), before.late)
     theirs = ends * (late > STILL_THERE * early) * (late > OF_BEFORE * before.wearers) > 0.0
     own = ends * (1.0 - theirs) > 0.0
     later = np.fmax(before.lag, np.fmin(LATEST, before.lag + LATER * before.period / np.pi))
     period = sel(suspected, np.fmax(sel(soon, before.last_time, before.time), 2.0 * dt), before.period)
-    trial = sel(suspected, TRIED, np.fmax(0.0, left))
+    counted = sel(suspected, -TRIED, sel(ends, 0.0, sel(tried, -left, count)))
     wearers = sel(suspected, np.fmax(before.wearers, top), sel(own, 0.0, before.wearers * (1.0 - dt / FORGOTTEN)))
     slowed = np.fmin(0.5 * before.share, SLOWED * np.pi / (period * kappa))
-    back = sel(trial > 0.0, before.share, np.fmin(1.0, before.share * (1.0 + dt / RETURN)))
+    back = sel(counted < 0.0, before.share, np.fmin(1.0, before.share * (1.0 + dt / RETURN)))
     return Swing(
         slow,
         sel(turned, fast, sel(fast < 0.0, -top, top)),
         sel(turned, top, before.last),
         sel(turned, 0.0, np.fmin(1.0, before.time + dt)),
         sel(turned, before.time, before.last_time),
-        sel(enough, 0.0, count),
+        counted,
         sel(suspected, slowed, sel(theirs, 1.0, back)),
         sel(own, later, before.lag),
         wearers,
-        trial,
         period,
         sel(suspected, 0.0, early),
         sel(suspected, 0.0, late),
@@ -170,7 +168,6 @@ def beside(before: Swing, by: float) -> Swing:
         before.share,
         before.lag,
         before.wearers,
-        before.trial,
         before.period,
         before.early,
         before.late,
