@@ -12,6 +12,7 @@ from bowden.control import LAWS
 from bowden.core import style
 from bowden.core.units import DEGREES
 from bowden.rig.presets import bench
+from bowden.sim.run import simulate
 
 _SHOWN = {
     "adaptive": "adaptive, the paper's",
@@ -20,6 +21,8 @@ _SHOWN = {
 }
 _FROM, _TO = 35.02, 35.42
 """One reversal, seen closely [s]."""
+_SEED = 1
+"""Of the encoders' noise."""
 
 
 def comparison() -> Figure:
@@ -27,7 +30,9 @@ def comparison() -> Figure:
     figure, (errors, near, widths, motors) = style.new_figure(2, 2, 10.0, 5.0)
     colours = style.colours_for(list(_SHOWN))
     for name, label in _SHOWN.items():
-        trace = bench.run(LAWS[name], moved=True)
+        trace = simulate(
+            bench.bench(), LAWS[name], bench.minimum_jerk(), duration=60.0, bend=bench.moved_sheath(), seed=_SEED
+        )
         near_it = (trace.time >= _FROM) & (trace.time <= _TO)
         time, error, colour = trace.time, trace.error * DEGREES, colours[name]
         errors.plot(*style.thin(time, error), color=colour, label=label)

@@ -1,18 +1,21 @@
 """What is worth knowing of the cable: how wide its dead zone is, where its contact is, and how steep it is.
 
 Both angles are measured at the same instant, so that o = motor − joint/a, the contact, is known without any model of
-the servo. While the cable is engaged o stays; where the motor turns it moves to the other side of the dead zone.
+the servo. While the cable is engaged o stays; after a turn the motor crosses the dead zone, and o moves by its width.
+All is in motor angle; a is the slope as learned, a₀ as told, I and F the observer's correction, asked for and sent.
 
 - **Width** w, the lower end of what it may be: a measurement below it is believed at once, one above it by a share. A
   jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where
   the joint follows late a touch is seen late, and the share is smaller.
 - **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
   innovation test. It is used in the plan alone: in the feedback it would be the loop's gain.
-- **Jump**: at a turn of the reference, seen ahead by as long as a jump takes, I goes by what is left of w, and J is
-  what the command lacks of it, J'' = −p²·J − 2p·J'. A jump goes to a place: what the motor has crossed is left out.
-- **Touch**: the joint moves again. What of I is beyond the contact is taken back at once: the motor stops there.
-- **Hold**: where the joint is ahead of the reference by less than that moves while the motor would go back through the
-  dead zone, e² < 2·w·|φ̇|/(a·K'), K' the time of the observer's answer, the motor waits.
+- **Jump**: at a turn of the reference, seen ahead by τ and half a jump, I and F go at once by what is left of w, and
+  J begins at minus that, J'' = −p²·J − 2p·J', so that F + J is smooth. The observer sees nothing of it. A jump goes to
+  a place: what the motor has crossed before is left out.
+- **Touch**: the joint moves again. What of I is beyond the contact is taken back the same way: the motor stops there.
+- **Hold**: where the joint is ahead by e, and the reference will be there before the motor has gone back through the
+  dead zone, (e/a₀)² < 2·w·(|φ̇|/a₀)·T, T the time of the observer's answer, I goes back no faster than the reference
+  comes.
 
 | mode | becomes | when |
 |---|---|---|
@@ -49,7 +52,7 @@ TOUCH, TOUCH_SIGMAS = 0.0017, 6.0
 """Way of the joint that is a touch [rad, –]."""
 
 BELIEVED = 0.4
-"""Share by which a larger width is believed [–]."""
+"""Share by which a larger width is believed, over (1 + ω·lag)² [–]."""
 
 WIDEST = 0.6
 """Largest width that is believed [rad]."""
@@ -101,11 +104,11 @@ class Known(NamedTuple):
     """What a cycle of `crossed` is told."""
 
     joint: float
-    """[rad]"""
+    """As measured [rad]."""
     motor: float
-    """[rad]"""
+    """As measured, in the direction in which it moves the joint on [rad]."""
     position: float
-    """Of the reference [rad]."""
+    """φ, of the reference [rad]."""
     velocity: float
     """[rad/s]"""
     acceleration: float
@@ -121,7 +124,7 @@ class Known(NamedTuple):
     lag: float
     """Of the joint [s]."""
     answer: float
-    """Time of the observer's answer [s]."""
+    """T, time of the observer's answer, 1/κ + 2/q + τ [s]."""
 
 
 class Crossed(NamedTuple):

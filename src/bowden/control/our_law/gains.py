@@ -1,4 +1,4 @@
-"""What our law is told: eight numbers with their limits, and those for the suit."""
+"""What our law is told: eight numbers, their values for the suit, and the limits within which they make sense."""
 
 from typing import NamedTuple
 

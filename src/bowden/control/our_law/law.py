@@ -5,8 +5,9 @@ With s = 1/a₀, a₀ the told slope, a the learned one, φ the reference, F the
     v = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
     command = v + 2ζ/ω·v' + v''/ω²                                       what the servo must be asked for
 
-Three parts, each with a page of its own: `observer` takes everything that moves the joint for one disturbance and takes
-it away, `crossing` knows the dead zone, `swing` slows the observer where the loop rings.
+ω, ζ are the servo's, τ the delay. Three parts, each with a file of its own: `observer` takes everything that moves the
+joint for one disturbance and takes it away (F), `crossing` knows the dead zone (J) and learns a, `swing` slows the
+observer where the loop rings. In the feedback stands a₀, in the plan a: what is learned must not be the loop's gain.
 
 Derivation, stability and limits: ``docs/our_law.md``. Portable subset.
 """

@@ -1,16 +1,17 @@
 """A disturbance observer through servo and delay, whose correction is smooth enough for the servo's inverse.
 
-All that moves the joint beside the plan is one disturbance d, counted at the motor. With s = 1/a₀, the error
-e = joint − reference and the correction F that is on its way:
+All that moves the joint beside the plan is one disturbance d, in motor angle. With s = 1/a₀, a₀ the slope as told, the
+error e = joint − reference, the delay τ, and F, which is sent to the servo beside the plan:
 
-    d̂ = e·s − F(t − τ), behind the joint's lag             what the joint would do without the correction
-    x' = 1.5·q·(d̂ + I − x)                                 the innovation, without the fastest noise
-    I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v                       the correction asked for
+    d̂ = e·s − F(t − τ) behind the joint's lag              what the joint would do without the correction
+    x' = 1.5·q·(d̂ + I − x)                                 the innovation: what of d̂ is not yet in −I
+    I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v + 2·s·|φ̇|             the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
 In d̂ the law's own correction cancels, so that where servo, delay, slope and lag are as told nothing is fed back: the
 loop's gain is the error of what was told. Hence κ can be wide, and is bounded by what is not known of servo and delay.
-v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run away.
+v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run away. κ, q and v
+follow from what is told (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
@@ -27,13 +28,13 @@ DELAYS = 1.5
 """Delays that weigh as much as 1/ω in κ: the delay itself and half of it for the sample before [–]."""
 
 QUICKEST = 12.0
-"""q over the servo's ω, at most: beyond it the lag of F is no longer what counts [–]."""
+"""Largest q over the servo's ω: beyond it the lag of F is no longer what counts [–]."""
 
-HEARD = 0.0035
-"""What the joint's noise alone may make of the command's acceleration term, standard deviation [rad]."""
+COMMAND_NOISE = 0.0035
+"""What the joint's noise alone may make of F''/ω² in the command, standard deviation [rad]."""
 
-THIRD = 1.5
-"""Pole of the innovation's filter over q: with it white noise reaches the command with a slope of three [–]."""
+THIRD_POLE = 1.5
+"""Pole of the innovation's filter over q; with F's two poles the roll-off from d̂ to F is of third order [–]."""
 
 STOPPED = 0.05
 """Way within which servo and delay must be able to stop the correction [rad]."""
@@ -41,15 +42,15 @@ STOPPED = 0.05
 LEAST_SPEED = 1.0
 """Speed that the correction may always have [rad/s]."""
 
-CARRIED = 2.0
-"""Share of the reference's own speed that is added to it: an error of the slope asks for that [–]."""
+MOVING = 2.0
+"""Share of the reference's speed by which the correction may be faster: an error of the slope asks for that [–]."""
 
 
 class Observer(NamedTuple):
     """What the observer remembers."""
 
     asked: Annotated[float, Quantity("I, the correction asked for", "rad")]
-    innovation: Annotated[float, Quantity("x, what of the disturbance is not yet in it", "rad")]
+    innovation: Annotated[float, Quantity("x, what of the disturbance is not yet corrected", "rad")]
     sent: Annotated[float, Quantity("F, the correction as sent", "rad")]
     rate: Annotated[float, Quantity("its rate", "rad/s")]
     arrived: Annotated[float, Quantity("the correction that has arrived at the joint", "rad")]
@@ -59,23 +60,23 @@ class Pace(NamedTuple):
     """Rates that follow from what is told."""
 
     kappa: float
-    """κ of a loop that does not ring [1/s]."""
+    """κ, whole: what `swing` leaves of it is used [1/s]."""
     quick: float
-    """q [rad/s]."""
+    """q, of the filters [rad/s]."""
     stopping: float
-    """v where the reference rests [rad/s]."""
+    """v, largest speed of the correction where the reference rests [rad/s]."""
 
 
 @kernel
 def pace_of(gains: BowdenGains, inverse: float, dt: float) -> Pace:
-    """κ = c/(1/ω + 1.5·τ); q from the noise; v = way/(2ζ/ω + τ) and a little.
+    """κ = c/(1/ω + 1.5·τ);  q = ω·min(12, √(0.0035 rad/(σ·s·√(1 − e^(−κ·Ts)))));  v = 0.05 rad/(2ζ/ω + τ) + 1 rad/s.
 
-    The noise comes through the observer as σ·√(1 − e^(−κ·Ts)) and through the servo's inverse times (q/ω)².
+    The joint's noise σ comes through the observer as σ·s·√(1 − e^(−κ·Ts)), and through the servo's inverse by (q/ω)².
     """
     omega, delay = gains.servo_frequency, gains.delay
     kappa = gains.bandwidth / (1.0 / omega + DELAYS * delay)
     through = gains.noise * inverse * np.sqrt(1.0 - exp(-kappa * dt)) + 1e-9
-    quick = omega * np.fmin(QUICKEST, np.sqrt(HEARD / through))
+    quick = omega * np.fmin(QUICKEST, np.sqrt(COMMAND_NOISE / through))
     return Pace(kappa, quick, STOPPED / (2.0 * gains.servo_damping / omega + delay) + LEAST_SPEED)
 
 
@@ -115,9 +116,9 @@ def corrected(
         speed: of the reference, at the motor [rad/s].
         dt: cycle [s].
     """
-    share = THIRD * pace.quick * dt
+    share = THIRD_POLE * pace.quick * dt
     x = before.innovation + (disturbance + before.asked - before.innovation) * share / (1.0 + share)
-    most = dt * (pace.stopping + CARRIED * np.abs(speed))
+    most = dt * (pace.stopping + MOVING * np.abs(speed))
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
     asked = before.asked - np.fmax(-most, np.fmin(most, step))
     slower = 1.0 + pace.quick * dt

@@ -5,18 +5,21 @@ trembles or walks: the law's correction and what it observes are tied by the law
 
 - **suspicion**: half-waves of the disturbance's fast part that are alike in time, and as large as the one before or
   larger, are counted; growth counts more, and is seen before its half-wave ends.
-- **trial**: for seven half-waves the observer is slower than the swing. A swing of the loop's own decays then.
-- **own**: the joint follows late by more than was told; half a radian of the swing is added to the lag, and κ comes
-  back.
-- **the wearer's**: κ comes back at once, and a swing of this size raises no suspicion any more.
+- **trial**: for seven half-waves the observer is slower than the swing: κ is at most 0.4 of its angular frequency, and
+  half of what it was. A swing of the loop's own decays then.
+- **own**: the joint follows late by more than was told; the time of half a radian of the swing is added to the lag,
+  and κ comes back within seconds.
+- **the wearer's**: κ comes back at once, and until it is forgotten only a swing 1.6 times as large is suspect.
 
 | mode | becomes | when |
 |---|---|---|
 | watching | trial | 3.9 are counted, of 1 a half-wave that keeps its size and 1.6 one that grows by 1.3 |
-| trial | watching, the wearer's | its last three half-waves are > 0.65 of its first, and > 0.45 of the suspicion's |
+| trial | watching, the wearer's | the largest of its last three half-waves is > 0.65 of that of the three before, and |
+| | | > 0.45 of the swing that was suspect |
 | trial | watching, own | otherwise |
 
-Portable subset.
+The fast part is d̂ less its mean over 0.15 s; a half-wave lasts from one change of its sign to the next. Portable
+subset.
 """
 
 from typing import Annotated, NamedTuple
@@ -54,7 +57,7 @@ TRIED, WATCHED = 7.0, 3.0
 """Half-waves of a trial, and of each of the two spans that are compared [–]."""
 
 SLOWED = 0.4
-"""κ in a trial times the time of a swing's radian [–]."""
+"""Largest κ in a trial over the swing's angular frequency [–]."""
 
 STILL_THERE, OF_BEFORE = 0.65, 0.45
 """What is the wearer's: sizes at the trial's end over those at its start, and over those before it [–]."""
@@ -66,7 +69,7 @@ FORGOTTEN = 30.0
 """Time constant of the size of a wearer's swing [s]."""
 
 LATER = 0.5
-"""Of a swing's radian that is added to the lag [–]."""
+"""Of the time of a swing's radian that is added to the lag [–]."""
 
 LATEST = 0.1
 """Largest lag that is learned [s]."""
@@ -81,10 +84,10 @@ class Swing(NamedTuple):
     time: Annotated[float, Quantity("since the half-wave began", "s")]
     last_time: Annotated[float, Quantity("time of the one before", "s")]
     counted: Annotated[float, Quantity("half-waves that did not decay", "1")]
-    share: Annotated[float, Quantity("of κ that is used", "1")]
+    share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
     lag: Annotated[float, Quantity("of the joint behind its cable", "s")]
     wearers: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
-    trial: Annotated[float, Quantity("half-waves until the trial ends", "1")]
+    trial: Annotated[float, Quantity("half-waves until the trial ends; 0 while watching", "1")]
     period: Annotated[float, Quantity("half-wave of the trial's swing", "s")]
     early: Annotated[float, Quantity("largest in the trial's first span", "rad")]
     late: Annotated[float, Quantity("largest in its second", "rad")]
