@@ -272,9 +272,9 @@ def test_what_a_study_tells_its_laws_is_not_tuned(study: Path) -> None:
     loaded = load(study, Rig.read("rig.toml"), own_law=True)
     runs = tune_study.runs_of(loaded)
     (nominal,) = loaded.nominal
-    laws = runs.laws(nominal.with_gains(servo_frequency=1.0, feedback=0.7))
+    laws = runs.laws(nominal.with_gains(servo_frequency=1.0, bandwidth=0.7))
     assert len({law.gains.servo_frequency for law in laws}) == 10
-    assert {law.gains.feedback for law in laws} == {0.7}
+    assert {law.gains.bandwidth for law in laws} == {0.7}
     assert loaded.gains_varied == {"servo_frequency"}
 
 

@@ -91,8 +91,8 @@ def test_python_and_an_empty_file_are_the_same_rig(folder: Path) -> None:
         ),
         ("[scenario.bend]\nkind = 'constant'\nbend_deg = 200", {"bend": np.radians(200.0)}),
         (
-            "[control]\nlaw = 'bowden'\n[control.gains]\nfeedback = 2",
-            {"law": "bowden", "gains": {"feedback": 2}},
+            "[control]\nlaw = 'bowden'\n[control.gains]\nbandwidth = 2",
+            {"law": "bowden", "gains": {"bandwidth": 2}},
         ),
         ("[suit]\nworn = true", {"suit": SuitSettings(worn=True)}),
     ],
