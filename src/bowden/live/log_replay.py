@@ -9,7 +9,7 @@ import numpy as np
 
 from bowden.control import Law
 from bowden.control.admittance.push import push_source
-from bowden.control.knowledge import Knowledge, configured
+from bowden.control.knowledge import Knowledge, configured, informed
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.nested import leaves, name_of
@@ -44,9 +44,10 @@ def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
         law = loaded(own)
     gains = found.settings.get("gains", {})
     try:
-        return law.with_gains(**gains), True
+        law = law.with_gains(**gains)
     except (ParameterError, TypeError) as error:
         raise LogError(f"the log's gains do not fit the law {law.name!r}: {error}", do="name another law") from error
+    return informed(law, _known_of(found.settings)), True  # its conditioner knows the rig; the gains are the record's
 
 
 def _recorded_law(found: Recording) -> str | LawFile | None:
