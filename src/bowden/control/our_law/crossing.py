@@ -10,8 +10,8 @@ All is in motor angle; a is the slope as learned, a₀ as told, I and F the obse
 - **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
   innovation test. It is used in the plan alone: in the feedback it would be the loop's gain.
 - **Jump**: at a turn of the reference, seen ahead by τ and half a jump, I and F go at once by what is left of w, and
-  J begins at minus that, J'' = −p²·J − 2p·J', so that F + J is smooth. The observer sees nothing of it. A jump goes to
-  a place: what the motor has crossed before is left out.
+  J begins at minus that, J''' = −p³·J − 3p²·J' − 3p·J'', so that F + J is smooth. The observer sees nothing of
+  it. A jump goes to a place: what the motor has crossed before is left out.
 - **Touch**: the joint moves again. What of I is beyond the contact is taken back the same way: the motor stops there.
 - **Hold**: where the joint is ahead by e, and the reference will be there before the motor has gone back through the
   dead zone, (e/a₀)² < 2·w·(|φ̇|/a₀)·T, T the time of the observer's answer, I goes back no faster than the reference
@@ -221,10 +221,8 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt
     lack = before.jump - jump
-    stiff, damp = (
-        pace * (lack + dt * (before.jump_rate + dt * before.jump_bend)),
-        before.jump_rate + dt * before.jump_bend,
-    )
+    damp = before.jump_rate + dt * before.jump_bend
+    stiff = pace * (lack + dt * damp)
     pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
     bend = before.jump_bend + dt * pull / (slower * slower * slower)
     rate = before.jump_rate + dt * bend

@@ -17,10 +17,29 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law_parts import Filtered, through_servo
-from bowden.control.our_law.crossing import TOUCH, TOUCH_SIGMAS, UNSEEN, Crossing, Known, at_start, crossed
+from bowden.control.our_law.crossing import (
+    TOUCH,
+    TOUCH_SIGMAS,
+    TURN,
+    TURN_SIGMAS,
+    UNSEEN,
+    Crossing,
+    Known,
+    at_start,
+    crossed,
+)
 from bowden.control.our_law.gains import BowdenGains
-from bowden.control.our_law.observer import Observer, arrives, at_rest, corrected, pace_of, shifted
-from bowden.control.our_law.swing import Swing, beside, no_swing, watched
+from bowden.control.our_law.observer import (
+    LOAD_DAMPING,
+    SLOW_PART,
+    Observer,
+    arrives,
+    at_rest,
+    corrected,
+    pace_of,
+    shifted,
+)
+from bowden.control.our_law.swing import Swing, load_time, no_swing, watched
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -30,15 +49,12 @@ FURTHEST = 1e6
 FASTEST = 30.0
 """A joint is no faster; a reading that jumps further is no news, and is taken for the joint's no faster [rad/s]."""
 
-REST = 0.1
-"""Time within which a reference that rests does not go as far as a tolerance [s]."""
+REST = 0.3
+"""Time within which a reference that rests does not go as far as a turn [s]."""
 
 IDLE, IDLE_SIGMAS = 0.002, 3.0
 """Innovation that is no news while the reference rests: within a dead zone whose joint first runs the wrong way the
 feedback drives itself, and grows from nothing; and the same in standard deviations of the noise [rad, –]."""
-
-TOLERANCE, TOLERANCE_SIGMAS = 0.001, 4.0
-"""Way of a reference that rests, and the same in standard deviations of the noise [rad, –]."""
 
 
 class BowdenState(NamedTuple):
@@ -55,7 +71,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     inverse = 1.0 / np.abs(gains.slope)
     offset = np.sign(gains.slope) * sample.motor - sample.joint * inverse
     crossing = at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(at_rest(offset), no_swing(gains.lag), crossing)
+    return BowdenState(at_rest(offset), no_swing(), crossing)
 
 
 @kernel
@@ -69,21 +85,22 @@ def step(
     pace = pace_of(gains, inverse, dt)
     noise = gains.noise * inverse
 
-    lag = state.swing.lag
-    arrived = arrives(before, delay, lag, dt)
+    time = load_time(state.swing)
+    arrived = arrives(before, delay, gains.lag, time, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
     joint = known.answer_joint + sel(seen, np.fmax(-most, np.fmin(most, way)), 0.0)
     error = joint - reference.position
-    disturbance = sel(seen * (np.abs(way) <= most) > 0.0, error * inverse - arrived, -before.asked)
-    slow = sel(known.furthest >= UNSEEN, disturbance, state.swing.slow)
-    swing = watched(state.swing, slow, disturbance, noise, pace.kappa, dt)
+    disturbance = sel(seen * (np.abs(way) <= most) > 0.0, error * inverse - arrived.position, -before.asked)
+    slow = sel(known.furthest >= UNSEEN, disturbance, before.slow)
+    slow = slow + (disturbance - slow) * dt / (SLOW_PART + dt)
+    swing = watched(state.swing, disturbance - slow, noise, pace.kappa, dt)
 
     kappa = swing.share * pace.kappa
-    rests = np.abs(reference.velocity) * REST < TOLERANCE + TOLERANCE_SIGMAS * gains.noise
+    rests = np.abs(reference.velocity) * REST < TURN + TURN_SIGMAS * gains.noise
     least = sel(rests, IDLE + IDLE_SIGMAS * noise, noise)
     observer, acceleration = corrected(
-        before, disturbance, arrived, kappa, pace, least, reference.velocity * inverse, dt
+        before, disturbance, slow, arrived, kappa, pace, least, reference.velocity * inverse, dt
     )
     answer = 1.0 / kappa + 2.0 / pace.quick + delay
     motor = sel(seen, sign * sample.motor, known.contact + joint * known.inverse)
@@ -97,7 +114,7 @@ def step(
         gains.noise,
         omega,
         delay,
-        lag,
+        gains.lag + 2.0 * LOAD_DAMPING * time,
         answer,
     )
     after = crossed(known, told, before.asked, observer.asked, dt)
@@ -113,4 +130,4 @@ def step(
         reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
     )
     command = sign * through_servo(wanted, omega, gains.servo_damping)
-    return BowdenState(observer, beside(swing, after.shift), cable), command
+    return BowdenState(observer, swing, cable), command

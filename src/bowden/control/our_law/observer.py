@@ -5,13 +5,14 @@ error e = joint − reference, the delay τ, and F, which is sent to the servo b
 
     d̂ = e·s − F(t − τ) behind the joint's lag              what the joint would do without the correction
     x' = 1.5·q·(d̂ + I − x)                                 the innovation: what of d̂ is not yet in −I
-    I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v + 2·s·|φ̇|             the correction asked for; φ̇ the reference's speed
+    I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v + s·|φ̇|               the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
-In d̂ the law's own correction cancels, so that where servo, delay, slope and lag are as told nothing is fed back: the
-loop's gain is the error of what was told. Hence κ can be wide, and is bounded by what is not known of servo and delay.
-v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run away. κ, q and v
-follow from what is told (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
+The load is T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ): its lag is told, the time T of a load that swings is learned
+(`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as told nothing is fed
+back: the loop's gain is the error of what was told. Hence κ can be wide, and is bounded by what is not known of servo
+and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run away.
+κ, q and v follow from what is told (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
@@ -42,8 +43,11 @@ STOPPED = 0.05
 LEAST_SPEED = 1.0
 """Speed that the correction may always have [rad/s]."""
 
-MOVING = 2.0
-"""Share of the reference's speed by which the correction may be faster: an error of the slope asks for that [–]."""
+SLOW_PART = 0.15
+"""Time constant of what of a disturbance is not fast [s]."""
+
+LOAD_DAMPING = 0.25
+"""Damping of a load that swings, as the observer has it: arms have 0.1 to 0.5 [–]."""
 
 
 class Observer(NamedTuple):
@@ -54,6 +58,8 @@ class Observer(NamedTuple):
     sent: Annotated[float, Quantity("F, the correction as sent", "rad")]
     rate: Annotated[float, Quantity("its rate", "rad/s")]
     arrived: Annotated[float, Quantity("the correction that has arrived at the joint", "rad")]
+    arriving: Annotated[float, Quantity("its rate", "rad/s")]
+    slow: Annotated[float, Quantity("the disturbance's slow part", "rad")]
 
 
 class Pace(NamedTuple):
@@ -83,21 +89,36 @@ def pace_of(gains: BowdenGains, inverse: float, dt: float) -> Pace:
 @kernel
 def at_rest(offset: float) -> Observer:
     """Where the motor stands, nothing is on its way."""
-    return Observer(offset, 0.0, offset, 0.0, offset)
+    return Observer(offset, 0.0, offset, 0.0, offset, 0.0, 0.0)
+
+
+class Arrived(NamedTuple):
+    """What of the correction has come through delay and load."""
+
+    position: float
+    """[rad]"""
+    rate: float
+    """[rad/s]"""
 
 
 @kernel
-def arrives(before: Observer, delay: float, lag: float, dt: float) -> float:
-    """The correction that has arrived at the joint: F a delay ago, behind its lag [rad]."""
+def arrives(before: Observer, delay: float, lag: float, time: float, dt: float) -> Arrived:
+    """The correction at the joint: F a delay ago, through the load; first-order where T = `time` is 0.
+
+    T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ), ζ = 0.25, in one step of backward Euler.
+    """
     late = before.sent - delay * before.rate
-    return before.arrived + (late - before.arrived) * dt / (lag + dt)
+    inertia, damping = time * time, lag + 2.0 * LOAD_DAMPING * time
+    rate = (inertia * before.arriving + dt * (late - before.arrived)) / (inertia + dt * (damping + dt))
+    return Arrived(before.arrived + dt * rate, rate)
 
 
 @kernel
 def corrected(
     before: Observer,
     disturbance: float,
-    arrived: float,
+    slow: float,
+    arrived: Arrived,
     kappa: float,
     pace: Pace,
     least: float,
@@ -109,7 +130,8 @@ def corrected(
     Args:
         before: one cycle ago.
         disturbance: d̂; −I where nothing was seen [rad].
-        arrived: the correction at the joint [rad].
+        slow: its slow part [rad].
+        arrived: the correction at the joint.
         kappa: κ now [1/s].
         pace: what follows from what is told.
         least: innovation that is no news: the noise, or more where the reference rests [rad].
@@ -118,17 +140,25 @@ def corrected(
     """
     share = THIRD_POLE * pace.quick * dt
     x = before.innovation + (disturbance + before.asked - before.innovation) * share / (1.0 + share)
-    most = dt * (pace.stopping + MOVING * np.abs(speed))
+    most = dt * (pace.stopping + np.abs(speed))
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
     asked = before.asked - np.fmax(-most, np.fmin(most, step))
     slower = 1.0 + pace.quick * dt
     pull = pace.quick * pace.quick * (asked - before.sent - dt * before.rate) - 2.0 * pace.quick * before.rate
     acceleration = pull / (slower * slower)
     rate = before.rate + dt * acceleration
-    return Observer(asked, x, before.sent + dt * rate, rate, arrived), acceleration
+    return Observer(asked, x, before.sent + dt * rate, rate, arrived.position, arrived.rate, slow), acceleration
 
 
 @kernel
 def shifted(before: Observer, asked: float, by: float) -> Observer:
     """The same where something else was asked for, and the plan takes over −`by` of the correction [rad]."""
-    return Observer(asked + by, before.innovation, before.sent + by, before.rate, before.arrived + by)
+    return Observer(
+        asked + by,
+        before.innovation,
+        before.sent + by,
+        before.rate,
+        before.arrived + by,
+        before.arriving,
+        before.slow - by,
+    )
