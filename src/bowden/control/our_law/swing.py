@@ -6,7 +6,7 @@ trembles or walks: the law's correction and what it observes are tied by the law
 - **suspicion**: half-waves of the disturbance's fast part that are alike in time, and as large as the one before or
   larger, are counted; growth counts more, and is seen before its half-wave ends.
 - **trial** of a hypothesis: the load swings at that frequency. For seven half-waves the observer has such a load, so
-  that what the law itself makes swing is no disturbance, and is slower than the swing: κ is at most 0.4 of its angular
+  that what the law itself makes swing is no disturbance, and is slower than the swing: κ is at most 0.3 of its angular
   frequency, and half of what it was. A swing of the loop's own decays then, as the load alone does.
 - **own**: the load stays in the observer, and κ comes back within seconds.
 - **the wearer's**: the load goes, κ comes back at once, and until it is forgotten only a swing 1.6 times as large is
@@ -15,7 +15,7 @@ trembles or walks: the law's correction and what it observes are tied by the law
 | mode | becomes | when |
 |---|---|---|
 | watching | trial | 3.9 are counted, of 1 a half-wave that keeps its size and up to 2 one that grows |
-| trial | watching, the wearer's | the largest of its last three half-waves is > 0.7 of the swing that was suspect |
+| trial | watching, the wearer's | the largest of its last three half-waves is > 0.6 of the swing that was suspect |
 | trial | watching, own | otherwise |
 
 The fast part is d̂ less its slow part; a half-wave lasts from one change of its sign to the next. Portable
@@ -53,12 +53,13 @@ BEYOND = 1.6
 TRIED, WATCHED = 7.0, 3.0
 """Half-waves of a trial, and those at its end that are looked at [–]."""
 
-SLOWED = 0.4
+SLOWED = 0.3
 """Largest κ in a trial over the swing's angular frequency [–]."""
 
-STILL_THERE = 0.7
-"""What is the wearer's: size at the trial's end over that of the swing before it. A load alone has 0.4 after four
-half-waves at a damping of 0.08 [–]."""
+STILL_THERE = 0.6
+"""What is the wearer's: size at the trial's end over that of the swing before it. A load alone has 0.37 after four
+half-waves at a damping of 0.08; a tremor that goes on has 0.65 to 0.8, since what of it is followed meanwhile goes
+through a load that is none [–]."""
 
 RETURN = 1.5
 """Time constant at which κ comes back after a swing of its own [s]."""
