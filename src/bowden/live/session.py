@@ -162,7 +162,12 @@ class Session:
     def _record_again(self) -> None:
         """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
-        print(f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}", file=sys.stderr)
+        names = " ".join(map(str, self.logs))
+        print(
+            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. After the run, join them: "
+            f"bowden log recover {names}",
+            file=sys.stderr,
+        )
         self._record_to(self.logs[-1])
 
     def _end_recorder(self) -> None:

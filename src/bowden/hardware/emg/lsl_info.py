@@ -17,6 +17,10 @@ _UNITS = {
 }
 
 
+MOST_CHANNELS = 1024
+"""Of a stream: twice as many as the largest grids of electrodes have."""
+
+
 def check_info(info: Any, name: str) -> None:
     """See that a stream is EMG at a rate that the detector takes.
 
@@ -45,6 +49,8 @@ def channel_names(info: Any, wanted: Sequence[str] = ()) -> tuple[str, ...]:
             or has none of a name that is `wanted`.
     """
     name, count = info.name(), info.channel_count()
+    if not 0 < count <= MOST_CHANNELS:
+        raise StreamError(f"the LSL stream {name!r} has {count} channels", expected=f"1 to {MOST_CHANNELS}")
     labels = _described(info, "label")
     if labels and len(labels) != count:
         raise StreamError(f"the LSL stream {name!r} has {count} channels and describes {len(labels)}")
