@@ -29,6 +29,7 @@ from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
 from bowden.live.operator import STANDS_STILL
 from bowden.live.provenance import rig_revision
+from bowden.live.recorder import check_room
 from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, description
@@ -107,6 +108,7 @@ class Session:
         about = description(
             *(live.law, {**settings, **live.settings()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
         )
+        check_room(self.log, about)
         create(self._ring, about)
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
