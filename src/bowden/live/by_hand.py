@@ -59,7 +59,7 @@ def contradictions(told: float, joint: float, motor: float, limits: Limits) -> l
     if not low - slack <= motor <= high + slack:
         found.append(
             f"the motor should have pulled by {low * DEGREES:.3g}° to {high * DEGREES:.3g}° for it, by its encoder "
-            f"that is {motor * DEGREES:.3g}°: turn it along with the joint, or correct motor_counts_per_turn, the gear or "
+            f"that is {motor * DEGREES:.3g}°: turn it along with the joint, or correct motor_counts_per_turn, gear or "
             f"{_TURNED}motor_direction"
         )
     return found
