@@ -8,7 +8,7 @@ import contextlib
 import math
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +24,7 @@ from bowden.hardware.emg.lsl_library import library
 from bowden.hardware.emg.trigno import TrignoStream
 from bowden.hardware.emg.trigno_dialogue import Address
 from bowden.hardware.ports import EmgStream
+from live_runs import tries
 from support import hostile_outlet, hostile_trigno
 from support.hostile_outlet import HostileOutlet
 from support.hostile_trigno import FRAME, HostileTrigno, whole
@@ -43,12 +44,11 @@ class Heard:
     """Why it was not opened."""
     lost: tuple[str, ...] = ()
     """Why it was lost, each reason in its turn; the empty one between them where it was alive again."""
-    age: float = math.nan
-    """Of the newest sample at the end [s]."""
+    age: float = 0.0
+    """Of the newest sample, at its oldest after the first [s]."""
     trouble: float = 0.0
     closed_in: float = 0.0
     """[s]"""
-    connections: int = 0
 
 
 @dataclass(frozen=True)
@@ -61,20 +61,22 @@ class Row:
     lost: str = ""
     """Among the reasons for which it is lost; empty where it is never."""
     old: bool = False
-    """Whether its newest sample is too old at the end, so that the supervisor releases."""
+    """Whether its newest sample becomes too old, so that the supervisor releases."""
     trouble: bool = False
     """Whether the detector is in trouble at the end."""
 
 
 def listened(stream: EmgStream, seconds: float = LISTENED) -> Heard:
     """Open a stream and listen to it, as the process does that reads EMG; the laws that hold for any sender."""
+    refused = ""
     try:
         said = stream.open()
     except StreamError as error:
-        assert str(error).isprintable(), "it is one line of text"
-        return Heard(str(error))
-    assert said.isprintable()
-    listener, lost, last = Listener(stream.rate, 0), [""], -math.inf
+        said = refused = str(error)
+    assert said.isprintable(), "it is one line of text"
+    if refused:
+        return Heard(refused)
+    listener, lost, last, age = Listener(stream.rate, 0), [""], -math.inf, 0.0
     end = time.monotonic() + seconds
     while (now := time.monotonic()) < end:
         chunk = stream.read(now)
@@ -87,12 +89,12 @@ def listened(stream: EmgStream, seconds: float = LISTENED) -> Heard:
             assert np.all((size == 0.0) | ((size > 1e-300) & (size < 1e12)))
         reading = listener.take(chunk, now)
         assert math.isfinite(reading.level)
+        age = max(age, now - reading.newest * 1e-9 if reading.newest else 0.0)
         if stream.lost() != lost[-1]:
             lost.append(stream.lost())
             assert lost[-1].isprintable()
         time.sleep(0.002)
     assert len(lost) < 10 * LISTENED, "what is said is not more than can be read"
-    age = time.monotonic() - reading.newest * 1e-9
     begin = time.monotonic()
     stream.close()
     return Heard("", tuple(lost), age, reading.trouble, time.monotonic() - begin)
@@ -109,22 +111,30 @@ def complaints(row: Row, heard: Heard) -> Iterator[str]:
     if not row.lost and any(heard.lost):
         yield f"lost with {heard.lost}, and should not be"
     if (heard.age > OLD) is not row.old:
-        yield f"its newest sample is {heard.age:.3g} s old"
+        yield f"its newest sample is {heard.age:.3g} s old at its oldest"
     if (heard.trouble > 0.0) is not row.trouble and not row.old:
         yield f"trouble is {heard.trouble:g}"
     if heard.closed_in > 2.0:
         yield f"it took {heard.closed_in:.3g} s to close"
 
 
-def all_at_once(rows: Mapping[str, Row], one: Any) -> list[str]:
-    """All attacks side by side, and what is to be complained of."""
-    with ThreadPoolExecutor(len(rows)) as pool:
-        heard = dict(zip(rows, pool.map(one, rows, rows.values()), strict=True))
-    return [f"{name}: {said}" for name, row in rows.items() for said in complaints(row, heard[name])]
+def at_once(rows: Mapping[str, Row], names: Iterable[str], one: Callable[[str, Row], Heard]) -> dict[str, list[str]]:
+    """Attacks side by side, and what is to be complained of, where there is anything."""
+    names = list(names)
+    with ThreadPoolExecutor(len(names)) as pool:
+        heard = list(pool.map(one, names, (rows[name] for name in names)))
+    found = {name: list(complaints(rows[name], said)) for name, said in zip(names, heard, strict=True)}
+    return {name: said for name, said in found.items() if said}
 
 
-def some(rows: Mapping[str, Row], names: str) -> dict[str, Row]:
-    return {name: rows[name] for name in names.split(", ")}
+def wrong(rows: Mapping[str, Row], names: str, one: Callable[[str, Row], Heard]) -> dict[str, list[str]]:
+    """The same; what is complained of is tried once more, for a computer may stall."""
+    found = {name: ["it has not been tried"] for name in names.split(", ")}
+    for _ in tries():
+        found = at_once(rows, found, one)
+        if not found:
+            break
+    return found
 
 
 def outlet(spoils: Any = hostile_outlet.as_it_is, **more: Any) -> hostile_outlet.Attack:
@@ -161,7 +171,7 @@ OUTLETS: dict[str, Row] = {
     "zeros": Row(outlet(lambda v, s: (0.0 * v, s)), trouble=True),
     "falls silent": Row(outlet(silent_after=2.0), lost="nothing from", old=True),
     "goes for good": Row(outlet(closes_after=2.0), lost="nothing from", old=True),
-    "goes without a source id": Row(outlet(closes_after=2.0, source=""), lost="has gone", old=True),
+    "goes without a source id": Row(outlet(closes_after=2.0, source=""), lost="the LSL stream", old=True),
     "comes back with another channel": Row(outlet(closes_after=2.0, again_with=2), lost="nothing from", old=True),
     "goes and comes back all the time": Row(outlet(storm=True), lost="the LSL stream", old=True),
     "a second of its name": Row(outlet(twin_after=2.0), lost="has another one of its name", old=True),
@@ -193,7 +203,7 @@ def lsl() -> Any:
 
 
 def against_outlet(lsl: Any, name: str, row: Row) -> Heard:
-    with contextlib.closing(HostileOutlet(lsl, f"{name} {HERE}", row.attack)) as sender:
+    with contextlib.closing(HostileOutlet(lsl, f"{name} {HERE} {time.monotonic():g}", row.attack)) as sender:
         return listened(LslStream(sender.name, wait=3.0))
 
 
@@ -208,7 +218,7 @@ def against_outlet(lsl: Any, name: str, row: Row) -> Heard:
     ids=["some", *(f"all {k}" for k in range(3))],
 )
 def test_an_outlet_that_does_harm_ends_as_the_table_says(lsl: Any, names: str) -> None:
-    assert not all_at_once(some(OUTLETS, names), lambda name, row: against_outlet(lsl, name, row))
+    assert not wrong(OUTLETS, names, lambda name, row: against_outlet(lsl, name, row))
 
 
 def server(spoils: Any = whole, **more: Any) -> hostile_trigno.Attack:
@@ -250,7 +260,7 @@ SERVERS: dict[str, Row] = {
     "no voltage": Row(sensor("CHANNEL 1 UNITS?", "parsec"), refused="expected volts or millivolts"),
     "nobody there": Row(sensor("PAIRED?", "NO"), refused="has no sensor with EMG"),
     "never starts": Row(server(answers={"START": "CANNOT COMPLETE"}), refused="answers START"),
-    "silent after its start": Row(server(silent_after=0.0), refused="sends nothing"),
+    "silent after its start": Row(server(silent_after=0.0), refused="nothing comes from"),
     "half the rate from the first": Row(server(calm=0.0, speed=0.5), refused="samples a second"),
     "ten times the rate from the first": Row(server(calm=0.0, speed=10.0), refused="samples a second"),
     "half the rate": Row(server(speed=0.5), lost="samples a second", old=True),
@@ -264,7 +274,7 @@ SERVERS: dict[str, Row] = {
     "random bytes": Row(server(lambda frame: os.urandom(64 * FRAME)), lost="is no EMG", old=True),
     "on the rails": Row(server(lambda frame: whole(frame * 0 + np.float32(0.011))), trouble=True),
     "zeros": Row(server(lambda frame: whole(frame * 0)), trouble=True),
-    "drops its clients": Row(server(drops_after=2.0), lost="Trigno server"),
+    "drops its clients": Row(server(drops_after=2.0), lost="Trigno server", old=True),
     "drops them again and again": Row(server(drops_after=2.0, storm=True), lost="Trigno server", old=True),
     "comes back as another": Row(server(drops_after=2.0, paired_again=5), lost="come back as another one", old=True),
     "chatters": Row(server(chatters=True)),
@@ -299,4 +309,4 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     ids=["some", *(f"all {k}" for k in range(3))],
 )
 def test_a_server_that_does_harm_ends_as_the_table_says(names: str) -> None:
-    assert not all_at_once(some(SERVERS, names), lambda name, row: against_server(row))
+    assert not wrong(SERVERS, names, lambda name, row: against_server(row))

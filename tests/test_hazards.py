@@ -40,9 +40,7 @@ def reading(motor: float, joint: float) -> DriveReading:
     return DriveReading(motor, joint, 2.0, math.nan, math.nan, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def cycle(
-    state: SupervisorState, motor: float, joint: float, request: float = 0.0
-) -> tuple[SupervisorState, Verdict]:
+def cycle(state: SupervisorState, motor: float, joint: float, request: float = 0.0) -> tuple[SupervisorState, Verdict]:
     observed = Observed(reading(motor, joint), 0.0, DT, float(request), 0.1, 1.0, 1.0, 0.0)
     return supervise(LIMITS, state, observed, motor, DT)
 

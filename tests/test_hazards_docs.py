@@ -27,7 +27,7 @@ def hazards() -> dict[str, dict[str, str]]:
     return found
 
 
-def tests() -> set[str]:
+def names_of_tests() -> set[str]:
     """Names of all tests of the suite."""
     return {
         node.name
@@ -38,7 +38,7 @@ def tests() -> set[str]:
 
 
 def test_each_hazard_has_all_its_cells_and_names_a_test_that_there_is() -> None:
-    known = tests()
+    known = names_of_tests()
     rows = hazards()
     assert len(rows) > 40
     for number, row in rows.items():
@@ -49,7 +49,8 @@ def test_each_hazard_has_all_its_cells_and_names_a_test_that_there_is() -> None:
 
 
 def test_each_fault_that_a_hazard_names_is_one_of_the_supervisors_and_none_is_left_out() -> None:
-    named = {name for row in hazards().values() for name in re.findall(r"`([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*)`", " ".join(row.values()))}
+    cells = " ".join(cell for row in hazards().values() for cell in row.values())
+    named = set(re.findall(r"`([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*)`", cells))
     assert named == {fault.name for fault in Fault}
 
 

@@ -1,7 +1,7 @@
 """A Trigno SDK server that does harm, written from the documented protocol alone; `Attack` says what it may do.
 
-Nothing of the client or of our own server is used here, so that what both misread alike can show. Source: Delsys, Trigno
-Wireless System SDK User's Guide (MAN-025), as public clients quote it.
+Nothing of the client or of our own server is used here, so that what both misread alike can show. Source: Delsys,
+Trigno Wireless System SDK User's Guide (MAN-025), as public clients quote it.
 """
 
 import contextlib
@@ -147,6 +147,7 @@ class HostileTrigno:
                     try:
                         one.sendall(data)
                     except OSError:
+                        one.close()
                         with contextlib.suppress(ValueError):
                             self._listeners.remove(one)
 

@@ -1,8 +1,8 @@
 """The last word on a verdict, apart from the function that made it: interpreted, and on numbers that no law can reach.
 
-Law and supervisor are compiled into one function. What that writes where it must not, by a law that leaves its arrays or a
-compiler's mistake, may be the verdict itself. So each verdict is looked at once more before it reaches the drive, by
-plain Python on Python's own numbers: what no supervisor that is whole ever says ends the run without torque.
+Law and supervisor are compiled into one function. What that writes where it must not, by a law that leaves its arrays
+or a compiler's mistake, may be the verdict itself. So each verdict is looked at once more before it reaches the drive,
+by plain Python on Python's own numbers: what no supervisor that is whole ever says ends the run without torque.
 """
 
 from bowden.core.errors import SafetyError

@@ -27,7 +27,9 @@ def check_info(info: Any, name: str) -> None:
             channels than any amplifier has.
     """
     if info.channel_format() == _STRING:
-        raise StreamError(f"the LSL stream {name!r} ({shown([info.type() or 'no type'])}) holds text", expected="numbers")
+        raise StreamError(
+            f"the LSL stream {name!r} ({shown([info.type() or 'no type'])}) holds text", expected="numbers"
+        )
     if info.type().upper() not in TYPES:
         raise StreamError(
             f"the LSL stream {name!r} has the type {info.type()!r}", expected="EMG", do="let its sender declare it"

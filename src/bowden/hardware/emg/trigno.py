@@ -33,7 +33,7 @@ _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
 _RATE_ERROR = 0.2
 """How far it may be off; frames of 13.5 ms are counted whole."""
 _BLOCK = 4.0
-"""While it runs the rate is counted over so much time: frames that are late by half a second are an eighth of it [s]."""
+"""Later the rate is counted over so much time; frames that are late by half a second are an eighth of it [s]."""
 _BURST = 0.5
 """After a silence what was held back comes in so much time, and is not counted [s]."""
 _BUFFER = 10.0
