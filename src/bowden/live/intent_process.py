@@ -70,7 +70,8 @@ def _run(given: dict[str, Any]) -> int:
         now = clock.now() / SECOND
         ends = 0 if lasts is None else round((now + lasts) * SECOND)
         while word != _CLOSED:
-            block.write(listener.take(stream.read(now), now)._replace(ends=ends))
+            said = listener.take(stream.read(now), now)
+            block.write(said._replace(ends=ends, looked=clock.now()))
             if stream.lost() != lost:
                 lost = stream.lost()
                 _say("lost", lost)

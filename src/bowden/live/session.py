@@ -48,7 +48,7 @@ _LOOK = 0.05
 """Between two looks at a run that is seen through [s]."""
 _MOST_LOGS = 3
 """Recorders of a run, one after the other."""
-_BEAT = 0.1
+_BEAT = 0.05
 """Between two signs of life [s]."""
 
 
