@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.core.errors import BowdenError
+from bowden.live.left_behind import sweep
 
 if TYPE_CHECKING:
     from bowden.rig.emg_setup import EmgRun
@@ -38,6 +39,8 @@ def main() -> int:
     except Exception as error:  # so that the operator learns why there is no EMG
         _say("error", f"reading EMG failed: {type(error).__name__}: {error}")
         raise
+    finally:
+        sweep()
     return 2
 
 
