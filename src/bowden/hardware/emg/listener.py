@@ -114,6 +114,7 @@ class Listener:
             reading.samples + count,
             reading.lost + int(missing.sum()),
             reading.ends,
+            reading.looked,
             self._flexor.active,
             0.0 if extends is None else extends.active,
             float(share_of(np.array([self._flexor.level]), self._levels)[0]),
