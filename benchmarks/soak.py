@@ -6,9 +6,9 @@
 loop killed or stopped 200 times. `recorder`: the recorder killed 500 times, and a log cut at every byte. `faults`: the
 whole matrix of faults, every two of them, and ten million inputs of every kind. `hours`: ten hours without a fault.
 `streams`: EMG over LSL and the Trigno protocol for five minutes each. `hostile`: every attack on such a stream 20
-times. What is done of the others is kept in ``out/bench`` until the package changes. Each part that was run whole writes
-its section of ``benchmarks/RESULTS.md``; a `--share` below 1 is a try, and writes nothing. Exit code 1 if a target is
-missed.
+times. What is done of the others is kept in ``out/bench`` until the package changes. Each part that was run whole
+writes its section of ``benchmarks/RESULTS.md``; a `--share` below 1 is a try, and writes nothing. Exit code 1 if a
+target is missed.
 """
 
 import argparse

@@ -226,8 +226,9 @@ def server(spoils: Any = whole, **more: Any) -> hostile_trigno.Attack:
 
 
 def shifted(frame: Any) -> bytes:
-    """One byte too few, so that no sample after it is whole again."""
-    return whole(frame)[:-1]
+    """Every sample begins a byte too late, as after a byte that was lost."""
+    data = whole(frame)
+    return data[-1:] + data[:-1]
 
 
 def answering(**answers: str) -> hostile_trigno.Attack:

@@ -120,7 +120,8 @@ def which(name: str, sources: Sequence[str]) -> str:
 
 def _described(info: Any, what: str) -> list[str]:
     """One entry of each channel's description, at most one more than there may be; none where none is described."""
-    found, channel = [], info.desc().child("channels").child("channel")
+    found: list[str] = []
+    channel = info.desc().child("channels").child("channel")
     while not channel.empty() and len(found) <= MOST_CHANNELS:
         found.append(str(channel.child_value(what)).strip())
         channel = channel.next_sibling("channel")
