@@ -145,6 +145,12 @@ def jumbled(values: Any, stamps: Any) -> Any:
     return values, stamps + np.random.default_rng(len(values)).uniform(-1.0, 1.0, len(stamps))
 
 
+def stuck(values: Any, stamps: Any) -> Any:
+    """Seven tenths of a second of noise, for ever, with fresh stamps."""
+    said = np.random.default_rng(7).standard_normal(700)
+    return said[np.round(stamps * hostile_outlet.RATE).astype(int) % 700, None], stamps
+
+
 def repeated(times: int) -> Any:
     return lambda values, stamps: (np.repeat(values, times, 0), np.repeat(stamps, times))
 
@@ -169,6 +175,7 @@ OUTLETS: dict[str, Row] = {
     "one in ten is none": Row(outlet(lambda v, s: (np.where(np.arange(len(v))[:, None] % 10, v, np.nan), s))),
     "on the rails": Row(outlet(lambda v, s: (np.full_like(v, 5.0), s)), trouble=True),
     "zeros": Row(outlet(lambda v, s: (0.0 * v, s)), trouble=True),
+    "the same again and again": Row(outlet(stuck), trouble=True),
     "falls silent": Row(outlet(silent_after=2.0), lost="nothing from", old=True),
     "goes for good": Row(outlet(closes_after=2.0), lost="nothing from", old=True),
     "goes without a source id": Row(outlet(closes_after=2.0, source=""), lost="the LSL stream", old=True),

@@ -75,7 +75,7 @@ def _push(row: dict[str, float]) -> str:
     return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
 
 
-_TROUBLE = ("", "flat or missing: look at the electrodes", "movement or mains")
+_TROUBLE = ("", "flat, missing or repeated: look at electrodes and sender", "movement or mains")
 
 
 def _emg(row: dict[str, float], unit: str, lost: str) -> str:

@@ -67,7 +67,7 @@ class _Block(NamedTuple):
     """When its first sample was taken [s]."""
     last: float = math.nan
     """And its last until now [s]."""
-    count: int = 0
+    samples: int = 0
     rate: float = 0.0
     """Of the block before [Hz]."""
 
@@ -283,11 +283,11 @@ class LslStream:
     def _wrong_rate(self, at: Array) -> str:
         """Whether the rate was not kept over the last whole block of samples or of their times, in words."""
         if not abs(float(at[0]) - self._block.last) <= SILENCE:
-            self._block = self._block._replace(first=float(at[0]), count=0)
-        block = self._block = self._block._replace(last=float(at[-1]), count=self._block.count + len(at))
+            self._block = self._block._replace(first=float(at[0]), samples=0)
+        block = self._block = self._block._replace(last=float(at[-1]), samples=self._block.samples + len(at))
         span = block.last - block.first
-        if span >= _BLOCK or block.count >= (1.0 + 2.0 * _RATE_ERROR) * _BLOCK * self.rate:
-            self._block = _Block(block.last, block.last, 0, block.count / max(span, 1.0 / self.rate))
+        if span >= _BLOCK or block.samples >= (1.0 + 2.0 * _RATE_ERROR) * _BLOCK * self.rate:
+            self._block = _Block(block.last, block.last, 0, block.samples / max(span, 1.0 / self.rate))
         if abs(self._block.rate / self.rate - 1.0) <= _RATE_ERROR:
             return ""
         return f"declares {self.rate:g} Hz and sends {self._block.rate:.4g} samples a second"
