@@ -252,4 +252,4 @@ def test_a_sender_that_says_the_same_again_is_in_trouble_and_no_muscle_is() -> N
         for chunk in chunks(given[:, None], list(range(7, len(given), 7))):
             troubled.append(listener.take(chunk, 100.0).trouble)
         assert not any(troubled[: 3800 // 7 - 1])
-        assert all(troubled[3800 // 7 + 2 :]) is repeats, "a tenth of a second after it begins anew"
+        assert all(troubled[3800 // 7 + 4 :]) is repeats, "a tenth of a second after it begins anew"

@@ -56,10 +56,17 @@ class _Repetition:
     def __init__(self, rate: float) -> None:
         self._length, self._past = round(_SAME * rate), np.empty(0)
         self._kept = self._length + round(rate)
+        self._new, self._found = 0, False
 
     def feed(self, signal: Array) -> bool:
         """Take samples in (n,); whether the newest `_SAME` of time have come before. What is flat is not meant."""
         past = self._past = np.concatenate([self._past, signal])[-self._kept :]
+        self._new += len(signal)
+        if self._new >= 0.1 * self._length:  # it is not looked at each sample
+            self._new, self._found = 0, self._look(past)
+        return self._found
+
+    def _look(self, past: Array) -> bool:
         newest = past[-self._length :]
         if len(past) <= self._length or not newest.min() < newest.max():
             return False
