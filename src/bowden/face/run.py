@@ -53,7 +53,7 @@ def run(
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
-        SafetyError: limits that contradict one another.
+        SafetyError: limits that contradict one another, or a rig on whose drive nobody has confirmed an angle by hand.
         DriveError: a bus or drive that cannot be used.
         OutputError: a folder that cannot be written.
 
@@ -114,6 +114,7 @@ def live_session(
     """
     from bowden.design.verdict import verdicts
     from bowden.hardware.drives.family import family_of
+    from bowden.live.by_hand import require_confirmed
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
@@ -122,6 +123,7 @@ def live_session(
     live = live_run(rig)
     if not twin:  # another run's bus is told at once; the drive claims it for good
         family_of(rig.drive).claim(rig.drive)()
+        require_confirmed(rig)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
         checked = verdicts(rig, [live.law], name, force=force)[0]

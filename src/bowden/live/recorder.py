@@ -21,6 +21,7 @@ import numpy as np
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import BowdenError, OutputError
 from bowden.live.events import Changes
+from bowden.live.left_behind import sweep
 from bowden.live.mcap_layout import Packing, topics
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.provenance import provenance
@@ -272,6 +273,8 @@ def main(arguments: list[str] | None = None) -> int:
     except BowdenError as error:
         print(f"bowden: {error}", file=sys.stderr)
         return 2
+    finally:
+        sweep()
     return 0
 
 
