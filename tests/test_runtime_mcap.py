@@ -180,6 +180,18 @@ def row_ends(path: Path) -> np.ndarray:
     return np.array(ends)
 
 
+def test_a_flipped_time_in_a_chunk_that_was_cut_is_not_believed(tmp_path: Path) -> None:
+    rows = write_log(tmp_path / "a.mcap", 300)
+    whole, ends = (tmp_path / "a.mcap").read_bytes(), row_ends(tmp_path / "a.mcap")
+    cut = bytearray(whole[: ends[250] + 5])
+    at = cut.index(rows[230, :1].tobytes(), ends[229])
+    cut[at + 7] ^= 0x40  # 0.23 s are 4·10³⁰⁷ s now
+    (tmp_path / "a.mcap").write_bytes(cut)
+    found = read(tmp_path / "a.mcap")
+    assert found.rows.tobytes() == rows[:230].tobytes()
+    assert found.damage.torn > 0
+
+
 def test_the_files_of_two_recorders_of_a_run_are_joined(tmp_path: Path) -> None:
     first, second, out = tmp_path / "a.mcap", tmp_path / "a-again1.mcap", tmp_path / "whole.mcap"
     rows = write_log(first, 400)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.live.mcap_layout import Event, Packing, topics
-from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum
+from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum, stamps_of
 from bowden.live.old_names import names_of_today
 from bowden.live.ring import Description
 
@@ -84,6 +84,7 @@ class LogReader:
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
         self._packing = Packing(topics(columns, units))
+        self._start, self._time = int(about["start_utc_ns"]), columns.index("time")
         named = names_of_today(columns)
         kept = [i for i, name in enumerate(named) if only is None or name in only]
         self._kept = slice(None) if only is None else kept
@@ -160,12 +161,18 @@ class LogReader:
     def _take_torn(self, data: memoryview) -> Iterator[Piece]:
         """The whole rows of a chunk that was cut.
 
-        Its checksum says nothing now; but what a kill leaves is cut, not changed, and the row numbers must go on.
+        Its checksum says nothing now; but what a kill leaves is cut, not changed, the row numbers must go on, and a row
+        says its time twice: up to the first that contradicts itself. A time that is wrong by itself has a page drawn
+        over 10³⁰⁰ seconds.
         """
         start, self._torn = _HEAD + _CHUNK_HEAD, len(data)
         if len(data) <= start or data[0] != Opcode.CHUNK:
             return
-        numbers, rows, _, rest = self._packing.unpack(data[start:])
+        numbers, rows, times, rest = self._packing.unpack(data[start:])
+        told = stamps_of(self._start, rows[:, self._time]) == times
+        if not told.all():
+            n = int(told.argmin())
+            numbers, rows, rest = numbers[:n], rows[:n], rest[len(rest) :]
         if (np.diff(numbers, prepend=self._last) > 0).all():
             self._torn -= start + len(numbers) * self._packing.dtype.itemsize
             yield self._piece(numbers, rows, rest)
