@@ -37,7 +37,7 @@ def running(motor: float) -> SupervisorState:
 
 
 def reading(motor: float, joint: float) -> DriveReading:
-    return DriveReading(motor, joint, 2.0, math.nan, math.nan, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
+    return DriveReading(motor, joint, 2.0 + 0.1 * motor, math.nan, math.nan, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def cycle(state: SupervisorState, motor: float, joint: float, request: float = 0.0) -> tuple[SupervisorState, Verdict]:
