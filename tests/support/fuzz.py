@@ -412,6 +412,8 @@ _XML = (
     b'<?xml version="1.0"?><info><name>EMG</name><type>EMG</type><channel_count>2</channel_count>'
     b"<channel_format>float32</channel_format><source_id>x</source_id><nominal_srate>2000</nominal_srate>"
     b"<version>1.1</version><created_at>1</created_at><uid>u</uid><session_id>d</session_id><hostname>h</hostname>"
+    b"<v4address/><v4data_port>1</v4data_port><v4service_port>1</v4service_port>"
+    b"<v6address/><v6data_port>1</v6data_port><v6service_port>1</v6service_port>"
     b"<desc><channels><channel><label>a</label><unit>mV</unit></channel><channel><label>b</label><unit>mV</unit>"
     b"</channel></channels></desc></info>"
 )
