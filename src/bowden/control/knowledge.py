@@ -169,11 +169,6 @@ def with_measured_width(law: Law, width: float) -> Law:
     return _with_known(replace(law, chosen=law.chosen - guesses), Knowledge(width=width, doubt=MEASURED))
 
 
-def cable_gains(law: Law) -> frozenset[str]:
-    """Gains that are parameters of the law's model of the cable: known or not, and no choice."""
-    return frozenset(gain for gain, what in law.from_rig.items() if isinstance(what, str) and what.startswith(_CABLE))
-
-
 _GUESSES = ("slope", "width", "doubt")
 _CABLE = "cable."
 
