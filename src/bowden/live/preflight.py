@@ -37,6 +37,10 @@ class Preflight(NamedTuple):
     """Direction of the motor that pulls the cable: the motion goes there and comes back."""
     enable: float = 5.0
     """How long the drive may take to enable [s]."""
+    low: float = -np.inf
+    """Smallest target of the motor: one that rests beyond, as a release may leave it, is brought there first [rad]."""
+    high: float = np.inf
+    """Largest [rad]."""
 
 
 class Step(IntEnum):
@@ -82,7 +86,7 @@ class PreflightState(NamedTuple):
     since: float
     """Since the step began [s]."""
     motor: float
-    """Where the motor began [rad]."""
+    """Where the motor began, or the nearest place that it may be sent to [rad]."""
     joint: float
     """Where the joint began [rad]."""
     low: float
@@ -114,7 +118,7 @@ class PreflightOutcome(NamedTuple):
 
 def begin(settings: Preflight, reading: DriveReading) -> PreflightState:
     """Before the first cycle."""
-    return _at(Step.ENABLE, settings.first, reading)
+    return _at(Step.ENABLE, settings, settings.first, reading)
 
 
 def step(
@@ -140,18 +144,21 @@ def step(
         return _fail(state, Reason.SENSORS) if since > settings.listen else _answer(state, state.motor)
     if state.step == Step.ENABLE:
         if reading.drive_state == DriveState.OPERATION_ENABLED:
-            state = _at(Step.LISTEN, state.amplitude, reading)
+            state = _at(Step.LISTEN, settings, state.amplitude, reading)
         elif since > settings.enable:
             return _fail(state, Reason.NOT_ENABLED)
-        return _answer(state, reading.motor)
+        return _answer(state, _within(settings, reading.motor))
     if state.step == Step.LISTEN:
+        coming = settings.settle if state.motor != state.far_motor else 0.0
+        if since < coming:
+            return _answer(_hearing(state, reading), state.motor)
         state = state._replace(
             low=min(state.low, reading.joint),
             high=max(state.high, reading.joint),
             motor_low=min(state.motor_low, reading.motor),
             motor_high=max(state.motor_high, reading.motor),
         )
-        if since < settings.listen:
+        if since < coming + settings.listen:
             return _answer(state, state.motor)
         if state.high - state.low > settings.noise or state.motor_high - state.motor_low > settings.noise:
             return _fail(state, Reason.RESTLESS)
@@ -276,9 +283,20 @@ _POSITIVE = (
 )
 
 
-def _at(where: Step, amplitude: float, reading: DriveReading) -> PreflightState:
+def _within(settings: Preflight, motor: float) -> float:
+    """The nearest place that a motor may be sent to [rad]; NaN for NaN."""
+    return min(max(motor, settings.low), settings.high)
+
+
+def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReading) -> PreflightState:
+    motor, joint, start = reading.motor, reading.joint, _within(settings, reading.motor)
+    return PreflightState(float(where), 0.0, start, joint, joint, joint, motor, motor, amplitude, motor, joint, 0.0)
+
+
+def _hearing(state: PreflightState, reading: DriveReading) -> PreflightState:
+    """Begin anew to hear how still both angles are."""
     motor, joint = reading.motor, reading.joint
-    return PreflightState(float(where), 0.0, motor, joint, joint, joint, motor, motor, amplitude, motor, joint, 0.0)
+    return state._replace(joint=joint, low=joint, high=joint, motor_low=motor, motor_high=motor)
 
 
 def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, PreflightOutcome]:
