@@ -347,7 +347,8 @@ class _Search:
         order = sorted(range(len(points)), key=lambda i: (scores[i], i))
         kept, refused = [i for i in order if scores[i][0] == 0.0], [i for i in order if scores[i][0] > 0.0]
         asked = [i for i in kept if scores[i][1] <= limit and scores[i][1] < np.inf]
-        kept, passed = kept[len(asked) :], []
+        kept = kept[len(asked) :]
+        passed: list[int] = []
         while asked and len(passed) < count:
             some, asked = asked[: count - len(passed)], asked[count - len(passed) :]
             for i, lacking in zip(some, self.workers(shortfall_on_the_way, [tasks[i] for i in some]), strict=True):
