@@ -41,7 +41,7 @@ def pieces(share: float) -> list[tuple[str, int, int]]:
 def tried(share: float, done: int) -> Iterator[list[Any]]:
     """[target, first, count, taken, what broke it, longest of an input [s], memory [bytes], seconds]."""
     for name, first, count in itertools.islice(pieces(share), done, None):
-        words = [sys.executable, "-P", __file__, name, str(first), str(count)]
+        words = [sys.executable, __file__, name, str(first), str(count)]
         ended = subprocess.run(words, capture_output=True, text=True)
         try:
             yield json.loads(ended.stdout.splitlines()[-1])
