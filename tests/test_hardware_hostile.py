@@ -8,6 +8,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
@@ -35,17 +36,48 @@ def test_the_node_is_a_sound_one_where_it_does_no_harm(tmp_path: Path) -> None:
     assert bus.node.motor != 1000.0, "it has turned"
 
 
-def run(attack: Attack, folder: Path) -> tuple[HostileBus, Ended]:
-    """A run of the loop on such a node, from its bring-up to its end."""
+def run(attack: Attack, folder: Path, stall: float = 0.0) -> tuple[HostileBus, Ended]:
+    """A run of the loop on such a node, from its bring-up to its end; while the law leads, the loop stalls once [s]."""
     bus = HostileBus(attack)
     drive = CanopenDrive(DRIVE, bus)
     drive.bring_up()
     table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(500) * 1e-3)
     script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
-    rig = LoopRig(folder, LAWS["adaptive"], LIMITS, drive, script, lambda rig: bus.pass_time(), quits=1500)
-    ended, _ = rig.run()
+
+    def between(rig: LoopRig) -> None:
+        bus.pass_time()
+        if rig.led == 200 and stall > 0.0:
+            rig.led += 1
+            bus.pass_time(stall)
+            rig.time += round(stall * SECOND)
+
+    rig = LoopRig(folder, LAWS["adaptive"], LIMITS, drive, script, between, quits=1500)
+    ended, rows = rig.run()
+    bus.modes = list(dict.fromkeys(Mode(int(mode)) for mode in rows["mode"]))
     bus.pass_time(0.2)
     return bus, ended
+
+
+@pytest.mark.parametrize("stall_ms", [4, 12, 19])
+def test_a_run_rides_through_a_short_stall_of_the_computer(stall_ms: int, tmp_path: Path) -> None:
+    _, ended = run(Attack(), tmp_path, 1e-3 * stall_ms)
+    assert (Mode(ended.mode), ended.faults, ended.stalled) == (Mode.STOPPED, 0, 0.0)
+
+
+@pytest.mark.parametrize("stall_ms", [21, 27, 34])
+def test_a_longer_stall_of_the_computer_ends_in_a_release_and_is_said(stall_ms: int, tmp_path: Path) -> None:
+    bus, ended = run(Attack(), tmp_path, 1e-3 * stall_ms)
+    assert of(ended.faults) == [Fault.LATE]
+    assert Mode.RELEASING in bus.modes
+    assert ended.stalled == pytest.approx(1e-3 * stall_ms, abs=1e-3)
+
+
+@pytest.mark.parametrize("stall_ms", [60, 400, 900])
+def test_a_stall_longer_than_the_drives_watch_is_said_as_what_it_was(stall_ms: int, tmp_path: Path) -> None:
+    bus, ended = run(Attack(), tmp_path, 1e-3 * stall_ms)
+    assert {Fault.LATE, Fault.CLOCK} & set(of(ended.faults))
+    assert ended.stalled == pytest.approx(1e-3 * stall_ms, abs=1e-3)
+    assert not bus.node.torque
 
 
 @dataclass(frozen=True)
@@ -72,6 +104,10 @@ RUNS: dict[str, Row] = {
     "another's questions": Row(Attack(foreign=(QUESTION,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's NMT": Row(Attack(foreign=(START,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's heartbeat": Row(Attack(foreign=(HEARTBEAT,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+    "a current stuck at nothing": Row(Attack(current_stuck=0.0), (Fault.PREFLIGHT_FAILED,)),
+    "a current that gets stuck": Row(Attack(current_stuck=1.5), (Fault.CURRENT_STUCK,)),
+    "a cable on the other side": Row(Attack(load=-600), (Fault.PREFLIGHT_FAILED,)),
+    "a joint encoder that freezes": Row(Attack(joint_stuck=1.5), (Fault.JOINT_FROZEN,)),
 }
 
 
@@ -142,6 +178,12 @@ def test_on_a_real_bus_a_drive_has_limits_of_its_own() -> None:
         assert CanopenDrive(DRIVE, HostileBus(attack)).bring_up(), "the twin's bus"
         with pytest.raises(DriveError, match="has no limits of its position"):
             CanopenDrive(DRIVE._replace(interface="socketcan"), HostileBus(attack)).bring_up()
+
+
+def test_the_supply_is_said_with_who_the_drive_is() -> None:
+    assert CanopenDrive(DRIVE, HostileBus()).bring_up().endswith("supply 23.9 V")
+    silent = HostileBus(Attack(objects=(((0x6079, 0), 0),)))
+    assert "supply" not in CanopenDrive(DRIVE, silent).bring_up()
 
 
 def test_a_lost_answer_is_asked_for_again_and_a_text_without_end_is_cut() -> None:

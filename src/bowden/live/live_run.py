@@ -98,7 +98,7 @@ class Live:
     def script(self, course: EmgCourse | None = None) -> Script:
         """The run's plan."""
         speed = self.rig.live.approach
-        checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
+        checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY, light=self.limits.released_current)
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
         slope = 1.0 if suit is not None else self.rig.slope

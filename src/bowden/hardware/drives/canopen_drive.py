@@ -108,7 +108,7 @@ class CanopenDrive:
                 self._counts = motion.position
                 self._statusword_state = decode(motion.statusword)
                 motor, motor_age = found.motor.angle(motion.position), 0.0
-                current = motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
+                current = drive.motor_direction * motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
             elif cob_id == frames.TPDO2 + node and (sensors := frames.unpack_tpdo2(data)) is not None:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
                 temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature

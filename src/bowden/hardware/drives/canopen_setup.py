@@ -365,6 +365,9 @@ def _identity(node: Dialogue, state: DriveState) -> str:
     vendor, product, revision, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
     who = f"{node.text(0x1008) or 'CiA 402 drive'} at {node.name}, vendor 0x{vendor:X}, product 0x{product:X}, "
     who += f"revision 0x{revision:X}, serial number {serial}"
+    supply = node.read_if_there(0x6079)
+    if supply:
+        who += f", supply {1e-3 * supply:.1f} V"
     if state is DriveState.FAULT:
         who += f"; in fault, {emergency_text(node.read_if_there(0x603F) or 0)}"
     return who

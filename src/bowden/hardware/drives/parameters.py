@@ -60,7 +60,7 @@ class DriveParameters(NamedTuple):
     heartbeat_timeout: Annotated[
         float,
         Quantity("without our heartbeat the drive takes its torque off after this", "s", shown="ms", gt=0.0, le=40.0),
-    ] = 25e-3
+    ] = 40e-3
     drive_heartbeat_time: Annotated[
         float,
         Quantity("between the drive's heartbeats", "s", shown="ms", key="drive_heartbeat_ms", gt=0.0, le=1000.0),
