@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -188,6 +189,9 @@ def test_without_its_operator_the_loop_releases_and_ends(rig: Path, twin: Runnin
         assert time.monotonic() < deadline, "the recorder does not close its log"
         time.sleep(0.1)
     assert 4.0 in read(log)["mode"]
+    while left := [*Path("/dev/shm").glob(f"bowden-{process.pid}-*")]:
+        assert time.monotonic() < deadline, f"{left} is left behind"
+        time.sleep(0.1)
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.long)])
@@ -269,6 +273,11 @@ def test_a_twin_of_a_run_that_was_killed_ends_too(rig: Path, tmp_path: Path) -> 
     while Path(f"/proc/{twin}/cmdline").exists() and Path(f"/proc/{twin}/cmdline").read_bytes():
         assert time.monotonic() < deadline, "the twin goes on without anybody"
         time.sleep(0.1)
+    left = [
+        *Path("/dev/shm").glob(f"bowden-{process.pid}-*"),
+        *Path(tempfile.gettempdir()).glob(f"bowden-twin-{process.pid}-*"),
+    ]
+    assert not left
 
 
 def with_own_twin(rig: Path, out: Path) -> "subprocess.Popen[str]":

@@ -102,6 +102,22 @@ def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:
         assert outcome.result == 0.0
 
 
+@pytest.mark.parametrize("start", [-0.34, -0.3001, 2.04])
+def test_a_motor_that_a_release_left_beyond_its_targets_is_never_asked_to_stay_there(start: float) -> None:
+    settings = SETTINGS._replace(low=-0.3, high=2.0, pull_sign=1.0 if start < 0.0 else -1.0)
+    motor, state, outcome = start, begin(settings, reading(start, 0.9 * start, 3.0)), None
+    for k in range(20_000):
+        told = reading(motor, 0.9 * motor, 4.0 if k > 50 else 3.0)
+        state, wish, outcome = step(settings, state, told, DT)
+        assert settings.low <= wish <= settings.high
+        if outcome.result != 0.0:
+            break
+        motor += 0.05 * (wish - motor) if k > 50 else 0.0
+    assert outcome is not None
+    assert Reason(int(outcome.reason)) == Reason.NONE
+    assert outcome.result == 1.0
+
+
 def test_default_limits_agree() -> None:
     assert contradictions(Limits(), DT) == []
     require(Limits(), DT, "holds")

@@ -111,7 +111,7 @@ EDGES: list[tuple[str, float, float, Fault]] = [
     ("elapsed", 0.05 * DT, 0.049 * DT, Fault.CLOCK),
     ("elapsed", 0.5, 0.5 + 1e-9, Fault.CLOCK),
     ("elapsed", DT, NAN, Fault.CLOCK),
-    ("operator_age", 1.0, 1.0 + 1e-9, Fault.OPERATOR_LOST),
+    ("operator_age", 0.28, 0.28 + 1e-9, Fault.OPERATOR_LOST),
     ("operator_age", 0.0, NAN, Fault.OPERATOR_LOST),
     ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
     ("emg_age", 0.0, NAN, Fault.EMG_LOST),

@@ -14,6 +14,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.safety.faults import Fault
+from bowden.safety.last_word import LastWord
 from bowden.safety.supervisor import Mode, Observed, Request
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
@@ -83,6 +84,9 @@ class Loop:
         """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drive.
 
         The end waits until the drive says that its torque is off, or the supervisor has found that it keeps it.
+
+        Raises:
+            SafetyError: the supervisor's verdict was broken; the torque has been told off.
         """
         try:
             cycles, overruns, mode, faults, stalled = self._run()
@@ -98,6 +102,7 @@ class Loop:
         deadline = clock.now() + period
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
         mode, target, verdict, stalled = float(Mode.STOPPED), cycle.state.supervisor.target, None, 0.0
+        last_word = LastWord(cycle.limits, cycle.period, target)
         while resting < _LAST:
             clock.sleep_until(deadline)
             woke = clock.now()
@@ -125,6 +130,7 @@ class Loop:
             wish, verdict = cycle.step(observed, plan)
             if verdict.mode > _POWERED and mode in _LED and int(verdict.faults) & _STALLS:
                 stalled = max(lateness, cycle.state.supervisor.sums.late)
+            last_word.judge(verdict)
             mode, target = verdict.mode, verdict.target
             torque = 0.0 if push is None else push.step(target, verdict, cycle.period)
             drive.write(target, Power(int(verdict.power)), now, torque)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.core.errors import BowdenError
+from bowden.live.left_behind import sweep
 
 if TYPE_CHECKING:
     from bowden.live.live_run import Live
@@ -27,6 +28,8 @@ def main() -> int:
     except Exception as error:  # so that the operator learns why there is no loop
         _say("error", f"the loop failed: {type(error).__name__}: {error}")
         raise
+    finally:
+        sweep()
     return 2
 
 

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 STANDS_STILL = 5.0
 """A loop that has done no cycle for so long does none any more; the drive has long taken its torque off [s]."""
-_LOOK = 0.1
+_LOOK = 0.05
 """Between two looks at the run and at the keys [s]."""
 _CLEARED = 1.0
 """At the end a terminal is given so long to take the picture away [s]."""
-_REMEMBER = 50
+_REMEMBER = 100
 """Looks between two times that the motor's warmth is kept."""
 _KEYS = {"a": Request.ARM, "r": Request.RUN, "s": Request.STOP, " ": Request.STOP, "k": Request.ACKNOWLEDGE}
 

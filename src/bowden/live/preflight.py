@@ -44,6 +44,10 @@ class Preflight(NamedTuple):
     """Current below which the cable carries nothing [A]."""
     enable: float = 5.0
     """How long the drive may take to enable [s]."""
+    low: float = -np.inf
+    """Smallest target of the motor: one that rests beyond, as a release may leave it, is brought there first [rad]."""
+    high: float = np.inf
+    """Largest [rad]."""
 
 
 class Step(IntEnum):
@@ -94,7 +98,7 @@ class PreflightState(NamedTuple):
     since: float
     """Since the step began [s]."""
     motor: float
-    """Where the motor began [rad]."""
+    """Where the motor began, or the nearest place that it may be sent to [rad]."""
     joint: float
     """Where the joint began [rad]."""
     low: float
@@ -132,7 +136,7 @@ class PreflightOutcome(NamedTuple):
 
 def begin(settings: Preflight, reading: DriveReading) -> PreflightState:
     """Before the first cycle."""
-    return _at(Step.ENABLE, settings.first, reading)
+    return _at(Step.ENABLE, settings, settings.first, reading)
 
 
 def step(
@@ -158,21 +162,24 @@ def step(
         return _fail(state, Reason.SENSORS) if since > settings.listen else _answer(state, state.motor)
     if state.step == Step.ENABLE:
         if reading.drive_state == DriveState.OPERATION_ENABLED:
-            state = _at(Step.LISTEN, state.amplitude, reading)
+            state = _at(Step.LISTEN, settings, state.amplitude, reading)
         elif since > settings.enable:
             return _fail(state, Reason.NOT_ENABLED)
-        return _answer(state, reading.motor)
+        return _answer(state, _within(settings, reading.motor))
     state = state._replace(
         current_low=min(state.current_low, reading.current), current_high=max(state.current_high, reading.current)
     )
     if state.step == Step.LISTEN:
+        coming = settings.settle if state.motor != state.far_motor else 0.0
+        if since < coming:
+            return _answer(_hearing(state, reading), state.motor)
         state = state._replace(
             low=min(state.low, reading.joint),
             high=max(state.high, reading.joint),
             motor_low=min(state.motor_low, reading.motor),
             motor_high=max(state.motor_high, reading.motor),
         )
-        if since < settings.listen:
+        if since < coming + settings.listen:
             return _answer(state, state.motor)
         if state.high - state.low > settings.noise or state.motor_high - state.motor_low > settings.noise:
             return _fail(state, Reason.RESTLESS)
@@ -309,12 +316,23 @@ _POSITIVE = (
 )
 
 
-def _at(where: Step, amplitude: float, reading: DriveReading) -> PreflightState:
-    motor, joint, current = reading.motor, reading.joint, reading.current
+def _within(settings: Preflight, motor: float) -> float:
+    """The nearest place that a motor may be sent to [rad]; NaN for NaN."""
+    return min(max(motor, settings.low), settings.high)
+
+
+def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReading) -> PreflightState:
+    motor, joint, current, start = reading.motor, reading.joint, reading.current, _within(settings, reading.motor)
     ends = (joint, joint, motor, motor)
     return PreflightState(
-        float(where), 0.0, motor, joint, *ends, amplitude, motor, joint, current, current, 0.0, float(Reason.NONE)
+        float(where), 0.0, start, joint, *ends, amplitude, motor, joint, current, current, 0.0, float(Reason.NONE)
     )
+
+
+def _hearing(state: PreflightState, reading: DriveReading) -> PreflightState:
+    """Begin anew to hear how still both angles are."""
+    motor, joint = reading.motor, reading.joint
+    return state._replace(joint=joint, low=joint, high=joint, motor_low=motor, motor_high=motor)
 
 
 def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, PreflightOutcome]:

@@ -20,6 +20,7 @@ import numpy as np
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import BowdenError, OutputError
 from bowden.live.events import Changes
+from bowden.live.left_behind import sweep
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.provenance import provenance
 from bowden.live.ring import Batch, Description, RingReader
@@ -244,6 +245,8 @@ def main(arguments: list[str] | None = None) -> int:
     except BowdenError as error:
         print(f"bowden: {error}", file=sys.stderr)
         return 2
+    finally:
+        sweep()
     return 0
 
 

@@ -6,12 +6,10 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 
 import contextlib
 import json
-import os
 import queue
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +19,7 @@ from bowden.core import shared_memory, shown
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError
 from bowden.core.trace import Trace
-from bowden.live import control_block, thermal_file
+from bowden.live import control_block, left_behind, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
@@ -48,7 +46,7 @@ _LOOK = 0.05
 """Between two looks at a run that is seen through [s]."""
 _MOST_LOGS = 3
 """Recorders of a run, one after the other."""
-_BEAT = 0.1
+_BEAT = 0.05
 """Between two signs of life [s]."""
 
 
@@ -80,8 +78,8 @@ class Session:
         self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._processes: list[subprocess.Popen[str]] = []
-        name = f"{os.getpid()}-{os.urandom(3).hex()}"
-        self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
+        name = left_behind.name_of_this()
+        self._ring, self._block = FOLDER / f"{name}.ring", FOLDER / f"{name}.block"
 
     def __enter__(self) -> "Session":
         try:
@@ -101,7 +99,7 @@ class Session:
 
     def _begin(self) -> None:
         live, now = self.live, self.clock.now()
-        _sweep()
+        left_behind.sweep()
         settings = run_settings(live.law, live.limits, live.cycle().filters, live.rig.sample_time)
         by_emg, pushed, wall = self.emg_process is not None, live.push() is not None, round(unix_seconds() * SECOND)
         about = description(
@@ -359,27 +357,13 @@ class Session:
         self._block.unlink(missing_ok=True)
 
 
-def _sweep() -> None:
-    """Remove what runs left whose operator is gone; a loop or recorder that still has it open keeps it."""
-    for path in _left_behind():
-        with contextlib.suppress(OSError):
-            path.unlink()
-
-
-def _left_behind() -> Iterator[Path]:
-    for path in FOLDER.glob("bowden-*-*.*"):
-        number = path.name.split("-")[1]
-        if path.suffix in (".ring", ".block", ".intent") and number.isdigit() and not Path(f"/proc/{number}").exists():
-            yield path
-
-
 @contextlib.contextmanager
 def own_twin(rig: Rig) -> Iterator[Rig]:
     """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus."""
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import running_twin
 
-    with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
+    with left_behind.bus_of_this() as folder:
         print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig.origin} --channel {folder}", file=sys.stderr)
-        with running_twin(rig, Path(folder), ["--interface", UNIX]) as twin:
+        with running_twin(rig, folder, ["--interface", UNIX]) as twin:
             yield rig.on_bus(twin.channel, UNIX)

@@ -120,9 +120,25 @@ class Limits(NamedTuple):
     clock_gap: Annotated[
         float, Quantity("longest time between two cycles that a late loop explains", "s", ge=0.0, le=10.0)
     ] = 0.5
-    operator_age: Annotated[float, Quantity("age of the operator's last sign of life", "s", ge=0.0, le=5.0)] = 1.0
+    operator_age: Annotated[
+        float,
+        Quantity(
+            "age of the operator's last sign of life; the power is off at most `release_time` later",
+            "s",
+            ge=0.0,
+            le=5.0,
+        ),
+    ] = 0.28
     uses_emg: Annotated[float, Quantity("1 where EMG moves the reference, else 0", key=None)] = 0.0
-    emg_age: Annotated[float, Quantity("age of the newest EMG sample that is still good", "s", ge=0.0, le=2.0)] = 0.2
+    emg_age: Annotated[
+        float,
+        Quantity(
+            "age of the newest EMG sample that is still good; a reader that has not looked for a fifth of it is gone",
+            "s",
+            ge=0.0,
+            le=2.0,
+        ),
+    ] = 0.2
     preflight_time: Annotated[float, Quantity("from arming to running, at most", "s", ge=0.0, le=600.0)] = 60.0
     bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0)] = 0.005
     bridge_leak: Annotated[
