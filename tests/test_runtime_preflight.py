@@ -107,7 +107,8 @@ def test_a_motor_that_a_release_left_beyond_its_targets_is_never_asked_to_stay_t
     settings = SETTINGS._replace(low=-0.3, high=2.0, pull_sign=1.0 if start < 0.0 else -1.0)
     motor, state, outcome = start, begin(settings, reading(start, 0.9 * start, 3.0)), None
     for k in range(20_000):
-        told = reading(motor, 0.9 * motor, 4.0 if k > 50 else 3.0)
+        current = settings.pull_sign + 0.1 * motor
+        told = reading(motor, 0.9 * motor, 4.0 if k > 50 else 3.0, current)
         state, wish, outcome = step(settings, state, told, DT)
         assert settings.low <= wish <= settings.high
         if outcome.result != 0.0:

@@ -31,7 +31,13 @@ LIMITS = Limits(
     **{"slope_low": 0.75, "slope_high": 1.25, "play": 0.25, "joint_still": 2.0**-12, "frozen_travel": 0.375},
     **{"current_peak": 16.0, "current_time": 2 * DT, "saturation": 15 / 16, "saturation_time": 50 * DT},
     **{"measures_temperature": 1.0, "measures_tension": 1.0, "tension_high": 128.0, "slack_time": 48 * DT},
-    **{"heartbeat_age": 1 / 16, "lateness": 1 / 64, "bridge_time": 5 * DT, "bridge_leak": 1 / 64},
+    **{
+        "housing_limit": 70.0,
+        "heartbeat_age": 1 / 16,
+        "lateness": 1 / 64,
+        "bridge_time": 5 * DT,
+        "bridge_leak": 1 / 64,
+    },
     **{"release_time": 256 * DT, "pay_out": 8.0, "released_current": 0.25, "released_time": 16 * DT},
     **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
 )
