@@ -36,12 +36,12 @@ def test_the_node_is_a_sound_one_where_it_does_no_harm(tmp_path: Path) -> None:
     assert bus.node.motor != 1000.0, "it has turned"
 
 
-def run(attack: Attack, folder: Path, stall: float = 0.0) -> tuple[HostileBus, Ended]:
+def run(attack: Attack, folder: Path, stall: float = 0.0, cycles: int = 500) -> tuple[HostileBus, Ended]:
     """A run of the loop on such a node, from its bring-up to its end; while the law leads, the loop stalls once [s]."""
     bus = HostileBus(attack)
     drive = CanopenDrive(DRIVE, bus)
     drive.bring_up()
-    table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(500) * 1e-3)
+    table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(cycles) * 1e-3)
     script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
 
     def between(rig: LoopRig) -> None:
@@ -88,6 +88,8 @@ class Row:
     faults: tuple[Fault, ...]
     """Any of these is among the run's."""
     torque: tuple[TorqueLeft, ...] = (TorqueLeft.OFF,)
+    cycles: int = 500
+    """Of the law."""
 
 
 SYNC, TARGET, START, HEARTBEAT = (0x080, b""), (0x201, b"\x0f\0\0\0\0\0"), (0x000, b"\x01\x01"), (0x77F, b"\x05")
@@ -105,7 +107,7 @@ RUNS: dict[str, Row] = {
     "another's NMT": Row(Attack(foreign=(START,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's heartbeat": Row(Attack(foreign=(HEARTBEAT,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "a current stuck at nothing": Row(Attack(current_stuck=0.0), (Fault.PREFLIGHT_FAILED,)),
-    "a current that gets stuck": Row(Attack(current_stuck=1.5), (Fault.CURRENT_STUCK,)),
+    "a current that gets stuck": Row(Attack(current_stuck=1.5), (Fault.CURRENT_STUCK,), cycles=3000),
     "a cable on the other side": Row(Attack(load=-600), (Fault.PREFLIGHT_FAILED,)),
     "a joint encoder that freezes": Row(Attack(joint_stuck=1.5), (Fault.JOINT_FROZEN,)),
 }
@@ -114,7 +116,7 @@ RUNS: dict[str, Row] = {
 @pytest.mark.parametrize("name", RUNS)
 def test_an_attack_on_a_run_ends_it_and_is_said(name: str, tmp_path: Path) -> None:
     row = RUNS[name]
-    bus, ended = run(row.attack, tmp_path)
+    bus, ended = run(row.attack, tmp_path, cycles=row.cycles)
     assert Mode(ended.mode) is Mode.LATCHED or ended.torque != TorqueLeft.OFF, "the exit code is 1"
     assert set(row.faults) & set(of(ended.faults)), of(ended.faults)
     assert TorqueLeft(ended.torque) in row.torque
