@@ -83,7 +83,7 @@ def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
     node = rig.bus.node
     assert node.nmt == frames.OPERATIONAL
     assert node.state is DriveState.SWITCH_ON_DISABLED
-    assert node.objects[0x1016, 1] == 127 << 16 | 25
+    assert node.objects[0x1016, 1] == 127 << 16 | 40
     assert node.objects[0x6007, 0] == 1
     assert node.objects[0x605E, 0] == 0
     assert node.objects[0x6060, 0] == 8

@@ -119,6 +119,12 @@ def test_a_motor_that_a_release_left_beyond_its_targets_is_never_asked_to_stay_t
     assert outcome.result == 1.0
 
 
+def test_a_frozen_joint_shows_by_what_the_cable_of_the_rig_explains() -> None:
+    assert Rig().supervisor_limits.frozen_travel == pytest.approx(0.2326, abs=1e-3)
+    assert Rig(limits=Limits(frozen_travel=0.15)).supervisor_limits.frozen_travel == 0.15
+    assert Rig(cable=Rig().cable._replace(hysteresis_gain=-1e-3)).supervisor_limits.frozen_travel == 0.1
+
+
 def test_default_limits_agree() -> None:
     assert contradictions(Limits(), DT) == []
     require(Limits(), DT, "holds")
