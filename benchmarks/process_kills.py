@@ -183,10 +183,10 @@ def _of_log(folder: Path, number: int, at: float, victim: str) -> tuple[float, s
     table = np.concatenate(rows)[kept]
     when = table[:, AT["time"]] + start
     lost = 1e-3 * float(found[-1] + 1 - len(found))
-    if victim == "loop" and when[-1] < at:
-        lost += at - float(when[-1])
     latched = table[:, AT["mode"]] >= Mode.RELEASING
     early = np.flatnonzero(latched & (when < at - 0.001))
+    if victim == "loop" and not len(early) and when[-1] < at:
+        lost += at - float(when[-1])
     names = [fault.name for fault in of(float(table[early[0], AT["faults"]]))] if len(early) else []
     all_bits = int(np.bitwise_or.reduce(table[latched, AT["faults"]].astype(np.int64))) if latched.any() else 0
     return lost, " ".join(names or ["ended"] * bool(len(early))), " ".join(fault.name for fault in of(float(all_bits)))

@@ -12,7 +12,7 @@ import pytest
 
 from bowden.core.kernel import compiled
 from bowden.core.nested import flat, names
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import ThermalState, cold, rested, warm
 from bowden.safety import faults, supervisor
@@ -114,6 +114,7 @@ EDGES: list[tuple[str, float, float, Fault]] = [
     ("operator_age", 0.0, NAN, Fault.OPERATOR_LOST),
     ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
     ("emg_age", 0.0, NAN, Fault.EMG_LOST),
+    ("emergency", 0.0, EMERGENCY_STOP, Fault.EMERGENCY_STOP),
     ("foreign", 0.0, 1.0, Fault.SECOND_MASTER),
     ("foreign", 0.0, -1.0, Fault.SECOND_MASTER),
     ("foreign", 0.0, NAN, Fault.SECOND_MASTER),
@@ -413,6 +414,7 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.EMG_LOST: lasting(9, emg_age=0.201),
     Fault.NOT_DISABLED: lasting(60, drive_state=5.0),
     Fault.SECOND_MASTER: lasting(9, foreign=1.0),
+    Fault.EMERGENCY_STOP: lasting(9, emergency=EMERGENCY_STOP),
 }
 """Each fault as the only one, or the first: what shows it."""
 
