@@ -241,3 +241,15 @@ def test_the_loops_course_is_the_kernels_and_the_motion_of_a_recording(block: Pa
             assert tuple(same) == pytest.approx(tuple(reference), abs=1e-12)
     assert np.ptp(table[:, 0]) == pytest.approx(1.1)
     assert np.abs(np.diff(table[:, 1])).max() < 0.02, "no jump in velocity where a motion turns round"
+
+
+def test_a_sender_that_says_the_same_again_is_in_trouble_and_no_muscle_is() -> None:
+    """A buffer that is stuck in a contraction would hold it for ever; a converter whose count is large repeats less."""
+    signal = contraction(6.0, [(2.0, 5.0)])
+    stuck = np.concatenate([signal[:3000], np.tile(signal[3000:3700], 4)])
+    for given, repeats in ((signal, False), (np.round(signal / 0.01) * 0.01, False), (stuck, True)):
+        listener, troubled = Listener(RATE, 0), []
+        for chunk in chunks(given[:, None], list(range(7, len(given), 7))):
+            troubled.append(listener.take(chunk, 100.0).trouble)
+        assert not any(troubled[: 3800 // 7 - 1])
+        assert all(troubled[3800 // 7 + 4 :]) is repeats, "a tenth of a second after it begins anew"

@@ -14,6 +14,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.safety.faults import Fault
+from bowden.safety.last_word import LastWord
 from bowden.safety.supervisor import Mode, Observed, Request
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
@@ -81,6 +82,9 @@ class Loop:
         """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drive.
 
         The end waits until the drive says that its torque is off, or the supervisor has found that it keeps it.
+
+        Raises:
+            SafetyError: the supervisor's verdict was broken; the torque has been told off.
         """
         try:
             cycles, overruns, mode, faults = self._run()
@@ -97,6 +101,7 @@ class Loop:
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
         begun = cycle.state.supervisor
         mode, target, verdict = float(begun.decided.mode), begun.target, None
+        last_word = LastWord(cycle.limits, cycle.period, target)
         while resting < _LAST:
             clock.sleep_until(deadline)
             woke = clock.now()
@@ -122,6 +127,7 @@ class Loop:
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
             observed = Observed(reading, lateness, elapsed, request, age, recorder, script.outcome, emg_age)
             wish, verdict = cycle.step(observed, plan)
+            last_word.judge(verdict)
             mode, target = verdict.mode, verdict.target
             torque = 0.0 if push is None else push.step(target, verdict, cycle.period)
             drive.write(target, Power(int(verdict.power)), now, torque)

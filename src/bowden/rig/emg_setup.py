@@ -52,6 +52,7 @@ class EmgRun:
         course = self.course._asdict() | {"intent": self.course.intent._asdict()}
         return {"source": self.source, "flexor": self.flexor, "extensor": self.extensor, "course": course} | {
             "wearer": levels,
+            "wearer_file": self.where or None,
             "detector": self.detector.name,
         }
 

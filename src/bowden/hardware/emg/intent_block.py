@@ -38,7 +38,7 @@ class StreamReading(NamedTuple):
     level: float = 0.0
     """Envelope of the flexor, in the stream's unit."""
     trouble: float = 0.0
-    """What is wrong with the signals, the worse of both: 0 nothing, 1 flat or missing, 2 movement or mains."""
+    """What is wrong with the signals, the worse of both: 0 nothing, 1 flat, missing, repeated, 2 movement or mains."""
 
 
 _WHOLE = 6
