@@ -46,8 +46,8 @@ def cycle(state: SupervisorState, motor: float, joint: float, request: float = 0
 
 
 def test_a_frozen_joint_encoder_is_seen_by_the_motors_travel() -> None:
-    """It takes 0.4 rad of the motor in one direction or the other; below that it is a limb that stands."""
-    for stroke, seen in ((0.35, False), (0.45, True)):
+    """It takes `frozen_travel` of the motor; in small strokes to and fro it is a limb that stands."""
+    for stroke, seen in ((0.15, False), (0.45, True)):
         state = running(0.5)
         for k in range(2000):
             state, verdict = cycle(state, 0.5 + stroke * math.sin(2e-3 * math.pi * k), SLOPE * 0.5)
