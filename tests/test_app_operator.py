@@ -101,7 +101,7 @@ def test_whoever_gives_the_sign_of_life_is_woken_before_what_computes_where_that
         allowed = os.SCHED_OTHER
     finally:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    session: Any = Looked([row(mode=Mode.STOPPED), row(mode=Mode.LATCHED)])
+    session: Any = Looked([row(mode=Mode.STOPPED), row(mode=Mode.STOPPED), row(mode=Mode.LATCHED)])
     operator.operate(session, operator.Ending(), auto=True, quiet=True)
     assert set(seen) == {allowed}
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
