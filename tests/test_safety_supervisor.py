@@ -276,6 +276,11 @@ def test_what_comes_and_goes_while_it_is_latched_is_not_held() -> None:
     assert of(follow(rows)[-1].faults) == [Fault.EMERGENCY]
 
 
+def test_an_emergency_stop_is_none_of_the_drives_codes() -> None:
+    for code, fault in ((EMERGENCY_STOP, Fault.EMERGENCY_STOP), (65535.0, Fault.EMERGENCY), (65537.0, Fault.EMERGENCY)):
+        assert of(follow(lasting(1, emergency=code))[-1].faults) == [fault]
+
+
 def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
     """Cycle 100 is 6 ms late: it reads what was sampled in time, and the next one what was sampled 7 ms later."""
     speed = 0.9 * LIMITS.joint_speed
