@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.conditioning import Conditioned, Conditioning, condition_start, condition_step
-from bowden.control.knowledge import with_measured_width
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise, stand_in
@@ -372,10 +371,6 @@ class Cycle:
             decided = supervisor.decided._replace(mode=LATCHED, latched=latched)
             fresh = fresh._replace(supervisor=supervisor._replace(decided=decided))
         self.state = fresh
-
-    def know(self, width: float) -> None:
-        """Let the law begin with the dead zone that was measured [rad], where it takes one; NaN is none."""
-        self._settings = self._settings._replace(gains=with_measured_width(self.law, width).gains)
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""

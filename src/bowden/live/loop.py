@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
 from bowden.core.signals import DriveState
-from bowden.cycle.one_cycle import LAW_BEGINS, Cycle
+from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power
@@ -118,9 +118,6 @@ class Loop:
                 drive.reset_fault()
             emg_age = 0.0 if course is None else course.look(woke)
             plan = script.plan(mode, target, reading, 1 + skipped)
-
-            if plan.source == LAW_BEGINS:
-                cycle.know(script.play)
 
             # what is done
             recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0

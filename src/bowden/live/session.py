@@ -27,6 +27,7 @@ from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
 from bowden.live.operator import STANDS_STILL
 from bowden.live.provenance import rig_revision
+from bowden.live.recorder import check_room
 from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, description
@@ -106,6 +107,7 @@ class Session:
         about = description(
             *(live.law, {**settings, **live.settings()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
         )
+        check_room(self.log, about)
         create(self._ring, about)
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
@@ -164,7 +166,12 @@ class Session:
     def _record_again(self) -> None:
         """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
-        print(f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}", file=sys.stderr)
+        names = " ".join(map(str, self.logs))
+        print(
+            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. After the run, join them: "
+            f"bowden log recover {names}",
+            file=sys.stderr,
+        )
         self._record_to(self.logs[-1])
 
     def _end_recorder(self) -> None:

@@ -176,6 +176,7 @@ LAW = Law(
     },
     feeds_back=frozenset({"joint"}),
     compensates_lag=True,
+    tunable=frozenset({"observer_bandwidth", "control_bandwidth"}),
     limits={
         **LIMITS,
         "observer_bandwidth": (1e-3, 1e5),

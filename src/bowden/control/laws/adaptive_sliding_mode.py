@@ -143,6 +143,7 @@ LAW = Law(
         "most_gain": crossing_rate,
     },
     compensates_lag=True,
+    tunable=frozenset({"bandwidth", "adaptation", "deadband", "least_gain", "most_gain"}),
     limits={
         **LIMITS,
         "adaptation": (0.0, 1e5),

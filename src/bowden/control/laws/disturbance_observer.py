@@ -146,6 +146,7 @@ LAW = Law(
         "jump_bandwidth": jump_bandwidth,
     },
     compensates_lag=True,
+    tunable=frozenset({"bandwidth", "rate_limit", "jump_bandwidth", "velocity_band"}),
     limits={
         **LIMITS,
         "delay": (0.0, 10.0),

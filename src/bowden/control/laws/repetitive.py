@@ -226,6 +226,7 @@ LAW = Law(
     source="Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988; Bodson, Sacks, Khosla 1994",
     from_rig={**disturbance_observer.LAW.from_rig, "cutoff": cutoff},
     compensates_lag=True,
+    tunable=frozenset({*disturbance_observer.LAW.choices, "learning", "cutoff", "largest", "sameness", "fading"}),
     limits={
         **disturbance_observer.LAW.limits,
         "learning": (0.0, 100.0),
