@@ -45,7 +45,7 @@ CORPUS = ROOT / "tests" / "data" / "fuzz"
 LONGEST = 10
 """Of one input [s]."""
 MOST_MEMORY = 1536 << 20
-"""Of the process [bytes]."""
+"""That what is taken may add to the process [bytes]."""
 
 
 class Target(NamedTuple):
@@ -71,7 +71,8 @@ def watched() -> Iterator[None]:
     """Bounds for all that is taken meanwhile: of memory, and, by `_stop`, of time."""
     before = resource.getrlimit(resource.RLIMIT_DATA)
     handler = signal.signal(signal.SIGALRM, _stop)
-    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, before[1]))
+    held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_DATA, (held + MOST_MEMORY, before[1]))
     try:
         yield
     finally:
