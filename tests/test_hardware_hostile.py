@@ -22,6 +22,7 @@ from loop_rig import LoopRig
 from support.hostile_node import DISABLED, Attack, HostileBus
 
 DRIVE = DriveParameters(answer_timeout=0.05, current_limit=20.0)
+STOPPABLE = DRIVE._replace(emergency_stop_input=5)
 LIMITS = Limits(tracking=9.0, target_reach=99.0, play=9.0)
 """The node's motor is a simple one, and is not what is tested here."""
 SILENCE = 0.05
@@ -35,10 +36,10 @@ def test_the_node_is_a_sound_one_where_it_does_no_harm(tmp_path: Path) -> None:
     assert bus.node.motor != 1000.0, "it has turned"
 
 
-def run(attack: Attack, folder: Path) -> tuple[HostileBus, Ended]:
+def run(attack: Attack, folder: Path, parameters: DriveParameters = DRIVE) -> tuple[HostileBus, Ended]:
     """A run of the loop on such a node, from its bring-up to its end."""
     bus = HostileBus(attack)
-    drive = CanopenDrive(DRIVE, bus)
+    drive = CanopenDrive(parameters, bus)
     drive.bring_up()
     table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(500) * 1e-3)
     script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
@@ -56,6 +57,7 @@ class Row:
     faults: tuple[Fault, ...]
     """Any of these is among the run's."""
     torque: tuple[TorqueLeft, ...] = (TorqueLeft.OFF,)
+    drive: DriveParameters = DRIVE
 
 
 SYNC, TARGET, START, HEARTBEAT = (0x080, b""), (0x201, b"\x0f\0\0\0\0\0"), (0x000, b"\x01\x01"), (0x77F, b"\x05")
@@ -72,14 +74,19 @@ RUNS: dict[str, Row] = {
     "another's questions": Row(Attack(foreign=(QUESTION,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's NMT": Row(Attack(foreign=(START,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's heartbeat": Row(Attack(foreign=(HEARTBEAT,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+    "its emergency stop": Row(Attack(stops=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
+    "its emergency stop before arming": Row(Attack(stops=0.001), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
+    "inputs that are told no more": Row(Attack(hides_inputs=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
+    "safe torque off": Row(Attack(stops_itself=0.5), (Fault.EMERGENCY_STOP,)),
 }
 
 
 @pytest.mark.parametrize("name", RUNS)
 def test_an_attack_on_a_run_ends_it_and_is_said(name: str, tmp_path: Path) -> None:
     row = RUNS[name]
-    bus, ended = run(row.attack, tmp_path)
-    assert Mode(ended.mode) is Mode.LATCHED or ended.torque != TorqueLeft.OFF, "the exit code is 1"
+    bus, ended = run(row.attack, tmp_path, row.drive)
+    unarmed = name == "its emergency stop before arming"
+    assert Mode(ended.mode) is Mode.LATCHED or ended.torque != TorqueLeft.OFF or unarmed, "the exit code is 1"
     assert set(row.faults) & set(of(ended.faults)), of(ended.faults)
     assert TorqueLeft(ended.torque) in row.torque
     if ended.torque == TorqueLeft.OFF:

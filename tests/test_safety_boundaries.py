@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from bowden.core.nested import flat, name_of, names, rebuilt
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
 from bowden.models.plausible import Followed, beyond, follow, lasting, outside
@@ -215,6 +215,8 @@ EDGES: list[Edge] = [
     (Fault.NOT_ENABLED, "reading.drive_state", 4.0, 3.0, {**ARMED, "state.sums.armed": 2.0}),
     (Fault.EMERGENCY, "reading.emergency", 0.0, 0x8130, STOPPED),
     (Fault.EMERGENCY, "reading.emergency", 0.0, -1.0, {}),
+    (Fault.EMERGENCY_STOP, "reading.emergency", 0.0, EMERGENCY_STOP, STOPPED),
+    (Fault.EMERGENCY_STOP, "reading.emergency", 0.0, EMERGENCY_STOP, {}),
     (Fault.BUS_ERRORS, "state.sums.failures", 2.5 + DT, 2.5 + DT + TINY, {}),
     (Fault.BUS_ERRORS, "reading.bus_errors", 9.0, 10.0, {"state.sums.bus_errors": 7.0}),
     (Fault.BUS_ERRORS, "reading.bus_errors", 7.0, 8.0, {"state.sums.bus_errors": 7.0, "state.sums.failures": 2.0}),

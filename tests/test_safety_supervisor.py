@@ -12,7 +12,7 @@ import pytest
 
 from bowden.core.kernel import compiled
 from bowden.core.nested import flat, names
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import ThermalState, cold, rested, warm
 from bowden.safety import faults, supervisor
@@ -114,6 +114,7 @@ EDGES: list[tuple[str, float, float, Fault]] = [
     ("operator_age", 0.0, NAN, Fault.OPERATOR_LOST),
     ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
     ("emg_age", 0.0, NAN, Fault.EMG_LOST),
+    ("emergency", 0.0, EMERGENCY_STOP, Fault.EMERGENCY_STOP),
     ("foreign", 0.0, 1.0, Fault.SECOND_MASTER),
     ("foreign", 0.0, -1.0, Fault.SECOND_MASTER),
     ("foreign", 0.0, NAN, Fault.SECOND_MASTER),
@@ -275,6 +276,11 @@ def test_what_comes_and_goes_while_it_is_latched_is_not_held() -> None:
     assert of(follow(rows)[-1].faults) == [Fault.EMERGENCY]
 
 
+def test_an_emergency_stop_is_none_of_the_drives_codes() -> None:
+    for code, fault in ((EMERGENCY_STOP, Fault.EMERGENCY_STOP), (65535.0, Fault.EMERGENCY), (65537.0, Fault.EMERGENCY)):
+        assert of(follow(lasting(1, emergency=code))[-1].faults) == [fault]
+
+
 def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
     """Cycle 100 is 6 ms late: it reads what was sampled in time, and the next one what was sampled 7 ms later."""
     speed = 0.9 * LIMITS.joint_speed
@@ -413,6 +419,7 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.EMG_LOST: lasting(9, emg_age=0.201),
     Fault.NOT_DISABLED: lasting(60, drive_state=5.0),
     Fault.SECOND_MASTER: lasting(9, foreign=1.0),
+    Fault.EMERGENCY_STOP: lasting(9, emergency=EMERGENCY_STOP),
 }
 """Each fault as the only one, or the first: what shows it."""
 

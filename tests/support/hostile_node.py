@@ -44,7 +44,13 @@ OBJECTS: dict[tuple[int, int], tuple[int, int]] = {
     **{(0x6060, 0): (1, 1), (0x6061, 0): (1, 1), (0x6064, 0): (4, 0), (0x6065, 0): (4, 2**31)},
     **{(0x6076, 0): (4, 50_000), (0x6077, 0): (2, 0), (0x607A, 0): (4, 0), (0x607D, 1): (4, -(2**31))},
     **{(0x607D, 2): (4, 2**31 - 1), (0x607F, 0): (4, 50_000), (0x6080, 0): (4, 50_000)},
-    **{(0x60C2, 1): (1, 1), (0x60C2, 2): (1, -3), (0x60E4, 2): (4, 0), (0x6502, 0): (4, 0x3A5)},
+    **{
+        (0x60FD, 0): (4, 0xFFFF_FFFF),
+        (0x60C2, 1): (1, 1),
+        (0x60C2, 2): (1, -3),
+        (0x60E4, 2): (4, 0),
+        (0x6502, 0): (4, 0x3A5),
+    },
     **{(0x608F, 1): (4, 16384), (0x608F, 2): (4, 1), (0x6091, 1): (4, 1), (0x6091, 2): (4, 1)},
     **{(0x3160, 1): (2, 0), (0x3201, 1): (2, 300)},
 }
@@ -77,6 +83,12 @@ class Attack:
     """Values that are otherwise after switching on."""
     endless_text: bool = False
     """The upload of its name, 1008h, never ends."""
+    stops: float = float("inf")
+    """Its emergency stop is pressed: every digital input opens."""
+    stops_itself: float = float("inf")
+    """It goes into safe torque off, in one emergency frame and a fault."""
+    hides_inputs: float = float("inf")
+    """It tells its digital inputs no more, and all else as before."""
     loses_answer: int = 0
     """Its answer to that SDO request is lost."""
 
@@ -138,6 +150,12 @@ class HostileNode:
         if since >= self.attack.enables_itself and self.state != ENABLED and since < self.attack.vanishes:
             self._go(ENABLED)
             self.objects[0x607A, 0] = round(self.motor) + 3000
+        if since >= self.attack.stops:
+            self.objects[0x60FD, 0] = 0
+        if since - MILLISECOND < self.attack.stops_itself <= since:
+            self.objects[0x603F, 0] = 0x8A88
+            self._emit(0x080 + NODE, struct.pack("<HB5x", 0x8A88, 0x01))
+            self._go(FAULT)
         limit = (self.objects[0x1016, 1] & 0xFFFF) * MILLISECOND
         if self._watching and limit and self.now - self.heartbeat_at >= limit:
             self._watching = False
@@ -200,6 +218,8 @@ class HostileNode:
         joint = round(SLOPE * self.motor / GEAR)
         self._emit(0x180 + NODE, struct.pack("<Hih", STATUSWORD[said], round(self.motor), 100 * self.torque))
         self._emit(0x280 + NODE, struct.pack("<ihh", joint, 0, 300))
+        if not self.objects[0x1802, 1] >> 31 and self.now - self._begun < self.attack.hides_inputs:
+            self._emit(0x380 + NODE, struct.pack("<I", self.objects[0x60FD, 0]))
 
     def _control_word(self, word: int) -> None:
         rises, self._control = word & ~self._control & 0x80, word

@@ -99,7 +99,8 @@ class Loop:
         period, patience = round(cycle.period * SECOND), cycle.limits.operator_age
         deadline = clock.now() + period
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
-        mode, target, verdict = float(Mode.STOPPED), cycle.state.supervisor.target, None
+        begun = cycle.state.supervisor
+        mode, target, verdict = float(begun.decided.mode), begun.target, None
         last_word = LastWord(cycle.limits, cycle.period, target)
         while resting < _LAST:
             clock.sleep_until(deadline)

@@ -107,6 +107,8 @@ class Fault(IntEnum):
                     "press the emergency stop, and keep away; do not use this drive before it has been repaired")
     SECOND_MASTER = (3, 3, 0.004, "another master on the bus", "a frame came that this host alone may send",
                      "end the other program or take the other device off the bus")
+    EMERGENCY_STOP = (3, 3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
+                      "see what it was pressed for; let it out again, and acknowledge")
 # fmt: on
 
 

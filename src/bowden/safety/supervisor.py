@@ -11,7 +11,7 @@ import numpy as np
 
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import ThermalState, warm
 from bowden.models.plausible import Followed, beyond, follow, lasting, outside
@@ -154,6 +154,7 @@ class Found(NamedTuple):
     EMG_LOST: float
     NOT_DISABLED: float
     SECOND_MASTER: float
+    EMERGENCY_STOP: float
 
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
@@ -250,6 +251,7 @@ def look(
     off = outside(reading.drive_state, 3.5, 4.5)
     fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * servo.enabled * off
     enabled = powered * np.fmax(servo.enabled, 1.0 - off)
+    pressed = 1.0 - outside(reading.emergency, EMERGENCY_STOP, EMERGENCY_STOP)
     undisabled = lasting((1.0 - powered) * (1.0 - outside(reading.drive_state, 3.5, 6.5)), sums.undisabled, time)
     moved, speed = servo_predict(servo.position, servo.speed, last.target_before, omega, zeta, sampled)
     model, model_speed = sel(servo.enabled > 0.0, moved, motor.value), sel(servo.enabled > 0.0, speed, 0.0)
@@ -309,7 +311,7 @@ def look(
         NOT_ENABLED=(1.0 - enabled) * beyond(armed, limits.enable_time),
         DRIVE_DROPPED=left * (1.0 - fault),
         DRIVE_FAULT=fault,
-        EMERGENCY=outside(reading.emergency, 0.0, 0.0),
+        EMERGENCY=outside(reading.emergency, 0.0, 0.0) * (1.0 - pressed),
         BUS_ERRORS=np.fmax(unknown, beyond(failures, limits.bus_errors)),
         LATE=(1.0 - clock) * beyond(np.fmax(observed.lateness, late), limits.lateness),
         CLOCK=clock,
@@ -323,6 +325,7 @@ def look(
         EMG_LOST=limits.uses_emg * outside(observed.emg_age, -1.0, limits.emg_age),
         NOT_DISABLED=beyond(undisabled, limits.disable_time),
         SECOND_MASTER=outside(reading.foreign, 0.0, 0.0),
+        EMERGENCY_STOP=pressed,
     )
     return (
         SupervisorState(

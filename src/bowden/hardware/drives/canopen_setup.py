@@ -328,6 +328,7 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
     except DriveError:  # older EPOS4 cannot map 3201h, the power stage's temperature
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
+    _map_inputs(node, drive)
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
     node.write(0x1016, 1, drive.host_id << 16 | math.ceil(round(1e3 * drive.heartbeat_timeout, 6)), 4)
 
@@ -347,6 +348,20 @@ def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
             f"{node.name} takes no torque offset beside its target: {error.what}",
             expected="a drive that maps object 60B2h",
             do="set suit.friction_feedforward_nm to 0, or take another drive or firmware",
+        ) from error
+
+
+def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
+    """TPDO 3, where one of the digital inputs is the emergency stop's."""
+    if drive.emergency_stop_input < 0:
+        return
+    try:
+        _map(node, 0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
+    except DriveError as error:
+        raise DriveError(
+            f"{node.name} does not tell its digital inputs in every cycle: {error.what}",
+            expected="a drive that maps object 60FDh",
+            do="set drive.emergency_stop_input to -1, or take another drive or firmware",
         ) from error
 
 

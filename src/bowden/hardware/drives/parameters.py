@@ -52,6 +52,15 @@ class DriveParameters(NamedTuple):
         Quantity("cable tension per millivolt at the drive's analog input; 0 for none", "N/mV", key="tension_n_per_mv"),
     ] = 0.0
     tension_zero: Annotated[float, Quantity("voltage of that input without tension", "mV")] = 0.0
+    emergency_stop_input: Annotated[
+        int,
+        Quantity(
+            "bit of the drive's digital inputs (60FDh) that is 1 unless the emergency stop is pressed, as an opening "
+            "contact has it; -1 for none",
+            ge=-1,
+            le=31,
+        ),
+    ] = -1
     sample_time: float = 1e-3
     """One cycle, which is the drive's interpolation time too; whole milliseconds [s]."""
     heartbeat_time: Annotated[
