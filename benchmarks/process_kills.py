@@ -107,10 +107,23 @@ def cases(numbers: list[int], victims: tuple[str, ...] = tuple(OFF)) -> Iterator
 
 
 def _case(folder: Path, twin: RunningTwin, number: int, victim: str, end: signal.Signals, moment: float) -> list[Any]:
+    """What a run against that twin comes to; see `COLUMNS`."""
     log = folder / f"{number}.mcap"
     rig = folder / ("emg.toml" if victim == "reader" else "rig.toml")
     words = [sys.executable, __file__, "--operate", str(rig), twin.channel, str(log)]
-    operator = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder) as operator:
+        return _hit(operator, folder, twin, number, victim, end, moment)
+
+
+def _hit(
+    operator: "subprocess.Popen[str]",
+    folder: Path,
+    twin: RunningTwin,
+    number: int,
+    victim: str,
+    end: signal.Signals,
+    moment: float,
+) -> list[Any]:
     assert operator.stdout is not None
     assert operator.stderr is not None
     said = [operator.stdout.readline() for _ in range(2)]
