@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import tempfile
@@ -212,6 +213,27 @@ def test_without_its_loop_the_torque_is_off_50_ms_after_the_last_heartbeat(
     found = json.loads(out)
     assert (found["ended_well"], found["mode"]) == (False, None)
     assert "the loop's process was ended by SIGKILL" in found["error"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stall_ms", [10, 30, 300, 1500])
+def test_a_loop_that_does_not_get_the_computer_for_a_while_rides_on_or_says_so(
+    stall_ms: int, rig: Path, twin: RunningTwin, tmp_path: Path
+) -> None:
+    strict = tmp_path / "strict.toml"
+    strict.write_text(re.sub(r"(?m)^lateness_s = .*$", "lateness_s = 0.02", rig.read_text()))
+    process = in_the_law(strict, twin, tmp_path)
+    loop = loop_of(process)
+    os.kill(loop, signal.SIGSTOP)
+    time.sleep(1e-3 * stall_ms)
+    os.kill(loop, signal.SIGCONT)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGTERM)
+    found = finished(process)
+    assert found["ended_well"] or found["stalled_ms"], found
+    if stall_ms >= 300:
+        assert found["stalled_ms"] > 0.9 * stall_ms, found
+    assert not twin.control.status()["torque"]
 
 
 def test_a_recorder_that_is_killed_is_started_again_and_no_cycle_is_lost(

@@ -86,6 +86,7 @@ def run(
 def _badly(session: "Session") -> list[str]:
     """What ended a run that did not end as asked; nothing of one that did."""
     from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
+    from bowden.live.summary import STALLED
     from bowden.safety import faults
     from bowden.safety.supervisor import Mode
 
@@ -93,7 +94,8 @@ def _badly(session: "Session") -> list[str]:
     left = TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN))
     if not session.error and ended.get("mode") == Mode.STOPPED and left is TorqueLeft.OFF:
         return []
-    found = [*filter(None, [TORQUE_LEFT[left]])]
+    stalled = 1e3 * ended.get("stalled", 0.0)
+    found = [*filter(None, [TORQUE_LEFT[left], STALLED.format(stalled) if stalled else ""])]
     found += [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
     return [f"the run was ended: {'; '.join([*found, *filter(None, [ended.get('reason'), session.error])])}"]
 

@@ -118,7 +118,13 @@ class Live:
         """The run's plan."""
         speed = self.rig.live.approach
         limits = self.limits
-        checks = Preflight(pull_sign=-limits.slack_sign, moved=WRONG_WAY, low=limits.motor_low, high=limits.motor_high)
+        checks = Preflight(
+            pull_sign=-limits.slack_sign,
+            moved=WRONG_WAY,
+            light=limits.released_current,
+            low=limits.motor_low,
+            high=limits.motor_high,
+        )
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
         slope = 1.0 if suit is not None else self.rig.slope

@@ -19,7 +19,7 @@ from bowden.core import shared_memory, shown
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError
 from bowden.core.trace import Trace
-from bowden.live import control_block, left_behind, thermal_file
+from bowden.live import control_block, latch_file, left_behind, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
@@ -75,6 +75,7 @@ class Session:
         self.emergency = 0
         """Error code of the drive's last emergency; 0 where there was none."""
         self._last: Row | None = None
+        self._latched: float | None = None
         self._not_kept = ""
         self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
@@ -116,10 +117,13 @@ class Session:
         self._record_to(self.log)
         warmth = live.limits.thermal
         thermal = thermal_file.read(live.rig.drive_parameters, live.limits) if self._remembers else cold(warmth)
+        self._latched = latch_file.read(live.rig.drive_parameters) if self._remembers else None
         given = {
             "rig": live.rig.document(),
             "measure": live.measure,
             "thermal": thermal,
+            "latched": self._latched,
+            "remembers": self._remembers,
             "ring": str(self._ring),
             "block": str(self._block),
             "emg": None if self.emg_process is None else str(self.emg_process.block),
@@ -265,10 +269,22 @@ class Session:
             self._scenario.see(rows)
             codes = rows[:, AT["emergency"]]
             self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
+            self._remember_latch(self._last)
         row = self._last
         if len(rows):
             self._came = self.clock.now()
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+
+    def _remember_latch(self, row: Row) -> None:
+        """Keep what latched the run, until somebody acknowledges it."""
+        latched = float(row[AT["faults"]]) if row[AT["mode"]] == Mode.LATCHED else None
+        if (latched is None) == (self._latched is None) or not self._remembers:
+            return
+        if latched is not None:
+            latch_file.write(self.live.rig.drive_parameters, latched)
+        else:
+            latch_file.acknowledge(self.live.rig.drive_parameters)
+        self._latched = latched
 
     @property
     def still(self) -> float:
