@@ -1,13 +1,15 @@
 """The long tests, each of which can be interrupted and goes on where it was left: ``make soak``.
 
-    python benchmarks/soak.py [live kills recorder faults hours streams] [--minutes 10] [--share 1]
+    python benchmarks/soak.py [live steady kills recorder faults hours streams hostile fuzzing] [--minutes 10]
 
-`live`: the loop against the twin for so many minutes a law, beside a loop that only sleeps and cyclictest. `kills`: the
-loop killed or stopped 200 times. `recorder`: the recorder killed 500 times, and a log cut at every byte. `faults`: the
-whole matrix of faults, every two of them, and ten million inputs of every kind. `hours`: ten hours without a fault.
-`streams`: EMG over LSL and the Trigno protocol for five minutes each. What is done of the others is kept in
-``out/bench`` until the package changes. Each part that was run whole writes its section of ``benchmarks/RESULTS.md``; a
-`--share` below 1 is a try, and writes nothing. Exit code 1 if a target is missed.
+`live`: the loop against the twin for so many minutes a law, beside a loop that only sleeps and cyclictest. `steady`:
+one run for as long, whose processes may not grow. `kills`: any process of a run killed or stopped, 1000 times.
+`recorder`: the recorder killed 500 times, and a log cut at every byte. `faults`: the whole matrix of faults, every two
+of them, and ten million inputs of every kind. `hours`: a day without a fault. `streams`: EMG over LSL and the Trigno
+protocol for five minutes each. `hostile`: every attack on such a stream 20 times. `fuzzing`: a million inputs that
+nobody would write, for everything that reads what others wrote. What is done of the others is kept in ``out/bench``
+until the package changes. Each part that was run whole writes its section of ``benchmarks/RESULTS.md``; a `--share`
+below 1 is a try, and writes nothing. Exit code 1 if a target is missed.
 """
 
 import argparse
@@ -28,8 +30,12 @@ def live(given: argparse.Namespace) -> Found:
     return import_module("live_loop").figures(given.minutes)
 
 
+def steady(given: argparse.Namespace) -> Found:
+    return import_module("steady_run").figures(given.minutes)
+
+
 def kills(given: argparse.Namespace) -> Found:
-    return import_module("loop_kills").figures(given.share)
+    return import_module("process_kills").figures(given.share)
 
 
 def recorder(given: argparse.Namespace) -> Found:
@@ -50,13 +56,24 @@ def streams(given: argparse.Namespace) -> Found:
     return found
 
 
+def hostile(given: argparse.Namespace) -> Found:
+    return import_module("hostile_streams").figures(given.share)
+
+
+def fuzzing(given: argparse.Namespace) -> Found:
+    return import_module("fuzzing").figures(given.share)
+
+
 PARTS: dict[str, tuple[str, Callable[[argparse.Namespace], Found]]] = {
     "live": ("The live loop", live),
-    "kills": ("Loss of the loop", kills),
+    "steady": ("A long run", steady),
+    "kills": ("Loss of a process", kills),
     "recorder": ("Loss of the recorder", recorder),
     "faults": ("Faults", faults),
     "hours": ("Hours without a fault", hours),
     "streams": ("EMG streams", streams),
+    "hostile": ("Hostile streams of EMG", hostile),
+    "fuzzing": ("Inputs that nobody would write", fuzzing),
 }
 
 

@@ -21,7 +21,7 @@ from measure import Figure
 from support.fault_matrix import MEASURED
 from support.supervised import supervised
 
-HOURS = 10.0
+HOURS = 24.0
 
 
 def runs(hours: float, done: int) -> Iterator[list[Any]]:

@@ -23,11 +23,12 @@ from bowden.safety.faults import Fault
 ROOT = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-c", "from bowden.app.main import main; main()"]
 
-SHARED_LIMITS = {"reading_age": 10.0, "lateness": 5.0, "heartbeat_age": 6.0}
+SHARED_LIMITS = {"reading_age": 10.0, "lateness": 5.0, "heartbeat_age": 6.0, "operator_age": 1.0, "emg_age": 1.0}
 """A computer shared with others stalls for longer than a rig's may: half of all cycles may be left out."""
 SHARED = (
     f"reading_age = {SHARED_LIMITS['reading_age']}\nlateness_s = {SHARED_LIMITS['lateness']}\n"
     f"heartbeat_age_s = {SHARED_LIMITS['heartbeat_age']}\n"
+    f"operator_age_s = {SHARED_LIMITS['operator_age']}\nemg_age_s = {SHARED_LIMITS['emg_age']}\n"
 )
 """The same as keys of [limits]."""
 

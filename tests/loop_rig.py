@@ -60,6 +60,7 @@ class LoopRig:
         source: Source = TABLE,
         course: EmgCourse | None = None,
         push: TorqueOffset | None = None,
+        latched: float | None = None,
     ) -> None:
         self.time, self.operator, self.drive = SECOND, True, drive
         self.sleeps = 0
@@ -73,7 +74,7 @@ class LoopRig:
         shared_memory.create(folder / "block", control_block.WORDS)
         self.reader, self._block = RingReader(folder / "ring"), ControlBlock(folder / "block")
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
-        cycle.begin(NOTHING_READ, cold(limits.thermal))
+        cycle.begin(NOTHING_READ, cold(limits.thermal), latched)
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
         self.loop = Loop(drive, cycle, script, writer, words, self, 0, course, push)
 

@@ -1,14 +1,17 @@
 """``bowden campaign``: its rows are single runs, it goes on where it was, and what cannot be is refused in one line."""
 
+import collections
 import contextlib
 import errno
 import io
 import itertools
 import json
+import multiprocessing
 import os
 import shutil
+import signal
+import time
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -258,28 +261,41 @@ def test_other_software_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         study_pack.unpacked(pack)
 
 
-def test_processes_that_die_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two pools that break after a chunk each, then one that holds; and then one that breaks without an end."""
-    study, calls = load(Path("study.toml")), itertools.count()
-    work = [(chunk, range(chunk, chunk + 1)) for chunk in range(4)]
+def children() -> list[int]:
+    return [process.pid or 0 for process in multiprocessing.active_children() if process.daemon]
 
-    def pooled(pack: bytes, left: Any, count: int) -> Iterator[tuple[int, Any]]:
-        broken = next(calls) < 2
-        for chunk, numbers in left[:1] if broken else left:
-            yield chunk, list(numbers)
-        if broken:
-            raise campaign_workers.BrokenProcessPool
 
-    monkeypatch.setattr(campaign_workers, "_pooled", pooled)
-    assert list(campaign_workers.in_processes(study, work, 2)) == [(chunk, [chunk]) for chunk in range(4)]
+def test_a_process_that_is_killed_is_replaced_and_one_that_stands_still_holds_up_no_end() -> None:
+    study = load(Path("study.toml"))
+    work = [(chunk, range(chunk, chunk + 1)) for chunk in range(12)]
+    found = campaign_workers.in_processes(study, work, 2)
+    seen = [next(found)[0]]
+    os.kill(children()[0], signal.SIGKILL)
+    seen += [chunk for chunk, _ in itertools.islice(found, 7)]
+    for pid in children():
+        os.kill(pid, signal.SIGSTOP)  # as Ctrl-Z, or a machine out of memory, leaves it
+    begun = time.monotonic()
+    found.close()  # as Ctrl-C does
+    assert time.monotonic() - begun < 2.0
+    assert not children()
+    rest = [one for one in work if one[0] not in seen]
+    seen += [chunk for chunk, _ in campaign_workers.in_this_process(study, rest)]
+    assert sorted(seen) == list(range(12))
 
-    def hopeless(pack: bytes, left: Any, count: int) -> Iterator[tuple[int, Any]]:
-        raise campaign_workers.BrokenProcessPool
-        yield
 
-    monkeypatch.setattr(campaign_workers, "_pooled", hopeless)
-    with pytest.raises(Exception, match=r"died 3 times in a row; look for"):
-        list(campaign_workers.in_processes(study, work, 2))
+def test_processes_that_die_again_and_again_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Dead(campaign_workers._Worker):
+        def __init__(self, pack: bytes) -> None:
+            self.given = collections.deque()
+            self.pipe, theirs = multiprocessing.Pipe()
+            theirs.close()
+
+        def end(self) -> None:
+            self.pipe.close()
+
+    monkeypatch.setattr(campaign_workers, "_Worker", Dead)
+    with pytest.raises(ParameterError, match=r"died [34] times in a row; look for"):
+        list(campaign_workers.in_processes(load(Path("study.toml")), [(0, range(1)), (1, range(1, 2))], 2))
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,11 @@ from bowden.hardware.ports import EmgChunk
 from bowden.live.emg_summary import figures
 from bowden.live.live_run import Live, live_run
 from bowden.live.preflight import Preflight, require
-from bowden.live.screen import _emg
+from bowden.live.screen import _emg, wearer
 from bowden.rig.emg_motion import EmgMotion
 from bowden.rig.emg_setup import columns
 from bowden.rig.rig import Rig
+from bowden.sensing.stream import EnvelopeFilter
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -237,7 +238,30 @@ def test_the_screen_shows_envelope_muscles_trouble_and_age() -> None:
     row |= {"emg.share": float("nan"), "emg.flexor": 0.0, "emg.trouble": 2.0}
     shown = _emg(row, "mV", "it has gone")
     assert shown == "flex: 0.123 mV, at rest, [red]movement or mains[/red], [red]it has gone[/red]"
+    assert _emg(row, "[blink]", "").startswith(r"flex: 0.123 \[blink]"), "a unit is text and no markup"
     assert "-" not in _emg(row | {"emg.share": -0.3}, "mV", "").split("%")[0].split(" ")[1]
+
+
+def test_the_wearer_is_shown_before_arming_and_kept_in_the_log(tmp_path: Path) -> None:
+    """And a rest that is another one's is told until the law has the motor; one's own swings by less."""
+    (tmp_path / "[anna].toml").write_text(WEARER.format(channel="biceps_mV", rest=0.01, mvc=0.5))
+    live = live_of(rig(tmp_path, 'wearer = "[anna].toml"'), "lsl:EMG")
+    assert live.emg is not None
+    assert live.settings()["emg"]["wearer_file"] == "[anna].toml"
+    row = {"emg.level": 0.012, "emg.flexor": 0.0, "emg.trouble": 0.0, "source": 0.0}
+    told = r"\[anna].toml: biceps_mV at rest 0.01, at most 0.5"
+    assert wearer(live.emg, row) == told
+    for level in (0.05, 0.002):
+        said = f"{told}, [red]and rests at {level:.3g} now: another wearer's file, or electrodes elsewhere?[/red]"
+        assert wearer(live.emg, row | {"emg.level": level}) == said
+        for other in ({"source": 3.0}, {"emg.flexor": 1.0}, {"emg.trouble": 1.0}):
+            assert wearer(live.emg, row | {"emg.level": level} | other) == told
+    unknown = live_of(rig(tmp_path), "lsl:EMG")
+    assert unknown.emg is not None
+    assert "not known" in wearer(unknown.emg, row)
+    envelope = EnvelopeFilter(RATE).feed(np.random.default_rng(1).normal(size=60_000)).envelope[500:]
+    assert 0.5 * envelope.mean() < envelope.min()
+    assert envelope.max() < 2.0 * envelope.mean()
 
 
 def test_figures_are_of_motions_and_their_delays() -> None:
@@ -258,11 +282,11 @@ def test_figures_are_of_motions_and_their_delays() -> None:
         "reference": np.where(time_s < 2.5, joint, joint + np.radians(3.0)),
     }
     run_by, emg_process = (
-        SimpleNamespace(source="lsl:EMG", course=CourseSettings()),
+        SimpleNamespace(source="lsl:EMG", course=CourseSettings(), where="anna.toml"),
         SimpleNamespace(stream="LSL", lost=""),
     )
     found = figures(log, run_by, emg_process)  # type: ignore[arg-type]
-    assert found["motions"] == 2
+    assert (found["motions"], found["wearer"]) == (2, "anna.toml")
     assert found["onset_to_cycle_ms"] == {"p50": 15.0, "p99": 19.9, "max": 20.0}
     assert found["onset_to_command_ms"]["max"] == pytest.approx(210.0)
     assert found["onset_to_joint_ms"] == {"p50": 510.0, "p99": 510.0, "max": 510.0}

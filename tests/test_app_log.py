@@ -13,6 +13,7 @@ import pytest
 from bowden.app import main
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core import own_code
 from bowden.core.errors import BowdenError, LogError
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.core.trace import Trace
@@ -27,6 +28,7 @@ from bowden.live.preflight import Reason
 from bowden.live.row import CYCLE, description
 from bowden.live.run_settings import run_settings
 from bowden.models.drive.thermal import cold
+from bowden.rig import given_law
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, Verdict
@@ -287,6 +289,39 @@ def test_a_log_alone_is_enough(rows: np.ndarray, tmp_path: Path, capsys: pytest.
     assert main.run(["simulate", "alone.mcap", "--json", "--out", str(tmp_path / "again")]) == 0
     again = json.loads(capsys.readouterr().out)
     assert (again["rig"], again["runs"][0]["law"]) == (rig.hash, "mine")
+
+
+def test_a_program_that_a_log_brings_along_runs_only_once_its_user_says_so(
+    rows: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "from dataclasses import replace\nfrom pathlib import Path\nfrom bowden.control import LAWS\n"
+    text += "Path('ran').touch()\nMINE = replace(LAWS['adaptive'], name='mine')\n"
+    Path("own.py").write_text(text)
+    Path("rig.toml").write_text("[control]\nlaw = 'own.py:MINE'\n")
+    told = live_run_of.live_run(Rig.read("rig.toml")).settings()
+    settings = run_settings(LAW_USED, Limits(), Filters(joint=600.0), DT) | json.loads(json.dumps(told))
+    write(Path("theirs.mcap"), rows, settings | {"law": "mine"})
+    named = Path("elsewhere.py").absolute()
+    named.write_text(text + "# another\n")
+    without = settings | {"law": "mine", "law_file": f"{named}:MINE", "rig": Rig().document()}
+    write(Path("named.mcap"), rows, without)
+    older = Rig().tree() | {"cable": {"plant": f"{named}:PLANT"}}
+    write(Path("older.mcap"), rows, settings | {"law": "adaptive", "rig": older})
+    another = tmp_path / "another user's"
+    another.mkdir()
+    monkeypatch.setattr(own_code, "cache_folder", lambda: another)
+    given_law._load.cache_clear()
+    Path("ran").unlink()
+    for words in (["log", "replay", "theirs.mcap"], ["simulate", "theirs.mcap"], ["log", "replay", "named.mcap"],
+                  ["log", "replay", "theirs.mcap", "--law", f"{named}:MINE"], ["simulate", "older.mcap"]):  # fmt: skip
+        assert main.run(words) == 2
+        said = capsys.readouterr().err
+        assert "never run here" in said
+        assert Path("ran").exists() == ("--law" in words)  # what the user names runs; the log's own text does not
+        Path("ran").unlink(missing_ok=True)
+    found = document(["replay", "theirs.mcap", "--trust-law"], capsys, "log_replay")
+    assert (found["law"], found["same_law"]) == ("mine", True)
+    assert document(["replay", "theirs.mcap"], capsys, "log_replay")["law"] == "mine"  # it is remembered
 
 
 def test_the_rig_of_an_older_log_is_read_with_a_note_or_refused_in_a_line(rows: np.ndarray) -> None:

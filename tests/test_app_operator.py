@@ -87,6 +87,26 @@ def test_a_loop_that_stands_still_is_not_waited_for(capsys: pytest.CaptureFixtur
     assert "the loop has stood still for 6 s" in capsys.readouterr().err
 
 
+def test_whoever_gives_the_sign_of_life_is_woken_before_what_computes_where_that_is_allowed() -> None:
+    seen: list[int] = []
+
+    class Looked(FakeSession):
+        def beat(self) -> None:
+            seen.append(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK)
+
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+        allowed = os.SCHED_RR
+    except OSError:
+        allowed = os.SCHED_OTHER
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    session: Any = Looked([row(mode=Mode.STOPPED), row(mode=Mode.STOPPED), row(mode=Mode.LATCHED)])
+    operator.operate(session, operator.Ending(), auto=True, quiet=True)
+    assert set(seen) == {allowed}
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
 def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hung connection, Ctrl-S: the picture waits, and nothing else does."""
     master, slave = os.openpty()

@@ -95,7 +95,7 @@ def test_any_drive_that_is_taken_can_be_brought_up_or_says_why(tmp_path: Path, g
         ('channel = "a\\u0000b"', r"channel is 'a.x00b'"),
         ('channel = ".."', r"channel is '\.\.'"),
         ('channel = ""', "channel is ''"),
-        ("heartbeat_ms = 10.0", "third of heartbeat_timeout"),
+        ("heartbeat_ms = 13.0\nheartbeat_timeout_ms = 30.0", "third of heartbeat_timeout"),
     ],
 )
 def test_what_cannot_go_together_is_refused(text: str, said: str, tmp_path: Path) -> None:

@@ -3,8 +3,10 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -187,6 +189,9 @@ def test_without_its_operator_the_loop_releases_and_ends(rig: Path, twin: Runnin
         assert time.monotonic() < deadline, "the recorder does not close its log"
         time.sleep(0.1)
     assert 4.0 in read(log)["mode"]
+    while left := [*Path("/dev/shm").glob(f"bowden-{process.pid}-*")]:
+        assert time.monotonic() < deadline, f"{left} is left behind"
+        time.sleep(0.1)
 
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.long)])
@@ -208,6 +213,27 @@ def test_without_its_loop_the_torque_is_off_50_ms_after_the_last_heartbeat(
     found = json.loads(out)
     assert (found["ended_well"], found["mode"]) == (False, None)
     assert "the loop's process was ended by SIGKILL" in found["error"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stall_ms", [10, 30, 300, 1500])
+def test_a_loop_that_does_not_get_the_computer_for_a_while_rides_on_or_says_so(
+    stall_ms: int, rig: Path, twin: RunningTwin, tmp_path: Path
+) -> None:
+    strict = tmp_path / "strict.toml"
+    strict.write_text(re.sub(r"(?m)^lateness_s = .*$", "lateness_s = 0.02", rig.read_text()))
+    process = in_the_law(strict, twin, tmp_path)
+    loop = loop_of(process)
+    os.kill(loop, signal.SIGSTOP)
+    time.sleep(1e-3 * stall_ms)
+    os.kill(loop, signal.SIGCONT)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGTERM)
+    found = finished(process)
+    assert found["ended_well"] or found["stalled_ms"], found
+    if stall_ms >= 300:
+        assert found["stalled_ms"] > 0.9 * stall_ms, found
+    assert not twin.control.status()["torque"]
 
 
 def test_a_recorder_that_is_killed_is_started_again_and_no_cycle_is_lost(
@@ -247,6 +273,11 @@ def test_a_twin_of_a_run_that_was_killed_ends_too(rig: Path, tmp_path: Path) -> 
     while Path(f"/proc/{twin}/cmdline").exists() and Path(f"/proc/{twin}/cmdline").read_bytes():
         assert time.monotonic() < deadline, "the twin goes on without anybody"
         time.sleep(0.1)
+    left = [
+        *Path("/dev/shm").glob(f"bowden-{process.pid}-*"),
+        *Path(tempfile.gettempdir()).glob(f"bowden-twin-{process.pid}-*"),
+    ]
+    assert not left
 
 
 def with_own_twin(rig: Path, out: Path) -> "subprocess.Popen[str]":

@@ -41,7 +41,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
     ("text", "options", "said"),
     [
         ("", ["--auto"], "start bowden twin, run with a twin of its own (--twin), or name your CAN bus"),
-        ("[drive]\ninterface = 'morse'", ["--auto"], "no CAN interface 'morse'"),
+        ("[drive]\ninterface = 'morse'", ["--auto"], "nobody has confirmed an angle on this drive"),
         ("[drive]\nnode_id = 127", ["--auto"], "drive.node_id is 127"),
         ("[limits]\nmotor_low_deg = 120.0", ["--auto"], "limits.motor_low_deg is 120 and motor_high_deg 114.6"),
         ("[limits]\nthermal_winding_capacity_j_per_k = 0.0", ["--auto"], "thermal.winding_capacity is 0.0"),

@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from bowden.app import main
 from bowden.control import LAWS, Law
-from bowden.control.knowledge import Knowledge, cable_gains, configured, informed
+from bowden.control.knowledge import Knowledge, configured, informed
 from bowden.control.law_parts import half_width, lag
 from bowden.core.errors import BowdenError, ParameterError, UnknownNameError
 from bowden.core.signals import Reference, Sample
@@ -223,9 +223,22 @@ def test_parts_of_what_is_known_tell_only_what_they_suffice_for() -> None:
     assert half_width(Knowledge(width=0.2)) == 0.1
 
 
-def test_the_parameters_of_a_model_of_the_cable_are_those_that_are_told_it() -> None:
-    assert cable_gains(LAWS["observer"]) == set(BoucWen._fields)
-    assert not any(cable_gains(law) for name, law in LAWS.items() if name != "observer")
+def test_what_a_rig_knows_of_servo_delay_cable_and_encoders_is_no_choice() -> None:
+    """A gain that goes the whole way with a fact of the rig is told it, whichever law it belongs to."""
+    facts = {"slope", "width", "delay", "noise", "damping", "natural_frequency", "lead", "lead_square", "half_width"}
+    facts |= {"servo_frequency", "servo_damping", "motor_zero", "arrival", *BoucWen._fields}
+    for name, law in LAWS.items():
+        assert not facts & set(law.choices), name
+        assert set(law.choices) or name == "uncompensated"
+    assert LAWS["bowden"].choices == ["lag", "bandwidth"]
+    assert LAWS["bowden"].with_gains(lag=0.1).choices == ["lag", "bandwidth"]
+
+
+def test_a_law_that_does_not_say_has_what_no_rig_tells_as_a_choice() -> None:
+    law = LAWS["cascaded_pid"]
+    undeclared = dataclasses.replace(law, tunable=None)
+    assert set(undeclared.choices) == set(law.gains._fields) - set(law.from_rig)
+    assert dataclasses.replace(law, tunable=frozenset()).choices == []
 
 
 @pytest.mark.parametrize(
@@ -236,6 +249,8 @@ def test_the_parameters_of_a_model_of_the_cable_are_those_that_are_told_it() -> 
             "from_rig of law 'uncompensated' names 'slop'; expected slope (did you mean this?)",
         ),
         ({"feeds_back": frozenset({"current"})}, "feeds_back of law 'uncompensated' names 'current'"),
+        ({"tunable": frozenset({"slopes"})}, "tunable of law 'uncompensated' names 'slopes'"),
+        ({"tunable": "slope"}, "tunable of law 'uncompensated' is 'slope'"),
         ({"suit_preset": "suit"}, "suit_preset of law 'uncompensated' names 'suit'"),
     ],
 )

@@ -147,6 +147,14 @@ def test_a_law_without_feedback_has_nothing_to_tune() -> None:
         tune(BENCH, LAWS["uncompensated"])
 
 
+@pytest.mark.usefixtures("small_search")
+def test_tuning_moves_choices_and_leaves_facts() -> None:
+    law = LAWS["bowden"].with_gains(lag=0.002)
+    found = tune(BENCH, law, generations=1)
+    assert found.gains
+    assert set(found.gains) <= {"bandwidth", "lag"}
+
+
 def test_the_file_keeps_its_comments_and_the_other_keys() -> None:
     text = "# mine\n[control]\nlaw = 'adaptive'\n[control.gains]  # these\nerror_gain = 0.1  # λ\nsmoothing = 0.02\n"
     once = with_gains(text + "[servo]\n", {"error_gain": 0.05, "feedback_gain": 20.0}, ["why"], Path("rig.toml"))

@@ -69,6 +69,7 @@ TOY = DriveFamily(
     watchdog=lambda given: given.patience or math.inf,
     most_push=lambda given, needs: 0.0,
     measures_tension=lambda given: False,
+    simulated=lambda given: True,
     explain=lambda code: f"the string says {code}",
 )
 

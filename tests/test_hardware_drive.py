@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bowden.core.errors import DriveError
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.cia402 import WITH_TORQUE
@@ -83,7 +83,7 @@ def test_bring_up_says_who_it_is_and_leaves_no_thread() -> None:
     node = rig.bus.node
     assert node.nmt == frames.OPERATIONAL
     assert node.state is DriveState.SWITCH_ON_DISABLED
-    assert node.objects[0x1016, 1] == 127 << 16 | 25
+    assert node.objects[0x1016, 1] == 127 << 16 | 40
     assert node.objects[0x6007, 0] == 1
     assert node.objects[0x605E, 0] == 0
     assert node.objects[0x6060, 0] == 8
@@ -244,6 +244,20 @@ def test_an_emergency_is_read_in_its_cycle_and_a_fault_reset_on_request_alone() 
     assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
 
 
+def test_an_emergency_stop_takes_the_torque_and_is_told_for_as_long_as_it_is_pressed() -> None:
+    rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
+    assert not any(reading.emergency for reading in rig.readings)
+    rig.inject("emergency_stop", lasting=0.05)
+    rig.run(40, Power.OFF)
+    assert rig.bus.node.state is DriveState.FAULT
+    assert {reading.emergency for reading in rig.readings[-30:]} == {EMERGENCY_STOP}
+    rig.run(30, Power.OFF)
+    rig.drive.reset_fault()
+    rig.run(10, Power.OFF)
+    assert rig.readings[-1].emergency == 0.0
+    assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
+
+
 def test_a_reboot_is_seen_and_needs_a_new_bring_up() -> None:
     rig = Rig().up().on()
     rig.inject("reboot")
@@ -316,6 +330,7 @@ def test_no_frames_make_the_twin_fail(foreign: list[tuple[int, bytes]]) -> None:
         ({(0x607D, 1): -1000, (0x607D, 2): 10_000}, {"highest_motor": 3.0}, "highest motor angle is 3 rad, beyond"),
         ({(0x6080, 0): 100}, {"speed_limit": 30.0}, "speed limit .6080h. is 30 rad/s, beyond"),
         ({(0x6065, 0): 1000}, {"following_error": 1.0}, "following error is 1 rad, beyond"),
+        ({(0x1802, 1): None}, {"emergency_stop_input": 3}, "does not tell its digital inputs in every cycle"),
         ({(0x3001, 2): 5000}, {"current_limit": 20.0}, "current limit is 20 A, beyond the drive's own 5 A"),
     ],
 )
@@ -357,6 +372,7 @@ def changed(name: str) -> bool:
         "deaf": lambda: rig.bus.node.error == 0x8130,
         "late_pdos": lambda: any(r.motor_age >= 4 for r in seen) and last.motor_age < 2,
         "dropped_pdos": lambda: 0.1 < sum(r.motor_age > 0 for r in seen) / len(seen) < 0.6,
+        "emergency_stop": lambda: rig.bus.node.error == 0x8A88 and last.drive_state == DriveState.FAULT,
         "bus_off": lambda: last.bus_errors > 100,
         "delayed_readings": lambda: abs(seen[3].motor - before.motor) < 1e-3 < abs(seen[60].motor - before.motor),
         "drive_fault": lambda: 0x2310 in [r.emergency for r in rig.readings[count:]],

@@ -73,8 +73,9 @@ def sending(outlet: LslOutlet, values: np.ndarray, rate: float = RATE, speed: fl
         thread.join()
 
 
-def test_a_stream_decides_as_the_file_does(lsl: Any, shared_data: Path) -> None:
+def test_a_stream_decides_as_the_file_does(lsl: Any, shared_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten times as quick as it was recorded, every value and every decision of the detector is the file's."""
+    monkeypatch.setattr("bowden.hardware.emg.lsl._AHEAD", np.inf)
     log = read_emg(shared_data / "emg" / "biceps_bursts.csv.gz")
     outlet = LslOutlet(f"bursts-{HERE}", log.rate, [log.channel], "mV", f"bursts-{HERE}")
     stream = LslStream(f"bursts-{HERE}")

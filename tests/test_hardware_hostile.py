@@ -8,6 +8,7 @@ import pytest
 
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.clock import SECOND
 from bowden.core.errors import DriveError
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
@@ -22,6 +23,7 @@ from loop_rig import LoopRig
 from support.hostile_node import DISABLED, Attack, HostileBus
 
 DRIVE = DriveParameters(answer_timeout=0.05, current_limit=20.0)
+STOPPABLE = DRIVE._replace(emergency_stop_input=5)
 LIMITS = Limits(tracking=9.0, target_reach=99.0, play=9.0)
 """The node's motor is a simple one, and is not what is tested here."""
 SILENCE = 0.05
@@ -35,17 +37,50 @@ def test_the_node_is_a_sound_one_where_it_does_no_harm(tmp_path: Path) -> None:
     assert bus.node.motor != 1000.0, "it has turned"
 
 
-def run(attack: Attack, folder: Path) -> tuple[HostileBus, Ended]:
-    """A run of the loop on such a node, from its bring-up to its end."""
+def run(
+    attack: Attack, folder: Path, parameters: DriveParameters = DRIVE, stall: float = 0.0, cycles: int = 500
+) -> tuple[HostileBus, Ended]:
+    """A run of the loop on such a node, from its bring-up to its end; while the law leads, the loop stalls once [s]."""
     bus = HostileBus(attack)
-    drive = CanopenDrive(DRIVE, bus)
+    drive = CanopenDrive(parameters, bus)
     drive.bring_up()
-    table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(500) * 1e-3)
+    table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(cycles) * 1e-3)
     script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
-    rig = LoopRig(folder, LAWS["adaptive"], LIMITS, drive, script, lambda rig: bus.pass_time(), quits=1500)
-    ended, _ = rig.run()
+
+    def between(rig: LoopRig) -> None:
+        bus.pass_time()
+        if rig.led == 200 and stall > 0.0:
+            rig.led += 1
+            bus.pass_time(stall)
+            rig.time += round(stall * SECOND)
+
+    rig = LoopRig(folder, LAWS["adaptive"], LIMITS, drive, script, between, quits=1500)
+    ended, rows = rig.run()
+    bus.modes = list(dict.fromkeys(Mode(int(mode)) for mode in rows["mode"]))
     bus.pass_time(0.2)
     return bus, ended
+
+
+@pytest.mark.parametrize("stall_ms", [4, 12, 19])
+def test_a_run_rides_through_a_short_stall_of_the_computer(stall_ms: int, tmp_path: Path) -> None:
+    _, ended = run(Attack(), tmp_path, stall=1e-3 * stall_ms)
+    assert (Mode(ended.mode), ended.faults, ended.stalled) == (Mode.STOPPED, 0, 0.0)
+
+
+@pytest.mark.parametrize("stall_ms", [21, 27, 34])
+def test_a_longer_stall_of_the_computer_ends_in_a_release_and_is_said(stall_ms: int, tmp_path: Path) -> None:
+    bus, ended = run(Attack(), tmp_path, stall=1e-3 * stall_ms)
+    assert of(ended.faults) == [Fault.LATE]
+    assert Mode.RELEASING in bus.modes
+    assert ended.stalled == pytest.approx(1e-3 * stall_ms, abs=1e-3)
+
+
+@pytest.mark.parametrize("stall_ms", [60, 400, 900])
+def test_a_stall_longer_than_the_drives_watch_is_said_as_what_it_was(stall_ms: int, tmp_path: Path) -> None:
+    bus, ended = run(Attack(), tmp_path, stall=1e-3 * stall_ms)
+    assert {Fault.LATE, Fault.CLOCK} & set(of(ended.faults))
+    assert ended.stalled == pytest.approx(1e-3 * stall_ms, abs=1e-3)
+    assert not bus.node.torque
 
 
 @dataclass(frozen=True)
@@ -56,6 +91,9 @@ class Row:
     faults: tuple[Fault, ...]
     """Any of these is among the run's."""
     torque: tuple[TorqueLeft, ...] = (TorqueLeft.OFF,)
+    drive: DriveParameters = DRIVE
+    cycles: int = 500
+    """Of the law."""
 
 
 SYNC, TARGET, START, HEARTBEAT = (0x080, b""), (0x201, b"\x0f\0\0\0\0\0"), (0x000, b"\x01\x01"), (0x77F, b"\x05")
@@ -72,14 +110,23 @@ RUNS: dict[str, Row] = {
     "another's questions": Row(Attack(foreign=(QUESTION,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's NMT": Row(Attack(foreign=(START,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
     "another's heartbeat": Row(Attack(foreign=(HEARTBEAT,), foreign_from=0.5), (Fault.SECOND_MASTER,)),
+    "its emergency stop": Row(Attack(stops=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
+    "its emergency stop before arming": Row(Attack(stops=0.001), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
+    "inputs that are told no more": Row(Attack(hides_inputs=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
+    "safe torque off": Row(Attack(stops_itself=0.5), (Fault.EMERGENCY_STOP,)),
+    "a current stuck at nothing": Row(Attack(current_stuck=0.0), (Fault.PREFLIGHT_FAILED,)),
+    "a current that gets stuck": Row(Attack(current_stuck=1.5), (Fault.CURRENT_STUCK,), cycles=3000),
+    "a cable on the other side": Row(Attack(load=-600), (Fault.PREFLIGHT_FAILED,)),
+    "a joint encoder that freezes": Row(Attack(joint_stuck=1.5), (Fault.JOINT_FROZEN,)),
 }
 
 
 @pytest.mark.parametrize("name", RUNS)
 def test_an_attack_on_a_run_ends_it_and_is_said(name: str, tmp_path: Path) -> None:
     row = RUNS[name]
-    bus, ended = run(row.attack, tmp_path)
-    assert Mode(ended.mode) is Mode.LATCHED or ended.torque != TorqueLeft.OFF, "the exit code is 1"
+    bus, ended = run(row.attack, tmp_path, row.drive, cycles=row.cycles)
+    unarmed = name == "its emergency stop before arming"
+    assert Mode(ended.mode) is Mode.LATCHED or ended.torque != TorqueLeft.OFF or unarmed, "the exit code is 1"
     assert set(row.faults) & set(of(ended.faults)), of(ended.faults)
     assert TorqueLeft(ended.torque) in row.torque
     if ended.torque == TorqueLeft.OFF:
@@ -142,6 +189,12 @@ def test_on_a_real_bus_a_drive_has_limits_of_its_own() -> None:
         assert CanopenDrive(DRIVE, HostileBus(attack)).bring_up(), "the twin's bus"
         with pytest.raises(DriveError, match="has no limits of its position"):
             CanopenDrive(DRIVE._replace(interface="socketcan"), HostileBus(attack)).bring_up()
+
+
+def test_the_supply_is_said_with_who_the_drive_is() -> None:
+    assert CanopenDrive(DRIVE, HostileBus()).bring_up().endswith("supply 23.9 V")
+    silent = HostileBus(Attack(objects=(((0x6079, 0), 0),)))
+    assert "supply" not in CanopenDrive(DRIVE, silent).bring_up()
 
 
 def test_a_lost_answer_is_asked_for_again_and_a_text_without_end_is_cut() -> None:

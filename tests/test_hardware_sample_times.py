@@ -96,3 +96,19 @@ def test_a_clock_that_is_turned_back_leaves_times_increasing_at_the_nominal_rate
 
 def test_nothing_is_filled_before_the_first_sample() -> None:
     assert len(SampleTimes(RATE).gap(3.0)) == 0
+
+
+def test_a_stream_of_an_hour_has_times_to_its_end() -> None:
+    """The first windows are small and double; the thousandth is no larger than the fourth."""
+    times, now = SampleTimes(RATE), 100.0
+    for _ in range(3600):
+        now += 1.0
+        last = times.next(round(RATE), now, now)[-1]
+        assert last == pytest.approx(now, abs=1e-6)
+
+
+def test_a_gap_is_never_filled_beyond_now() -> None:
+    times = SampleTimes(RATE)
+    times.next(100, 5.0, 5.0)
+    assert times.gap(1e300, 6.0)[-1] < 6.0
+    assert times.next(1, 1e300, 6.0)[0] <= 6.0

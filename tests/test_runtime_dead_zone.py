@@ -1,4 +1,4 @@
-"""What the preflight measures of a cable, and that a law begins with it, live and in replay."""
+"""What the preflight measures of a cable, which is recorded and told to no law, and what a model tells."""
 
 import math
 from pathlib import Path
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bowden.control import LAWS
-from bowden.control.knowledge import MEASURED, informed, with_measured_width
 from bowden.control.knowledge import dead_zone as of_model
+from bowden.control.knowledge import informed
 from bowden.control.law import Law
 from bowden.core.kernel import kernel
 from bowden.core.quantity import Quantity
@@ -35,7 +35,6 @@ class Guesses(NamedTuple):
     slope: float = 1.0
     width: float = 0.0
     doubt: float = 1.0
-    lag: float = 0.0
 
 
 class Kept(NamedTuple):
@@ -60,7 +59,6 @@ LAW = Law(
     start_kernel=begin_with_it,
     step_kernel=follow,
     source="this test",
-    presets={"suit": Guesses(lag=0.09)},
     from_rig={"slope": "slope", "width": "width", "doubt": "doubt"},
     limits={"width": (0.0, 0.5), "doubt": (0.0, 1.0)},
 )
@@ -84,7 +82,7 @@ def test_the_preflight_measures_the_dead_zone_of_the_bench() -> None:
     assert dead_zone(state, reading._replace(motor=99.0), 1.0) == 0.5, "no more than a law believes"
 
 
-def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path) -> None:
+def test_what_was_measured_is_recorded_and_the_law_begins_with_what_it_was_told(tmp_path: Path) -> None:
     rest = np.zeros((300, 3))  # the preflight is what moves the motor
     script = Script(rest, 0.0, 0.5, Preflight(moved=1.5 * RADIANS), 1e-3, slope=BENCH.cable.slope)
     _, log = LoopRig(tmp_path, LAW, LIMITS, SimulatedDrive(twin_bench()), script).run()
@@ -93,37 +91,9 @@ def test_a_law_begins_with_what_was_measured_and_the_log_replays(tmp_path: Path)
     width = log["play"][first]
     assert width > 0.02
     assert np.isnan(log["play"][0])
-    assert log["law.width"][first] == width
+    assert log["law.width"][first] == LAW.gains.width
     same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
     assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("gains", "width", "begins"),
-    [
-        ({}, 0.1, (0.1, MEASURED)),
-        ({"width": 0.15}, 0.1, (0.1, MEASURED)),
-        ({"width": 0.07, "doubt": 0.1}, 0.1, (0.07, 0.1)),
-        ({}, 0.9, (0.5, MEASURED)),
-        ({}, math.nan, (0.0, 1.0)),
-        ({}, 0.0, (0.0, 1.0)),
-    ],
-)
-def test_what_is_known_better_is_kept(gains: dict[str, float], width: float, begins: tuple[float, float]) -> None:
-    after = with_measured_width(LAW.with_gains(**gains), width).gains
-    assert (after.width, after.doubt) == begins
-
-
-def test_what_is_measured_is_better_than_a_presets_guess_and_worse_than_a_model() -> None:
-    suit = with_measured_width(LAW.preset("suit"), 0.1)
-    assert (suit.gains.width, suit.gains.doubt, suit.gains.lag) == (0.1, MEASURED, 0.09)
-    model = informed(LAW, knowledge_of(BENCH, identified=True))
-    assert with_measured_width(model, 0.1).gains == model.gains
-
-
-@pytest.mark.parametrize("name", ["adaptive", "offset_inverse", "observer", "bowden"])
-def test_a_law_that_learns_no_dead_zone_is_told_nothing_of_it(name: str) -> None:
-    assert with_measured_width(LAWS[name], 0.1) is LAWS[name]
 
 
 def test_an_identified_cable_is_a_laws_first_guess() -> None:

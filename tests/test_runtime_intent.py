@@ -29,7 +29,7 @@ from pathlib import Path
 from bowden.hardware.emg.intent_block import IntentWriter, StreamReading
 writer = IntentWriter(Path(sys.argv[1]))
 for k in range(1, 60_001):
-    writer.write(StreamReading(k, k, k, k, k, float(k), float(k), float(k), float(k), float(k)))
+    writer.write(StreamReading(k, k, k, k, k, k, float(k), float(k), float(k), float(k), float(k)))
 """
 
 
@@ -56,10 +56,10 @@ def chunks(signal: np.ndarray, cuts: list[int]) -> list[EmgChunk]:
 def test_words_come_back_as_they_were_written(block: Path) -> None:
     reader, writer = IntentReader(block), IntentWriter(block)
     assert reader.read() == StreamReading()
-    told = StreamReading(7 * SECOND, 6 * SECOND, 12, 3, 0, 1.0, 0.0, 0.25, 0.1, 2.0)
+    told = StreamReading(7 * SECOND, 6 * SECOND, 12, 3, 0, 5 * SECOND, 1.0, 0.0, 0.25, 0.1, 2.0)
     writer.write(told)
     assert reader.read() == told
-    assert [type(word) for word in reader.read()] == [int] * 5 + [float] * 5
+    assert [type(word) for word in reader.read()] == [int] * 6 + [float] * 5
 
 
 def test_words_that_are_being_written_are_not_read(block: Path) -> None:
@@ -167,7 +167,7 @@ SETTINGS = CourseSettings(IntentSettings(0.1, 1.2, 1.5))
 
 
 def course(block: Path, settings: CourseSettings = SETTINGS) -> tuple[EmgCourse, IntentWriter]:
-    return EmgCourse(settings, IntentReader(block), 0, 5000), IntentWriter(block)
+    return EmgCourse(settings, IntentReader(block), 0, 5000, 0.04), IntentWriter(block)
 
 
 def test_a_motion_begins_in_the_cycle_in_which_the_contraction_is_seen(block: Path) -> None:
@@ -176,7 +176,7 @@ def test_a_motion_begins_in_the_cycle_in_which_the_contraction_is_seen(block: Pa
     for _ in range(5):
         led.look(SECOND)
         assert led.step(DT) == (0.1, 0.0, 0.0)
-    writer.write(StreamReading(newest=SECOND, onset=SECOND, flexor=1.0))
+    writer.write(StreamReading(newest=SECOND, looked=SECOND, onset=SECOND, flexor=1.0))
     led.look(SECOND)
     led.step(DT)
     assert led.row()[-1] == Intent.FLEX
@@ -192,19 +192,20 @@ def test_a_motion_begins_in_the_cycle_in_which_the_contraction_is_seen(block: Pa
 def test_age_is_that_of_the_newest_sample_and_endless_before_the_first(block: Path) -> None:
     led, writer = course(block)
     assert led.look(5 * SECOND) == math.inf
-    writer.write(StreamReading(newest=4 * SECOND))
+    writer.write(StreamReading(newest=4 * SECOND, looked=5 * SECOND))
     assert led.look(5 * SECOND) == pytest.approx(1.0)
     assert not led.over
-    writer.write(StreamReading(newest=4 * SECOND, ends=6 * SECOND))
+    writer.write(StreamReading(newest=4 * SECOND, ends=6 * SECOND, looked=5 * SECOND))
     led.look(5 * SECOND)
     assert not led.over
+    assert led.look(round(5.041 * SECOND)) == math.inf, "nobody reads"
     led.look(round(5.6 * SECOND))
     assert led.over, "a recording ends the run before it ends itself"
 
 
 def test_a_contraction_from_before_the_run_begins_no_motion(block: Path) -> None:
     led, writer = course(block)
-    writer.write(StreamReading(newest=SECOND, flexor=1.0))
+    writer.write(StreamReading(newest=SECOND, looked=SECOND, flexor=1.0))
     led.look(SECOND)
     led.begin()
     for _ in range(50):
@@ -215,7 +216,7 @@ def test_a_contraction_from_before_the_run_begins_no_motion(block: Path) -> None
 def test_the_joint_follows_the_envelope_and_goes_to_rest_where_the_signal_is_in_trouble(block: Path) -> None:
     led, writer = course(block, SETTINGS._replace(proportional=1.0, full=0.5))
     for share, trouble, wanted in ((0.25, 0.0, 0.65), (0.9, 0.0, 1.2), (0.9, 2.0, 0.1), (math.nan, 0.0, 0.1)):
-        writer.write(StreamReading(newest=SECOND, share=share, trouble=trouble))
+        writer.write(StreamReading(newest=SECOND, looked=SECOND, share=share, trouble=trouble))
         for _ in range(4000):
             led.look(SECOND)
             reference = led.step(DT)
@@ -231,7 +232,7 @@ def test_the_loops_course_is_the_kernels_and_the_motion_of_a_recording(block: Pa
     led.begin()
     mirrored = CourseState(intent_start(0.1), Reference(0.1, 0.0, 0.0))
     for k in range(6000):
-        writer.write(StreamReading(newest=SECOND, flexor=float(active[k]), share=math.nan))
+        writer.write(StreamReading(newest=SECOND, looked=SECOND, flexor=float(active[k]), share=math.nan))
         led.look(SECOND)
         reference = led.step(DT)
         assert tuple(reference) == tuple(table[k])
@@ -240,3 +241,15 @@ def test_the_loops_course_is_the_kernels_and_the_motion_of_a_recording(block: Pa
             assert tuple(same) == pytest.approx(tuple(reference), abs=1e-12)
     assert np.ptp(table[:, 0]) == pytest.approx(1.1)
     assert np.abs(np.diff(table[:, 1])).max() < 0.02, "no jump in velocity where a motion turns round"
+
+
+def test_a_sender_that_says_the_same_again_is_in_trouble_and_no_muscle_is() -> None:
+    """A buffer that is stuck in a contraction would hold it for ever; a converter whose count is large repeats less."""
+    signal = contraction(6.0, [(2.0, 5.0)])
+    stuck = np.concatenate([signal[:3000], np.tile(signal[3000:3700], 4)])
+    for given, repeats in ((signal, False), (np.round(signal / 0.01) * 0.01, False), (stuck, True)):
+        listener, troubled = Listener(RATE, 0), []
+        for chunk in chunks(given[:, None], list(range(7, len(given), 7))):
+            troubled.append(listener.take(chunk, 100.0).trouble)
+        assert not any(troubled[: 3800 // 7 - 1])
+        assert all(troubled[3800 // 7 + 4 :]) is repeats, "a tenth of a second after it begins anew"

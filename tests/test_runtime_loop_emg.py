@@ -29,25 +29,34 @@ CYCLES = 3000
 
 
 def run(
-    folder: Path, contracts: int, lasts: int, begins: int = 0, stalls: int = -1, dies: int = 99_999
+    folder: Path,
+    contracts: int,
+    lasts: int,
+    begins: int = 0,
+    stalls: int = -1,
+    dies: int = 99_999,
+    *,
+    reader: int = 99_999,
 ) -> tuple[Ended, Recording]:
     """A run by EMG: the muscle contracts `contracts` cycles after the law has the motor, never if that is 0; the stream
     begins after `begins` cycles, and is gone `lasts` cycles after the law has the motor; after `stalls` of them the
-    computer stalls once; after `dies` of them the electrodes are dead.
+    computer stalls once; after `dies` of them the electrodes are dead, after `reader` of them the process that reads.
     """
     intent_block.create(folder / "intent")
-    stream = IntentWriter(folder / "intent")
+    stream, said = IntentWriter(folder / "intent"), [StreamReading()]
 
     def between(rig: LoopRig) -> None:
         if rig.led == stalls:
             rig.time += 8 * SECOND // 1000
-        if rig.sleeps >= begins and rig.led < lasts:
+        if rig.sleeps >= begins and rig.led < reader:
             active = float(0 < contracts <= rig.led)
             active, trouble = (0.0, 1.0) if rig.led >= dies else (active, 0.0)
             onset = rig.time if active else 0
-            stream.write(StreamReading(newest=rig.time, onset=onset, flexor=active, share=0.5, trouble=trouble))
+            if rig.led < lasts:
+                said[0] = StreamReading(newest=rig.time, onset=onset, flexor=active, share=0.5, trouble=trouble)
+            stream.write(said[0]._replace(looked=rig.time))
 
-    course = EmgCourse(SETTINGS, IntentReader(folder / "intent"), 0, CYCLES)
+    course = EmgCourse(SETTINGS, IntentReader(folder / "intent"), 0, CYCLES, 0.04)
     script = Script(np.zeros((1, 3)), 0.0, 0.5, Preflight(), 1e-3, course)
     arms, quits = (10, begins + 50) if begins else (10,), begins + 200
     drive = SimulatedDrive(twin_bench())
@@ -105,6 +114,16 @@ def test_a_lost_stream_releases_and_no_new_motion_begins(tmp_path: Path, contrac
     assert contracts == 300 or not moving[np.isfinite(moving)].any()
     same = replay(log, LAW, LIMITS, Filters(), 1e-3, same=True)
     assert (same.verdicts_differing, same.wish_largest, same.command_largest) == (0, 0.0, 0.0)
+
+
+def test_a_reader_that_is_gone_is_known_sooner_than_a_stream_that_pauses(tmp_path: Path) -> None:
+    ended, log = run(tmp_path, 300, 99_999, reader=1500)
+    assert (ended.mode, ended.faults) == (Mode.LATCHED, 2**Fault.EMG_LOST)
+    led = np.flatnonzero(log["source"] >= WishSource.LAW_BEGINS)
+    gone = led[1500]
+    released = int(np.argmax(log["mode"] == Mode.RELEASING))
+    assert released - gone <= 42
+    assert np.flatnonzero(log["power"][gone:] == 0.0)[0] <= 250
 
 
 def test_without_a_stream_it_cannot_be_armed_until_there_is_one(tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def run_of(
             pushes.append(plant.interaction)
         drive.missing = bool(lost) and rig.led > after
 
-    checks = Preflight(first=20.0 * RADIANS, settle=0.6, noise=0.03, follows=0.25, moved=1.5 * RADIANS)
+    checks = Preflight(first=20.0 * RADIANS, settle=0.6, noise=0.03, follows=0.25, moved=1.5 * RADIANS, light=5.5)
     script = Script(np.tile([MIDDLE, 0.0, 0.0], (cycles, 1)), MIDDLE, 0.5, checks, 1e-3)
     push = TorqueOffset(suit.motor.friction_feedforward, suit.substeps, spool_map(suit.geometry, suit.spool_radius))
     rig = LoopRig(folder, LAW, LIMITS, drive, script, between, arms=(100,), quits=300, source=SOURCE, push=push)

@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import random
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from mcap.records import Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
-from bowden.core.errors import BowdenError
+from bowden.core.errors import BowdenError, LogError
 from bowden.live.events import Changes
 from bowden.live.mcap_layout import Event, topics
 from bowden.live.mcap_log import MAGIC, LogFile, about, checksum
@@ -56,17 +57,26 @@ def made_up(n: int) -> np.ndarray:
     return rows
 
 
-def write_log(path: Path, n: int = 400, *, close: bool = True, write: Any = os.write) -> np.ndarray:
-    rows, changes = made_up(n), Changes(ABOUT)
+def write_log(
+    path: Path,
+    n: int = 400,
+    *,
+    begin: int = 0,
+    lost: int = 0,
+    run: Description = ABOUT,
+    close: bool = True,
+    write: Any = os.write,
+) -> np.ndarray:
+    rows, changes = made_up(n), Changes(run)
     handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR)
     try:
-        file = LogFile(handle, about(ABOUT, {"software": "bowden 1"}), write)
-        for first in range(0, n, CHUNK):
+        file = LogFile(handle, about(run, {"software": "bowden 1"}), write)
+        for first in range(begin, n, CHUNK):
             part = np.arange(first, min(n, first + CHUNK))
             events, changes = changes.find(part, rows[part])
             file.write(part, rows[part], events)
         if close:
-            file.finish({"lost": "0", "dropped": "0"})
+            file.finish({"lost": str(lost), "dropped": "0"})
     finally:
         os.close(handle)
     return rows
@@ -168,6 +178,44 @@ def row_ends(path: Path) -> np.ndarray:
                 ends += [first + size * (i + 1) for i in range(CHUNK)]
     assert at < ends[0]
     return np.array(ends)
+
+
+def test_a_flipped_time_in_a_chunk_that_was_cut_is_not_believed(tmp_path: Path) -> None:
+    rows = write_log(tmp_path / "a.mcap", 300)
+    whole, ends = (tmp_path / "a.mcap").read_bytes(), row_ends(tmp_path / "a.mcap")
+    cut = bytearray(whole[: ends[250] + 5])
+    at = cut.index(rows[230, :1].tobytes(), ends[229])
+    cut[at + 7] ^= 0x40  # 0.23 s are 4·10³⁰⁷ s now
+    (tmp_path / "a.mcap").write_bytes(cut)
+    found = read(tmp_path / "a.mcap")
+    assert found.rows.tobytes() == rows[:230].tobytes()
+    assert found.damage.torn > 0
+
+
+def test_the_files_of_two_recorders_of_a_run_are_joined(tmp_path: Path) -> None:
+    first, second, out = tmp_path / "a.mcap", tmp_path / "a-again1.mcap", tmp_path / "whole.mcap"
+    rows = write_log(first, 400)
+    ends = row_ends(first)
+    write_log(second, 400, begin=150, lost=150)  # it has seen no earlier row in the ring
+    whole = first.read_bytes()
+    first.write_bytes(whole[: ends[230]])
+    assert read(first).missing == 0
+    assert read(second).missing == 150
+    for one, other in ((first, second), (second, first)):
+        saved = recover(one, out, [other])
+        assert (saved.rows, saved.missing, saved.tail_seconds) == (400, 0, 0.0)
+        found = read(out)
+        assert found.whole
+        assert found.missing == 0
+        assert found.rows.tobytes() == rows.tobytes()
+        out.unlink()
+    first.write_bytes(whole[: ends[100]])
+    assert recover(first, out, [second]).missing == 150 - 101 == read(out).missing
+    out.unlink()
+    first.unlink()
+    write_log(first, run=replace(ABOUT, start_utc_ns=1))
+    with pytest.raises(LogError, match="of two runs"):
+        recover(first, out, [second])
 
 
 def lost_of_cut(left: bytes, rows: np.ndarray, ends: np.ndarray, folder: Path) -> None:

@@ -17,8 +17,8 @@ DT = 1e-3
 SETTINGS = Preflight(listen=0.05)
 
 
-def reading(motor: float, joint: float, state: float = 4.0) -> DriveReading:
-    return DriveReading(motor, joint, 0.0, math.nan, 40.0, 0.0, 0.0, 0.01, state, 0.0, 0.0, 0.0, 0.0)
+def reading(motor: float, joint: float, state: float = 4.0, current: float = 0.0) -> DriveReading:
+    return DriveReading(motor, joint, current, math.nan, 40.0, 0.0, 0.0, 0.01, state, 0.0, 0.0, 0.0, 0.0)
 
 
 def play_through(
@@ -29,15 +29,20 @@ def play_through(
     state: float = 4.0,
     missing: bool = False,
     shakes: float = 0.0,
+    load: float = 1.0,
+    friction: float = 2.0,
+    stuck: bool = False,
     settings: Preflight = SETTINGS,
 ) -> tuple[Reason, list[float], PreflightState]:
     """A motor that follows its target after a cycle, and a joint behind a play [rad]."""
-    motor = through = 0.0
+    motor = through = before = 0.0
     now, wishes = begin(settings, reading(0.0, 0.0, state)), []
     for k in range(200_000):
         through = min(max(through, motor - 0.5 * play), motor + 0.5 * play)
         joint = math.nan if missing else slope * through + (shakes if k % 2 else 0.0)
-        now, wish, outcome = step(settings, now, reading(motor, joint, state), DT)
+        way, before = motor - before, motor
+        current = 0.0 if stuck else load + math.copysign(friction, way) * (way != 0.0)
+        now, wish, outcome = step(settings, now, reading(motor, joint, state, current), DT)
         wishes.append(wish)
         motor = gain * wish
         if outcome.result != 0.0:
@@ -67,6 +72,9 @@ def test_the_motion_grows_until_the_joint_follows_and_comes_back(play_deg: float
         ({"state": 3.0}, Reason.NOT_ENABLED),
         ({"missing": True}, Reason.SENSORS),
         ({"shakes": 0.1}, Reason.RESTLESS),
+        ({"stuck": True}, Reason.CURRENT_STILL),
+        ({"load": -1.0}, Reason.SLACK_WRONG_WAY),
+        ({"load": -0.5, "play": 0.1}, Reason.SLACK_WRONG_WAY),
     ],
 )
 def test_what_is_wrong_is_named(wrong: dict[str, float], reason: Reason) -> None:
@@ -77,7 +85,13 @@ def test_what_is_wrong_is_named(wrong: dict[str, float], reason: Reason) -> None
 
 def test_a_cable_that_runs_the_other_way_passes_with_its_sign() -> None:
     assert play_through(slope=-0.9, settings=SETTINGS._replace(slope_sign=-1.0))[0] == Reason.NONE
-    assert play_through(settings=SETTINGS._replace(pull_sign=-1.0))[0] == Reason.NONE
+    assert play_through(settings=SETTINGS._replace(pull_sign=-1.0), load=-1.0)[0] == Reason.NONE
+    assert play_through(settings=SETTINGS._replace(pull_sign=-1.0))[0] == Reason.SLACK_WRONG_WAY
+
+
+@pytest.mark.parametrize("load", [0.0, -0.2])
+def test_a_cable_that_carries_nothing_says_nothing_of_where_it_pulls(load: float) -> None:
+    assert play_through(load=load)[0] == Reason.NONE
 
 
 def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:
@@ -86,6 +100,29 @@ def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:
         state, wish, outcome = step(SETTINGS, state, reading(math.nan if k == 100 else 0.0, 0.0), DT)
         assert math.isfinite(wish)
         assert outcome.result == 0.0
+
+
+@pytest.mark.parametrize("start", [-0.34, -0.3001, 2.04])
+def test_a_motor_that_a_release_left_beyond_its_targets_is_never_asked_to_stay_there(start: float) -> None:
+    settings = SETTINGS._replace(low=-0.3, high=2.0, pull_sign=1.0 if start < 0.0 else -1.0)
+    motor, state, outcome = start, begin(settings, reading(start, 0.9 * start, 3.0)), None
+    for k in range(20_000):
+        current = settings.pull_sign + 0.1 * motor
+        told = reading(motor, 0.9 * motor, 4.0 if k > 50 else 3.0, current)
+        state, wish, outcome = step(settings, state, told, DT)
+        assert settings.low <= wish <= settings.high
+        if outcome.result != 0.0:
+            break
+        motor += 0.05 * (wish - motor) if k > 50 else 0.0
+    assert outcome is not None
+    assert Reason(int(outcome.reason)) == Reason.NONE
+    assert outcome.result == 1.0
+
+
+def test_a_frozen_joint_shows_by_what_the_cable_of_the_rig_explains() -> None:
+    assert Rig().supervisor_limits.frozen_travel == pytest.approx(0.2326, abs=1e-3)
+    assert Rig(limits=Limits(frozen_travel=0.15)).supervisor_limits.frozen_travel == 0.15
+    assert Rig(cable=Rig().cable._replace(hysteresis_gain=-1e-3)).supervisor_limits.frozen_travel == 0.1
 
 
 def test_default_limits_agree() -> None:
@@ -115,6 +152,7 @@ def test_default_limits_agree() -> None:
         {"current_peak": 5.0},
         {"housing_limit": 200.0},
         {"slack_sign": 0.0},
+        {"slack_sign": 1.0},
         {"measures_temperature": 0.5},
     ],
 )
@@ -141,10 +179,23 @@ def test_gains_that_do_not_hold_are_refused(verdict: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "key", ["operator_age_s", "winding_limit_c", "heartbeat_age_s", "lateness_s", "tension_high_n"]
+    "key",
+    [
+        *("operator_age_s", "winding_limit_c", "heartbeat_age_s", "lateness_s", "tension_high_n", "joint_high_deg"),
+        *(
+            "joint_speed_deg_per_s",
+            "motor_speed_deg_per_s",
+            "motor_high_deg",
+            "sensor_span_deg",
+            "jump_deg",
+            "play_deg",
+        ),
+        *("tracking_deg", "target_reach_deg", "frozen_travel_deg", "acceleration_deg_per_s2", "pay_out_deg_per_s"),
+        *("target_speed_deg_per_s", "reading_age", "joint_still_deg", "slope_high"),
+    ],
 )
 def test_a_limit_has_a_ceiling(key: str, tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
-    rig.write_text(f"[limits]\n{key} = 1e308\n")
-    with pytest.raises(ParameterError, match=f"{key} is 1e.308; expected a number not above"):
+    rig.write_text(f"[limits]\n{key} = 1e50\n")
+    with pytest.raises(ParameterError, match=f"{key} is 1e.50; expected a number not above"):
         Rig.read(rig)

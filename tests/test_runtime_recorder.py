@@ -4,11 +4,13 @@ import contextlib
 import errno
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from bowden.core.errors import OutputError
 from bowden.live import recorder
 from bowden.live.mcap_read import read
 from bowden.live.mcap_recover import recover
+from bowden.live.provenance import rig_revision
 from bowden.live.ring import Batch, Description, RingWriter, create
 from bowden.live.ring_status import RecorderState
 
@@ -222,6 +225,48 @@ def test_a_small_disk_ends_in_a_whole_file(rig: Rig, tmp_path: Path) -> None:
     finally:
         rig.kill()
         subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_a_run_whose_log_would_fill_the_disk_at_once_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    about = replace(ABOUT, settings={**ABOUT.settings, "sample_time": 1e-3})
+    recorder.check_room(tmp_path / "a.mcap", about)
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=1 << 20))
+    with pytest.raises(OutputError, match=r"the disk has 1 MB left; expected \d+ MB, for 60 s of this run"):
+        recorder.check_room(tmp_path / "a.mcap", about)
+
+
+def test_the_revision_of_a_folder_runs_nothing_that_the_folder_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("GLOBAL", "SYSTEM"):
+        monkeypatch.setenv(f"GIT_CONFIG_{name}", os.devnull)
+    folder, ran = tmp_path / "rigs", tmp_path / "ran"
+    folder.mkdir()
+
+    def git(*words: str) -> None:
+        who = ("-c", "user.name=a", "-c", "user.email=a@b")
+        subprocess.run(["git", "-C", str(folder), *who, *words], check=True, capture_output=True)
+
+    git("init")
+    assert rig_revision(folder) == ""
+    (folder / "rig.toml").write_text("")
+    git("add", ".")
+    git("commit", "-m", "a rig")
+    clean = rig_revision(folder)
+    assert len(clean) == 40
+    os.utime(folder / "rig.toml", (1, 1))
+    assert rig_revision(folder) == clean
+    git("config", "filter.theirs.clean", f"touch {ran}; cat")
+    git("config", "core.fsmonitor", f"touch {ran}")
+    (folder / ".git" / "info" / "attributes").write_text("* filter=theirs")
+    (folder / "rig.toml").write_text("x = 1\n")
+    assert rig_revision(folder) == f"{clean}+"
+    assert not ran.exists()
+    git("describe", "--always", "--dirty")
+    assert ran.exists(), "what is kept from running would have run"
 
 
 def test_no_place_for_the_file_is_told_to_the_loop(rig: Rig, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from bowden.core.nested import flat, name_of, names, rebuilt
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
 from bowden.models.plausible import Followed, beyond, follow, lasting, outside
@@ -31,7 +31,13 @@ LIMITS = Limits(
     **{"slope_low": 0.75, "slope_high": 1.25, "play": 0.25, "joint_still": 2.0**-12, "frozen_travel": 0.375},
     **{"current_peak": 16.0, "current_time": 2 * DT, "saturation": 15 / 16, "saturation_time": 50 * DT},
     **{"measures_temperature": 1.0, "measures_tension": 1.0, "tension_high": 128.0, "slack_time": 48 * DT},
-    **{"heartbeat_age": 1 / 16, "lateness": 1 / 64, "bridge_time": 5 * DT, "bridge_leak": 1 / 64},
+    **{
+        "housing_limit": 70.0,
+        "heartbeat_age": 1 / 16,
+        "lateness": 1 / 64,
+        "bridge_time": 5 * DT,
+        "bridge_leak": 1 / 64,
+    },
     **{"release_time": 256 * DT, "pay_out": 8.0, "released_current": 0.25, "released_time": 16 * DT},
     **{"operator_age": 1.25, "uses_emg": 1.0, "emg_age": 0.25},
 )
@@ -39,7 +45,9 @@ THERMAL = LIMITS.thermal
 READING = DriveReading(0.5, 0.375, 2.0, 20.0, 40.0, 0.0, 0.0, 0.01, 4.0, 0.0, 0.0, 0.0, 0.0)
 BEGUN = begin(LIMITS, READING, cold(THERMAL))
 RUNNING = BEGUN._replace(
-    decided=BEGUN.decided._replace(mode=Mode.RUNNING, passed=1.0), servo=BEGUN.servo._replace(enabled=1.0)
+    decided=BEGUN.decided._replace(mode=Mode.RUNNING, passed=1.0),
+    servo=BEGUN.servo._replace(enabled=1.0),
+    anchor=BEGUN.anchor._replace(current=2.0),
 )
 
 
@@ -88,6 +96,7 @@ def motor_at(angle: float, joint: float = NAN) -> Changes:
         "reading.motor": angle,
         "state.anchor.motor": angle,
         "state.joint.value": joint,
+        "state.decided.joint_then": joint,
         "reading.joint": joint,
     }
 
@@ -129,6 +138,9 @@ HEAT = warm(THERMAL, ThermalState(60.0, 50.0, 0.0), 2.0, DT)
 WARM: Changes = {"state.heat.winding": 60.0, "state.heat.housing": 50.0}
 LEAN: Changes = {"limits.tracking_time": 0.0, "limits.current_time": 0.0, "limits.saturation_time": 0.0}
 LEAN |= {"limits.slack_time": 0.0}
+SWINGING: Changes = {"state.anchor.travelled": 2.0, "state.anchor.swung": 2.0}
+PULLED: Changes = {"limits.slack_sign": 1.0, "reading.joint": 0.36, "state.joint.value": 0.36}
+PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_then": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
 EDGES: list[Edge] = [
     (Fault.JOINT_LOST, "reading.joint", 6.5, 6.5 + TINY, {}),
@@ -140,8 +152,9 @@ EDGES: list[Edge] = [
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"state.joint.age": 2 * DT}),
     (Fault.JOINT_STALE, "reading.joint_age", 2.0, 2.0 + TINY, {}),
     (Fault.JOINT_STALE, "reading.joint_age", 0.0, -TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.125, 0.125 - TINY, {}),
-    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.875, 0.875 + TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.275 + TINY, 0.275 - TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor.motor", 0.725 - TINY, 0.725 + TINY, {}),
+    (Fault.JOINT_FROZEN, "state.anchor.unanswered", 0.075 - TINY, 0.075 + TINY, {}),
     (Fault.JOINT_FROZEN, "state.anchor.joint", 0.375 - 2.0**-12 - TINY, 0.375 - 2.0**-12, {"state.anchor.motor": 0.0}),
     (Fault.JOINT_FROZEN, "state.anchor.joint", 0.375 + 2.0**-12 + TINY, 0.375 + 2.0**-12, {"state.anchor.motor": 0.0}),
     (Fault.JOINT_ASTRAY, "reading.joint", 0.5, 0.5 - TINY, motor_at(1.0, 0.5)),
@@ -215,6 +228,8 @@ EDGES: list[Edge] = [
     (Fault.NOT_ENABLED, "reading.drive_state", 4.0, 3.0, {**ARMED, "state.sums.armed": 2.0}),
     (Fault.EMERGENCY, "reading.emergency", 0.0, 0x8130, STOPPED),
     (Fault.EMERGENCY, "reading.emergency", 0.0, -1.0, {}),
+    (Fault.EMERGENCY_STOP, "reading.emergency", 0.0, EMERGENCY_STOP, STOPPED),
+    (Fault.EMERGENCY_STOP, "reading.emergency", 0.0, EMERGENCY_STOP, {}),
     (Fault.BUS_ERRORS, "state.sums.failures", 2.5 + DT, 2.5 + DT + TINY, {}),
     (Fault.BUS_ERRORS, "reading.bus_errors", 9.0, 10.0, {"state.sums.bus_errors": 7.0}),
     (Fault.BUS_ERRORS, "reading.bus_errors", 7.0, 8.0, {"state.sums.bus_errors": 7.0, "state.sums.failures": 2.0}),
@@ -261,6 +276,22 @@ EDGES: list[Edge] = [
     (Fault.EMG_LOST, "observed.emg_age", 0.25, 0.25 + TINY, {}),
     (Fault.EMG_LOST, "observed.emg_age", -1.0, -1.0 - TINY, STOPPED),
     (Fault.EMG_LOST, "observed.emg_age", 0.0, NAN, RELEASING),
+    (Fault.CURRENT_STUCK, "state.anchor.travelled", 0.375, 0.375 + TINY, {"state.anchor.swung": 2.0}),
+    (Fault.CURRENT_STUCK, "state.anchor.swung", 1.0, 1.0 + TINY, {"state.anchor.travelled": 2.0}),
+    (Fault.CURRENT_STUCK, "reading.current", 2.0 + TINY, 2.0, SWINGING),
+    (Fault.CURRENT_STUCK, "reading.current", NAN, 2.0, SWINGING),
+    (Fault.CURRENT_STUCK, "state.decided.mode", Mode.RELEASING, Mode.RUNNING, SWINGING),
+    (Fault.CURRENT_STUCK, "limits.measures_current", 0.0, 1.0, SWINGING),
+    (Fault.RELEASE_PULLS, "reading.joint", -0.35, -0.35 - TINY, PUSHED),
+    (Fault.RELEASE_PULLS, "reading.joint", 0.35, 0.35 + TINY, {**RELEASING, **PULLED, "state.decided.joint_then": 0.0}),
+    (Fault.RELEASE_PULLS, "state.decided.joint_then", 0.26 + TINY, 0.26 - TINY, {**RELEASING, **PULLED}),
+    (
+        Fault.RELEASE_PULLS,
+        "state.decided.mode",
+        Mode.RUNNING,
+        Mode.RELEASING,
+        {**PULLED, "state.decided.joint_then": 0.0},
+    ),
 ]
 """A fault; what shows it; its last good value, its first bad one; what else is so."""
 

@@ -12,7 +12,7 @@ import pytest
 
 from bowden.core.kernel import compiled
 from bowden.core.nested import flat, names
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading
 from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import ThermalState, cold, rested, warm
 from bowden.safety import faults, supervisor
@@ -77,7 +77,7 @@ def test_it_starts_stopped_and_gives_no_power_before_it_is_armed() -> None:
 def test_it_begins_where_the_motor_is_as_warm_as_it_was_left_and_knows_nothing_else() -> None:
     state = begin(LIMITS, READING, ThermalState(50.0, 40.0, 3.0))
     known = dict.fromkeys(("target", "decided.target_before", "servo.position", "motor.value", "anchor.motor"), 0.5)
-    known |= {"joint.value": 0.45, "anchor.joint": 0.45}
+    known |= {"joint.value": 0.45, "anchor.joint": 0.45, "decided.joint_then": 0.45}
     known |= {"heat.winding": 50.0, "heat.housing": 40.0, "heat.i2t": 3.0}
     assert dict(zip(names(state), flat(state), strict=True)) == dict.fromkeys(names(state), 0.0) | known
     nowhere = begin(LIMITS, READING._replace(motor=NAN, joint=9.0), COLD)
@@ -110,10 +110,11 @@ EDGES: list[tuple[str, float, float, Fault]] = [
     ("elapsed", 0.05 * DT, 0.049 * DT, Fault.CLOCK),
     ("elapsed", 0.5, 0.5 + 1e-9, Fault.CLOCK),
     ("elapsed", DT, NAN, Fault.CLOCK),
-    ("operator_age", 1.0, 1.0 + 1e-9, Fault.OPERATOR_LOST),
+    ("operator_age", 0.28, 0.28 + 1e-9, Fault.OPERATOR_LOST),
     ("operator_age", 0.0, NAN, Fault.OPERATOR_LOST),
     ("emg_age", 0.2, 0.2 + 1e-9, Fault.EMG_LOST),
     ("emg_age", 0.0, NAN, Fault.EMG_LOST),
+    ("emergency", 0.0, EMERGENCY_STOP, Fault.EMERGENCY_STOP),
     ("foreign", 0.0, 1.0, Fault.SECOND_MASTER),
     ("foreign", 0.0, -1.0, Fault.SECOND_MASTER),
     ("foreign", 0.0, NAN, Fault.SECOND_MASTER),
@@ -275,6 +276,11 @@ def test_what_comes_and_goes_while_it_is_latched_is_not_held() -> None:
     assert of(follow(rows)[-1].faults) == [Fault.EMERGENCY]
 
 
+def test_an_emergency_stop_is_none_of_the_drives_codes() -> None:
+    for code, fault in ((EMERGENCY_STOP, Fault.EMERGENCY_STOP), (65535.0, Fault.EMERGENCY), (65537.0, Fault.EMERGENCY)):
+        assert of(follow(lasting(1, emergency=code))[-1].faults) == [fault]
+
+
 def test_a_late_cycle_is_judged_by_when_its_sample_was_taken() -> None:
     """Cycle 100 is 6 ms late: it reads what was sampled in time, and the next one what was sampled 7 ms later."""
     speed = 0.9 * LIMITS.joint_speed
@@ -325,7 +331,7 @@ def moving(limits: Limits = LIMITS) -> Iterator[Cycle]:
     for k in range(400):
         x, v = supervisor.servo_predict(x, v, before, limits.servo_frequency, limits.servo_damping, DT)
         before, command = command, 0.5 + 0.45 * math.sin(15.0 * k * DT)
-        yield seen(motor=x, joint=0.9 * x), command
+        yield seen(motor=x, joint=0.9 * x, current=2.0 + x), command
     assert state
 
 
@@ -340,6 +346,22 @@ def moved(**changes: Callable[[int, float], float]) -> list[Cycle]:
 
 def test_motion_in_order_trips_nothing() -> None:
     assert {(v.mode, v.faults) for v in follow(moving())} == {(Mode.RUNNING, 0.0)}
+
+
+def strokes(degrees: float, cycles: int = 3000) -> list[Cycle]:
+    """The motor swings to and fro by so much in all, the joint's encoder stands still."""
+    rows, half = [], 0.5 * math.radians(degrees)
+    for k in range(cycles):
+        way = 0.5 + half * math.sin(10.0 * k * DT)
+        rows.append((seen(motor=way, joint=0.45, current=2.0 + way), way))
+    return rows
+
+
+def test_an_encoder_that_is_frozen_is_found_in_strokes_longer_than_the_dead_zone() -> None:
+    limits = LIMITS._replace(frozen_travel=0.2326, tracking=9.0)
+    for degrees, found in ((12.0, True), (10.0, False)):
+        verdicts = follow(strokes(degrees), limits, running(limits))
+        assert any(Fault.JOINT_FROZEN in of(v.faults) for v in verdicts) is found
 
 
 def pushed(joint: bool, motor: bool, speed: float) -> list[Cycle]:
@@ -413,6 +435,9 @@ ALONE: dict[Fault, list[Cycle]] = {
     Fault.EMG_LOST: lasting(9, emg_age=0.201),
     Fault.NOT_DISABLED: lasting(60, drive_state=5.0),
     Fault.SECOND_MASTER: lasting(9, foreign=1.0),
+    Fault.EMERGENCY_STOP: lasting(9, emergency=EMERGENCY_STOP),
+    Fault.CURRENT_STUCK: moved(current=lambda k, current: 2.0),
+    Fault.RELEASE_PULLS: [],
 }
 """Each fault as the only one, or the first: what shows it."""
 
@@ -433,6 +458,10 @@ def situation(fault: Fault) -> tuple[Limits, SupervisorState, list[Cycle]]:
         state = warm_motor(i2t=700.0)
     elif fault == Fault.NOT_DISABLED:
         state = begin(limits, READING, COLD)
+    elif fault == Fault.RELEASE_PULLS:
+        limits = limits._replace(slack_sign=1.0, tracking=9.0)
+        rows = [(seen(motor=0.5 + 5 * DT * k, joint=0.45 + 4.5 * DT * k), 0.5) for k in range(40)]
+        cycles = [*lasting(1, request=Request.STOP), *rows]
     elif fault == Fault.WISH_FAR:
         limits = limits._replace(acceleration=1e9)
     elif fault == Fault.MOTOR_OVER_SPEED:

@@ -66,7 +66,7 @@ ROWS = {
     Injected.OVER_TENSION: _row("3", "OVER_TENSION", 4),
     Injected.JAM: _row("23", "SATURATED NOT_FOLLOWING", 60),
     Injected.PEAK_CURRENT: _row("3", "OVER_CURRENT", 10),
-    Injected.LONG_CURRENT: _row("2", "I2T", 2600),
+    Injected.LONG_CURRENT: _row("2", "I2T CURRENT_STUCK", 2600),
     Injected.DRIVE_HOT: _row("2", "DRIVE_HOT", 8),
     Injected.CURRENT_NAN: _row("2", "CURRENT_LOST", 8),
     Injected.TENSION_NAN: _row("2", "TENSION_LOST", 8),

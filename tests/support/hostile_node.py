@@ -44,9 +44,15 @@ OBJECTS: dict[tuple[int, int], tuple[int, int]] = {
     **{(0x6060, 0): (1, 1), (0x6061, 0): (1, 1), (0x6064, 0): (4, 0), (0x6065, 0): (4, 2**31)},
     **{(0x6076, 0): (4, 50_000), (0x6077, 0): (2, 0), (0x607A, 0): (4, 0), (0x607D, 1): (4, -(2**31))},
     **{(0x607D, 2): (4, 2**31 - 1), (0x607F, 0): (4, 50_000), (0x6080, 0): (4, 50_000)},
-    **{(0x60C2, 1): (1, 1), (0x60C2, 2): (1, -3), (0x60E4, 2): (4, 0), (0x6502, 0): (4, 0x3A5)},
+    **{
+        (0x60FD, 0): (4, 0xFFFF_FFFF),
+        (0x60C2, 1): (1, 1),
+        (0x60C2, 2): (1, -3),
+        (0x60E4, 2): (4, 0),
+        (0x6502, 0): (4, 0x3A5),
+    },
     **{(0x608F, 1): (4, 16384), (0x608F, 2): (4, 1), (0x6091, 1): (4, 1), (0x6091, 2): (4, 1)},
-    **{(0x3160, 1): (2, 0), (0x3201, 1): (2, 300)},
+    **{(0x3160, 1): (2, 0), (0x3201, 1): (2, 300), (0x6079, 0): (4, 23_900)},
 }
 """Index and sub-index → bytes and value after switching on; 6007h does nothing at a lost heartbeat until it is set."""
 
@@ -75,8 +81,20 @@ class Attack:
     """0: from switching on."""
     objects: tuple[tuple[tuple[int, int], int], ...] = ()
     """Values that are otherwise after switching on."""
+    current_stuck: float = float("inf")
+    """From then on it tells one and the same torque."""
+    load: int = 600
+    """Of the cable on the motor, in thousandths of the rated torque, in the direction of lower counts."""
+    joint_stuck: float = float("inf")
+    """From then on its joint encoder stands still."""
     endless_text: bool = False
     """The upload of its name, 1008h, never ends."""
+    stops: float = float("inf")
+    """Its emergency stop is pressed: every digital input opens."""
+    stops_itself: float = float("inf")
+    """It goes into safe torque off, in one emergency frame and a fault."""
+    hides_inputs: float = float("inf")
+    """It tells its digital inputs no more, and all else as before."""
     loses_answer: int = 0
     """Its answer to that SDO request is lost."""
 
@@ -93,6 +111,7 @@ class HostileNode:
         self.heartbeat_at = -1.0
         """Of the host's last [s]."""
         self._questions, self._begun = 0, float("inf")
+        self._joint = self._torque = 0
         self._start()
 
     def _start(self) -> None:
@@ -138,6 +157,12 @@ class HostileNode:
         if since >= self.attack.enables_itself and self.state != ENABLED and since < self.attack.vanishes:
             self._go(ENABLED)
             self.objects[0x607A, 0] = round(self.motor) + 3000
+        if since >= self.attack.stops:
+            self.objects[0x60FD, 0] = 0
+        if since - MILLISECOND < self.attack.stops_itself <= since:
+            self.objects[0x603F, 0] = 0x8A88
+            self._emit(0x080 + NODE, struct.pack("<HB5x", 0x8A88, 0x01))
+            self._go(FAULT)
         limit = (self.objects[0x1016, 1] & 0xFFFF) * MILLISECOND
         if self._watching and limit and self.now - self.heartbeat_at >= limit:
             self._watching = False
@@ -197,9 +222,17 @@ class HostileNode:
             self._pending = None
             self._control_word(control)
         said = self._said if self.attack.lies else self.state
-        joint = round(SLOPE * self.motor / GEAR)
-        self._emit(0x180 + NODE, struct.pack("<Hih", STATUSWORD[said], round(self.motor), 100 * self.torque))
+        since = self.now - self._begun
+        if since < self.attack.joint_stuck:
+            self._joint = round(SLOPE * self.motor / GEAR)
+        if since < self.attack.current_stuck:
+            lag = max(-20_000.0, min(20_000.0, self.objects[0x607A, 0] - self.motor))
+            self._torque = self.torque * round(self.attack.load + 0.02 * self.motor + 0.1 * lag)
+        joint, torque = self._joint, self._torque
+        self._emit(0x180 + NODE, struct.pack("<Hih", STATUSWORD[said], round(self.motor), torque))
         self._emit(0x280 + NODE, struct.pack("<ihh", joint, 0, 300))
+        if not self.objects[0x1802, 1] >> 31 and self.now - self._begun < self.attack.hides_inputs:
+            self._emit(0x380 + NODE, struct.pack("<I", self.objects[0x60FD, 0]))
 
     def _control_word(self, word: int) -> None:
         rises, self._control = word & ~self._control & 0x80, word
@@ -267,6 +300,8 @@ class HostileBus(can.BusABC):
         self._lock, self._still = threading.RLock(), threading.Event()
         self.node = HostileNode(attack, self.frames)
         self.channel_info = "hostile node in memory"
+        self.modes: list[object] = []
+        """Of the run on it, for the tests."""
         super().__init__(channel="hostile")
 
     @property

@@ -264,7 +264,7 @@ CASES = {
         _has(Injected.BUS_OFF, "bus_off", leaves_something=True),
         _has(Injected.LATE_PDOS, "late_pdos 40"),
         _has(Injected.EMERGENCY, "drive_fault 0x5530"),
-        _has(Injected.DRIVE_FAULT, "drive_fault 0x8A88"),
+        _has(Injected.DRIVE_FAULT, "drive_fault 0x8A88", also=(Fault.EMERGENCY_STOP,)),
         _has(Injected.DRIVE_REBOOT, "reboot", leaves_something=True, also=(Fault.MOTOR_STALE,)),
         Case(
             Injected.DRIVE_DROPPED,

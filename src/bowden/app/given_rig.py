@@ -1,10 +1,14 @@
 """The rig that a command is given: a rig.toml, or the log of a run."""
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from bowden.rig.rig import Rig
+
+Result = TypeVar("Result")
 
 
 def read_given(path: Path) -> "Rig":
@@ -17,10 +21,36 @@ def read_given(path: Path) -> "Rig":
     if path.suffix == ".mcap":
         from bowden.live.log_rig import rig_of_log
 
-        return rig_of_log(path)
+        return trusting(lambda: rig_of_log(path))
     from bowden.rig.rig import Rig
 
     return Rig.read(path)
+
+
+def trusting(made: Callable[[], Result], *, unasked: bool = False) -> Result:
+    """What is made of a log; a program that comes with it runs once the user says that it may.
+
+    Args:
+        made: makes it.
+        unasked: whether the user has said so already.
+
+    Raises:
+        UnknownCodeError: the user does not, or there is no terminal to ask.
+    """
+    from bowden.live.log_rig import UnknownCodeError, trust
+
+    try:
+        return made()
+    except UnknownCodeError as error:
+        if not unasked:
+            if not (sys.stdin.isatty() and sys.stderr.isatty()):
+                raise
+            print(f"bowden: {error.what}. A program may do whatever you may. Run it? [y/N] ", end="", file=sys.stderr)
+            sys.stderr.flush()
+            if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+                raise
+        trust(error.files)
+        return made()
 
 
 def shortened(rig: "Rig", duration: float | None, seed: int | None = None) -> "Rig":

@@ -2,6 +2,7 @@
 
 import sys
 from enum import StrEnum
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
+from bowden.app.given_rig import trusting
 from bowden.core.errors import OutputError
 
 if TYPE_CHECKING:
@@ -43,14 +45,22 @@ def info(file: FileArgument, json: JsonOption = False) -> None:
 
 def recover(
     file: FileArgument,
+    more: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Others of the same run, to be joined: NAME-again1.mcap.", metavar="MORE"),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="The new file; NAME.recovered.mcap by default.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Write a whole log from what a kill or a full disk left of one; FILE itself stays as it is."""
+    """Write a whole log from what a kill or a full disk left of one, and join the files of one run.
+
+    A run whose recorder was ended has another file for each recorder that was started again. FILE and MORE stay as they
+    are.
+    """
     from bowden.live.mcap_recover import recover as save
 
     target = out or file.with_name(f"{file.stem}.recovered.mcap")
-    saved = save(file, target)
+    saved = save(file, target, more or ())
     if json:
         document = saved._replace(damage=None)._asdict()  # type: ignore[arg-type]
         document |= {"missing_seconds": round(saved.missing_seconds, 6), "damage": saved.damage._asdict()}
@@ -123,6 +133,9 @@ def replay(
     law: Annotated[
         str | None, typer.Option(help="A law's name, or FILE.py:NAME of your own; by default the one that ran.")
     ] = None,
+    trust_law: Annotated[
+        bool, typer.Option("--trust-law", help="Run the law and the plant in the log, though you never ran them here.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Feed a recorded run through a law and the supervisor, and compare with what was commanded then.
@@ -137,7 +150,7 @@ def replay(
     from bowden.live.run_settings import filters_of, limits_of
 
     found = read(file)
-    chosen, same = law_of(found, law)
+    chosen, same = trusting(lambda: law_of(found, law), unasked=trust_law)
     limits, filters = limits_of(found.settings), filters_of(found.settings)
     period, source = float(found.settings["sample_time"]), source_for(found, chosen)
     with user_law.explained(chosen):
@@ -178,7 +191,9 @@ def _warn(found: "Recording | LogReader", file: Path) -> None:
         how = "was not closed properly" if found.closing is None else "is damaged"
         print(f"bowden: note: {file} {how}; see: bowden log recover {file}", file=sys.stderr)
     if found.missing:
-        print(f"bowden: note: {found.missing} cycles of this run are not in {file}", file=sys.stderr)
+        others = sorted(map(str, file.parent.glob(f"{escape(file.stem)}-again*.mcap")))
+        join = f"; join it with its others: bowden log recover {file} {' '.join(others)}" if others else ""
+        print(f"bowden: note: {found.missing} cycles of this run are not in {file}{join}", file=sys.stderr)
 
 
 def _print_facts(file: Path, document: dict[str, Any]) -> None:
@@ -209,6 +224,7 @@ COMMANDS = (
         (
             "bowden log recover run.mcap",
             "bowden log recover run.mcap --out saved.mcap",
+            "bowden log recover run.mcap run-again1.mcap",
         ),
         place=20,
     ),

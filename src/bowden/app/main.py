@@ -16,9 +16,14 @@ from bowden.app.command import found
 from bowden.app.console import InterruptedPartway
 from bowden.app.interrupts import delivered
 from bowden.core.errors import BowdenError
+from bowden.core.files import shortened
 
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
+
+
+_LONGEST = 2000
+"""Of the line that says why a command failed [characters]."""
 
 
 def _print_version(wanted: bool) -> None:
@@ -78,7 +83,9 @@ def run(arguments: list[str]) -> int:
 
 
 def _fail(message: str, code: int) -> int:
-    print("bowden: " + " ".join(message.split()), file=sys.stderr)
+    """One line, whatever of a file is quoted in it: not endless, and no order to a terminal."""
+    line = "".join(letter if letter.isprintable() else "·" for letter in " ".join(message.split()))
+    print(f"bowden: {shortened(line, _LONGEST)}", file=sys.stderr)
     return code
 
 

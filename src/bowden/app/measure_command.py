@@ -33,6 +33,7 @@ def measure(
     No law takes part; the joint follows as the cable lets it. Everything is supervised as in bowden run.
     """
     from bowden.face.run import new_log
+    from bowden.live.by_hand import require_confirmed
     from bowden.live.live_run import live_run
     from bowden.live.operator import ending_signals, operate, refuse_without_keys
     from bowden.live.preflight import require
@@ -43,6 +44,8 @@ def measure(
     given = read_given(rig).on_bus(channel)
     live = live_run(given, measure=True)
     require(live.limits, live.rig.sample_time, "holds")  # no gains take part
+    if not twin:
+        require_confirmed(given)
     for note in live.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     with contextlib.ExitStack() as stack:

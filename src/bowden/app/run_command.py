@@ -48,6 +48,8 @@ def run(
         ending_signals() as ending,
         live_session(given, rig.name, twin=twin, out=out, force=force, tell=_tell) as session,
     ):
+        if not json:
+            _tell(session.live.losses())
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     if json:

@@ -102,6 +102,7 @@ def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned:
     from bowden.core.clock import SECOND, MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.twin.twin import raise_priority
+    from bowden.live.left_behind import sweep
     from bowden.rig.twin_plant import twin_plant_of
 
     monotonic = MonotonicClock()
@@ -127,6 +128,8 @@ def _run(rig: "Rig", objects: list[str], words: str, json: bool, until_orphaned:
             print("bowden: note: no real-time priority; allow it with: ulimit -r 50", file=sys.stderr)
     sys.stdout.flush()
     running.run()
+    if until_orphaned:
+        sweep()  # the folder of this bus, where nobody else has lived to remove it
 
 
 def _watch_parent(parent: int, running: "TwinProcess") -> None:

@@ -13,7 +13,7 @@ and `configured` puts a law's gains together for a rig:
 4. the gains that the rig itself gives.
 
 Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that tells laws
-something wrong on purpose, and a dead zone that is measured before a run, are changes of the `Knowledge`.
+something wrong on purpose changes the `Knowledge`.
 """
 
 import math
@@ -29,8 +29,6 @@ from bowden.models.cable.bouc_wen import BoucWen, saturation
 
 IDENTIFIED = 0.1
 """`Knowledge.doubt` about an identified cable [–]."""
-MEASURED = 0.5
-"""`Knowledge.doubt` about a dead zone that one motion of a preflight showed [–]."""
 WIDEST = 0.5
 """Largest dead zone that a preflight is believed [rad]."""
 
@@ -50,9 +48,9 @@ class Knowledge(NamedTuple):
     slope: float = math.nan
     """αφ of an identified cable: joint motion per motor motion once the play is taken up, positive [rad/rad]."""
     width: float = math.nan
-    """Dead zone of an identified or measured cable: motor travel that is lost at a reversal [rad]."""
+    """Dead zone of an identified cable: motor travel that is lost at a reversal [rad]."""
     doubt: float = 1.0
-    """About `slope` and `width`: 1 where nothing is known, `MEASURED`, `IDENTIFIED` [–]."""
+    """About `slope` and `width`: 1 where nothing is known, `IDENTIFIED` [–]."""
     cable: BoucWen = BoucWen(*([math.nan] * len(BoucWen._fields)))
     """The cable that the rig has in its Bouc–Wen form, by hand or identified; its play is that of the bend at which it
     was identified."""
@@ -155,23 +153,6 @@ def _with_known(law: Law, known: Knowledge) -> Law:
             low, high = law.limits.get(gain, (-math.inf, math.inf))
             values[gain] = min(max(value, low), high)
     return replace(law, gains=law.gains._replace(**values)) if values else law
-
-
-def with_measured_width(law: Law, width: float) -> Law:
-    """The law with a dead zone that was measured before the run [rad] as its first guess; NaN and 0 are none.
-
-    It replaces a first guess that is in more doubt, whoever made it: a preset or a rig that is sure lowers the doubt.
-    """
-    doubts = [gain for gain, what in law.from_rig.items() if what == "doubt"]
-    if not (width > 0.0 and doubts):  # without a doubt there is nothing that says how far to trust so small a motion
-        return law
-    guesses = {gain for gain, what in law.from_rig.items() if what in _GUESSES}
-    return _with_known(replace(law, chosen=law.chosen - guesses), Knowledge(width=width, doubt=MEASURED))
-
-
-def cable_gains(law: Law) -> frozenset[str]:
-    """Gains that are parameters of the law's model of the cable: known or not, and no choice."""
-    return frozenset(gain for gain, what in law.from_rig.items() if isinstance(what, str) and what.startswith(_CABLE))
 
 
 _GUESSES = ("slope", "width", "doubt")

@@ -12,7 +12,7 @@ C99, and every state variable can be recorded.
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -93,6 +93,10 @@ class Law:
     errors end; None where it says nothing, as of gains for which it does not hold."""
     heard: float = 0.0
     """Motion of the joint below which its feedback weighs it less; the linear loop is that of larger motions [rad]."""
+    tunable: frozenset[str] | None = None
+    """Gains that are a designer's choice, and no fact of the rig: what `tune` moves and `check` advises to change; a
+    nested part's name stands for all of it. Of a law that does not say, all that `from_rig` does not tell; never None
+    once the law is made."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
     state_units: Mapping[str, str] = field(default_factory=dict)
@@ -120,7 +124,7 @@ class Law:
         """Keep the law's own gains, and refuse a declaration that cannot be.
 
         Raises:
-            ParameterError: `from_rig` or `feeds_back` names what is not there, or `suit_preset` no preset.
+            ParameterError: `from_rig`, `tunable` or `feeds_back` names what is not there, or `suit_preset` no preset.
         """
         if not isinstance(self.name, str):
             raise ParameterError(f"Law: name is {said(self.name)}", expected="text", do="give it a name")
@@ -145,8 +149,17 @@ class Law:
                 expected="gain → what it is told of the rig",
                 do='write it as {"slope": "slope"}',
             )
+        if self.tunable is None:
+            object.__setattr__(self, "tunable", frozenset(self.gains._fields) - frozenset(self.from_rig))
+        if isinstance(self.tunable, str) or not isinstance(self.tunable, Iterable):
+            raise ParameterError(
+                f"tunable of law {self.name!r} is {said(self.tunable)}",
+                expected="names of gains",
+                do='write it as frozenset({"bandwidth"})',
+            )
         for what, given, known in (
-            ("from_rig", self.from_rig, getattr(self.gains, "_fields", self.from_rig)),
+            ("from_rig", self.from_rig, self.gains._fields),
+            ("tunable", self.tunable, self.gains._fields),
             ("feeds_back", self.feeds_back, Sample._fields),
             ("suit_preset", {self.suit_preset} - {None}, self.presets),
         ):
@@ -155,6 +168,12 @@ class Law:
                     raise ParameterError(
                         f"{what} of law {self.name!r} names {name!r}", expected=near(str(name), known), do="correct it"
                     )
+
+    @property
+    def choices(self) -> list[str]:
+        """Gains that are `tunable`, those of a nested part one by one, as `numbers` names them."""
+        tunable = self.tunable or ()
+        return [name for name in self.numbers if name.partition(".")[0] in tunable]
 
     @property
     def numbers(self) -> dict[str, float]:

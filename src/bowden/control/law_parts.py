@@ -62,8 +62,42 @@ def quiet_bandwidth(known: Knowledge, delay_share: float, noises: Iterable[float
     return bound
 
 
+def encoder_noises(known: Knowledge) -> list[float]:
+    """Standard deviations of what both encoders add to motor − joint/α̂, those that are known [rad]."""
+    steps = (known.joint_step / math.sqrt(12.0), known.motor_step / math.sqrt(12.0))
+    return [part for part in (known.joint_noise, known.motor_noise, *steps) if not math.isnan(part)]
+
+
+CONTACT_DELAY_SHARE = 1.5
+"""`contact_bandwidth` times the delay τ, at most: its loop is Q·(1 − α/α̂), small whatever the delay is [–]."""
+
+CROSSING = 0.05
+"""`crossing_rate` over ω: a dead zone is crossed in its width over this share of the servo's frequency [rad]."""
+
+
+def contact_bandwidth(known: Knowledge) -> float:
+    """q of a filter of motor − joint/α̂, no faster than servo, delay and the noise of both encoders allow [rad/s]."""
+    return quiet_bandwidth(known, CONTACT_DELAY_SHARE, encoder_noises(known))
+
+
+def crossing_rate(known: Knowledge) -> float:
+    """How fast what is observed may change, a twentieth of ω [rad/s]."""
+    return CROSSING * known.servo_frequency
+
+
 LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
 """What a law is told that has `ahead` take the lag away."""
+
+SERVO: Mapping[str, FromRig] = {
+    **LAG,
+    "slope": "slope",
+    "natural_frequency": "servo_frequency",
+    "damping": "servo_damping",
+}
+"""What a law is told that inverts the servo, of which it has ω and ζ besides."""
+
+CONTACT: Mapping[str, FromRig] = {**SERVO, "bandwidth": contact_bandwidth}
+"""What a law is told that observes motor − joint/α̂ through a filter of that bandwidth."""
 
 LIMITS: Mapping[str, tuple[float, float]] = {
     "velocity_band": (0.0, math.inf),
@@ -74,6 +108,9 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "integral_limit": (0.0, math.inf),
     "lead": (0.0, 10.0),
     "lead_square": (0.0, 10.0),
+    "natural_frequency": (1e-3, 1e4),
+    "damping": (0.0, 100.0),
+    "bandwidth": (1e-3, 1e5),
 }
 """`Law.limits` of gains that several laws have."""
 

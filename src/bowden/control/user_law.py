@@ -2,10 +2,10 @@
 
 The file either defines a `Law` object, or the three parts of one: a NamedTuple ``Gains`` with a default for every
 field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
-likes, ``FROM_RIG``, what its gains are told of a rig (`Law.from_rig`). What it defines is
-tried for a few cycles, interpreted, before anything is compiled, because Python's messages name the line and a
-compiler's rarely do. Compiled code is kept under what it is made of (`bowden.core.kernel_cache`), so an edited law is
-never met by stale code.
+likes, ``FROM_RIG``, what its gains are told of a rig (`Law.from_rig`), and ``TUNABLE``, which of them are a choice
+(`Law.tunable`). What it defines is tried for a few cycles, interpreted, before anything is compiled, because Python's
+messages name the line and a compiler's rarely do. Compiled code is kept under what it is made of
+(`bowden.core.kernel_cache`), so an edited law is never met by stale code.
 """
 
 import contextlib
@@ -137,7 +137,15 @@ def _find(module: ModuleType, attribute: str, path: Path) -> Law:
         "FROM_RIG", {name: what for name, what in _BY_NAME.items() if name in getattr(gains, "_fields", ())}
     )
     with asked_for_by(str(path)):
-        return Law(path.stem, gains, names["start"], names["step"], source=str(path), from_rig=from_rig)
+        return Law(
+            path.stem,
+            gains,
+            names["start"],
+            names["step"],
+            source=str(path),
+            from_rig=from_rig,
+            tunable=names.get("TUNABLE"),
+        )
 
 
 def check_law(law: Law, path: Path | None = None) -> None:

@@ -45,7 +45,7 @@ class StreamError(BowdenError):
 
 
 class SafetyError(BowdenError):
-    """A run that must not begin: a preflight that failed, or limits that contradict one another."""
+    """A run that must not begin, or not go on: limits that contradict one another, a verdict that is broken."""
 
 
 def article(noun: str) -> str:

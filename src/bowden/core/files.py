@@ -12,6 +12,16 @@ from bowden.core.errors import OutputError
 _DO = "choose another place or make room there"
 
 
+def state_folder() -> Path:
+    """Where this user's programs keep what outlives them; bowden's part of it. It need not be there.
+
+    Raises:
+        RuntimeError: a user without a home.
+    """
+    root = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    return root / "bowden"
+
+
 @contextlib.contextmanager
 def whole_files(folder: Path | str) -> Iterator[Path]:
     """A folder to write to; what is in it takes its place in `folder`, all together, when all went well.

@@ -71,6 +71,19 @@ _ROUNDING = 1e-12
 """Of a bound, by which a value may miss it after a change of unit [–]."""
 
 
+SIZES = 1e-60, 1e60
+"""Everything that is measured is 0 or between these; a fifth power of it, and its inverse, are still numbers."""
+
+
+def has_size(value: float) -> bool:
+    """Whether a finite number is 0 or between `SIZES`; of infinity and of what is no number nothing is said.
+
+    >>> has_size(-1e-3), has_size(0.0), has_size(5e-324), has_size(1e308)
+    (True, True, False, False)
+    """
+    return value == 0.0 or not math.isfinite(value) or SIZES[0] <= abs(value) <= SIZES[1]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
     """What a field is. The range is in the file's unit, where it can be written without rounding."""
@@ -127,7 +140,9 @@ class Quantity:
         return " and ".join(f"{word} {value * self.factor:.4g}" for word, value in words if value is not None)
 
     def holds(self, value: float) -> bool:
-        """Whether a number in the unit inside is in the range; one that is no number is not."""
+        """Whether a number in the unit inside is in the range; one that is no number, or of no size, is not."""
+        if not has_size(value):
+            return False
         if math.isinf(value):
             return self.endless and value > 0.0
         scaled = value / self.factor

@@ -54,6 +54,11 @@ class DriveState(IntEnum):
     FAULT = 7
 
 
+EMERGENCY_STOP = 65536.0
+"""Stands among the codes of `DriveReading.emergency`, all of which are smaller, for an emergency stop: its input, or
+the drive's own safe torque off [–]."""
+
+
 class DriveReading(NamedTuple):
     """What the drive said last, at one cycle of the live loop; NaN for what it does not measure."""
 
@@ -76,7 +81,7 @@ class DriveReading(NamedTuple):
     drive_state: float
     """Number of a `DriveState` [–]."""
     emergency: float
-    """Error code that the drive told of its own accord in this cycle; 0 for none [–]."""
+    """Error code that the drive told of its own accord in this cycle, or `EMERGENCY_STOP`; 0 for none [–]."""
     bus_errors: float
     """Frames that could not be sent, or bus-off, since the start [–]."""
     foreign: float

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core import arguments, metrics, shown
+from bowden.core.bounded import open_file
 from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
 from bowden.core.files import whole_file
+from bowden.core.table import read_parquet
 from bowden.core.units import DEGREES
 
 if TYPE_CHECKING:
@@ -370,11 +372,9 @@ class Trace:
         Raises:
             LogError: no such file, or not a trace.
         """
-        import pyarrow.parquet as pq
-
         path = arguments.path_of(path, "from_parquet: path")
-        with _reading(path, "Parquet"), path.open("rb") as file:
-            table = pq.read_table(file)
+        with _reading(path, "Parquet"):
+            table = read_parquet(path)
             return cls._from(table, json.loads((table.schema.metadata or {})[_KEY]))
 
     @classmethod
@@ -388,7 +388,7 @@ class Trace:
         from pyarrow import csv
 
         path = arguments.path_of(path, "from_csv: path")
-        with _reading(path, "CSV"), path.open("rb") as file:
+        with _reading(path, "CSV"), open_file(path) as file:
             first = file.readline().decode()
             if not first.startswith(_MAGIC):
                 raise ValueError(f"its first line does not begin with {_MAGIC!r}")
@@ -477,3 +477,5 @@ def _reading(path: Path | str, kind: str) -> Iterator[None]:
         if isinstance(error, KeyError):
             reason = f"it does not say its {error.args[0]!s}"
         raise LogError(f"cannot read {path}: {reason}", expected=f"a {kind} file written by bowden") from error
+    except RecursionError:  # what it says of itself is nested without end
+        raise LogError(f"cannot read {path}", expected=f"a {kind} file written by bowden") from None

@@ -26,6 +26,7 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
+from bowden.core.bounded import MOST_TEXT, read_whole, reason
 from bowden.core.errors import ParameterError
 from bowden.core.files import whole_file
 from bowden.core.kernel_cache import cache_folder
@@ -125,11 +126,10 @@ def source_of(path: Path, what: str) -> bytes:
         ParameterError: it cannot be read.
     """
     try:
-        return path.read_bytes()
+        return read_whole(path, MOST_TEXT, unpack=False)
     except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise ParameterError(
-            f"cannot read the {what} {path}: {reason.lower()}", expected="a Python file", do="check the path"
+            f"cannot read the {what} {path}: {reason(error)}", expected="a Python file", do="check the path"
         ) from error
 
 

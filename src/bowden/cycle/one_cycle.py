@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.control.conditioning import Conditioned, Conditioning, condition_start, condition_step
-from bowden.control.knowledge import with_measured_width
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise, stand_in
@@ -32,7 +31,7 @@ from bowden.core.nested import flat, restored
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import POWER_ON, RUNNING, Observed, Verdict, begin, see, supervise
+from bowden.safety.supervisor import LATCHED, POWER_ON, RUNNING, Observed, Verdict, begin, see, supervise
 from bowden.sensing.filters import low_pass
 
 Array = NDArray[np.float64]
@@ -350,22 +349,28 @@ class Cycle:
         self._like = state
         self._rows = [np.array(flat(part), dtype=np.float64) for part in state]
 
-    def begin(self, reading: DriveReading, thermal: ThermalState) -> None:
-        """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time."""
+    def begin(self, reading: DriveReading, thermal: ThermalState, latched: float | None = None) -> None:
+        """Start stopped at this reading, and compile all that a cycle needs; takes seconds the first time.
+
+        Args:
+            reading: of the drive.
+            thermal: how warm the motor is.
+            latched: faults of the run before that nobody has acknowledged, with which it starts latched; None for none.
+        """
         joint, motor = (0.0 if math.isnan(angle) else float(angle) for angle in (reading.joint, reading.motor))
         sample = Sample(joint, motor)
         law, source = self.law.start(sample), self.source.start(Measurement(joint, motor, 0.0, math.nan))
         conditioned = condition_start(self.law.conditioning, sample)
-        fresh = CycleState(sample, law, conditioned, source, begin(self.limits, reading, thermal))
+        supervisor = begin(self.limits, reading, thermal)
+        fresh = CycleState(sample, law, conditioned, source, supervisor)
         self.state = fresh
         observed = Observed(reading, 0.0, self.period, 0.0, 0.0, 0.0, 0.0, 0.0)
         for wish_source in (HOLD, MOTION, LAW_BEGINS, LAW):
             self.step(observed, Plan(wish_source, motor, Reference(joint, 0.0, 0.0)))
+        if latched is not None:
+            decided = supervisor.decided._replace(mode=LATCHED, latched=latched)
+            fresh = fresh._replace(supervisor=supervisor._replace(decided=decided))
         self.state = fresh
-
-    def know(self, width: float) -> None:
-        """Let the law begin with the dead zone that was measured [rad], where it takes one; NaN is none."""
-        self._settings = self._settings._replace(gains=with_measured_width(self.law, width).gains)
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""

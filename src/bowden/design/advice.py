@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from bowden.control.knowledge import cable_gains
 from bowden.control.law import Law
 from bowden.core.units import DEGREES
 from bowden.design.check import ENOUGH_DB, ENOUGH_DEG, STROKE, Check, check
@@ -82,7 +81,7 @@ def _candidates(bench: Plant, linear: LinearPlant, law: Law, found: Check) -> li
 
 
 def gains_that_matter(law: Law, dt: float, estimates: dict[str, float], *, switches: bool = False) -> list[str]:
-    """The gains with which the linear law changes; parameters of a cable's model are no choice, and left out.
+    """The gains with which the linear law changes, of those that are a choice (`Law.tunable`).
 
     Args:
         law: with its gains.
@@ -90,12 +89,8 @@ def gains_that_matter(law: Law, dt: float, estimates: dict[str, float], *, switc
         estimates: name of a state → the value at which it is frozen.
         switches: whether those that are zero and may be one count too.
     """
-    model = cable_gains(law)
-    return [
-        name
-        for name, value in law.numbers.items()
-        if name not in model and (switches or value != 0.0) and _matters(law, name, dt, estimates)
-    ]
+    numbers = law.numbers
+    return [name for name in law.choices if (switches or numbers[name] != 0.0) and _matters(law, name, dt, estimates)]
 
 
 def _changes(law: Law, name: str) -> list[list[tuple[int, Law]]]:

@@ -1,7 +1,8 @@
 """Gains of a law that keep their margins over a rig's sheath, and follow best in the worst case.
 
-1. Every gain that the loop or the errors feel is varied, on a logarithmic scale around where it stands; what the rig
-   would tell the law (`bowden.control.knowledge`), had nobody chosen otherwise, is tried first too.
+1. Every gain that is a choice (`Law.tunable`) and that the loop or the errors feel is varied, on a logarithmic scale
+   around where it stands; what the rig would tell the law (`bowden.control.knowledge`), had nobody chosen otherwise, is
+   tried first too.
 2. The search is an evolution (`evolution`): gains that lack 6 dB or 45° are ranked by what they lack, without a
    simulation; the others by their largest RMSE over a set of sheath paths and references.
 3. Whatever is to be the best so far is checked as `bowden check` does it. Where it fails at estimates that its own
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bowden.control.knowledge import cable_gains, informed
+from bowden.control.knowledge import informed
 from bowden.control.law import Law
 from bowden.core import shown
 from bowden.core.errors import ParameterError
@@ -24,7 +25,17 @@ from bowden.design import findings
 from bowden.design.advice import gains_that_matter
 from bowden.design.check import STROKE, Check, Estimates, check, visited_estimates
 from bowden.design.evolution import Array, Population, Score
-from bowden.design.tune_judge import Judged, Task, checked, errors, judge, keeps, shortfall
+from bowden.design.tune_judge import (
+    Judged,
+    Task,
+    checked,
+    errors,
+    judge,
+    judge_apart,
+    keeps,
+    shortfall,
+    shortfall_on_the_way,
+)
 from bowden.design.tune_rig import easier
 from bowden.design.tune_runs import NineRuns, TuningRuns, TuningTarget, course_of
 from bowden.plants.knowledge_of import knowledge_of
@@ -42,7 +53,8 @@ _OF_SUIT = 0.25
 """Share of the generations for a suit, each of whose runs takes some thirty times a bench's [–]."""
 _DRAWS, _SIMULATED, _MEMBERS = 400, 80, 24
 _FULL = 8
-"""Generations from which on the first draws are as many as that; for fewer, they are fewer too."""
+"""Generations, and gains, from which on the first draws are as many as that; for fewer, they are fewer too."""
+_FEWEST_MEMBERS = 8
 _REACH = (-8.0, 8.0)
 """How far a gain may go, as the logarithm of its share of where it began."""
 _SPREADS = (0.5, 1.5, 3.0, 6.0)
@@ -192,6 +204,8 @@ def tune(
         report("margins of random gains", 0.05)
         search.begin(min(1.0, generations / _FULL))
         for generation in range(generations):
+            if search.settled():
+                break
             report(f"simulating gains, step {generation + 1} of {generations}", 0.1 + 0.8 * generation / generations)
             search.step()
         report("checking the best", 0.9)
@@ -229,18 +243,19 @@ class _Search:
     def begin(self, share: float) -> None:
         """Draw gains, a share of the usual number, and take those that lack the least of their margins."""
         count = len(self.names)
+        part = min(1.0, count / _FULL)
+        members = max(min(_FEWEST_MEMBERS, _MEMBERS), round(part * _MEMBERS))
         told = informed(replace(self.law, chosen=frozenset()), knowledge_of(self.rig.bench)).numbers
         shares = np.array([told[name] / self.law.numbers[name] for name in self.names])
         known = np.log(np.where(shares > 0.0, shares, 1.0))  # a gain that would be off stays as it stands
         points = [np.zeros(count), np.clip(known, *_REACH)]
-        for _ in range(round(share * _DRAWS)):
+        for _ in range(round(share * part * _DRAWS)):
             points.append(self.random.uniform(-1.0, 1.0, count) * float(self.random.choice(_SPREADS)))
         lacking = list(self.workers(shortfall, [self._task(self._law(point)) for point in points]))
         first = [points[i] for i in sorted(range(len(points)), key=lambda i: (lacking[i], i))]
-        first = first[: max(_MEMBERS, round(share * _SIMULATED))]
-        scores = self._judge(first, [(0.0, 2.0 * max(self.errors_before))] * len(first), at_once=False)
-        best = sorted(range(len(first)), key=lambda i: (scores[i], i))[:_MEMBERS]
-        self.population = Population([first[i] for i in best], [scores[i] for i in best], self.random)
+        first = first[: max(members, round(share * part * _SIMULATED))]
+        best = self._best(first, members)
+        self.population = Population([point for point, _ in best], [score for _, score in best], self.random)
         self._confirm()
 
     def step(self) -> None:
@@ -249,6 +264,11 @@ class _Search:
         self.steps += 1
         if self.steps % _CHECKED_EVERY == 0:
             self._confirm()
+
+    def settled(self) -> bool:
+        """Whether the population has come together, so that nothing better is to be expected of it."""
+        least, most = (choose(self.population.scores) for choose in (min, max))
+        return most[0] == 0.0 and most[1] <= _SAME * least[1]
 
     def finish(self) -> Tuning:
         """The best of all, with the gains that need not differ put back."""
@@ -276,18 +296,22 @@ class _Search:
         )
 
     def _names(self) -> list[str]:
-        """Gains that change the linear loop or the errors; parameters of a cable's model and switches are no choice."""
+        """Gains that are a choice and change the linear loop or the errors; switches are left as they are."""
         felt = gains_that_matter(self.law, self.rig.bench.sample_time, self.estimates[-1])
         if not (felt or self.rig.refuted):  # of a law for which no linear loop stands, the errors tell
             raise ParameterError(
                 f"law {self.law.name!r} has no gains that its loop feels", do="there is nothing to tune"
             )
-        model = cable_gains(self.law)
+        numbers = self.law.numbers
         open_ones = [
             name
-            for name, value in self.law.numbers.items()
-            if name not in model and name not in self.fixed and value != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
+            for name in self.law.choices
+            if name not in self.fixed and numbers[name] != 0.0 and self.law.limits.get(name) != (0.0, 1.0)
         ]
+        if not open_ones:
+            raise ParameterError(
+                f"law {self.law.name!r} has no gains that are a choice", do="there is nothing to tune: name another law"
+            )
         varied = [self._with(self.law, name, 1.3 * self.law.numbers[name]) for name in open_ones]
         usual, *found = self.workers(errors, [self._task(law) for law in (self.law, *varied)])
         unknown = not np.isfinite(max(usual))
@@ -311,10 +335,32 @@ class _Search:
     def _task(self, law: Law, limit: float = np.inf) -> Task:
         return Task(self.rig, law, self.estimates, self.order, limit, self.runs)
 
-    def _judge(self, points: Iterable[Array], wanted: Iterable[Score], *, at_once: bool = True) -> list[Score]:
-        """Scores; those above what is wanted say no more than that, unless runs are not given up `at_once`."""
+    def _best(self, points: Sequence[Array], count: int) -> list[tuple[Array, Score]]:
+        """The best of some points with their scores, the best first.
+
+        The margins on the way take longest and are calculated last: of the smallest errors first, until enough keep
+        them.
+        """
+        limit = 2.0 * max(self.errors_before)
+        tasks = [self._task(self._law(point), limit)._replace(at_once=False) for point in points]
+        scores = [(judged.shortfall, judged.worst) for judged in self.workers(judge_apart, tasks)]
+        order = sorted(range(len(points)), key=lambda i: (scores[i], i))
+        kept, refused = [i for i in order if scores[i][0] == 0.0], [i for i in order if scores[i][0] > 0.0]
+        asked = [i for i in kept if scores[i][1] <= limit and scores[i][1] < np.inf]
+        kept = kept[len(asked) :]
+        passed: list[int] = []
+        while asked and len(passed) < count:
+            some, asked = asked[: count - len(passed)], asked[count - len(passed) :]
+            for i, lacking in zip(some, self.workers(shortfall_on_the_way, [tasks[i] for i in some]), strict=True):
+                scores[i] = (lacking, scores[i][1])
+                (refused if lacking else passed).append(i)
+        found = [*passed, *kept, *sorted(refused, key=lambda i: (scores[i], i))]
+        return [(points[i], scores[i]) for i in found[:count]]
+
+    def _judge(self, points: Iterable[Array], wanted: Iterable[Score]) -> list[Score]:
+        """Scores; those above what is wanted say no more than that."""
         tasks = [
-            self._task(self._law(point), value if lacking == 0.0 else np.inf)._replace(at_once=at_once)
+            self._task(self._law(point), value if lacking == 0.0 else np.inf)
             for point, (lacking, value) in zip(points, wanted, strict=True)
         ]
         found: Iterable[Judged] = self.workers(judge, tasks)

@@ -54,13 +54,16 @@ class Judged(NamedTuple):
 
 def judge(task: Task) -> Judged:
     """The margins, where they are wide enough the errors, and where these are small enough the margins on the way."""
-    missing = shortfall(task)
-    if missing:
-        return Judged(missing, ())
-    found = Judged(0.0, errors(task))
-    if found.worst <= task.limit and found.worst < np.inf:
-        return found._replace(shortfall=_shortfall_on_the_way(task))
+    found = judge_apart(task)
+    if not found.shortfall and found.worst <= task.limit and found.worst < np.inf:
+        return found._replace(shortfall=shortfall_on_the_way(task))
     return found
+
+
+def judge_apart(task: Task) -> Judged:
+    """The margins and, where they are wide enough, the errors: what is missing on the way is not asked."""
+    missing = shortfall(task)
+    return Judged(missing, ()) if missing else Judged(0.0, errors(task))
 
 
 def shortfall(task: Task) -> float:
@@ -90,15 +93,17 @@ def _thinned(bench: Plant) -> Plant:
     return changed(bench, sample_time=cycles * bench.sample_time, delay=-(-bench.delay // cycles))
 
 
-def _shortfall_on_the_way(task: Task) -> float:
+def shortfall_on_the_way(task: Task) -> float:
     """What is missing at the ends of what these gains make of the estimates; all of it where a trial gets nowhere.
 
     Without linear loops it is what the check asks of such a law: trials with further delay, and one without friction.
     """
     bench, law = task.rig.bench, task.law
-    trials = [run_trial(bench, law, bend, task.rig.stroke) for bend in dict.fromkeys(task.rig.bends)]
-    if not all(trial.bounded for trial in trials):
-        return _UNSTABLE
+    trials = []
+    for bend in dict.fromkeys(task.rig.bends):
+        trials.append(run_trial(bench, law, bend, task.rig.stroke))
+        if not trials[-1].bounded:
+            return _UNSTABLE
     if task.rig.refuted:
         return 0.0 if stands(bench, law, task.rig.bends[-1], task.rig.stroke) else _UNSTABLE
     visited = visited_estimates(law, trials, bench.sample_time)

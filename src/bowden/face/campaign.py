@@ -1,5 +1,6 @@
 """`campaign`: thousands of closed loops on plants drawn at random, and what comes of them."""
 
+import contextlib
 import os
 import time
 from collections.abc import Callable
@@ -226,11 +227,12 @@ def _fill(
             else campaign_workers.in_processes(study, work, count)
         )
     begin = time.perf_counter()
-    for chunk, table in results:
-        store.write(chunk, table)
-        done += len(runs[chunk])
-        left = (time.perf_counter() - begin) / (done - before) * (total - done)
-        progress(f"{done} of {total} runs, ends {_clock_in(left)}", done / total)
+    with contextlib.closing(results):  # whatever interrupts this, whoever computes ends at once
+        for chunk, table in results:
+            store.write(chunk, table)
+            done += len(runs[chunk])
+            left = (time.perf_counter() - begin) / (done - before) * (total - done)
+            progress(f"{done} of {total} runs, ends {_clock_in(left)}", done / total)
 
 
 def _clock_in(wait: float) -> str:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from bowden.core import arguments
+from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.core.trace import Trace
 
@@ -29,11 +30,12 @@ def read_trace(path: str | Path) -> Trace:
     """
     file = arguments.path_of(path, "read_trace: path")
     try:
-        with file.open("rb") as opened:
+        with open_file(file) as opened:
             head = opened.read(len(_MCAP))
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise LogError(f"cannot read {file}: {reason}", expected="a Parquet, CSV or MCAP file of bowden") from error
+        raise LogError(
+            f"cannot read {file}: {reason(error)}", expected="a Parquet, CSV or MCAP file of bowden"
+        ) from error
     if head == _MCAP:
         from bowden.live.mcap_read import read
 

@@ -53,7 +53,7 @@ def run(
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
-        SafetyError: limits that contradict one another.
+        SafetyError: limits that contradict one another, or a rig on whose drive nobody has confirmed an angle by hand.
         DriveError: a bus or drive that cannot be used.
         OutputError: a folder that cannot be written.
 
@@ -86,6 +86,7 @@ def run(
 def _badly(session: "Session") -> list[str]:
     """What ended a run that did not end as asked; nothing of one that did."""
     from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
+    from bowden.live.summary import STALLED
     from bowden.safety import faults
     from bowden.safety.supervisor import Mode
 
@@ -93,7 +94,8 @@ def _badly(session: "Session") -> list[str]:
     left = TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN))
     if not session.error and ended.get("mode") == Mode.STOPPED and left is TorqueLeft.OFF:
         return []
-    found = [*filter(None, [TORQUE_LEFT[left]])]
+    stalled = 1e3 * ended.get("stalled", 0.0)
+    found = [*filter(None, [TORQUE_LEFT[left], STALLED.format(stalled) if stalled else ""])]
     found += [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
     return [f"the run was ended: {'; '.join([*found, *filter(None, [ended.get('reason'), session.error])])}"]
 
@@ -114,6 +116,7 @@ def live_session(
     """
     from bowden.design.verdict import verdicts
     from bowden.hardware.drives.family import family_of
+    from bowden.live.by_hand import require_confirmed
     from bowden.live.emg_process import EmgProcess
     from bowden.live.live_run import live_run
     from bowden.live.preflight import require
@@ -122,6 +125,7 @@ def live_session(
     live = live_run(rig)
     if not twin:  # another run's bus is told at once; the drive claims it for good
         family_of(rig.drive).claim(rig.drive)()
+        require_confirmed(rig)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
         checked = verdicts(rig, [live.law], name, force=force)[0]

@@ -33,7 +33,7 @@ def automatic(session: Watched) -> Iterator[bool]:
     Raises:
         SafetyError: what speaks against arming does not go.
     """
-    begun, told = None, False
+    begun, told, asked = None, False, False
     for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
         while True:
             row = session.last()
@@ -44,6 +44,12 @@ def automatic(session: Watched) -> Iterator[bool]:
                 continue
             if row["mode"] == wanted:
                 break
+            if not asked and row["mode"] == Mode.LATCHED:
+                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
+                raise SafetyError(
+                    f"the last run ended in a fault that nobody has acknowledged: {listed or 'which is not known'}",
+                    do="mend the cause, and acknowledge it with k in a run without --auto",
+                )
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
                 return
             waited = row["time"] - begun
@@ -58,6 +64,7 @@ def automatic(session: Watched) -> Iterator[bool]:
                     print(f"bowden: note: {said}", file=sys.stderr)
                 told = True
             session.ask(request)
+            asked = True
             yield True
     while (row := session.last()) is not None and row["mode"] in (Mode.RUNNING, Mode.BRIDGING, Mode.RELEASING):
         yield True

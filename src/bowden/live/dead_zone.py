@@ -1,11 +1,11 @@
-"""What the preflight's last motion tells of the cable's dead zone, so that a law need not begin without knowing.
+"""What the preflight's last motion tells of the cable's dead zone, for the record.
 
 The motor goes out until the joint follows and comes back by as much; there the cable crosses its dead zone once:
 
     width = motor's way back − joint's way back/slope
 
-It is that of a small stroke, and a lower bound where the joint has not come back at all: a law takes it as a first
-guess in doubt, which its first crossings correct.
+It is that of a small stroke, and a lower bound where the joint has not come back at all. No law is told it: our law's
+first strokes are 3 % better with it and its next ones 2 % worse (decision 27).
 """
 
 import math

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import queue
 import subprocess
 import sys
@@ -11,6 +10,7 @@ from typing import Any
 
 from bowden.core.errors import StreamError
 from bowden.hardware.emg import intent_block
+from bowden.live import left_behind
 from bowden.live.ring import FOLDER
 from bowden.rig.rig import Rig
 
@@ -28,7 +28,7 @@ class EmgProcess:
     """
 
     def __init__(self, rig: Rig) -> None:
-        self.block = FOLDER / f"bowden-{os.getpid()}-{os.urandom(3).hex()}.intent"
+        self.block = FOLDER / f"{left_behind.name_of_this()}.intent"
         """Where its words go; removed by `close`."""
         self.stream = self.channel = self.unit = self.lost = ""
         """`lost` is why nothing comes any more; empty while the stream is alive."""

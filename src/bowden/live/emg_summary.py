@@ -56,6 +56,7 @@ def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> dict[str,
     return {
         "source": run.source,
         "stream": emg_process.stream,
+        "wearer": run.where or None,
         "motions": len(at) if triggered else None,
         **{f"onset_to_{name}_ms": _spread(delays) for name, delays in moves.items()},
         "peak_after_first_second_deg": float(settled.max() / RADIANS) if len(settled) else None,
@@ -102,6 +103,8 @@ def print_figures(found: Mapping[str, Any]) -> None:
     if said:
         print(f"from the sample that tells a contraction: {', '.join(said)}")
     age = f"; {found['age_ms']['p50']:.0f} ms old in the loop in the median" if found["age_ms"] else ""
+    if found["wearer"]:
+        print(f"levels of {found['wearer']}")
     print(f"{found['lost']} of {found['samples']} samples lost{age}")
     if found["why_lost"]:
         print(f"the stream at the end: {found['why_lost']}")

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.core.errors import BowdenError
+from bowden.live.left_behind import sweep
 
 if TYPE_CHECKING:
     from bowden.rig.emg_setup import EmgRun
@@ -38,6 +39,8 @@ def main() -> int:
     except Exception as error:  # so that the operator learns why there is no EMG
         _say("error", f"reading EMG failed: {type(error).__name__}: {error}")
         raise
+    finally:
+        sweep()
     return 2
 
 
@@ -70,7 +73,8 @@ def _run(given: dict[str, Any]) -> int:
         now = clock.now() / SECOND
         ends = 0 if lasts is None else round((now + lasts) * SECOND)
         while word != _CLOSED:
-            block.write(listener.take(stream.read(now), now)._replace(ends=ends))
+            said = listener.take(stream.read(now), now)
+            block.write(said._replace(ends=ends, looked=clock.now()))
             if stream.lost() != lost:
                 lost = stream.lost()
                 _say("lost", lost)

@@ -36,6 +36,10 @@ WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
 more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
 
+READER_SHARE = 0.2
+"""Of `emg_age`, after which a process that has not looked for samples is gone: it looks every 2 ms, and needs not wait
+for a network or a base station as samples do."""
+
 _NONE = 1e-9
 """A limit of zero, where something is divided by it."""
 
@@ -84,7 +88,8 @@ class Live:
         """The reference of a run by EMG, from what its process writes; `start` as `EmgCourse` has it."""
         if self.emg is None or block is None:
             return None
-        return EmgCourse(self.emg.course, IntentReader(block), start, len(self.table))
+        patience = READER_SHARE * self.limits.emg_age
+        return EmgCourse(self.emg.course, IntentReader(block), start, len(self.table), patience)
 
     def push(self) -> TorqueOffset | None:
         """The torque offset of a drive that takes one."""
@@ -95,10 +100,31 @@ class Live:
         spool = plain(self.needs.spool)
         return {"torque": self.needs.torque_offset, "substeps": self.rig.substeps, "spool": spool}
 
+    def losses(self) -> str:
+        """How soon the power is off when somebody of the run is gone, for whoever starts it."""
+        limits, late = self.limits, self.limits.release_time + self.rig.sample_time
+        said = (
+            f"without this terminal the cable is let out, and the power off within {limits.operator_age + late:.2f} s"
+        )
+        if self.emg is None:
+            return f"{said} (operator_age_s of [limits])"
+        reader, stream = READER_SHARE * limits.emg_age + late, limits.emg_age + late
+        return (
+            f"{said} (operator_age_s of [limits]); without the process that reads EMG within {reader:.2f} s, "
+            f"without samples within {stream:.2f} s (emg_age_s)"
+        )
+
     def script(self, course: EmgCourse | None = None) -> Script:
         """The run's plan."""
         speed = self.rig.live.approach
-        checks = Preflight(pull_sign=-self.limits.slack_sign, moved=WRONG_WAY)
+        limits = self.limits
+        checks = Preflight(
+            pull_sign=-limits.slack_sign,
+            moved=WRONG_WAY,
+            light=limits.released_current,
+            low=limits.motor_low,
+            high=limits.motor_high,
+        )
         suit = self.rig.worn
         checks = checks if suit is None else on_suit(checks, suit)
         slope = 1.0 if suit is not None else self.rig.slope

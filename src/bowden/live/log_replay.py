@@ -13,7 +13,7 @@ from bowden.control.knowledge import Knowledge, configured, informed
 from bowden.control.source import TABLE, Source
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.nested import leaves, name_of
-from bowden.live.log_rig import without_none
+from bowden.live.log_rig import check_code, without_none
 from bowden.live.mcap_read import Recording
 from bowden.live.run_settings import source_of
 from bowden.plants.suit_parts import Suit
@@ -31,12 +31,17 @@ def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
 
     Raises:
         ParameterError: no such law, or a file that cannot be used.
+        UnknownCodeError: the log has a law or a plant of its own that its user has not named here.
         LogError: the record does not say which law ran, its gains do not fit, or its rig cannot be read.
     """
     recorded = found.settings.get("law")
-    given = wanted if wanted is not None else _recorded_law(found)
+    of_user = None if wanted is None else named(wanted)
+    check_code(found.settings, "the log")
+    given = of_user if of_user is not None else _recorded_law(found)
     if given is None:
         raise LogError("the log does not say which law ran", do="name one with --law")
+    if of_user is None:
+        check_code(found.settings, "the log", given)
     law = loaded(named(given) if isinstance(given, str) else given)
     if law.name != recorded:
         return configured(law, _known_of(found.settings)), False

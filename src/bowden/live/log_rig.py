@@ -1,12 +1,26 @@
 """The rig of a recorded run, from its log alone."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from bowden.control import user_law
+from bowden.core import own_code, user_file
 from bowden.core.errors import BowdenError, LogError
+from bowden.core.files import shortened
+from bowden.core.user_file import UserModule
 from bowden.live.mcap_reader import LogReader
+from bowden.rig.packing import unpacked
 from bowden.rig.rig import Rig
+
+
+class OwnFile(NamedTuple):
+    """A program that a log brings along, or names."""
+
+    name: str
+    source: bytes
+    modules: tuple[UserModule, ...]
+
 
 _OLDER = "the log is of an older bowden, which kept the rig's sections and not what they name"
 
@@ -21,6 +35,7 @@ def rig_of_log(path: Path) -> Rig:
         LogError: the log has no rig, or one that this version cannot read.
     """
     settings = LogReader(path).settings
+    check_code(settings, path)
     document = settings.get("rig")
     if not isinstance(document, Mapping):
         raise LogError(f"{path} does not say with which rig it ran", do="give the rig.toml of that run")
@@ -29,11 +44,71 @@ def rig_of_log(path: Path) -> Rig:
             return Rig.unpack(document).replace(origin=str(path))
         tree = without_none(document)
         law = settings.get("law_file") or settings.get("law")
+        check_code(settings, path, law)
         control = {"law": law, "gains": settings.get("gains", {})} if isinstance(law, str) else {}
         rig = Rig.of_tree(tree | {"control": control}, path)
         return rig.replace(remarks=(*rig.remarks, f"{path}: {_OLDER}"))
     except BowdenError as error:
         raise LogError(f"{path}: its rig cannot be used: {error.what}", expected=error.expected, do=error.do) from error
+
+
+class UnknownCodeError(LogError):
+    """A log with a law or a plant of somebody's that was never named here."""
+
+    def __init__(self, where: str, files: Sequence[OwnFile]) -> None:
+        self.files = files
+        names = " and ".join(shortened(one.name) for one in files)
+        super().__init__(
+            f"{where} has a program of its own, {names}, which this user has never run here",
+            expected="a law that is trusted: a program may do whatever its user may",
+            do="trust it with bowden log replay --trust-law, or name your own copy of it once",
+        )
+
+
+def check_code(settings: Mapping[str, Any], path: Path | str, named: Any = None) -> None:
+    """Refuse a log with programs that its user has not named here before.
+
+    Args:
+        settings: of the log.
+        path: of the log, or what it is called in a message.
+        named: a law that the log names and does not have, if it is to be run.
+
+    Raises:
+        UnknownCodeError: it has such.
+    """
+    files = [*_code_in(settings), *_code_beside(settings, named, Path(path).parent)]
+    unknown = [one for one in files if not own_code.known(one.source, one.modules)]
+    if unknown:
+        raise UnknownCodeError(str(path), unknown)
+
+
+def trust(files: Sequence[OwnFile]) -> None:
+    """Have programs of a log run: its user has said so."""
+    for one in files:
+        own_code.remember(one.source, one.modules)
+
+
+def _code_in(settings: Mapping[str, Any]) -> Iterator[OwnFile]:
+    """The law and the plant of a log's rig that are users' files."""
+    document = settings.get("rig")
+    if not isinstance(document, Mapping) or "format" not in document:
+        return
+    for name in ("law", "plant"):
+        if isinstance(document.get(name), Mapping):
+            one = unpacked({"format": document["format"], name: document[name]}, [name]).values[name]
+            yield OwnFile(one.name, one.source, one.modules)
+
+
+def _code_beside(settings: Mapping[str, Any], law: Any, folder: Path) -> Iterator[OwnFile]:
+    """The law, and an older log's plant, as they are found where the log says."""
+    document = settings.get("rig")
+    old = document if isinstance(document, Mapping) and "format" not in document else {}
+    cable = old.get("cable")
+    plant = cable.get("plant") if isinstance(cable, Mapping) else None
+    for name, what in ((law, "law"), (plant, "plant")):
+        if isinstance(name, str) and user_law.is_file(name):
+            there = user_file.found((folder / user_file.split(name)[0]).absolute(), what)
+            yield OwnFile(name, there.source, there.modules)
 
 
 def hash_of(settings: Mapping[str, Any]) -> str | None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
 from bowden.core.signals import DriveState
-from bowden.cycle.one_cycle import LAW_BEGINS, Cycle
+from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power
@@ -14,6 +14,7 @@ from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.safety.faults import Fault
+from bowden.safety.last_word import LastWord
 from bowden.safety.supervisor import Mode, Observed, Request
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
@@ -40,6 +41,8 @@ class Ended:
     """The supervisor's last bit set."""
     torque: int
     """Number of the drive's `hardware.ports.TorqueLeft`."""
+    stalled: float
+    """How long this computer did not let the loop run, where that ended the run; 0 where it did not [s]."""
 
 
 class Loop:
@@ -81,21 +84,26 @@ class Loop:
         """Cycle until the end is asked for, or the operator is gone, and the power is off; then close the drive.
 
         The end waits until the drive says that its torque is off, or the supervisor has found that it keeps it.
+
+        Raises:
+            SafetyError: the supervisor's verdict was broken; the torque has been told off.
         """
         try:
-            cycles, overruns, mode, faults = self._run()
+            cycles, overruns, mode, faults, stalled = self._run()
         finally:
             left = self._drive.close()
             self._ring.close()
-        return Ended(cycles, overruns, mode, faults, int(left))
+        return Ended(cycles, overruns, mode, faults, int(left), stalled)
 
-    def _run(self) -> tuple[int, int, int, int]:
+    def _run(self) -> tuple[int, int, int, int, float]:
         clock, drive, cycle = self._clock, self._drive, self._cycle
         script, ring, block, course, push = self._script, self._ring, self._block, self._course, self._push
         period, patience = round(cycle.period * SECOND), cycle.limits.operator_age
         deadline = clock.now() + period
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
-        mode, target, verdict = float(Mode.STOPPED), cycle.state.supervisor.target, None
+        begun = cycle.state.supervisor
+        mode, target, verdict, stalled = float(begun.decided.mode), begun.target, None, 0.0
+        last_word = LastWord(cycle.limits, cycle.period, target)
         while resting < _LAST:
             clock.sleep_until(deadline)
             woke = clock.now()
@@ -113,14 +121,14 @@ class Loop:
             emg_age = 0.0 if course is None else course.look(woke)
             plan = script.plan(mode, target, reading, 1 + skipped)
 
-            if plan.source == LAW_BEGINS:
-                cycle.know(script.play)
-
             # what is done
             recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0
             lateness, elapsed = (woke - deadline) * 1e-9, (woke - before) * 1e-9
             observed = Observed(reading, lateness, elapsed, request, age, recorder, script.outcome, emg_age)
             wish, verdict = cycle.step(observed, plan)
+            if verdict.mode > _POWERED and mode in _LED and int(verdict.faults) & _STALLS:
+                stalled = max(lateness, cycle.state.supervisor.sums.late)
+            last_word.judge(verdict)
             mode, target = verdict.mode, verdict.target
             torque = 0.0 if push is None else push.step(target, verdict, cycle.period)
             drive.write(target, Power(int(verdict.power)), now, torque)
@@ -143,8 +151,13 @@ class Loop:
             resting = resting + 1 if ending and mode in _RESTING and not turning else 0
             deadline, skipped = next_deadline(deadline, finished, period)
             overruns += skipped
-        return cycles, overruns, int(mode), int(verdict.faults) if verdict else 0
+        return cycles, overruns, int(mode), int(verdict.faults) if verdict else 0, stalled
 
 
+_LED = (float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING))
+_POWERED = float(Mode.BRIDGING)
+"""The last mode in which a run is not at its end."""
+_STALLS = 1 << Fault.LATE | 1 << Fault.CLOCK
+"""Faults of this computer, and not of the rig."""
 _RUNNING = float(Mode.RUNNING)
 _RUN_TIME = AT["run_time"]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.core.errors import BowdenError
+from bowden.live.left_behind import sweep
 
 if TYPE_CHECKING:
     from bowden.live.live_run import Live
@@ -27,6 +28,8 @@ def main() -> int:
     except Exception as error:  # so that the operator learns why there is no loop
         _say("error", f"the loop failed: {type(error).__name__}: {error}")
         raise
+    finally:
+        sweep()
     return 2
 
 
@@ -44,17 +47,19 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
     from bowden.core.clock import MonotonicClock
     from bowden.hardware.drives.family import family_of
     from bowden.hardware.realtime import become_realtime
+    from bowden.live import latch_file
     from bowden.live.control_block import ControlBlock
     from bowden.live.loop import Loop
     from bowden.live.preflight import REASONS, Reason
     from bowden.live.ring import RingWriter
     from bowden.live.row import NOTHING_READ
     from bowden.models.drive.thermal import ThermalState
+    from bowden.safety.supervisor import Mode
 
     emg = Path(given["emg"]) if given["emg"] else None
     course = live.course(emg, given["start_ns"])
     cycle, script, push = live.cycle(), live.script(course), live.push()
-    cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]))
+    cycle.begin(NOTHING_READ, ThermalState(*given["thermal"]), given["latched"])
     ring, block = RingWriter(Path(given["ring"])), ControlBlock(Path(given["block"]))
     parameters = live.rig.drive_parameters
     drive = family_of(parameters).open(parameters)
@@ -70,6 +75,8 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         ring.close()
         raise
     ended = loop.run()
+    if given["remembers"] and ended.mode == Mode.LATCHED:  # the operator's process may be gone
+        latch_file.write(parameters, ended.faults)
     _say("ended", asdict(ended) | {"reason": REASONS[Reason(int(script.reason))]})
     return 0
 

@@ -28,6 +28,8 @@ from bowden.live.ring import Description
 MAGIC = b"\x89MCAP0\r\n"
 ABOUT = "bowden"
 """Name of the metadata record that stands first in a file, with what `about` says."""
+_ENDLESS = 1e9
+"""No run lasts so long, and 64 bits hold it [s]."""
 CLOSING = "bowden.closing"
 """Name of the metadata record that stands last in a file that was closed properly."""
 
@@ -48,6 +50,12 @@ def about(description: Description, more: Mapping[str, str]) -> dict[str, str]:
 def checksum(said: Mapping[str, str]) -> str:
     """Of all entries but its own; MCAP has none for metadata, and a unit or a gain that is wrong shows nowhere else."""
     return f"{zlib.crc32(json.dumps(sorted((k, v) for k, v in said.items() if k != 'crc32')).encode()):08x}"
+
+
+def stamps_of(start: int, time: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The stamps of rows in the file: when the run began [ns], and the time of each since then [s]."""
+    known = np.where(np.abs(time) < _ENDLESS, time, 0.0)
+    return start + np.rint(1e9 * known).astype(np.int64)
 
 
 class LogFile:
@@ -89,7 +97,7 @@ class LogFile:
         Raises:
             OSError: the disk does not take it; the file is as it was before.
         """
-        log_time = self._start + np.rint(1e9 * np.nan_to_num(rows[:, self._time])).astype(np.int64)
+        log_time = stamps_of(self._start, rows[:, self._time])
         data = self._packing.pack(numbers, rows, log_time)
         size = self._packing.dtype.itemsize
         index = [

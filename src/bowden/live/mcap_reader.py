@@ -16,9 +16,10 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
+from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.live.mcap_layout import Event, Packing, topics
-from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum
+from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum, stamps_of
 from bowden.live.old_names import names_of_today
 from bowden.live.ring import Description
 
@@ -72,6 +73,7 @@ class LogReader:
     """
 
     def __init__(self, path: Path, only: Sequence[str] | None = None) -> None:
+        self.path = path
         self._data = _mapped(path)
         self.about, self._begin = _about(self._data, path)
         about = self.about
@@ -79,9 +81,10 @@ class LogReader:
             columns, units = tuple(json.loads(about["columns"])), tuple(json.loads(about["units"]))
             self.settings: dict[str, Any] = dict(json.loads(about["settings"]))
             Description(columns, units, self.settings, int(about["start_utc_ns"]))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise LogError(f"{path} does not say what its rows are: {error}", do=_DO) from error
         self._packing = Packing(topics(columns, units))
+        self._start, self._time = int(about["start_utc_ns"]), columns.index("time")
         named = names_of_today(columns)
         kept = [i for i, name in enumerate(named) if only is None or name in only]
         self._kept = slice(None) if only is None else kept
@@ -91,6 +94,10 @@ class LogReader:
         self.count = 0
         """Rows so far."""
         self._last, self._chunks, self._skipped, self._torn = -1, 0, 0, 0
+
+    def first_number(self) -> int:
+        """Number of its first row since the run's begin; -1 of a log without one."""
+        return next((int(piece.numbers[0]) for piece in LogReader(self.path, ()) if len(piece.numbers)), -1)
 
     @property
     def missing(self) -> int:
@@ -154,12 +161,18 @@ class LogReader:
     def _take_torn(self, data: memoryview) -> Iterator[Piece]:
         """The whole rows of a chunk that was cut.
 
-        Its checksum says nothing now; but what a kill leaves is cut, not changed, and the row numbers must go on.
+        Its checksum says nothing now; but what a kill leaves is cut, not changed, the row numbers must go on, and a row
+        says its time twice: up to the first that contradicts itself. A time that is wrong by itself has a page drawn
+        over 10³⁰⁰ seconds.
         """
         start, self._torn = _HEAD + _CHUNK_HEAD, len(data)
         if len(data) <= start or data[0] != Opcode.CHUNK:
             return
-        numbers, rows, _, rest = self._packing.unpack(data[start:])
+        numbers, rows, times, rest = self._packing.unpack(data[start:])
+        told = stamps_of(self._start, rows[:, self._time]) == times
+        if not told.all():
+            n = int(told.argmin())
+            numbers, rows, rest = numbers[:n], rows[:n], rest[len(rest) :]
         if (np.diff(numbers, prepend=self._last) > 0).all():
             self._torn -= start + len(numbers) * self._packing.dtype.itemsize
             yield self._piece(numbers, rows, rest)
@@ -173,7 +186,7 @@ class LogReader:
 def _mapped(path: Path) -> memoryview:
     """The bytes of a file that begins as MCAP does."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             start = file.read(len(MAGIC))
             if not start:
                 raise LogError(f"{path} is empty", do=_DO)
@@ -181,8 +194,7 @@ def _mapped(path: Path) -> memoryview:
                 raise LogError(f"{path} is no MCAP file", do=_DO)
             return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
     except (OSError, ValueError) as error:  # ValueError: a null byte in its name
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise LogError(f"cannot read {path}: {reason.lower()}", do=_DO) from error
+        raise LogError(f"cannot read {path}: {reason(error)}", do=_DO) from error
 
 
 def _about(data: memoryview, path: Path) -> tuple[dict[str, str], int]:

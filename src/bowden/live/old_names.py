@@ -61,6 +61,8 @@ SINCE: Mapping[str, float] = {
     "foreign": 0.0,
     "sample_age": 0.0,
     "supervisor.sums.undisabled": 0.0,
+    "supervisor.decided.joint_then": 0.0,
+    **{f"supervisor.anchor.{name}": 0.0 for name in ("unanswered", "current", "travelled", "swung")},
     "supervisor.sample_age": 0.0,
 }
 """Columns of a run's readings and supervisor that older logs do not have, with what stands for them."""

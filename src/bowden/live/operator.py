@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 
 STANDS_STILL = 5.0
 """A loop that has done no cycle for so long does none any more; the drive has long taken its torque off [s]."""
-_LOOK = 0.1
+_LOOK = 0.05
 """Between two looks at the run and at the keys [s]."""
 _CLEARED = 1.0
 """At the end a terminal is given so long to take the picture away [s]."""
-_REMEMBER = 50
+_REMEMBER = 100
 """Looks between two times that the motor's warmth is kept."""
+_PRIORITY = 1
+"""Of SCHED_RR, the lowest there is [–]."""
 _KEYS = {"a": Request.ARM, "r": Request.RUN, "s": Request.STOP, " ": Request.STOP, "k": Request.ACKNOWLEDGE}
 
 
@@ -89,7 +91,7 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
     """
     ending.ends(session.end)
     _tell_grants(session)
-    with _keys() as key, _screen(session, auto, quiet) as show, contextlib.closing(_Ends(session)):
+    with _keys() as key, _screen(session, auto, quiet) as show, _prompt(), contextlib.closing(_Ends(session)):
         steps = automatic(session) if auto else None
         looks = 0
         while session.running and not ending.asked:
@@ -111,6 +113,20 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
             if looks % _REMEMBER == 0:
                 session.remember()
             session.wait(0.5 * _LOOK if auto else 0.0)
+
+
+@contextlib.contextmanager
+def _prompt() -> Iterator[None]:
+    """Have this thread woken before what merely computes, where that is allowed: a busy computer is no operator who is
+    gone. Loop, twin and reader of EMG come before it; what is started meanwhile has ordinary priority.
+    """
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY))
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 class _Ends:

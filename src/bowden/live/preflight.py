@@ -1,4 +1,9 @@
-"""Before a run: are the limits sensible, are the sensors alive, does a small motion of the motor move the joint?"""
+"""Before a run: are the limits sensible, are the sensors alive, does a small motion of the motor move the joint?
+
+The current must change in that motion, since it accelerates a motor and pulls a cable. And it must pull where the rig
+says so: of the mean current out and back, inertia and Coulomb friction take as much away as they add. What is left is
+the cable's load, which no cable has in the direction in which it is let out.
+"""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -35,8 +40,14 @@ class Preflight(NamedTuple):
     """Direction of the joint for a positive motion of the motor."""
     pull_sign: float = 1.0
     """Direction of the motor that pulls the cable: the motion goes there and comes back."""
+    light: float = 0.3
+    """Current below which the cable carries nothing [A]."""
     enable: float = 5.0
     """How long the drive may take to enable [s]."""
+    low: float = -np.inf
+    """Smallest target of the motor: one that rests beyond, as a release may leave it, is brought there first [rad]."""
+    high: float = np.inf
+    """Largest [rad]."""
 
 
 class Step(IntEnum):
@@ -60,6 +71,8 @@ class Reason(IntEnum):
     MOTOR_WRONG_WAY = 5
     JOINT_STILL = 6
     JOINT_WRONG_WAY = 7
+    CURRENT_STILL = 8
+    SLACK_WRONG_WAY = 9
 
 
 REASONS = {
@@ -71,6 +84,9 @@ REASONS = {
     Reason.MOTOR_WRONG_WAY: "the motor's angle goes the wrong way; turn its direction round in rig.toml",
     Reason.JOINT_STILL: "the joint does not follow the motor; look for a slack or broken cable, pretension it",
     Reason.JOINT_WRONG_WAY: "the joint goes the wrong way; turn its encoder's direction round in rig.toml",
+    Reason.CURRENT_STILL: "the drive tells one and the same current while the motor turns; look at 6077h and its PDO",
+    Reason.SLACK_WRONG_WAY: "the cable pulls where it should be let out, as slack_sign of [limits] has it; turn that "
+    "round, or the direction of the motor; and keep the limb still",
 }
 """What each reason means and what to do."""
 
@@ -82,7 +98,7 @@ class PreflightState(NamedTuple):
     since: float
     """Since the step began [s]."""
     motor: float
-    """Where the motor began [rad]."""
+    """Where the motor began, or the nearest place that it may be sent to [rad]."""
     joint: float
     """Where the joint began [rad]."""
     low: float
@@ -99,6 +115,12 @@ class PreflightState(NamedTuple):
     """Where the motor was at the far end [rad]."""
     far_joint: float
     """Where the joint was [rad]."""
+    current_low: float
+    """Smallest current since the drive is enabled [A]."""
+    current_high: float
+    """Largest [A]."""
+    charge: float
+    """Current over time in this motion, out and back [A·s]."""
     reason: float
     """Number of a `Reason`."""
 
@@ -114,7 +136,7 @@ class PreflightOutcome(NamedTuple):
 
 def begin(settings: Preflight, reading: DriveReading) -> PreflightState:
     """Before the first cycle."""
-    return _at(Step.ENABLE, settings.first, reading)
+    return _at(Step.ENABLE, settings, settings.first, reading)
 
 
 def step(
@@ -140,18 +162,24 @@ def step(
         return _fail(state, Reason.SENSORS) if since > settings.listen else _answer(state, state.motor)
     if state.step == Step.ENABLE:
         if reading.drive_state == DriveState.OPERATION_ENABLED:
-            state = _at(Step.LISTEN, state.amplitude, reading)
+            state = _at(Step.LISTEN, settings, state.amplitude, reading)
         elif since > settings.enable:
             return _fail(state, Reason.NOT_ENABLED)
-        return _answer(state, reading.motor)
+        return _answer(state, _within(settings, reading.motor))
+    state = state._replace(
+        current_low=min(state.current_low, reading.current), current_high=max(state.current_high, reading.current)
+    )
     if state.step == Step.LISTEN:
+        coming = settings.settle if state.motor != state.far_motor else 0.0
+        if since < coming:
+            return _answer(_hearing(state, reading), state.motor)
         state = state._replace(
             low=min(state.low, reading.joint),
             high=max(state.high, reading.joint),
             motor_low=min(state.motor_low, reading.motor),
             motor_high=max(state.motor_high, reading.motor),
         )
-        if since < settings.listen:
+        if since < coming + settings.listen:
             return _answer(state, state.motor)
         if state.high - state.low > settings.noise or state.motor_high - state.motor_low > settings.noise:
             return _fail(state, Reason.RESTLESS)
@@ -161,6 +189,8 @@ def step(
     way = float(minimum_jerk_share(since / duration))
     out = settings.pull_sign * state.amplitude
     wish = state.motor + out * (way if state.step == Step.OUT else 1.0 - way)
+    if since <= duration + settings.settle:
+        state = state._replace(charge=state.charge + dt * reading.current)
     if since < duration + settings.settle or not seen:
         return _answer(state, wish)
     if state.step == Step.OUT:
@@ -171,6 +201,10 @@ def step(
             return _fail(state, Reason.MOTOR_STILL)
         state = state._replace(far_motor=reading.motor, far_joint=reading.joint)
         return _answer(state._replace(step=float(Step.BACK), since=0.0), wish)
+    if state.current_low == state.current_high:
+        return _fail(state, Reason.CURRENT_STILL)
+    if settings.pull_sign * state.charge < -2.0 * settings.light * (duration + settings.settle):
+        return _fail(state, Reason.SLACK_WRONG_WAY)
     moved = (state.far_joint - state.joint) * settings.pull_sign * settings.slope_sign
     if moved >= settings.moved:
         return _answer(state._replace(step=float(Step.DONE)), state.motor)
@@ -179,7 +213,7 @@ def step(
     larger = 2.0 * state.amplitude
     if larger > settings.largest:
         return _fail(state, Reason.JOINT_STILL)
-    return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger), state.motor)
+    return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger, charge=0.0), state.motor)
 
 
 def contradictions(limits: Limits, dt: float) -> list[str]:
@@ -242,6 +276,12 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         found.append(f"the winding would cool within {_QUICKEST:g} s: capacity × thermal resistance is too small")
     if limits.slack_sign not in (-1.0, 1.0):
         found.append("slack_sign is neither −1 nor 1")
+    out, back = (limits.motor_low, limits.motor_high)[:: 1 if limits.slack_sign < 0.0 else -1]
+    if abs(out) > abs(back):
+        found.append(
+            "slack_sign lets the cable out towards the far end of the motor's range, which is where it pulls, being "
+            "just taut at zero"
+        )
     measured = {name: value for name, value in limits._asdict().items() if name.startswith(("measures_", "uses_"))}
     found += [f"{name} is {value:g}, neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
     return found
@@ -276,9 +316,23 @@ _POSITIVE = (
 )
 
 
-def _at(where: Step, amplitude: float, reading: DriveReading) -> PreflightState:
+def _within(settings: Preflight, motor: float) -> float:
+    """The nearest place that a motor may be sent to [rad]; NaN for NaN."""
+    return min(max(motor, settings.low), settings.high)
+
+
+def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReading) -> PreflightState:
+    motor, joint, current, start = reading.motor, reading.joint, reading.current, _within(settings, reading.motor)
+    ends = (joint, joint, motor, motor)
+    return PreflightState(
+        float(where), 0.0, start, joint, *ends, amplitude, motor, joint, current, current, 0.0, float(Reason.NONE)
+    )
+
+
+def _hearing(state: PreflightState, reading: DriveReading) -> PreflightState:
+    """Begin anew to hear how still both angles are."""
     motor, joint = reading.motor, reading.joint
-    return PreflightState(float(where), 0.0, motor, joint, joint, joint, motor, motor, amplitude, motor, joint, 0.0)
+    return state._replace(joint=joint, low=joint, high=joint, motor_low=motor, motor_high=motor)
 
 
 def _answer(state: PreflightState, wish: float) -> tuple[PreflightState, float, PreflightOutcome]:

@@ -1,8 +1,12 @@
 """Where a run took place and with which software, for the head of its log."""
 
+import os
 import platform
 import subprocess
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import bowden
 
@@ -25,21 +29,40 @@ def rig_revision(folder: Path) -> str:
 
 
 def _revision(folder: Path) -> str:
-    """The commit of a folder, with ``+`` where files differ from it; empty where there is no git or no commit."""
-    command = [
-        "git",
-        "--no-optional-locks",
-        *("-c", "core.fsmonitor=false"),  # a folder's own settings name a program there, which git would run
-        "-C",
-        str(folder),
-        "describe",
-        "--always",
-        "--abbrev=40",
-        "--exclude=*",
-        "--dirty=+",
-    ]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=5.0)
-    except (OSError, subprocess.TimeoutExpired):
+    """The commit of a folder, with ``+`` where files differ from it, or may; empty where there is no git or no commit.
+
+    A repository's own settings name programs that git runs when it looks whether a file differs: filters, a monitor of
+    files, helpers to fetch what is missing. So its settings are read for the names of its parts alone; the files are
+    compared by a repository of ours without any, which borrows its objects and its index.
+    """
+    found = _git(["-C", str(folder), "rev-parse", "--show-toplevel", "--git-common-dir", "--absolute-git-dir", "HEAD"])
+    top, common, own, commit = found.stdout.splitlines() if found is not None and found.returncode == 0 else [""] * 4
+    if not commit:
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+    with tempfile.TemporaryDirectory(prefix="bowden-git-") as made:
+        ours, form = Path(made), "sha1" if len(commit) == 40 else "sha256"
+        (ours / "refs").mkdir()
+        (ours / "objects").mkdir()
+        (ours / "HEAD").write_text(f"{commit}\n", encoding="ascii")
+        version = f"[core]\nrepositoryformatversion = 1\n[extensions]\nobjectformat = {form}\n"
+        (ours / "config").write_text(version, encoding="ascii")
+        borrowed = {
+            "GIT_DIR": made,
+            "GIT_WORK_TREE": top,
+            "GIT_INDEX_FILE": str(Path(own) / "index"),
+            "GIT_ALTERNATE_OBJECT_DIRECTORIES": str(folder / common / "objects"),
+        }
+        same = _git(["diff", "--quiet", "--no-ext-diff", "--no-textconv", "--ignore-submodules=all", "HEAD"], borrowed)
+    return commit if same is not None and same.returncode == 0 else f"{commit}+"
+
+
+def _git(words: list[str], more: Mapping[str, str] = MappingProxyType({})) -> "subprocess.CompletedProcess[str] | None":
+    """git's answer; None where there is none, or it takes too long."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+    safe = {"GIT_OPTIONAL_LOCKS": "0", "GIT_NO_LAZY_FETCH": "1", "GIT_ALLOW_PROTOCOL": "", "GIT_TERMINAL_PROMPT": "0"}
+    try:
+        return subprocess.run(
+            ["git", *words], capture_output=True, text=True, timeout=5.0, env=environment | safe | dict(more)
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None

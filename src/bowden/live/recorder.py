@@ -8,6 +8,7 @@ memory, up to `MOST_WAITING` rows; then rows are dropped, and counted.
 import argparse
 import contextlib
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -20,6 +21,8 @@ import numpy as np
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import BowdenError, OutputError
 from bowden.live.events import Changes
+from bowden.live.left_behind import sweep
+from bowden.live.mcap_layout import Packing, topics
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.provenance import provenance
 from bowden.live.ring import Batch, Description, RingReader
@@ -38,6 +41,8 @@ _SLOW_AFTER = SECOND
 _ORPHANED_AFTER = 5 * SECOND
 """Without a row and without a parent: both the loop and the operator's process are gone [ns]."""
 _NICE = 5
+_LEAST = 60.0
+"""For so long a run's log has room on the disk when it begins [s]."""
 
 
 @dataclass
@@ -153,6 +158,30 @@ class Disk:
                 os.fsync(self._handle)
 
 
+def check_room(target: Path, description: Description) -> None:
+    """Refuse a run whose log would end within a minute: before anything moves, and not in mid-motion.
+
+    Args:
+        target: the file, which need not exist.
+        description: of its rows, with the sample time among the settings.
+
+    Raises:
+        OutputError: the disk has no room, or there is no such folder.
+    """
+    row = Packing(topics(description.columns, description.units)).dtype.itemsize
+    needed = round(_LEAST / float(description.settings["sample_time"])) * row
+    try:
+        free = shutil.disk_usage(target.parent).free
+    except OSError as error:
+        raise OutputError(f"cannot record to {target}: {error.strerror}", do="choose another place") from error
+    if free < needed:
+        raise OutputError(
+            f"cannot record to {target}: the disk has {free >> 20} MB left",
+            expected=f"{(needed >> 20) + 1} MB, for {_LEAST:g} s of this run",
+            do="make room there, or choose another place",
+        )
+
+
 def record(ring: Path, target: Path, rig: str = "") -> int:
     """Drain a ring into a new file until it is closed, or the recorder is told to stop; the whole work of the process.
 
@@ -244,6 +273,8 @@ def main(arguments: list[str] | None = None) -> int:
     except BowdenError as error:
         print(f"bowden: {error}", file=sys.stderr)
         return 2
+    finally:
+        sweep()
     return 0
 
 

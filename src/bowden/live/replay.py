@@ -124,8 +124,6 @@ def replay(
         emg_age = row[at["emg.age"]] if "emg.age" in at else 0.0
         around = (*(row[i] for i in surroundings), emg_age)
         observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
-        if row[at["source"]] == LAW_BEGINS and "play" in at:
-            cycle.know(row[at["play"]])
         plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
         wishes[k], judged = cycle.step(observed, plan)
         said[k] = judged

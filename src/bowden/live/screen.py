@@ -18,10 +18,13 @@ from bowden.sensing.intent import Intent
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
+    from bowden.rig.emg_setup import EmgRun
 
 _MOST_ESTIMATES = 6
 _BAR = 20
 """Width of the envelope's bar."""
+_OTHER = 4.0
+"""An envelope so many times that of the wearer's rest, or as many times less, is not theirs: it swings by less."""
 _KEYS = "a arm · r run · s or space stop · k acknowledge · q quit"
 _NEXT = {
     Mode.STOPPED: "a to arm: the motor gets power and makes a small motion",
@@ -52,6 +55,8 @@ def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     if session.emg_process is not None:
         table.add_row("EMG", _emg(row, session.emg_process.unit, session.emg_process.lost))
+        if session.live.emg is not None:
+            table.add_row("wearer", wearer(session.live.emg, row))
     if "admittance.push.torque" in row:
         table.add_row("push", _push(row))
     table.add_row("motor", f"{row['current']:.2f} A, winding {row['supervisor.heat.winding']:.0f} °C")
@@ -70,12 +75,12 @@ def _push(row: dict[str, float]) -> str:
     return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
 
 
-_TROUBLE = ("", "flat or missing: look at the electrodes", "movement or mains")
+_TROUBLE = ("", "flat, missing or repeated: look at electrodes and sender", "movement or mains")
 
 
 def _emg(row: dict[str, float], unit: str, lost: str) -> str:
     """The envelope as a bar, what the muscles do, what is wrong, and how old it is."""
-    share, said = row["emg.share"], [f"{row['emg.level']:.3g} {unit}".strip()]
+    share, said = row["emg.share"], [escape(f"{row['emg.level']:.3g} {unit}".strip())]
     if not math.isnan(share):
         full = round(_BAR * min(max(share, 0.0), 1.0))
         said = [f"{'█' * full}{'░' * (_BAR - full)} {100.0 * share:.0f} % MVC"]
@@ -85,6 +90,18 @@ def _emg(row: dict[str, float], unit: str, lost: str) -> str:
         said.append(f"[red]{_TROUBLE[int(row['emg.trouble'])]}[/red]")
     said.append(f"[red]{escape(lost)}[/red]" if lost else f"{1e3 * row['emg.age']:.0f} ms old")
     return ", ".join([f"{Intent(int(row['emg.intent'])).name.lower()}: {said[0]}", *said[1:]])
+
+
+def wearer(run: "EmgRun", row: dict[str, float]) -> str:
+    """Whose levels the run goes by; before the law has the motor, also whether the muscle's rest is theirs."""
+    if run.wearer is None:
+        return "not known; contractions alone are heard"
+    given, level = run.wearer, row["emg.level"]
+    said = f"{run.where}: {given.channel} at rest {given.rest:.3g}, at most {given.mvc:.3g}"
+    quiet = row["source"] < WishSource.LAW_BEGINS and not row["emg.flexor"] and not row["emg.trouble"]
+    if not quiet or level == 0.0 or given.rest / _OTHER <= level <= given.rest * _OTHER:
+        return escape(said)
+    return f"{escape(said)}, [red]and rests at {level:.3g} now: another wearer's file, or electrodes elsewhere?[/red]"
 
 
 def _next(mode: Mode, preflight: float, shown: list[Fault]) -> str:

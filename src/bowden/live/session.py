@@ -6,12 +6,10 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 
 import contextlib
 import json
-import os
 import queue
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +19,7 @@ from bowden.core import shared_memory, shown
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError
 from bowden.core.trace import Trace
-from bowden.live import control_block, thermal_file
+from bowden.live import control_block, latch_file, left_behind, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
@@ -29,6 +27,7 @@ from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
 from bowden.live.operator import STANDS_STILL
 from bowden.live.provenance import rig_revision
+from bowden.live.recorder import check_room
 from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, description
@@ -48,7 +47,7 @@ _LOOK = 0.05
 """Between two looks at a run that is seen through [s]."""
 _MOST_LOGS = 3
 """Recorders of a run, one after the other."""
-_BEAT = 0.1
+_BEAT = 0.05
 """Between two signs of life [s]."""
 
 
@@ -76,12 +75,13 @@ class Session:
         self.emergency = 0
         """Error code of the drive's last emergency; 0 where there was none."""
         self._last: Row | None = None
+        self._latched: float | None = None
         self._not_kept = ""
         self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._processes: list[subprocess.Popen[str]] = []
-        name = f"{os.getpid()}-{os.urandom(3).hex()}"
-        self._ring, self._block = FOLDER / f"bowden-{name}.ring", FOLDER / f"bowden-{name}.block"
+        name = left_behind.name_of_this()
+        self._ring, self._block = FOLDER / f"{name}.ring", FOLDER / f"{name}.block"
 
     def __enter__(self) -> "Session":
         try:
@@ -101,12 +101,13 @@ class Session:
 
     def _begin(self) -> None:
         live, now = self.live, self.clock.now()
-        _sweep()
+        left_behind.sweep()
         settings = run_settings(live.law, live.limits, live.cycle().filters, live.rig.sample_time)
         by_emg, pushed, wall = self.emg_process is not None, live.push() is not None, round(unix_seconds() * SECOND)
         about = description(
             *(live.law, {**settings, **live.settings()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
         )
+        check_room(self.log, about)
         create(self._ring, about)
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
@@ -116,10 +117,13 @@ class Session:
         self._record_to(self.log)
         warmth = live.limits.thermal
         thermal = thermal_file.read(live.rig.drive_parameters, live.limits) if self._remembers else cold(warmth)
+        self._latched = latch_file.read(live.rig.drive_parameters) if self._remembers else None
         given = {
             "rig": live.rig.document(),
             "measure": live.measure,
             "thermal": thermal,
+            "latched": self._latched,
+            "remembers": self._remembers,
             "ring": str(self._ring),
             "block": str(self._block),
             "emg": None if self.emg_process is None else str(self.emg_process.block),
@@ -162,7 +166,12 @@ class Session:
     def _record_again(self) -> None:
         """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
-        print(f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}", file=sys.stderr)
+        names = " ".join(map(str, self.logs))
+        print(
+            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. After the run, join them: "
+            f"bowden log recover {names}",
+            file=sys.stderr,
+        )
         self._record_to(self.logs[-1])
 
     def _end_recorder(self) -> None:
@@ -260,10 +269,22 @@ class Session:
             self._scenario.see(rows)
             codes = rows[:, AT["emergency"]]
             self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
+            self._remember_latch(self._last)
         row = self._last
         if len(rows):
             self._came = self.clock.now()
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+
+    def _remember_latch(self, row: Row) -> None:
+        """Keep what latched the run, until somebody acknowledges it."""
+        latched = float(row[AT["faults"]]) if row[AT["mode"]] == Mode.LATCHED else None
+        if (latched is None) == (self._latched is None) or not self._remembers:
+            return
+        if latched is not None:
+            latch_file.write(self.live.rig.drive_parameters, latched)
+        else:
+            latch_file.acknowledge(self.live.rig.drive_parameters)
+        self._latched = latched
 
     @property
     def still(self) -> float:
@@ -359,27 +380,13 @@ class Session:
         self._block.unlink(missing_ok=True)
 
 
-def _sweep() -> None:
-    """Remove what runs left whose operator is gone; a loop or recorder that still has it open keeps it."""
-    for path in _left_behind():
-        with contextlib.suppress(OSError):
-            path.unlink()
-
-
-def _left_behind() -> Iterator[Path]:
-    for path in FOLDER.glob("bowden-*-*.*"):
-        number = path.name.split("-")[1]
-        if path.suffix in (".ring", ".block", ".intent") and number.isdigit() and not Path(f"/proc/{number}").exists():
-            yield path
-
-
 @contextlib.contextmanager
 def own_twin(rig: Rig) -> Iterator[Rig]:
     """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus."""
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import running_twin
 
-    with tempfile.TemporaryDirectory(prefix="bowden-twin-") as folder:
+    with left_behind.bus_of_this() as folder:
         print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig.origin} --channel {folder}", file=sys.stderr)
-        with running_twin(rig, Path(folder), ["--interface", UNIX]) as twin:
+        with running_twin(rig, folder, ["--interface", UNIX]) as twin:
             yield rig.on_bus(twin.channel, UNIX)

@@ -13,7 +13,12 @@ cables [–]."""
 
 
 def on_suit(checks: Preflight, suit: Suit) -> Preflight:
-    """The checks on a suit: its gears, which friction holds at first, and its flex sensor, which is less still."""
+    """The checks on a suit: its gears, which friction holds at first, and its flex sensor, which is less still.
+
+    Of the current no more is believed than the gears' friction takes: a drive that holds against it, and a wearer who
+    does not keep still, load the motor either way.
+    """
     noise = checks.noise + 8.0 * suit.joint_sensor.noise + suit.joint_sensor.resolution
-    checks = checks._replace(first=FIRST, settle=SETTLE, noise=noise)
+    friction = suit.motor.friction / (suit.motor.gear * suit.motor.torque_constant)
+    checks = checks._replace(first=FIRST, settle=SETTLE, noise=noise, light=max(checks.light, friction))
     return checks if suit.motor.integral > 0.0 else checks._replace(first=SOFT_FIRST, follows=SOFT_FOLLOWS)

@@ -41,6 +41,7 @@ def document(session: "Session") -> dict[str, Any]:
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
+        "stalled_ms": round(1e3 * ended.get("stalled", 0.0), 3) or None,
         "preflight": ended.get("reason") or None,
         "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
         "torque": TorqueLeft(ended["torque"] if ended else TorqueLeft.UNKNOWN).name.lower(),
@@ -71,6 +72,9 @@ def _joined(logs: list[Recording]) -> Recording:
     return replace(broken, numbers=numbers, rows=np.concatenate([log.rows for log in logs])[first])
 
 
+STALLED = "this computer stalled for {:.0f} ms, which is no fault of the rig: see what bowden doctor says"
+"""Why a run was ended that nothing else was wrong with; a drive whose host is silent for longer than its watch over it
+lasts takes its torque off itself."""
 _NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
 """Columns of the log that the figures come from."""
 
@@ -99,6 +103,8 @@ def print_summary(found: dict[str, Any]) -> None:
         emg_summary.print_figures(found["emg"])
     if found["interaction"]:
         push_summary.print_figures(found["interaction"])
+    if found["stalled_ms"]:
+        print(STALLED.format(found["stalled_ms"]))
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
         print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
     if found["torque"] != "off":

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bowden.core.clock import boot_seconds
+from bowden.core.files import state_folder
 from bowden.hardware.drives.family import family_of
 from bowden.live.row import thermal_of
 from bowden.models.drive.thermal import ThermalState, cold, rested
@@ -22,9 +23,8 @@ from bowden.safety.limits import Limits
 
 def _path(drive: Any) -> Path:
     """One file for a drive, wherever it is."""
-    root = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
     name = hashlib.sha256(":".join(family_of(drive).address(drive).values()).encode()).hexdigest()[:16]
-    return root / "bowden" / f"thermal-{name}.json"
+    return state_folder() / f"thermal-{name}.json"
 
 
 def read(drive: Any, limits: Limits) -> ThermalState:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _STATES = ("mode", "reaction", "power", "source")
+_FAR = 1e12
+"""No cycle is so late, and a histogram wants a width that is a number [µs]."""
 _LOADS = ("current", "tension", "temperature", "supervisor.heat.winding")
 
 
@@ -101,7 +103,7 @@ def lateness(trace: Trace) -> "Figure | None":
         return None
     figure, panels = new_figure(1, len(columns), height=2.6)
     for axes, name in zip(panels, columns, strict=True):
-        values = 1e6 * trace[name][np.isfinite(trace[name])]
+        values = np.clip(1e6 * trace[name][np.isfinite(trace[name])], -_FAR, _FAR)
         axes.hist(values, bins=80, color=COLOURS["joint"], log=True)
         axes.set(xlabel=f"{name.replace('_', ' ')} [µs]", ylabel="cycles")
     return figure

@@ -1,7 +1,6 @@
 """Reading rig.toml: every mistake becomes one line that names the key, its section and what to write instead."""
 
 import itertools
-import tomllib
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic_core import ErrorDetails
 
 from bowden.control import user_law
 from bowden.control.reference import Trajectory
+from bowden.core import bounded
 from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.hardware.drives.family import names as families
 from bowden.identify.cable.model import IdentifiedCable
@@ -249,10 +249,10 @@ def read_toml(path: Path, do: str = "write one with: bowden init") -> dict[str, 
         ParameterError: no such file, or not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return bounded.read_toml(path)
     except OSError as error:
         do = do if isinstance(error, FileNotFoundError) else "give the path of a TOML file"
-        raise ParameterError(f"cannot read {path}: {(error.strerror or str(error)).lower()}", do=do) from error
+        raise ParameterError(f"cannot read {path}: {bounded.reason(error)}", do=do) from error
     except UnicodeDecodeError as error:
         raise ParameterError(f"{path} is not text", expected="a TOML file in UTF-8", do="save it as that") from error
     except ValueError as error:  # also a null byte in the path

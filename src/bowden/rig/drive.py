@@ -13,11 +13,25 @@ from bowden.plants.bench import Bench
 from bowden.plants.suit_parts import Suit
 from bowden.rig.settings import LiveSettings
 from bowden.safety.limits import Limits
+from bowden.safety.supervisor import DEAD_SHARE
+
+_LEAST_TRAVEL = 0.1
+"""Travel of the motor that shows a frozen joint where the cable has next to no dead zone: what noise, a joint that
+follows late and a limb that is held do not explain [rad]."""
 
 
-def limits(given: Limits, bench: Bench, drive: Any) -> Limits:
-    """A rig's limits, with the servo's model, the motor's currents and what is measured from its other parts."""
+def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan) -> Limits:
+    """A rig's limits, with the servo's model, the motor's currents and what is measured from its other parts.
+
+    Args:
+        given: what the rig says of them.
+        bench: of the rig.
+        drive: of the rig.
+        dead_zone: the widest that its cable has, NaN where it does not say [rad].
+    """
+    travel = max(_LEAST_TRAVEL, dead_zone / DEAD_SHARE)
     return given._replace(
+        frozen_travel=given.frozen_travel if math.isnan(dead_zone) else min(given.frozen_travel, travel),
         servo_frequency=bench.servo.natural_frequency,
         servo_damping=bench.servo.damping,
         current_peak=bench.motor.current_limit,

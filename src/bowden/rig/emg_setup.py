@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bowden.core.bounded import open_file
 from bowden.core.errors import ParameterError, StreamError
 from bowden.core.units import RADIANS
 from bowden.hardware.emg.course import CourseSettings
@@ -52,6 +53,7 @@ class EmgRun:
         course = self.course._asdict() | {"intent": self.course.intent._asdict()}
         return {"source": self.source, "flexor": self.flexor, "extensor": self.extensor, "course": course} | {
             "wearer": levels,
+            "wearer_file": self.where or None,
             "detector": self.detector.name,
         }
 
@@ -125,7 +127,7 @@ def found(given: EmgSettings, folder: Path, source: str | None = None) -> EmgSet
 def identity(path: Path) -> str:
     """SHA-256 of a file; empty where it cannot be read, which whoever opens it says better."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError):
         return ""

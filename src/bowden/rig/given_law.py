@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bowden.control import LAWS, Law, user_law
-from bowden.core import user_file
+from bowden.core import own_code, user_file
 from bowden.core.errors import ParameterError
 from bowden.core.kernel_content import Content, code_of
 from bowden.core.user_file import UserModule
@@ -52,6 +52,7 @@ def law_file(name: str, folder: Path | None = None) -> LawFile:
     there = user_file.found(((folder or Path()) / file).absolute(), "law")
     found = LawFile(name, str(there.path), there.source, there.modules)
     found.load()
+    own_code.remember(found.source, found.modules)
     return found
 
 

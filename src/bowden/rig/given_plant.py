@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bowden.core import user_file
+from bowden.core import own_code, user_file
 from bowden.core.errors import ParameterError, article, near
 from bowden.core.kernel_content import code_of
 from bowden.core.user_file import UserModule
@@ -90,6 +90,7 @@ def plant_file(name: str, folder: Path | None = None) -> PlantFile:
     there = user_file.found(((folder or Path()) / file).absolute(), "plant")
     found = PlantFile(name, str(there.path), there.source, modules=there.modules)
     found.load()
+    own_code.remember(found.source, found.modules)
     return found
 
 

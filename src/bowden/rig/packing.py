@@ -250,7 +250,7 @@ def _understood(name: str, given: Any) -> Iterator[None]:
 
 def _read(pack: bytes) -> Mapping[str, Any]:
     found = None
-    with contextlib.suppress(ValueError, TypeError):
+    with contextlib.suppress(ValueError, TypeError, RecursionError):
         found = json.loads(pack)
     if not isinstance(found, dict):
         raise ParameterError(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.control import LAWS, Law
-from bowden.control.knowledge import Knowledge, configured
+from bowden.control.knowledge import Knowledge, configured, dead_zone
 from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
@@ -671,7 +671,8 @@ class Rig:
     @cached_property
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
-        return live_parts.limits(self.limits, self.bench, self.drive)
+        gap, cable = _WIDER * self.bench.sheath.gap, self.knowledge.cable
+        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone(cable, gap))
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:
@@ -716,6 +717,10 @@ class Rig:
             ParameterError: a cut-off that the cycle is too slow for.
         """
         return live_parts.filters(self.live, self.sample_time)
+
+
+_WIDER = 2.0
+"""Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 
 
 def _check_name(name: str) -> None:

@@ -17,7 +17,7 @@ height_m = 1.75   # [m] of the body
 share = 0.0       # share of the arm's weight that the wearer carries
 
 [control]
-law = "bowden"    # begins with its gains for a suit, and with the dead zone that the preflight measures
+law = "bowden"    # begins with its gains for a suit
 
 [scenario]
 duration_s = 60.0  # [s] a run by a recording ends with it

@@ -1,10 +1,10 @@
 """``wearer.toml``: what `bowden emg calibrate` measures of a wearer, and later commands go by."""
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bowden.core.bounded import read_toml
 from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
@@ -83,7 +83,7 @@ def read(path: Path) -> MuscleCalibration:
         ParameterError: not there, no such keys, or values that cannot be.
     """
     try:
-        section = tomllib.loads(path.read_text(encoding="utf-8"))["emg"]
+        section = read_toml(path)["emg"]
         rest, mvc, mains = (_number({"mains_hz": 50.0} | section, key) for key in ("rest", "mvc", "mains_hz"))
         found = MuscleCalibration(rest, mvc, str(section["channel"]), str(section["source"]), mains)
         unknown = set(section) - {"rest", "mvc", "channel", "source", "mains_hz"}

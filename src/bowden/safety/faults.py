@@ -35,7 +35,8 @@ class Fault(IntEnum):
                   "look for a loose plug, interference, a slipping encoder or a wrong direction of the joint encoder")
     JOINT_STALE = (1, 2, 0.020, "joint angle is late", "joint_age > reading_age",
                    "look at the bus load and at the drive's PDO settings")
-    JOINT_FROZEN = (2, 2, 0.008, "joint angle stands still", "not a count's change over frozen_travel of the motor",
+    JOINT_FROZEN = (2, 2, 0.008, "joint angle stands still",
+                    "not a count's change over frozen_travel of the motor, or in strokes beyond the dead zone",
                     "look at the joint encoder, its coupling and the cable")
     JOINT_ASTRAY = (2, 2, 0.008, "joint and motor disagree", "joint outside slope_low…slope_high × motor ± play",
                     "look for a broken or slack cable and for wrong zeros or directions of the encoders")
@@ -107,6 +108,13 @@ class Fault(IntEnum):
                     "press the emergency stop, and keep away; do not use this drive before it has been repaired")
     SECOND_MASTER = (3, 3, 0.004, "another master on the bus", "a frame came that this host alone may send",
                      "end the other program or take the other device off the bus")
+    EMERGENCY_STOP = (3, 3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
+                      "see what it was pressed for; let it out again, and acknowledge")
+    CURRENT_STUCK = (2, 2, 0.004, "motor current stands still",
+                     "not a count's change over frozen_travel of the motor and 1 rad/s of its speed",
+                     "look at 6077h of the drive and its PDO")
+    RELEASE_PULLS = (3, 3, 0.004, "release pulls", "joint beyond 20° to the slack side, and 6° further since R2 began",
+                     "turn slack_sign of [limits] round, or the motor's direction")
 # fmt: on
 
 

@@ -12,44 +12,66 @@ class Limits(NamedTuple):
     Times, temperatures and forces have ceilings, beyond which a limit would no longer limit: 180 °C is what the best
     usual insulation of a winding bears (IEC 60085, class H), 120 °C a power stage, 85 °C a magnet's and a textile's
     neighbourhood; ages of seconds are for trials against a twin on a computer that stalls, not for a limb.
+
+    So have angles and speeds, in degrees as in rig.toml. A joint turns within one turn, 360° either way; no joint of a
+    limb that a cable moves is quicker than 1150°/s (what the elbow of a throwing athlete reaches is twice that,
+    unassisted). A spool of 10 mm takes 0.4 m of cable in 2300°, which is more than any joint draws in; at 5700°/s it
+    takes 1 m a second.
+    Tolerances (`jump`, `tracking`, `play`, `frozen_travel`, `target_reach`) are no larger than what they are to find: a
+    joint that is 57° from where its cable holds it is no longer held, and a target half a turn away is none of a law's.
     """
 
-    motor_low: Annotated[float, Quantity("smallest target of the motor", "rad")] = -0.3
-    motor_high: Annotated[float, Quantity("largest target of the motor", "rad", ge=0.0)] = 2.0
-    motor_margin: Annotated[float, Quantity("how far the motor may be beyond its targets' range", "rad", ge=0.0)] = 0.05
-    joint_low: Annotated[float, Quantity("smallest angle of the joint", "rad")] = -0.5
-    joint_high: Annotated[float, Quantity("largest angle of the joint", "rad", ge=0.0)] = 1.5
-    sensor_span: Annotated[float, Quantity("largest size of an angle that an encoder can show", "rad", ge=0.0)] = 6.5
+    motor_low: Annotated[float, Quantity("smallest target of the motor", "rad", ge=-2300.0, le=2300.0)] = -0.3
+    motor_high: Annotated[float, Quantity("largest target of the motor", "rad", ge=0.0, le=2300.0)] = 2.0
+    motor_margin: Annotated[
+        float, Quantity("how far the motor may be beyond its targets' range", "rad", ge=0.0, le=30.0)
+    ] = 0.05
+    joint_low: Annotated[float, Quantity("smallest angle of the joint", "rad", ge=-360.0, le=360.0)] = -0.5
+    joint_high: Annotated[float, Quantity("largest angle of the joint", "rad", ge=0.0, le=360.0)] = 1.5
+    sensor_span: Annotated[
+        float, Quantity("largest size of an angle that an encoder can show", "rad", ge=0.0, le=2900.0)
+    ] = 6.5
     jump: Annotated[
-        float, Quantity("change of a reading in one cycle, beyond what the speed limit allows", "rad", ge=0.0)
+        float, Quantity("change of a reading in one cycle, beyond what the speed limit allows", "rad", ge=0.0, le=12.0)
     ] = 0.02
-    motor_speed: Annotated[float, Quantity("largest speed of the motor at the spool", "rad/s", ge=0.0)] = 15.0
-    joint_speed: Annotated[float, Quantity("largest speed of the joint", "rad/s", ge=0.0)] = 8.0
+    motor_speed: Annotated[float, Quantity("largest speed of the motor at the spool", "rad/s", ge=0.0, le=5700.0)] = (
+        15.0
+    )
+    joint_speed: Annotated[float, Quantity("largest speed of the joint", "rad/s", ge=0.0, le=1150.0)] = 8.0
     speed_filter: Annotated[float, Quantity("time constant of both measured speeds", "s", ge=0.0, le=0.1)] = 0.005
     target_speed: Annotated[
-        float, Quantity("largest change of the target in a cycle, over the cycle's time", "rad/s", ge=0.0)
+        float, Quantity("largest change of the target in a cycle, over the cycle's time", "rad/s", ge=0.0, le=57000.0)
     ] = 200.0
     target_reach: Annotated[
-        float, Quantity("largest distance of the target from the measured motor", "rad", ge=0.0)
+        float, Quantity("largest distance of the target from the measured motor", "rad", ge=0.0, le=180.0)
     ] = 0.9
     acceleration: Annotated[
-        float, Quantity("largest acceleration that a target may ask of the servo's model", "rad/s²", ge=0.0)
+        float, Quantity("largest acceleration that a target may ask of the servo's model", "rad/s²", ge=0.0, le=1.2e6)
     ] = 2500.0
     servo_frequency: Annotated[float, Quantity("ω of the servo's model", "rad/s", key=None)] = 53.5767
     servo_damping: Annotated[float, Quantity("ζ of the servo's model", key=None)] = 1.0
     tracking: Annotated[
-        float, Quantity("largest distance of the motor from the servo's model at rest", "rad", ge=0.0)
+        float, Quantity("largest distance of the motor from the servo's model at rest", "rad", ge=0.0, le=45.0)
     ] = 0.1
     tracking_lag: Annotated[float, Quantity("what the distance may grow by with speed", "s", ge=0.0, le=0.1)] = 0.01
     tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.005
     slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad")] = 0.7
-    slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", ge=0.0)] = 1.05
-    play: Annotated[float, Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0)] = 0.3
-    joint_still: Annotated[float, Quantity("a change of the joint's reading that is a sign of life", "rad", ge=0.0)] = (
-        2e-4
-    )
+    slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", ge=0.0, le=10.0)] = 1.05
+    play: Annotated[
+        float, Quantity("largest distance of the joint from what these slopes allow", "rad", ge=0.0, le=57.0)
+    ] = 0.3
+    joint_still: Annotated[
+        float, Quantity("a change of the joint's reading that is a sign of life", "rad", ge=0.0, le=1.0)
+    ] = 2e-4
     frozen_travel: Annotated[
-        float, Quantity("travel of the motor without a sign of life from the joint", "rad", ge=0.0)
+        float,
+        Quantity(
+            "travel of the motor without a sign of life from the joint; at most 1.25 dead zones of the rig's own cable "
+            "at twice its bend",
+            "rad",
+            ge=0.0,
+            le=90.0,
+        ),
     ] = 0.4
     measures_current: Annotated[float, Quantity("1 where the drive tells its current, else 0", key=None)] = 1.0
     current_peak: Annotated[float, Quantity("largest current", "A", key=None)] = 20.0
@@ -64,15 +86,24 @@ class Limits(NamedTuple):
     thermal: Thermal = Thermal()
     winding_limit: Annotated[float, Quantity("largest temperature of the winding", "°C", ge=0.0, le=180.0)] = 125.0
     housing_limit: Annotated[
-        float, Quantity("largest temperature of the housing; skin and textile may touch it", "°C", ge=0.0, le=85.0)
-    ] = 70.0
-    measures_temperature: Annotated[float, Quantity("1 where the drive tells its temperature, else 0", ge=0.0)] = 0.0
+        float,
+        Quantity(
+            "largest temperature of the housing: by IEC 60601-1 48 where it is touched for a minute, 43 where it lies "
+            "against skin for ten; more only for one that nobody can touch",
+            "°C",
+            ge=0.0,
+            le=85.0,
+        ),
+    ] = 48.0
+    measures_temperature: Annotated[
+        float, Quantity("1 where the drive tells its temperature, else 0", ge=0.0, le=1.0)
+    ] = 0.0
     drive_limit: Annotated[float, Quantity("largest temperature of the drive", "°C", ge=0.0, le=120.0)] = 80.0
     measures_tension: Annotated[float, Quantity("1 where the cable's tension is measured, else 0", key=None)] = 0.0
     tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0, le=2000.0)] = 150.0
     tension_low: Annotated[float, Quantity("below it the cable is slack", "N")] = 2.0
     slack_time: Annotated[float, Quantity("how long it may be slack", "s", ge=0.0, le=1.0)] = 0.05
-    reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0)] = 2.0
+    reading_age: Annotated[float, Quantity("age of an angle that is still good", "cycles", ge=0.0, le=50.0)] = 2.0
     heartbeat_age: Annotated[
         float, Quantity("age of the drive's heartbeat that is still good", "s", ge=0.0, le=10.0)
     ] = 0.05
@@ -89,16 +120,32 @@ class Limits(NamedTuple):
     clock_gap: Annotated[
         float, Quantity("longest time between two cycles that a late loop explains", "s", ge=0.0, le=10.0)
     ] = 0.5
-    operator_age: Annotated[float, Quantity("age of the operator's last sign of life", "s", ge=0.0, le=5.0)] = 1.0
+    operator_age: Annotated[
+        float,
+        Quantity(
+            "age of the operator's last sign of life; the power is off at most `release_time` later",
+            "s",
+            ge=0.0,
+            le=5.0,
+        ),
+    ] = 0.28
     uses_emg: Annotated[float, Quantity("1 where EMG moves the reference, else 0", key=None)] = 0.0
-    emg_age: Annotated[float, Quantity("age of the newest EMG sample that is still good", "s", ge=0.0, le=2.0)] = 0.2
+    emg_age: Annotated[
+        float,
+        Quantity(
+            "age of the newest EMG sample that is still good; a reader that has not looked for a fifth of it is gone",
+            "s",
+            ge=0.0,
+            le=2.0,
+        ),
+    ] = 0.2
     preflight_time: Annotated[float, Quantity("from arming to running, at most", "s", ge=0.0, le=600.0)] = 60.0
     bridge_time: Annotated[float, Quantity("R1 at most, R2 or R3 afterwards", "s", ge=0.0)] = 0.005
     bridge_leak: Annotated[
-        float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0)
+        float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0, le=1.0)
     ] = 0.02
     release_time: Annotated[float, Quantity("R2 at most, power off afterwards", "s", ge=0.0)] = 0.2
-    pay_out: Annotated[float, Quantity("speed at which R2 lets the cable out", "rad/s", ge=0.0)] = 7.0
+    pay_out: Annotated[float, Quantity("speed at which R2 lets the cable out", "rad/s", ge=0.0, le=2900.0)] = 7.0
     slack_sign: Annotated[float, Quantity("direction of the motor that lets the cable out: −1 or 1")] = -1.0
     released_current: Annotated[
         float,

@@ -11,7 +11,7 @@ import numpy as np
 
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading
 from bowden.models.drive.servo import servo_predict
 from bowden.models.drive.thermal import ThermalState, warm
 from bowden.models.plausible import Followed, beyond, follow, lasting, outside
@@ -66,6 +66,7 @@ class Decided(NamedTuple):
     released: Annotated[float, Quantity("time in R2", "s")]
     eased: Annotated[float, Quantity("time in R2 for which the motor has carried nothing", "s")]
     latched: Annotated[float, Quantity("the faults that have to be acknowledged, a sum of 2**fault")]
+    joint_then: Annotated[float, Quantity("joint angle when R2 began, or now where it has not", "rad")]
 
 
 class ModelledServo(NamedTuple):
@@ -78,10 +79,19 @@ class ModelledServo(NamedTuple):
 
 
 class Anchor(NamedTuple):
-    """Both angles when the joint's reading last changed."""
+    """What the motor has done since the joint's reading last changed, and since the current did.
 
-    motor: Annotated[float, Quantity("motor angle", "rad")]
+    A joint that stands still while the motor crosses the cable's dead zone is in order. So the motor's angle goes
+    through a play as wide as the widest dead zone, `DEAD_SHARE` of `frozen_travel`, and what comes out of it is added
+    up: over one stroke, or over several of which each is a little longer than the dead zone.
+    """
+
+    motor: Annotated[float, Quantity("motor angle behind the widest dead zone", "rad")]
     joint: Annotated[float, Quantity("joint angle", "rad")]
+    unanswered: Annotated[float, Quantity("travel of the motor behind the dead zone without an answer", "rad")]
+    current: Annotated[float, Quantity("motor current", "A")]
+    travelled: Annotated[float, Quantity("travel of the servo's model at that current", "rad")]
+    swung: Annotated[float, Quantity("changes of its speed at that current, added up", "rad/s")]
 
 
 class Sums(NamedTuple):
@@ -154,11 +164,17 @@ class Found(NamedTuple):
     EMG_LOST: float
     NOT_DISABLED: float
     SECOND_MASTER: float
+    EMERGENCY_STOP: float
+    CURRENT_STUCK: float
+    RELEASE_PULLS: float
 
 
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
 STOPPED, PREFLIGHT, RUNNING, BRIDGING, RELEASING, LATCHED = (float(mode) for mode in Mode)
 ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
+DEAD_SHARE = 0.8  # of `frozen_travel`: the widest dead zone; the rest tells a frozen joint from one that starts late
+SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
+REST, FURTHER = 0.35, 0.1  # a joint so far to the slack side of its zero, where the cable is just taut, is pulled [rad]
 BIG = 1e6  # what is larger is no number that anything here can mean
 COUNT = len(Fault)
 BIT = Found(**{fault.name: 2.0**fault for fault in Fault})
@@ -174,11 +190,11 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))
     return SupervisorState(
         target,
-        Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, 0.0),
+        Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, 0.0, joint),
         ModelledServo(0.0, motor, 0.0, 0.0),
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
-        Anchor(motor, joint),
+        Anchor(motor, joint, 0.0, 0.0, 0.0, 0.0),
         Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         thermal,
         0.0,
@@ -242,19 +258,36 @@ def look(
     clock, time, sampled, age, motor, motor_lost, motor_jump, joint, joint_lost, joint_jump = see(
         limits, state, observed, dt
     )
-    alive = (powered == 0.0) + (np.abs(joint.value - state.anchor.joint) > limits.joint_still) > 0.0
-    anchor = Anchor(sel(alive, motor.value, state.anchor.motor), sel(alive, joint.value, state.anchor.joint))
     flat, steep, margin = limits.slope_low * motor.value, limits.slope_high * motor.value, limits.motor_margin
 
     # the drive's state and its servo
     off = outside(reading.drive_state, 3.5, 4.5)
     fault, left = 1.0 - outside(reading.drive_state, 5.5, 7.5), powered * servo.enabled * off
     enabled = powered * np.fmax(servo.enabled, 1.0 - off)
+    pressed = 1.0 - outside(reading.emergency, EMERGENCY_STOP, EMERGENCY_STOP)
     undisabled = lasting((1.0 - powered) * (1.0 - outside(reading.drive_state, 3.5, 6.5)), sums.undisabled, time)
     moved, speed = servo_predict(servo.position, servo.speed, last.target_before, omega, zeta, sampled)
     model, model_speed = sel(servo.enabled > 0.0, moved, motor.value), sel(servo.enabled > 0.0, speed, 0.0)
     lag = beyond(np.abs(motor.value - model), limits.tracking + limits.tracking_lag * np.abs(model_speed))
     astray = lasting(lag, servo.astray, time)
+
+    # signs of life: of the joint while the motor moves beyond the dead zone, of the current while it accelerates
+    anchor, half = state.anchor, 0.5 * DEAD_SHARE * limits.frozen_travel
+    alive = (powered == 0.0) + (np.abs(joint.value - anchor.joint) > limits.joint_still) > 0.0
+    behind = np.fmax(motor.value - half, np.fmin(motor.value + half, anchor.motor))
+    unanswered = anchor.unanswered + np.abs(behind - anchor.motor)
+    flows = (enabled == 0.0) + (1.0 - (reading.current == anchor.current)) > 0.0
+    anchor = Anchor(
+        sel(alive, motor.value, behind),
+        sel(alive, joint.value, anchor.joint),
+        sel(alive, 0.0 - half, unanswered),
+        sel(outside(reading.current, -BIG, BIG) > 0.0, anchor.current, reading.current),
+        sel(flows, 0.0, anchor.travelled + np.abs(model - servo.position)),
+        sel(flows, 0.0, anchor.swung + np.abs(model_speed - servo.speed)),
+    )
+    stuck = beyond(anchor.travelled, limits.frozen_travel) * beyond(anchor.swung, SWING)
+    way = limits.slack_sign * joint.value
+    pulls = beyond(way, REST) * beyond(way - limits.slack_sign * last.joint_then, FURTHER)
 
     # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true
     no_current = limits.measures_current * beyond(np.abs(reading.current), 2.0 * peak)
@@ -286,7 +319,7 @@ def look(
         JOINT_LOST=joint_lost,
         JOINT_JUMP=joint_jump,
         JOINT_STALE=outside(reading.joint_age, 0.0, limits.reading_age),
-        JOINT_FROZEN=beyond(np.abs(motor.value - anchor.motor), limits.frozen_travel),
+        JOINT_FROZEN=beyond(anchor.unanswered, limits.frozen_travel - 2.0 * half),
         JOINT_ASTRAY=outside(joint.value, np.fmin(flat, steep) - limits.play, np.fmax(flat, steep) + limits.play),
         JOINT_OVER_TRAVEL=outside(joint.value, limits.joint_low, limits.joint_high),
         JOINT_OVER_SPEED=beyond(np.abs(joint.speed), limits.joint_speed),
@@ -309,7 +342,7 @@ def look(
         NOT_ENABLED=(1.0 - enabled) * beyond(armed, limits.enable_time),
         DRIVE_DROPPED=left * (1.0 - fault),
         DRIVE_FAULT=fault,
-        EMERGENCY=outside(reading.emergency, 0.0, 0.0),
+        EMERGENCY=outside(reading.emergency, 0.0, 0.0) * (1.0 - pressed),
         BUS_ERRORS=np.fmax(unknown, beyond(failures, limits.bus_errors)),
         LATE=(1.0 - clock) * beyond(np.fmax(observed.lateness, late), limits.lateness),
         CLOCK=clock,
@@ -323,6 +356,9 @@ def look(
         EMG_LOST=limits.uses_emg * outside(observed.emg_age, -1.0, limits.emg_age),
         NOT_DISABLED=beyond(undisabled, limits.disable_time),
         SECOND_MASTER=outside(reading.foreign, 0.0, 0.0),
+        EMERGENCY_STOP=pressed,
+        CURRENT_STUCK=limits.measures_current * (1.0 - beyond(last.mode, BRIDGING)) * stuck,
+        RELEASE_PULLS=(last.mode == RELEASING) * pulls,
     )
     return (
         SupervisorState(
@@ -386,7 +422,8 @@ def supervise(
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
     idle = (outside(mode, PREFLIGHT, RELEASING) > 0.0) + (mode == RELEASING) * (enabled == 0.0) > 0.0
     reported = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
-    decided = Decided(mode, passed, state.target, bridged, released, eased, sel(mode == STOPPED, 0.0, latched))
+    held, joint_then = sel(mode == STOPPED, 0.0, latched), sel(releasing, last.joint_then, seen.joint.value)
+    decided = Decided(mode, passed, state.target, bridged, released, eased, held, joint_then)
     return (
         SupervisorState(
             target,

@@ -11,6 +11,7 @@ from bowden.rig.keys import missing_for, nearest, numeric_keys, plant_keys, simu
 from bowden.rig.rig import Rig
 from bowden.study.distributions import Value
 from bowden.study.file import read_study
+from bowden.study.schema import LONGEST
 from bowden.study.study import SENSOR_FAULTS, Column, Study
 
 _TRIED = 100
@@ -149,8 +150,9 @@ def _check_ends(study: Study, column: Column) -> None:
         elif isinstance(end, str):
             raise ParameterError(f"{where} is {end!r}", expected="numbers", do="correct it there")
         elif column.name.startswith("fault."):
-            if end < 0.0:
-                raise ParameterError(f"{where} reaches {end:g}", expected="a time not below 0", do="correct it there")
+            if not 0.0 <= end <= LONGEST:
+                expected = f"a time from 0 to {LONGEST:g} s, the longest run"
+                raise ParameterError(f"{where} reaches {end:g}", expected=expected, do="correct it there")
         elif column.name.startswith("told."):
             if not 0.0 < end <= 100.0:
                 raise ParameterError(f"{where} reaches {end:g}", expected="factors above 0, up to 100")

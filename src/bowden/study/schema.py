@@ -7,6 +7,9 @@ from pydantic import Field
 from bowden.rig.declaration import Section
 from bowden.rig.declaration import plain_key as _key
 
+LONGEST = 1e5
+"""Of a run [s]: a day and a quarter."""
+
 _Number = float | int
 _Word = float | int | str
 
@@ -54,7 +57,7 @@ class StudyFile(Section):
     runs: int = _key(1000, "how many plants are drawn; each law runs on all of them", ge=1, le=100_000_000)
     seed: int = _key(1, "of all that is drawn", ge=0, lt=2**63)
     duration_s: float | None = _key(
-        None, "length of a run; left out, the rig's scenario.duration_s", "s", gt=0.0, le=1e5, examples=[60.0]
+        None, "length of a run; left out, the rig's scenario.duration_s", "s", gt=0.0, le=LONGEST, examples=[60.0]
     )
     set: dict[str, Any] = _key({}, "keys of the rig, dotted, that differ from its file in all runs")
     vary: dict[str, DistributionSection] = _key(

@@ -4,10 +4,10 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections import deque
+from collections.abc import Generator, Sequence
 from multiprocessing import connection
+from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
 from bowden.core.errors import ParameterError
@@ -20,10 +20,12 @@ if TYPE_CHECKING:
 
 Work = Sequence[tuple[int, range]]
 """Chunks that are missing: their number, and the numbers of their runs."""
-Done = Iterator[tuple[int, "pa.Table"]]
+Done = Generator[tuple[int, "pa.Table"], None, None]
 """Chunks with their rows, in the order in which they are ready."""
 _PATIENCE = 3
 """How often processes may die without anything having been finished in between."""
+_AHEAD = 2
+"""Chunks that a process has at a time, so that none waits while its last result is kept."""
 
 
 def in_this_process(study: Study, work: Work) -> Done:
@@ -35,58 +37,87 @@ def in_this_process(study: Study, work: Work) -> Done:
 def in_processes(study: Study, work: Work, count: int) -> Done:
     """Over processes of this machine; one that dies costs what it was about, and another takes its place.
 
+    Each has a pipe of its own and shares no lock, so that one that is killed, or stands still, holds up nobody else.
+    However this ends, they are killed: what they still compute, nobody waits for.
+
     Raises:
         ParameterError: a run that cannot be, or processes that die again and again.
     """
-    pack, left, deaths = packed(study), dict(work), 0
-    while left:
-        try:
-            for chunk, found in _pooled(pack, list(left.items()), count):
-                del left[chunk]
+    pack, waiting, deaths = packed(study), deque(work), 0
+    workers: list[_Worker] = []
+    try:
+        while waiting or any(one.given for one in workers):
+            while waiting and len(workers) < count:
+                workers.append(_Worker(pack))
+                workers[-1].give(waiting)
+            ready = connection.wait([one.pipe for one in workers])
+            for one in [one for one in workers if one.pipe in ready]:
+                try:
+                    said = one.pipe.recv()
+                except (EOFError, OSError):  # it has died
+                    workers.remove(one)
+                    one.end()
+                    waiting.extendleft(reversed(one.given))
+                    deaths += 1
+                    continue
+                if isinstance(said, Exception):
+                    raise said
+                chunk, _ = one.given.popleft()
+                one.give(waiting)
                 deaths = 0
-                yield chunk, found
-        except BrokenProcessPool as error:
-            deaths += 1
+                yield chunk, table(said)
             if deaths >= _PATIENCE:
                 raise ParameterError(
                     f"the processes that compute died {deaths} times in a row",
                     do="look for what kills them (memory?), or compute with --workers 1",
-                ) from error
-
-
-def _pooled(pack: bytes, work: Work, count: int) -> Done:
-    context = multiprocessing.get_context("spawn")
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(count, context, initializer=_prepare)
-    try:
-        waiting = iter(work)
-        running: dict[Future[bytes], int] = {}
-        _fill(pool, pack, waiting, running, 2 * count)
-        while running:
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                chunk = running.pop(future)
-                yield chunk, table(future.result())
-            _fill(pool, pack, waiting, running, 2 * count)
-    except BaseException:  # nobody waits for what is being computed: an interruption, or what is done cannot be kept
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
-        raise
+                )
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        for one in workers:
+            one.end()
 
 
-def _fill(
-    pool: ProcessPoolExecutor,
-    pack: bytes,
-    waiting: Iterator[tuple[int, range]],
-    running: dict[Future[bytes], int],
-    most: int,
-) -> None:
-    while len(running) < most and (one := next(waiting, None)) is not None:
-        chunk, numbers = one
-        with starting():  # this may start a process
-            running[pool.submit(compute, pack, numbers.start, numbers.stop)] = chunk
+class _Worker:
+    """A process that computes chunks of a packed study in the order in which they are given."""
+
+    def __init__(self, pack: bytes) -> None:
+        self.given: deque[tuple[int, range]] = deque()
+        """What it has been given, and not answered yet."""
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs, pack), daemon=True)
+        with starting():
+            self._process.start()
+        theirs.close()  # so that its death is the pipe's end
+
+    def give(self, waiting: deque[tuple[int, range]]) -> None:
+        """Hand it chunks, if there are any."""
+        while waiting and len(self.given) < _AHEAD:
+            self.given.append(waiting.popleft())
+            numbers = self.given[-1][1]
+            try:
+                self.pipe.send((numbers.start, numbers.stop))
+            except OSError:  # it has died, which its pipe says as well
+                return
+
+    def end(self) -> None:
+        """Kill it, which a process that stands still heeds as well."""
+        self._process.kill()
+        self._process.join()
+        self.pipe.close()
+
+
+def _work(pipe: Connection, pack: bytes) -> None:
+    """In the new process: compute what is asked for, until nobody asks any more."""
+    _prepare()
+    while True:
+        try:
+            first, last = pipe.recv()
+        except EOFError:
+            return
+        try:
+            pipe.send(compute(pack, first, last))
+        except Exception as error:  # so that the parent can say it
+            pipe.send(error)
 
 
 def _prepare() -> None:

@@ -27,7 +27,7 @@ from typing import Annotated, NamedTuple
 
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
-from bowden.control.law_parts import LAG, LEAD, LEAD_SQUARE, LIMITS, ahead, bounded, quiet_bandwidth
+from bowden.control.law_parts import LEAD, LEAD_SQUARE, LIMITS, SERVO, ahead, bounded, quiet_bandwidth
 from bowden.core.kernel import exp, kernel
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
@@ -169,20 +169,16 @@ LAW = Law(
     step_kernel=step,
     source="Han, IEEE Transactions on Industrial Electronics 56(3), 2009; Gao, ACC 2003; Miklosovic et al., ACC 2006",
     from_rig={
-        **LAG,
-        "slope": "slope",
-        "natural_frequency": "servo_frequency",
-        "damping": "servo_damping",
+        **SERVO,
         "observer_bandwidth": fitting_bandwidth,
         "control_bandwidth": "servo_frequency",
         "arrival": arrival,
     },
     feeds_back=frozenset({"joint"}),
     compensates_lag=True,
+    tunable=frozenset({"observer_bandwidth", "control_bandwidth"}),
     limits={
         **LIMITS,
-        "natural_frequency": (1e-3, 1e4),
-        "damping": (0.0, 100.0),
         "observer_bandwidth": (1e-3, 1e5),
         "control_bandwidth": (0.0, 1e4),
         "arrival": (1e-3, 1.0),

@@ -201,6 +201,7 @@ LAW = Law(
     feeds_back=frozenset({"joint"}),
     settling=settling,
     proven=proven,
+    tunable=frozenset(AdaptiveGains._fields),
     limits={
         "error_gain": (0.0, 1e3),
         "feedback_gain": (0.0, 1e4),

@@ -26,15 +26,17 @@ import numpy as np
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
 from bowden.control.law_parts import (
-    LAG,
+    CONTACT,
     LEAD,
     LEAD_SQUARE,
     LIMITS,
     Filtered,
     ahead,
     bounded,
+    contact_bandwidth,
+    crossing_rate,
+    encoder_noises,
     limited,
-    quiet_bandwidth,
     settled,
     through_servo,
 )
@@ -104,46 +106,27 @@ def step(
     return AdaptiveSlidingModeState(observed, disturbance, gain), command
 
 
-DELAY_SHARE = 1.5
-"""q times the delay τ, at most [–]."""
-
 NOISE_SHARE = 4.0
 """ε over the standard deviation of σ by the encoders alone [–]."""
 
-LEAST, MOST = 0.01, 0.05
-"""K_least and K_most over ω: a dead zone is crossed in its width over these shares of the servo's frequency [rad]."""
-
-
-def _noises(known: Knowledge) -> list[float]:
-    """Standard deviations of what the encoders add to σ, those that are known [rad]."""
-    steps = (known.joint_step / math.sqrt(12.0), known.motor_step / math.sqrt(12.0))
-    return [part for part in (known.joint_noise, known.motor_noise, *steps) if not math.isnan(part)]
-
-
-def fitting_bandwidth(known: Knowledge) -> float:
-    """q, no faster than servo, delay and the noise of both encoders allow [rad/s]."""
-    return quiet_bandwidth(known, DELAY_SHARE, _noises(known))
+LEAST = 0.01
+"""K_least over ω: a dead zone is crossed in its width over this share of the servo's frequency [rad]."""
 
 
 def adaptation(known: Knowledge) -> float:
     """γ, half of q [rad/s]."""
-    return 0.5 * fitting_bandwidth(known)
+    return 0.5 * contact_bandwidth(known)
 
 
 def deadband(known: Knowledge) -> float:
     """ε, four standard deviations of what the encoders add to σ [rad]."""
-    noises = _noises(known)
+    noises = encoder_noises(known)
     return NOISE_SHARE * math.hypot(*noises) if noises else math.nan
 
 
 def least_gain(known: Knowledge) -> float:
     """K_least, a hundredth of ω [rad/s]."""
     return LEAST * known.servo_frequency
-
-
-def most_gain(known: Knowledge) -> float:
-    """K_most, a twentieth of ω [rad/s]."""
-    return MOST * known.servo_frequency
 
 
 LAW = Law(
@@ -153,22 +136,16 @@ LAW = Law(
     step_kernel=step,
     source="Plestan, Shtessel, Brégeault, Poznyak, International Journal of Control 83(9), 2010",
     from_rig={
-        **LAG,
-        "slope": "slope",
-        "natural_frequency": "servo_frequency",
-        "damping": "servo_damping",
-        "bandwidth": fitting_bandwidth,
+        **CONTACT,
         "adaptation": adaptation,
         "deadband": deadband,
         "least_gain": least_gain,
-        "most_gain": most_gain,
+        "most_gain": crossing_rate,
     },
     compensates_lag=True,
+    tunable=frozenset({"bandwidth", "adaptation", "deadband", "least_gain", "most_gain"}),
     limits={
         **LIMITS,
-        "natural_frequency": (1e-3, 1e4),
-        "damping": (0.0, 100.0),
-        "bandwidth": (1e-3, 1e5),
         "adaptation": (0.0, 1e5),
         "deadband": (0.0, math.inf),
         "least_gain": (1e-6, 1e6),

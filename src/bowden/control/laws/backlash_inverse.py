@@ -169,6 +169,19 @@ LAW = Law(
     from_rig=LAG,
     compensates_lag=True,
     settling=settling,
+    tunable=frozenset(
+        {
+            "adaptation_gain",
+            "forgetting_time",
+            "contact_travel",
+            "velocity_band",
+            "switching_time",
+            "proportional_gain",
+            "integral_gain",
+            "integral_limit",
+            "hold",
+        }
+    ),
     limits={
         **LIMITS,
         "largest_crossing": (0.0, math.inf),

@@ -72,6 +72,7 @@ LAW = Law(
     compensates_lag=True,
     settling=settling,
     heard=HEARD,
+    tunable=frozenset({"bandwidth", "lag"}),
     limits=LIMITS,
     former=FORMER,
 )

@@ -93,6 +93,17 @@ LAW = Law(
     source="Wu et al., cascaded PID for a cable-driven lower-limb exoskeleton; Dinh et al. 2017, Section 1, [16]",
     from_rig={**LAG, "slope": "slope"},
     compensates_lag=True,
+    tunable=frozenset(
+        {
+            "proportional_gain",
+            "integral_gain",
+            "derivative_gain",
+            "correction_limit",
+            "motor_gain",
+            "motor_rate_gain",
+            "derivative_time",
+        }
+    ),
     limits={
         **LIMITS,
         "derivative_gain": (0.0, 10.0),

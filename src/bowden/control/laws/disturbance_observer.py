@@ -29,16 +29,16 @@ from typing import Annotated, NamedTuple
 from bowden.control.knowledge import Knowledge
 from bowden.control.law import Law
 from bowden.control.law_parts import (
-    LAG,
+    CONTACT,
     LEAD,
     LEAD_SQUARE,
     LIMITS,
     Filtered,
     ahead,
     bounded,
+    crossing_rate,
     filtered,
     limited,
-    quiet_bandwidth,
     settled,
     through_servo,
     turned,
@@ -115,28 +115,11 @@ def step(
     return DisturbanceObserverState(observed, disturbance, jump, direction), command
 
 
-DELAY_SHARE = 1.5
-"""q times the delay τ, at most [–]."""
-
-CROSSING = 0.05
-"""`rate_limit` over ω: a dead zone is crossed in its width over this share of the servo's frequency [rad]."""
-
 CERTAIN = 0.6
 """Share of the known dead zone that is crossed by feed-forward: what a sheath that is straightened leaves of it [–]."""
 
 JUMP_SHARE = 2.0
 """ω_J over ω [–]."""
-
-
-def fitting_bandwidth(known: Knowledge) -> float:
-    """q, no faster than servo, delay and the noise of both encoders allow [rad/s]."""
-    steps = (known.joint_step / math.sqrt(12.0), known.motor_step / math.sqrt(12.0))
-    return quiet_bandwidth(known, DELAY_SHARE, (known.joint_noise, known.motor_noise, *steps))
-
-
-def crossing_rate(known: Knowledge) -> float:
-    """How fast d̂ may change, a twentieth of ω [rad/s]."""
-    return CROSSING * known.servo_frequency
 
 
 def certain_half_width(known: Knowledge) -> float:
@@ -156,23 +139,17 @@ LAW = Law(
     step_kernel=step,
     source="Ohnishi, Trans. IEE Japan 107-D, 1987; Chen, Yang, Guo, Li, IEEE Trans. Industrial Electronics 63(2), 2016",
     from_rig={
-        **LAG,
-        "slope": "slope",
-        "natural_frequency": "servo_frequency",
-        "damping": "servo_damping",
+        **CONTACT,
         "delay": "delay",
-        "bandwidth": fitting_bandwidth,
         "rate_limit": crossing_rate,
         "half_width": certain_half_width,
         "jump_bandwidth": jump_bandwidth,
     },
     compensates_lag=True,
+    tunable=frozenset({"bandwidth", "rate_limit", "jump_bandwidth", "velocity_band"}),
     limits={
         **LIMITS,
-        "natural_frequency": (1e-3, 1e4),
-        "damping": (0.0, 100.0),
         "delay": (0.0, 10.0),
-        "bandwidth": (1e-3, 1e5),
         "rate_limit": (1e-6, 1e6),
         "half_width": (0.0, math.inf),
         "jump_bandwidth": (1e-3, 1e5),

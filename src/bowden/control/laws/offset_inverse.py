@@ -87,6 +87,7 @@ LAW = Law(
     from_rig={**LAG, "slope": "slope", "half_width": half_width},
     feeds_back=frozenset({"joint"}),
     compensates_lag=True,
+    tunable=frozenset({"velocity_band", "switching_time", "error_share", "error_rate", "correction_limit", "hold"}),
     limits={
         **LIMITS,
         "half_width": (0.0, math.inf),

@@ -20,7 +20,8 @@ repeat itself has w = 0, and this law is the disturbance observer.
 """
 
 import math
-from typing import Annotated, NamedTuple
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -29,13 +30,17 @@ from bowden.control.law import Law
 from bowden.control.law_parts import bounded, turned
 from bowden.control.laws import disturbance_observer
 from bowden.control.laws.disturbance_observer import DisturbanceObserverGains, DisturbanceObserverState
-from bowden.control.laws.disturbance_observer import start as observer_start
-from bowden.control.laws.disturbance_observer import step as observer_step
 from bowden.core.kernel import cos, kernel, sel, sin
 from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
 _OWN = DisturbanceObserverGains()
+
+observer_start: Callable[[Any, Sample], DisturbanceObserverState] = disturbance_observer.start
+observer_step: Callable[
+    [Any, DisturbanceObserverState, Sample, Reference, float], tuple[DisturbanceObserverState, float]
+] = disturbance_observer.step
+"""The observer's kernels find its gains among this law's, which have the same names."""
 
 
 class RepetitiveGains(NamedTuple):
@@ -117,25 +122,8 @@ def start(gains: RepetitiveGains, sample: Sample) -> RepetitiveState:
     """Begin with nothing learnt."""
     none = Harmonic(0.0, 0.0)
     stroke = Stroke(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    begun = observer_start(_observer(gains), sample)
+    begun = observer_start(gains, sample)
     return RepetitiveState(begun, stroke, Harmonics(none, none, none, none, none, none))
-
-
-@kernel
-def _observer(gains: RepetitiveGains) -> DisturbanceObserverGains:
-    return DisturbanceObserverGains(
-        gains.slope,
-        gains.natural_frequency,
-        gains.damping,
-        gains.delay,
-        gains.bandwidth,
-        gains.rate_limit,
-        gains.half_width,
-        gains.jump_bandwidth,
-        gains.velocity_band,
-        gains.lead,
-        gains.lead_square,
-    )
 
 
 @kernel
@@ -217,7 +205,7 @@ def step(
     asked = added(asked, fourth, c4, s4, 4.0 * speed)
     asked = added(asked, fifth, c5, s5, 5.0 * speed)
     asked = added(asked, sixth, c6, s6, 6.0 * speed)
-    observer, command = observer_step(_observer(gains), state.observer, sample, asked, dt)
+    observer, command = observer_step(gains, state.observer, sample, asked, dt)
     return RepetitiveState(observer, stroke, Harmonics(first, second, third, fourth, fifth, sixth)), command
 
 
@@ -238,6 +226,7 @@ LAW = Law(
     source="Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988; Bodson, Sacks, Khosla 1994",
     from_rig={**disturbance_observer.LAW.from_rig, "cutoff": cutoff},
     compensates_lag=True,
+    tunable=frozenset({*disturbance_observer.LAW.choices, "learning", "cutoff", "largest", "sameness", "fading"}),
     limits={
         **disturbance_observer.LAW.limits,
         "learning": (0.0, 100.0),

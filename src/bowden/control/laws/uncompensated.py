@@ -51,5 +51,6 @@ LAW = Law(
     step_kernel=step,
     source="Dinh et al. 2017, Section 3.1, Fig. 7B",
     from_rig={"motor_zero": "motor_zero"},
+    tunable=frozenset(),
     feeds_back=frozenset(),
 )

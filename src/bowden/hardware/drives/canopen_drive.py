@@ -11,12 +11,13 @@ from collections.abc import Callable
 import can
 
 from bowden.core.errors import DriveError
-from bowden.core.signals import DriveReading, DriveState
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.hardware.buses.opening import BusClaim, claim, open_bus, quieten, taker
 from bowden.hardware.buses.unix_bus import ERROR, REMOTE
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.canopen_setup import DriveFindings, set_up
 from bowden.hardware.drives.cia402 import WITH_TORQUE, Controlword, controlword, decode, fell
+from bowden.hardware.drives.emergencies import SAFE_TORQUE_OFF
 from bowden.hardware.drives.parameters import DriveParameters, check_parameters
 from bowden.hardware.ports import Power, TorqueLeft
 
@@ -25,6 +26,9 @@ MOST_FRAMES = 64
 
 CLOSING_CYCLES = 20
 """How often `close` asks for the power to go off, 2 ms apart, while the drive still has torque."""
+
+MOST_INPUTS_AGE = 10
+"""Cycles for which the digital inputs may not be told; after that the emergency stop counts as pressed."""
 
 NOTHING = DriveReading(
     math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -85,6 +89,7 @@ class CanopenDrive:
         self._sent = int(Controlword.DISABLE_VOLTAGE)
         self._counts = 0  # the motor's position, as it came last
         self._values = NOTHING
+        self._stop_released, self._inputs_age = True, 0
         self._heartbeat_at, self._heartbeat_sent = math.nan, -math.inf
         self._synced = math.nan
 
@@ -108,7 +113,7 @@ class CanopenDrive:
                 self._counts = motion.position
                 self._statusword_state = decode(motion.statusword)
                 motor, motor_age = found.motor.angle(motion.position), 0.0
-                current = motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
+                current = drive.motor_direction * motion.torque * 1e-3 * found.rated_torque / drive.torque_constant
             elif cob_id == frames.TPDO2 + node and (sensors := frames.unpack_tpdo2(data)) is not None:
                 joint, joint_age = found.joint.angle(sensors.joint), 0.0
                 temperature = math.nan if sensors.temperature is None else 0.1 * sensors.temperature
@@ -118,9 +123,15 @@ class CanopenDrive:
                 self._heartbeat_at = now
                 self._operational = self._operational and state == frames.OPERATIONAL
             elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
-                emergency = emergency or float(code)  # of several in a cycle the first is the cause
+                told = EMERGENCY_STOP if code == SAFE_TORQUE_OFF else float(code)
+                emergency = emergency or told  # of several in a cycle the first is the cause
+            elif cob_id == frames.TPDO3 + node and (inputs := frames.unpack_tpdo3(data)) is not None:
+                self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
             elif cob_id & ~REMOTE in self._ours:
                 foreign += 1.0
+        if drive.emergency_stop_input >= 0 and not (self._stop_released and self._inputs_age <= MOST_INPUTS_AGE):
+            emergency = EMERGENCY_STOP
+        self._inputs_age += 1
         self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)
         if math.isnan(self._heartbeat_at):
             self._heartbeat_at = now  # of the first cycle: from here on it can be late

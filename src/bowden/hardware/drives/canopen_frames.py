@@ -6,6 +6,8 @@
     TPDO 2  280h + node   60E4h:2 position of the second sensor i32, 3160h:1 analog input i16 [mV],
                           3201h:1 temperature of the power stage i16 [0.1 °C], where the drive can map it
 
+    TPDO 3  380h + node   60FDh digital inputs u32, where one of them is the emergency stop's
+
 Source: CiA 301, "predefined connection set", "emergency write", "heartbeat"; the two 3xxxh objects are maxon's (EPOS4
 Firmware Specification).
 """
@@ -19,6 +21,7 @@ EMERGENCY = 0x080
 TPDO1 = 0x180
 RPDO1 = 0x200
 TPDO2 = 0x280
+TPDO3 = 0x380
 SDO_ANSWER = 0x580
 SDO_REQUEST = 0x600
 HEARTBEAT = 0x700
@@ -37,7 +40,8 @@ TORQUE_OFFSET = 0x60B2_0010
 """Comes third where it is sent."""
 TPDO1_MAPPING = (0x6041_0010, 0x6064_0020, 0x6077_0010)
 TPDO2_MAPPING = (0x60E4_0220, 0x3160_0110, 0x3201_0110)
-"""Index, sub-index and length in bits of what is mapped, as 1600h, 1A00h and 1A01h want it."""
+TPDO3_MAPPING = (0x60FD_0020,)
+"""Index, sub-index and length in bits of what is mapped, as 1600h and 1A00h to 1A02h want it."""
 
 _RPDO1, _RPDO1_PUSHED, _TPDO1 = struct.Struct("<Hi"), struct.Struct("<Hih"), struct.Struct("<Hih")
 _TPDO2, _TPDO2_SHORT, _EMERGENCY = struct.Struct("<ihh"), struct.Struct("<ih"), struct.Struct("<HB")
@@ -110,6 +114,16 @@ def unpack_tpdo2(data: bytes | bytearray) -> Sensors | None:
         return None
     joint, analog = _TPDO2_SHORT.unpack(data)
     return Sensors(joint, analog, None)
+
+
+def pack_tpdo3(inputs: int) -> bytes:
+    """TPDO 3 as bytes."""
+    return inputs.to_bytes(4, "little")
+
+
+def unpack_tpdo3(data: bytes | bytearray) -> int | None:
+    """The digital inputs of TPDO 3; None of anything but 4 bytes."""
+    return int.from_bytes(data, "little") if len(data) == 4 else None
 
 
 def pack_emergency(code: int, register: int) -> bytes:

@@ -328,6 +328,7 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING)
     except DriveError:  # older EPOS4 cannot map 3201h, the power stage's temperature
         _map(node, 0x1801, NO_REMOTE | frames.TPDO2 + drive.node_id, frames.TPDO2_MAPPING[:2])
+    _map_inputs(node, drive)
     node.write(0x1017, 0, round(1e3 * drive.drive_heartbeat_time), 2)
     node.write(0x1016, 1, drive.host_id << 16 | math.ceil(round(1e3 * drive.heartbeat_timeout, 6)), 4)
 
@@ -350,6 +351,20 @@ def _map_orders(node: Dialogue, drive: DriveParameters) -> None:
         ) from error
 
 
+def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
+    """TPDO 3, where one of the digital inputs is the emergency stop's."""
+    if drive.emergency_stop_input < 0:
+        return
+    try:
+        _map(node, 0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
+    except DriveError as error:
+        raise DriveError(
+            f"{node.name} does not tell its digital inputs in every cycle: {error.what}",
+            expected="a drive that maps object 60FDh",
+            do="set drive.emergency_stop_input to -1, or take another drive or firmware",
+        ) from error
+
+
 def _map(node: Dialogue, index: int, cob_id: int, objects: tuple[int, ...]) -> None:
     """One PDO, in the order that CiA 301 prescribes: off, type, mapping from none to all, on."""
     node.write(index, 1, cob_id | PDO_OFF, 4, COB_ID_BITS)
@@ -365,6 +380,9 @@ def _identity(node: Dialogue, state: DriveState) -> str:
     vendor, product, revision, serial = (node.read_if_there(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
     who = f"{node.text(0x1008) or 'CiA 402 drive'} at {node.name}, vendor 0x{vendor:X}, product 0x{product:X}, "
     who += f"revision 0x{revision:X}, serial number {serial}"
+    supply = node.read_if_there(0x6079)
+    if supply:
+        who += f", supply {1e-3 * supply:.1f} V"
     if state is DriveState.FAULT:
         who += f"; in fault, {emergency_text(node.read_if_there(0x603F) or 0)}"
     return who

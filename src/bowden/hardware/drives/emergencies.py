@@ -4,6 +4,10 @@ Sources: CiA 301, "emergency object", table of error code classes; CiA 402-1 / I
 603Fh; maxon EPOS4 Firmware Specification, chapter "Error handling", for codes whose text is maxon's.
 """
 
+from bowden.core.signals import EMERGENCY_STOP
+
+SAFE_TORQUE_OFF = 0x8A88
+"""maxon: the drive's STO inputs are open."""
 HEARTBEAT_LOST = 0x8130
 """CiA 301: life guard or heartbeat error; the drive misses our heartbeat."""
 
@@ -103,7 +107,7 @@ _CODES = {
     0x8A80: "negative limit switch",
     0x8A81: "positive limit switch",
     0x8A82: "software position limit",
-    0x8A88: "safe torque off",
+    SAFE_TORQUE_OFF: "safe torque off",
     0xFF01: "drive overloaded: its cycle took too long",
     0xFF02: "watchdog of the drive",
     0xFF0B: "drive overloaded for a moment",
@@ -117,6 +121,8 @@ def emergency_text(code: int) -> str:
     >>> emergency_text(0x8130), emergency_text(0x2312)
     ('0x8130: heartbeat of the host lost', "0x2312: current on the device's output side")
     """
+    if code == EMERGENCY_STOP:
+        return f"emergency stop pressed, or 0x{SAFE_TORQUE_OFF:X}: {_CODES[SAFE_TORQUE_OFF]}"
     code &= 0xFFFF
     high = code >> 8
     text = _CODES.get(code) or _CLASSES.get(high) or _CLASSES.get(high & 0xF0) or "unknown error code"

@@ -96,6 +96,8 @@ class DriveFamily:
     """``most_push(parameters, needs)``: largest torque offset that it takes, at the spool [N·m]."""
     measures_tension: Callable[[Any], bool]
     """Whether it tells the cable's tension."""
+    simulated: Callable[[Any], bool]
+    """Whether nobody but a twin can be at its bus, so that no motor and no limb is."""
     explain: Callable[[int], str]
     """What the code of an emergency means."""
 

@@ -52,6 +52,15 @@ class DriveParameters(NamedTuple):
         Quantity("cable tension per millivolt at the drive's analog input; 0 for none", "N/mV", key="tension_n_per_mv"),
     ] = 0.0
     tension_zero: Annotated[float, Quantity("voltage of that input without tension", "mV")] = 0.0
+    emergency_stop_input: Annotated[
+        int,
+        Quantity(
+            "bit of the drive's digital inputs (60FDh) that is 1 unless the emergency stop is pressed, as an opening "
+            "contact has it; -1 for none",
+            ge=-1,
+            le=31,
+        ),
+    ] = -1
     sample_time: float = 1e-3
     """One cycle, which is the drive's interpolation time too; whole milliseconds [s]."""
     heartbeat_time: Annotated[
@@ -60,7 +69,7 @@ class DriveParameters(NamedTuple):
     heartbeat_timeout: Annotated[
         float,
         Quantity("without our heartbeat the drive takes its torque off after this", "s", shown="ms", gt=0.0, le=40.0),
-    ] = 25e-3
+    ] = 40e-3
     drive_heartbeat_time: Annotated[
         float,
         Quantity("between the drive's heartbeats", "s", shown="ms", key="drive_heartbeat_ms", gt=0.0, le=1000.0),

@@ -103,10 +103,13 @@ class EmgCourse:
         reader: of what the stream says.
         start: the monotonic clock where the run's column ``time`` is zero [ns].
         cycles: of the run.
+        patience: how long the process that reads the stream may not have looked for samples [s].
     """
 
-    def __init__(self, settings: CourseSettings, reader: IntentReader, start: int, cycles: int) -> None:
-        self.cycles = cycles
+    def __init__(
+        self, settings: CourseSettings, reader: IntentReader, start: int, cycles: int, patience: float
+    ) -> None:
+        self.cycles, self._patience = cycles, round(patience * SECOND)
         self._low, self._reader, self._start = settings.intent.low, reader, start
         self._settings = np.array([*settings.intent, settings.proportional, settings.full])
         self._memory = np.zeros(17)
@@ -123,11 +126,14 @@ class EmgCourse:
     def look(self, now: int) -> float:
         """Take in what the stream says at `now` [ns]; how long ago its newest sample was taken [s].
 
+        Where nobody looks for samples any more the newest is infinitely old: a reader that is gone is known sooner than
+        a stream that pauses.
         Samples of dead electrodes come as fresh as any. Where the reference is away from rest and a signal has been in
         trouble for longer than `TROUBLED`, what counts is the newest sample without.
         """
         latest = self._latest = self._reader.read()
-        self._age = (now - latest.newest) * 1e-9 if latest.newest else math.inf
+        read = latest.newest and now - latest.looked <= self._patience
+        self._age = (now - latest.newest) * 1e-9 if read else math.inf
         if latest.trouble == 0.0 or self._reference[0] <= self._low + _AT_REST:
             self._good = now
         if now - self._good > TROUBLED:

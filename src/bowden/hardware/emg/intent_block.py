@@ -27,6 +27,8 @@ class StreamReading(NamedTuple):
     """That are missing."""
     ends: int = 0
     """When the stream is over, where that is known, as of a recording; else 0 [ns]."""
+    looked: int = 0
+    """When its reader last looked for samples, whether any had come or not [ns]."""
     flexor: float = 0.0
     """1 while the muscle that flexes contracts."""
     extensor: float = 0.0
@@ -36,10 +38,10 @@ class StreamReading(NamedTuple):
     level: float = 0.0
     """Envelope of the flexor, in the stream's unit."""
     trouble: float = 0.0
-    """What is wrong with the signals, the worse of both: 0 nothing, 1 flat or missing, 2 movement or mains."""
+    """What is wrong with the signals, the worse of both: 0 nothing, 1 flat, missing, repeated, 2 movement or mains."""
 
 
-_WHOLE = 5
+_WHOLE = 6
 """Fields at the beginning that are whole numbers."""
 _WORDS = _FIRST + len(StreamReading._fields)
 

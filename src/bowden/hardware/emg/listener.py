@@ -18,6 +18,10 @@ from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
 Array = NDArray[np.float64]
 
 
+_SAME = 0.1
+"""So much of a signal does not come twice by chance [s]."""
+
+
 class Levels(NamedTuple):
     """Of a wearer's flexor, as `bowden emg calibrate` measures them."""
 
@@ -43,13 +47,42 @@ def share_of(envelope: Array, levels: Levels | None) -> Array:
     return (envelope - levels.rest) / (levels.mvc - levels.rest)
 
 
+class _Repetition:
+    """Whether a signal says what it has said within the last second, number for number: a sender whose buffer is stuck.
+
+    No electrode does: even a converter whose count is larger than rest has as much chance in every other sample.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._length, self._past = round(_SAME * rate), np.empty(0)
+        self._kept = self._length + round(rate)
+        self._new, self._found = 0, False
+
+    def feed(self, signal: Array) -> bool:
+        """Take samples in (n,); whether the newest `_SAME` of time have come before. What is flat is not meant."""
+        past = self._past = np.concatenate([self._past, signal])[-self._kept :]
+        self._new += len(signal)
+        if self._new >= 0.1 * self._length:  # it is not looked at each sample
+            self._new, self._found = 0, self._look(past)
+        return self._found
+
+    def _look(self, past: Array) -> bool:
+        newest = past[-self._length :]
+        if len(past) <= self._length or not newest.min() < newest.max():
+            return False
+        ends = np.arange(self._length - 1, len(past) - 1)
+        for back in (0, 1, 2, self._length // 2, self._length - 1):
+            ends = ends[past[ends - back] == past[len(past) - 1 - back]]
+        return any(np.array_equal(past[end + 1 - self._length : end + 1], newest) for end in ends)
+
+
 class _Muscle:
     """One channel through its filters."""
 
     def __init__(self, column: int, rate: float, settings: Any, chain: EnvelopeSettings, detector: Detector) -> None:
         self.column, self._envelope = column, EnvelopeFilter(rate, chain)
         self._onset = OnsetDetector(rate, settings, detector)
-        self._last = math.nan
+        self._last, self._repetition = math.nan, _Repetition(rate)
         self.active = self.level = self.trouble = 0.0
 
     def feed(self, values: Array) -> NDArray[np.bool_]:
@@ -64,6 +97,8 @@ class _Muscle:
         if len(begun):
             self.level = float(self._envelope.feed(begun).envelope[-1])
         self.active, self.trouble = float(detected.active[-1]), float(detected.trouble[-1])
+        if self._repetition.feed(signal):
+            self.trouble = 1.0
         begins: NDArray[np.bool_] = np.diff(detected.active, prepend=before) > 0.5
         return begins
 
@@ -114,6 +149,7 @@ class Listener:
             reading.samples + count,
             reading.lost + int(missing.sum()),
             reading.ends,
+            reading.looked,
             self._flexor.active,
             0.0 if extends is None else extends.active,
             float(share_of(np.array([self._flexor.level]), self._levels)[0]),

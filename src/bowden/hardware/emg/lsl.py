@@ -3,19 +3,24 @@
 A sample's stamp is the sender's; liblsl's time correction takes it to this computer's LSL clock, and an offset that is
 measured once to its monotonic clock; `SampleTimes` takes the jitter out. A silence in the stamps becomes missing
 samples (NaN), at most a second of them. liblsl finds a stream that has died again by its source id.
+
+Nothing on the network says who it is. What can be told apart is: stamps that are none, of the future, or of a time that
+is over; a rate that is not kept; a second stream of the name; a stream that comes back from another computer. Such a
+stream is lost, and nothing of it is handed on, until it is in order again.
 """
 
 import contextlib
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
 from bowden.core.errors import StreamError
-from bowden.hardware.emg.lsl_info import channel_names, check_info, unit_of, which
+from bowden.hardware.emg.lsl_info import channel_names, check_info, shown, unit_of, which
 from bowden.hardware.emg.lsl_library import library
 from bowden.hardware.emg.sample_times import SampleTimes
 from bowden.hardware.ports import EmgChunk
@@ -35,10 +40,36 @@ _CORRECTIONS = 5
 """The median of so many of liblsl's estimates of the sender's clock is taken: a busy computer spoils single ones."""
 _OFF = 10.0
 """Stamps that are further off when the stream is opened are of another clock [s]."""
+_AHEAD = SILENCE
+"""Stamps that are further in the future are of no sample that has been taken [s]."""
+_BLOCK = 3.0
+"""The rate is counted over so much time; what stamps may be late by, `SILENCE`, is less than a tenth of it [s]."""
+_LOOK = 1.0
+"""How often it is looked for a second stream of the name, and what is wrong is said anew [s]."""
+_FORGET = 3.0
+"""A stream that has gone is still listed for so long; two that are listed for longer are two [s]."""
 _BUFFER = 10
 """What liblsl keeps of samples that are not read [s]."""
 _MOST = 8192
 """Samples taken in one look."""
+
+
+_LEAST = float(np.finfo(np.float64).tiny)
+"""A smaller number, but 0, is no sample."""
+
+Array = NDArray[np.float64]
+
+
+class _Block(NamedTuple):
+    """Over what the rate is counted."""
+
+    first: float = math.nan
+    """When its first sample was taken [s]."""
+    last: float = math.nan
+    """And its last until now [s]."""
+    samples: int = 0
+    rate: float = 0.0
+    """Of the block before [Hz]."""
 
 
 class LslStream:
@@ -68,9 +99,11 @@ class LslStream:
         self._lost = "it is not open"
         self._corrections: deque[float] = deque(maxlen=_CORRECTIONS)
         self._offset = self._correction = 0.0
-        self._first = self._stamp = self._received_at = -math.inf
+        self._first = self._last = self._came_at = self._said_at = -math.inf
         self._kept: list[EmgChunk] = []
         self._counted = 0
+        self._others: Any = None
+        self._host, self._looked_at, self._two_since, self._another = "", 0.0, math.inf, ""
 
     def open(self) -> str:
         """See `EmgStream.open`."""
@@ -84,12 +117,14 @@ class LslStream:
             self.channels = channel_names(info, self._wanted)
             self.rate, self.unit = info.nominal_srate(), unit_of(info)
             self._most = largest(self.unit)
-            self._times = SampleTimes(self.rate)
+            self._times, self._block = SampleTimes(self.rate), _Block(rate=self.rate)
             self._inlet.open_stream(_ANSWER)
             self._correct(self._inlet.time_correction(_ANSWER))
             ours, theirs = min((self._now(), lsl.local_clock()) for _ in range(3))
             self._offset = ours - theirs
             self._listen()
+            self._host = found.hostname()
+            self._others = lsl.ContinuousResolver(pred=self._where(), forget_after=_FORGET)
         except StreamError:
             self.close()
             raise
@@ -99,19 +134,22 @@ class LslStream:
                 f"the LSL stream {self._name!r} does not answer: {error}", do="look at its sender, and at the network"
             ) from error
         return (
-            f"LSL stream {self._name!r} ({found.source_id() or 'no source id'}) of {found.hostname()}: "
+            f"LSL stream {self._name!r} ({shown([found.source_id() or 'no source id'])}) of {shown([self._host])}: "
             f"{len(self.channels)} channels, {self.rate:g} Hz, {self.unit or 'no unit'}"
         )
 
     def _now(self) -> float:
         return self._clock.now() / SECOND
 
+    def _where(self) -> str:
+        """What is looked for, as liblsl takes it."""
+        return " and ".join([f"name='{self._name}'"] + ([f"source_id='{self._source}'"] if self._source else []))
+
     def _resolve(self, lsl: Any) -> Any:
         """The one stream that is meant."""
-        conditions = [f"name='{self._name}'"] + ([f"source_id='{self._source}'"] if self._source else [])
         if "'" in self._name + self._source:
             raise StreamError(f"an LSL stream {self._name!r} cannot be looked for", expected="a name without quotes")
-        where = " and ".join(conditions)
+        where = self._where()
         if not lsl.resolve_bypred(where, 1, self._wait):
             there = lsl.resolve_streams(_OTHERS)
             if not any(info.name() == self._name and self._source in ("", info.source_id()) for info in there):
@@ -122,7 +160,7 @@ class LslStream:
                 )
         found = lsl.resolve_bypred(where, 2, _OTHERS) or lsl.resolve_bypred(where, 1, self._wait)
         if len(found) > 1:
-            sources = ", ".join(f"{info.source_id() or 'no id'} of {info.hostname()}" for info in found)
+            sources = shown([f"{info.source_id() or 'no id'} of {info.hostname()}" for info in found])
             raise StreamError(
                 f"{len(found)} LSL streams are named {self._said()}: {sources}",
                 do=which(self._name, [info.source_id() for info in found]),
@@ -146,6 +184,8 @@ class LslStream:
                 self._kept, self._counted = [chunk], len(chunk.times)
             self._clock.sleep_until(self._clock.now() + SECOND // 100)
         if not self._kept:
+            if self._came_at > -math.inf:
+                raise StreamError(self._lost, do="look at its sender")
             raise StreamError(
                 f"the LSL stream {self._name!r} is there, but sends nothing in {self._wait:g} s",
                 do="start its recording",
@@ -159,7 +199,7 @@ class LslStream:
 
     def _measured(self) -> float:
         """Samples a second since the first, by their stamps [Hz]."""
-        span = self._stamp - self._first
+        span = self._last - self._first
         return (self._counted - 1) / span if span > 0.0 else 0.0
 
     def _keeps_rate(self) -> bool:
@@ -173,7 +213,7 @@ class LslStream:
 
     def _check_clock(self) -> None:
         """See that stamps are of LSL's clock, as its senders agree on."""
-        off = self._first + self._correction + self._offset - self._now()
+        off = self._first - self._now()
         if abs(off) > _OFF:
             raise StreamError(
                 f"the stamps of the LSL stream {self._name!r} are {off:.3g} s off this computer's clock",
@@ -199,27 +239,71 @@ class LslStream:
             return []
         with contextlib.suppress(RuntimeError):  # there is none for a moment after a stream has come back
             self._correct(self._inlet.time_correction(0.0))
+        self._look_for_others(now)
         if not len(stamps):
-            if now - self._received_at > SILENCE:
+            if now - self._came_at > SILENCE:
                 self._lost = f"nothing from the LSL stream {self._name!r} for {1e3 * SILENCE:g} ms"
             return []
+        self._came_at = now
+        at = stamps + self._correction + self._offset
+        wrong = self._wrong_stamps(at, now) or self._wrong_rate(at) or self._another
+        if wrong:
+            self._corrections.clear()  # it may be another sender, of another clock
+            if not self._lost or now > self._said_at + _LOOK:  # its figures change all the time
+                self._lost, self._said_at = f"the LSL stream {self._name!r} {wrong}", now
+            return []
         values = values.astype(np.float64)
-        values[~(np.abs(values) <= self._most)] = np.nan
-        if not math.isfinite(self._stamp):
-            self._first = float(stamps[0])
+        size = np.abs(values)
+        values[~((size <= self._most) & ((size == 0.0) | (size >= _LEAST)))] = np.nan
+        if not math.isfinite(self._last):
+            self._first = float(at[0])
         chunks, begin = [], 0
-        for after in [*np.flatnonzero(np.abs(np.diff(stamps, prepend=self._stamp)) > SILENCE), len(stamps)]:
+        for after in [*np.flatnonzero(np.diff(at, prepend=self._last) > SILENCE), len(at)]:
             if after > begin:
-                latest = float(stamps[after - 1]) + self._correction + self._offset
-                times = self._times.next(int(after) - begin, latest, now)
+                times = self._times.next(int(after) - begin, float(at[after - 1]), now)
                 chunks.append(EmgChunk(values[begin:after], times))
-            if after < len(stamps) and math.isfinite(self._stamp):
-                self._corrections.clear()  # it may be another sender, of another clock
-                missing = self._times.gap(float(stamps[after]) + self._correction + self._offset)
+            if after < len(at) and math.isfinite(self._last):
+                self._corrections.clear()
+                missing = self._times.gap(float(at[after]), now)
                 chunks.append(EmgChunk(np.full((len(missing), values.shape[1]), np.nan), missing))
             begin = int(after)
-        self._stamp, self._received_at, self._lost = float(stamps[-1]), now, ""
+        self._last, self._lost = float(at[-1]), ""
         return chunks
+
+    def _wrong_stamps(self, at: Array, now: float) -> str:
+        """What is wrong with the times (n,) at which samples were taken by their stamps [s], in words."""
+        if not np.isfinite(at).all():
+            return "sends stamps that are no numbers"
+        back = -float(np.diff(at, prepend=self._last).min())
+        if back > SILENCE:
+            return f"sends stamps that go back by {back:.3g} s"
+        ahead = float(at.max()) - now
+        return f"sends stamps that are {ahead:.3g} s in the future" if ahead > _AHEAD else ""
+
+    def _wrong_rate(self, at: Array) -> str:
+        """Whether the rate was not kept over the last whole block of samples or of their times, in words."""
+        if not abs(float(at[0]) - self._block.last) <= SILENCE:
+            self._block = self._block._replace(first=float(at[0]), samples=0)
+        block = self._block = self._block._replace(last=float(at[-1]), samples=self._block.samples + len(at))
+        span = block.last - block.first
+        if span >= _BLOCK or block.samples >= (1.0 + 2.0 * _RATE_ERROR) * _BLOCK * self.rate:
+            self._block = _Block(block.last, block.last, 0, block.samples / max(span, 1.0 / self.rate))
+        if abs(self._block.rate / self.rate - 1.0) <= _RATE_ERROR:
+            return ""
+        return f"declares {self.rate:g} Hz and sends {self._block.rate:.4g} samples a second"
+
+    def _look_for_others(self, now: float) -> None:
+        """See whether the stream is still the only one of its name, and of the computer that it was found on."""
+        if self._others is None or now < self._looked_at + _LOOK:
+            return
+        self._looked_at = now
+        hosts = [info.hostname() for info in self._others.results()]
+        self._two_since = min(self._two_since, now) if len(hosts) > 1 else math.inf
+        self._another = ""
+        if now - self._two_since > _FORGET:
+            self._another = f"has another one of its name and source beside it, of {shown(hosts)}"
+        elif hosts and self._host not in hosts:
+            self._another = f"has come back from another computer, {shown(hosts)}"
 
     def lost(self) -> str:
         """See `EmgStream.lost`."""
@@ -229,7 +313,7 @@ class LslStream:
         """See `EmgStream.close`."""
         if self._inlet is not None:
             self._inlet.close_stream()
-        self._inlet, self._kept, self._lost = None, [], "it is closed"
+        self._inlet, self._others, self._kept, self._lost = None, None, [], "it is closed"
 
 
 def _there(names: Sequence[str]) -> str:

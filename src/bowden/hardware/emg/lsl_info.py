@@ -8,6 +8,8 @@ from bowden.sensing.onset_settings import QUICKEST, SAFE
 
 TYPES = ("EMG", "SEMG", "EXG")
 """Content types of streams that hold EMG, in capitals."""
+MOST_CHANNELS = 512
+"""No amplifier has more; as many of one sample each are what a look may have to hold."""
 _STRING = 3
 """LSL's channel format of text."""
 _UNITS = {
@@ -21,13 +23,20 @@ def check_info(info: Any, name: str) -> None:
     """See that a stream is EMG at a rate that the detector takes.
 
     Raises:
-        StreamError: another content, text in place of numbers, an irregular rate or one that is out of range.
+        StreamError: another content, text in place of numbers, an irregular rate or one that is out of range, more
+            channels than any amplifier has.
     """
     if info.channel_format() == _STRING:
-        raise StreamError(f"the LSL stream {name!r} ({info.type() or 'no type'}) holds text", expected="numbers")
+        raise StreamError(
+            f"the LSL stream {name!r} ({shown([info.type() or 'no type'])}) holds text", expected="numbers"
+        )
     if info.type().upper() not in TYPES:
         raise StreamError(
             f"the LSL stream {name!r} has the type {info.type()!r}", expected="EMG", do="let its sender declare it"
+        )
+    if not 0 < info.channel_count() <= MOST_CHANNELS:
+        raise StreamError(
+            f"the LSL stream {name!r} has {info.channel_count()} channels", expected=f"1 to {MOST_CHANNELS}"
         )
     rate = info.nominal_srate()
     if rate == 0.0:
@@ -49,6 +58,9 @@ def channel_names(info: Any, wanted: Sequence[str] = ()) -> tuple[str, ...]:
     if labels and len(labels) != count:
         raise StreamError(f"the LSL stream {name!r} has {count} channels and describes {len(labels)}")
     names = tuple(labels) or tuple(f"ch{k}" for k in range(1, count + 1))
+    odd = next((one for one in names if not one.isprintable()), None)
+    if odd is not None:
+        raise StreamError(f"a channel of the LSL stream {name!r} is named {odd[:40]!r}", expected="text")
     if "" in names:
         raise StreamError(f"channel {names.index('') + 1} of the LSL stream {name!r} has no name")
     twice = next((one for one in names if names.count(one) > 1), None)
@@ -82,7 +94,17 @@ def check_wanted(names: Sequence[str], wanted: Sequence[str], where: str) -> Non
 def unit_of(info: Any) -> str:
     """The channels' unit, where all have the same; empty otherwise."""
     units = {_UNITS.get(unit.lower(), unit) for unit in _described(info, "unit")}
-    return units.pop() if len(units) == 1 else ""
+    return shown([units.pop()], 20) if len(units) == 1 else ""
+
+
+def shown(texts: Sequence[str], most: int = 80) -> str:
+    """What a sender says of itself, fit for a message or a screen.
+
+    >>> shown(["lab", "\\x1b[2J" + 100 * "a"], 10)
+    'lab, ·[2Jaaaaa…'
+    """
+    cut = (text[:most] + ("…" if len(text) > most else "") for text in texts)
+    return ", ".join("".join(one if one.isprintable() else "·" for one in text) for text in cut)
 
 
 def which(name: str, sources: Sequence[str]) -> str:
@@ -97,9 +119,10 @@ def which(name: str, sources: Sequence[str]) -> str:
 
 
 def _described(info: Any, what: str) -> list[str]:
-    """One entry of each channel's description; none where channels are not described."""
-    found, channel = [], info.desc().child("channels").child("channel")
-    while not channel.empty():
+    """One entry of each channel's description, at most one more than there may be; none where none is described."""
+    found: list[str] = []
+    channel = info.desc().child("channels").child("channel")
+    while not channel.empty() and len(found) <= MOST_CHANNELS:
         found.append(str(channel.child_value(what)).strip())
         channel = channel.next_sibling("channel")
     return found if any(found) else []

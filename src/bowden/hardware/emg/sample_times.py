@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 _WINDOW = 1.0
 """The least delay is looked for in so much time; in less at the start [s]."""
+_GROWING = 4
+"""The first windows double; the fourth is whole."""
 _PHASE, _RATE = 0.3, 0.04
 """Shares of a window's least delay that go into phase and rate: nearly critical damping."""
 _MISSED = 0.03
@@ -56,8 +58,12 @@ class SampleTimes:
         self._time = self.last
         """Where the loop has the last sample, if it is in the future as well [s]."""
 
-    def gap(self, first: float) -> Array:
-        """Times of missing samples before one that was taken at `first` [s], after a silence; then `restart`."""
+    def gap(self, first: float, now: float = math.inf) -> Array:
+        """Times of missing samples before one that was taken at `first` [s], after a silence; then `restart`.
+
+        None of them is later than `now` [s].
+        """
+        first = min(first, now)
         count = round((first - self.last) / self._nominal) - 1 if math.isfinite(self.last) else 0
         count = max(0, min(count, round(LONGEST_FILL / self._nominal)))
         self.restart()
@@ -97,7 +103,7 @@ class SampleTimes:
         if latest < self._until:
             return
         self._windows += 1
-        window = min(_WINDOW, 0.1 * _WINDOW * 2**self._windows)
+        window = min(_WINDOW, 0.1 * _WINDOW * 2.0 ** min(self._windows, _GROWING))
         if self._least > _MISSED:
             self.missed += self._least
             self._time += self._least

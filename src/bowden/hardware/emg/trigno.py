@@ -32,6 +32,10 @@ _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
 """What comes in this time shows whether the rate is what was said; the longer one where it does not at first [s]."""
 _RATE_ERROR = 0.2
 """How far it may be off; frames of 13.5 ms are counted whole."""
+_BLOCK = 4.0
+"""Later the rate is counted over so much time; frames that are late by half a second are an eighth of it [s]."""
+_BURST = 0.5
+"""After a silence what was held back comes in so much time, and is not counted [s]."""
 _BUFFER = 10.0
 """What is kept of samples that are not read [s]."""
 _JUDGED = 500.0
@@ -61,6 +65,7 @@ class TrignoStream:
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._received_at = math.inf
+        self._block_from, self._block_count, self._measured, self._kept_rate = 0.0, 0, 0.0, True
 
     def open(self) -> str:
         """See `EmgStream.open`."""
@@ -140,8 +145,11 @@ class TrignoStream:
 
     def _run(self, dialogue: TrignoDialogue | None) -> None:
         """The thread: receive, and connect anew."""
+        tried = -math.inf
         while not self._closing.is_set():
             if dialogue is None:
+                self._closing.wait(max(0.0, tried + _GIVE_UP - self._now()))  # a server that drops us is not stormed
+                tried = self._now()
                 dialogue = self._again()
             else:
                 self._receive(dialogue)
@@ -154,6 +162,7 @@ class TrignoStream:
         """Take samples until the connection ends or is good for nothing."""
         samples = Samples()
         self._anew, self._sense = True, 1.0
+        self._block_from, self._block_count = self._now() + _BURST, 0
         dialogue.data.settimeout(_LOOK)
         self._received_at = came = self._now()
         while not self._closing.is_set():
@@ -169,12 +178,13 @@ class TrignoStream:
                 self._lost = f"the connection to {self._address.said()} broke: {error.strerror or error}"
                 return
             now = self._now()
+            if data and now - came > SILENCE:
+                self._block_from, self._block_count = now + _BURST, 0
             came = now if data else came
             if data and self._take(samples.feed(data), now):
                 self._received_at, self._lost, self._sensible = now, "", True
             if now - self._received_at > SILENCE:
-                what = "what comes from {} is no EMG" if now - came < SILENCE else "nothing comes from {}"
-                self._lost = what.format(self._address.said())
+                self._lost = self._why_lost(now - came < SILENCE)
             if now - self._received_at > _GIVE_UP:
                 return
 
@@ -187,14 +197,36 @@ class TrignoStream:
             size = np.abs(values)
             known = (size == 0.0) | ((size >= LEAST) & (size <= LARGEST))
         self._sense += (float(known.mean()) - self._sense) * min(1.0, known.size / _JUDGED)
-        good = self._sense > 0.5
-        values[~(size <= LARGEST) | (not good)] = np.nan
+        good = self._sense > 0.5 and self._keeps_rate(len(sent), now)
+        values[~known | (not good)] = np.nan
         if self._anew:  # a silence within a connection is lateness, as far as anybody can know: TCP loses nothing
             missing = self._times.gap(now - (len(sent) - 1) / self.rate)
             self._keep(EmgChunk(np.full((len(missing), len(self.channels)), np.nan), missing))
         self._anew = False
         self._keep(EmgChunk(values, self._times.next(len(sent), now, now)))
         return good
+
+    def _keeps_rate(self, count: int, now: float) -> bool:
+        """Whether as many samples came in the last whole block of time as were announced, `count` of them now."""
+        if now < self._block_from:
+            return self._kept_rate
+        self._block_count += count
+        span = now - self._block_from
+        if span >= _BLOCK or self._block_count > 2.0 * _BLOCK * self.rate:
+            self._measured = self._block_count / max(span, _LOOK)
+            self._block_from, self._block_count = now, 0
+            self._kept_rate = abs(self._measured / self.rate - 1.0) <= _RATE_ERROR
+        return self._kept_rate
+
+    def _why_lost(self, comes: bool) -> str:
+        """Why what is there is no stream, given whether anything comes."""
+        if not comes:
+            return f"nothing comes from {self._address.said()}"
+        if self._sense > 0.5 and not self._kept_rate:
+            return (
+                f"{self._address.said()} announces {self.rate:.6g} Hz and sends {self._measured:.4g} samples a second"
+            )
+        return f"what comes from {self._address.said()} is no EMG"
 
     def _keep(self, chunk: EmgChunk) -> None:
         self._chunks.append(chunk)
@@ -204,7 +236,7 @@ class TrignoStream:
                 self._chunks.popleft()
 
     def _again(self) -> TrignoDialogue | None:
-        """Try once to connect anew; waits a while where it fails."""
+        """Try once to connect anew."""
         dialogue = None
         try:
             dialogue = TrignoDialogue(self._address, self._clock)
@@ -215,7 +247,6 @@ class TrignoStream:
             self._lost = error.what
             if dialogue is not None:
                 dialogue.close()
-            self._closing.wait(_GIVE_UP)
             return None
 
     def _check_same(self, base: Base) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from bowden.core.signals import DriveState
 from bowden.hardware.drives import canopen_frames as frames
 from bowden.hardware.drives.cia402 import WITH_TORQUE, encode, step
-from bowden.hardware.drives.emergencies import HEARTBEAT_LOST
+from bowden.hardware.drives.emergencies import HEARTBEAT_LOST, SAFE_TORQUE_OFF
 from bowden.hardware.drives.parameters import DriveParameters, motor_scale
 from bowden.hardware.twin.bench import BRAKE, FOLLOW, OFF
 from bowden.hardware.twin.faults import Faults
@@ -21,6 +21,8 @@ from bowden.hardware.twin.sampler import RATED_CURRENT, Sampler
 RPM = 30.0 / math.pi  # turns a minute in one rad/s
 LIMIT_ERROR, LAG_ERROR, OVER_TEMPERATURE = 0x8A82, 0x8611, 0x4210
 """Codes of the faults that the twin finds itself."""
+ALL_RELEASED = 0xFFFF_FFFF
+"""60FDh where no contact is open."""
 HOTTEST = 110.0
 """Temperature at which the power stage protects itself [°C]."""
 REBOOT_TIME = 0.3
@@ -71,6 +73,7 @@ class CanopenNode:
         self._pending: tuple[int, int, int] | None = None
         self._watching = False
         self._lagging_since = math.nan
+        self._inputs = ALL_RELEASED
         self._next_heartbeat = -math.inf
         bench, gear = self.bench, self._drive.gear
         speed = bench.speed_limit * gear * RPM
@@ -94,6 +97,7 @@ class CanopenNode:
             (0x603F, 0): lambda: self.error,
             (0x6061, 0): lambda: self.objects[0x6060, 0],
             (0x6064, 0): lambda: self._sampler.true()[0].position,
+            (0x60FD, 0): lambda: self._inputs,
             (0x6077, 0): lambda: self._sampler.true()[0].torque,
             (0x60E4, 2): lambda: self._sampler.true()[1].joint,
             (0x3160, 1): lambda: self._sampler.true()[1].analog,
@@ -146,12 +150,20 @@ class CanopenNode:
             else:
                 self._fail(int(injection.amount) & 0xFFFF, now)
         self._watch(now)
+        self._see_emergency_stop(now)
         if now - self._moved >= STEP:
             self._move(now)
         if self._booted and self.objects[0x1017, 0] and now >= self._next_heartbeat:
             self._next_heartbeat = max(self._next_heartbeat + 1e-3 * self.objects[0x1017, 0], now)
             self._outbox.emit(frames.HEARTBEAT + self._drive.node_id, bytes((self.nmt,)), now)
         self._outbox.tick(now)
+
+    def _see_emergency_stop(self, now: float) -> None:
+        """Pressed, it opens every digital input and the safe torque off."""
+        pressed = self.faults.active("emergency_stop", now) is not None
+        self._inputs = 0 if pressed else ALL_RELEASED
+        if pressed and self._booted and self.state is not DriveState.FAULT:
+            self._fail(SAFE_TORQUE_OFF, now)
 
     def _watch(self, now: float) -> None:
         """The heartbeat consumer, 1016h, and what 6007h wants when the host has fallen silent."""
@@ -194,6 +206,8 @@ class CanopenNode:
             )
         if self.objects[0x1801, 1] >> 31 == 0:
             self._outbox.emit_cyclic(frames.TPDO2 + node, frames.pack_tpdo2(sensors), now)
+        if self.objects[0x1802, 1] >> 31 == 0:
+            self._outbox.emit_cyclic(frames.TPDO3 + node, frames.pack_tpdo3(self._inputs), now)
 
     def _command(self, control: int, now: float) -> None:
         """A controlword: one step of the state machine, and what it means for the motor."""

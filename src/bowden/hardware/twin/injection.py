@@ -33,6 +33,7 @@ KINDS: dict[str, Kind] = {
     "drive_fault": Kind(
         "the drive goes into fault with this error code", amount=0x2310, unit="code", moment=True, least=1, most=0xFFFF
     ),
+    "emergency_stop": Kind("the emergency stop is pressed: its input opens, and the torque goes"),
     "reboot": Kind("the drive loses its supply for a moment", moment=True),
     "encoder_frozen": Kind("an encoder stays where it is", side=True),
     "encoder_spike": Kind("an encoder jumps for one cycle in ten", side=True, amount=10.0, unit="deg", least=-1e6),

@@ -198,6 +198,7 @@ def dictionary(made: Made) -> dict[Key, Entry]:
         (0x60C2, 1): Entry(1, 1, writable=True),
         (0x60C2, 2): Entry(1, -3, writable=True, signed=True),
         (0x60E4, 2): Entry(4, 0, signed=True),
+        (0x60FD, 0): Entry(4, 0xFFFF_FFFF),
         (0x6502, 0): Entry(4, 0x3A5),
     }
     if made.pushed:

@@ -53,7 +53,7 @@ class Sampler:
         drive, bench = self._drive, self._bench
         millivolts = bench.tension / drive.tension_scale + drive.tension_zero if drive.tension_scale else 0.0
         return (
-            frames.Motion(0, _int(motor, 31), _int(1e3 * current / RATED_CURRENT, 15)),
+            frames.Motion(0, _int(motor, 31), _int(1e3 * drive.motor_direction * current / RATED_CURRENT, 15)),
             frames.Sensors(_int(joint, 31), _int(millivolts, 15), _int(10.0 * bench.temperature, 15)),
         )
 

@@ -1,7 +1,6 @@
 """model.toml: an identified cable as a commented file, the same bytes for the same log."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from bowden import __version__
+from bowden.core.bounded import read_toml
 from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
@@ -112,7 +112,7 @@ def cable_text(cable: IdentifiedCable) -> str:
 def _document(file: Path) -> tuple[dict[str, Any], str]:
     """The models of a file as they stand there, and the name of the recommended one."""
     try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
+        document = read_toml(file)
     except OSError as error:
         raise ParameterError(f"{file} cannot be read: {error.strerror or error}", do="check the path") from error
     except ValueError as error:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,11 +100,11 @@ def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None =
     return _recording(table, tuple(channels) or tuple(_signals(table, path)), rate, path)
 
 
-def _times(table: dict[str, Array]) -> list[str]:
+def _times(table: dict[str, Any]) -> list[str]:
     return [name for name in table if split_name(name)[0] in TIMES]
 
 
-def _signals(table: dict[str, Array], path: Path) -> list[str]:
+def _signals(table: dict[str, Any], path: Path) -> list[str]:
     """Columns that are no times."""
     times = _times(table)
     others = [name for name in table if name not in times]
@@ -112,7 +113,7 @@ def _signals(table: dict[str, Array], path: Path) -> list[str]:
     return others
 
 
-def _recording(table: dict[str, Array], names: tuple[str, ...], declared: float | None, path: Path) -> EmgRecording:
+def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | None, path: Path) -> EmgRecording:
     def where(sample: int) -> str:
         return f"{path}, row {sample + 1}"
 
@@ -243,19 +244,24 @@ def check_signal(name: str, values: Array, where: str) -> None:
         )
 
 
-def _read(path: Path) -> dict[str, Array]:
+def _read(path: Path) -> dict[str, Any]:
     table = read_table(path)
-    twice = next((name for name in table.column_names if table.column_names.count(name) > 1), None)
+    try:
+        names = table.column_names
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path}: a column's name is no text", expected="UTF-8", do="export it as that") from error
+    twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise LogError(f"{path}: two columns are named {twice!r}", expected="a name for each")
-    odd = next((name for name in table.column_names if not name.isprintable()), None)
+    odd = next((name for name in names if not name.isprintable()), None)
     if odd is not None:
         raise LogError(f"{path}: a column is named {odd[:40]!r}", expected="names that can be printed")
-    return dict(zip(table.column_names, (column.to_numpy() for column in table.columns), strict=True))
+    return dict(zip(names, table.columns, strict=True))
 
 
-def _numbers(table: dict[str, Array], name: str, path: Path) -> Array:
-    column = table[name]
+def _numbers(table: dict[str, Any], name: str, path: Path) -> Array:
+    """A column, of what pyarrow has read."""
+    column = table[name].to_numpy()
     if column.dtype.kind in "fiub":
         return np.asarray(column, dtype=np.float64)
     for row, value in enumerate(column):

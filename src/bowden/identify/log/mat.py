@@ -1,14 +1,17 @@
 """MATLAB files as logs: vectors of one length, at the top or inside a struct."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.bounded import read_whole
 from bowden.core.errors import LogError
 from bowden.identify.log.columns import LogColumn, find_columns
+from bowden.identify.log.mat_bytes import content_of
+from bowden.identify.log.mat_bytes import vectors as vectors_of
 
 Array = NDArray[np.float64]
 
@@ -32,20 +35,17 @@ def read_matlab(
     Raises:
         LogError: not such a file, no such variables, or vectors of different lengths.
     """
-    from scipy.io import loadmat
-
+    data = read_whole(path, unpack=False)
     try:
-        content: dict[str, Any] = loadmat(path, squeeze_me=True, struct_as_record=True)
-    except OSError:
-        raise
-    except Exception as error:  # SciPy raises whatever its parser stumbles over
+        content = content_of(data)
+    except (ValueError, zlib.error) as error:
         raise LogError(
             f"{path} cannot be read as a MATLAB file: {error}", do="save it in MATLAB with save(…, '-v7'), or as CSV"
         ) from error
-    vectors = dict(_vectors(content))
+    vectors = dict(vectors_of(content))
     if len(vectors) < len(known):
         for name, value in content.items():
-            if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiuc":
+            if isinstance(value, np.ndarray) and value.ndim == 2:
                 raise LogError(
                     f"{path}: {name!r} is a matrix of {value.shape[0]} × {value.shape[1]}",
                     expected=f"a vector each for {', '.join(known)}",
@@ -68,20 +68,3 @@ def read_matlab(
             f"{path}: the vectors differ in length ({lengths})", expected="one length", do="save those of one run"
         )
     return columns, values, lambda sample: f"{path}, sample {sample + 1}"
-
-
-def _vectors(content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Name → vector, for every vector of numbers at the top or one struct down."""
-    for name, value in content.items():
-        if name.startswith("__") or not isinstance(value, np.ndarray | np.void):
-            continue
-        fields = value.dtype.names
-        if fields:
-            yield from _vectors({field: _unpacked(value[field]) for field in fields})
-        elif value.ndim == 1 and value.dtype.kind in "fiuc" and value.size > 1:
-            yield name, np.asarray(value, dtype=np.complex128 if value.dtype.kind == "c" else np.float64)
-
-
-def _unpacked(value: Any) -> Any:
-    """What MATLAB wrapped in an array of one object."""
-    return value.item() if isinstance(value, np.ndarray) and value.dtype == object and value.size == 1 else value

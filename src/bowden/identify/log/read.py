@@ -3,12 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.table import read_table
+from bowden.core.table import read_parquet, readable
 from bowden.identify.cable import checks
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
@@ -84,7 +86,7 @@ def read_columns(file: Path, given: Mapping[str, str | None], known: Mapping[str
             raise LogError(
                 f"{file} is a folder", expected="a log file", do="give the path of one .csv, .csv.gz, .mat or .parquet"
             )
-        with file.open("rb") as opened:
+        with open_file(file) as opened:
             head = opened.read(512)
         if not head:
             raise LogError(
@@ -103,15 +105,19 @@ def read_columns(file: Path, given: Mapping[str, str | None], known: Mapping[str
 def _read_parquet(
     path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]]
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
-    table = read_table(path)
-    columns = find_columns(table.column_names, given, str(path), known)
-    for role, column in columns.items():
-        unit = (table.schema.field(column.index).metadata or {}).get(b"unit", b"").decode()  # of a trace
-        columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(unit))
+    columns: dict[str, LogColumn] = {}
+
+    def choose(schema: Any) -> list[str]:
+        columns.update(find_columns(schema.names, given, str(path), known))
+        for role, column in columns.items():
+            unit = (schema.field(column.index).metadata or {}).get(b"unit", b"").decode()  # of a trace
+            columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(unit))
+        return [schema.names[column.index] for column in columns.values()]
+
+    with readable(path):
+        table = read_parquet(path, choose)
     try:
-        values = {
-            role: np.array(table.column(column.index).to_numpy(), dtype=np.float64) for role, column in columns.items()
-        }
+        values = {role: np.array(table[i].to_numpy(), dtype=np.float64) for i, role in enumerate(columns)}
     except (TypeError, ValueError) as error:
         raise LogError(f"{path} cannot be read: {error}", expected="numbers in the columns of a log") from error
     return columns, values, lambda sample: f"{path}, row {sample + 1}"

@@ -1,10 +1,9 @@
 """Text logs: rows of numbers under a row of names, with whatever text above, plain or gzipped."""
 
-import gzip
+import io
 import itertools
 import json
 import re
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.bounded import DAMAGED, Bounded, pieces
 from bowden.core.errors import LogError
 from bowden.identify.log.columns import LogColumn, find_columns, unit_of
 
@@ -24,11 +24,12 @@ MOST_ROWS = 20_000_000
 _HEAD = 1 << 18
 """Characters within which the numbers must begin."""
 
+_PIECE = 1 << 16  # bytes
+
 _TRACE = "# bowden trace: "
 
 _SPACES = r"[ \t]+"
 _RECORD_AGAIN = "record or export the log again"
-_DAMAGED = (EOFError, zlib.error, gzip.BadGzipFile)
 
 _QUOTED = re.compile(r'"[^"]*"')
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
@@ -58,28 +59,33 @@ def read_text(
             than 20 million rows.
     """
     layout = _layout(path)
+    _check_length(path)
     columns = find_columns(layout.names, given, str(path), known)
     for role, column in columns.items():
         unit = column.unit or layout.units[column.index]
         columns[role] = LogColumn(column.index, column.name, unit)
     try:
         table = _numbers(path, layout, [column.index for column in columns.values()])
-    except _DAMAGED as error:
+    except DAMAGED as error:
         raise _damaged(path, error) from error
     except ValueError as error:
         raise _explained(path, layout, columns, error) from error
-    if len(table) > MOST_ROWS:
-        raise LogError(f"{path} has more than {MOST_ROWS} rows", do="cut it, or thin it to about 1 kHz")
     values = {role: np.ascontiguousarray(table[:, i]) for i, role in enumerate(columns)}
     return columns, values, lambda sample: f"{path}, line {_line_of(path, layout, sample)}"
 
 
+def _check_length(path: Path) -> None:
+    """Refuse a log that is too long before anything is made of it: a small gzipped file may hold any number of rows."""
+    try:
+        lines = sum(piece.count(b"\n") for piece in pieces(path))
+    except DAMAGED as error:
+        raise _damaged(path, error) from error
+    if lines > MOST_ROWS:
+        raise LogError(f"{path} has more than {MOST_ROWS} rows", do="cut it, or thin it to about 1 kHz")
+
+
 def _open(path: Path, encoding: str, errors: str = "replace") -> IO[str]:
-    with path.open("rb") as file:
-        packed = file.read(2) == b"\x1f\x8b"
-    if packed:
-        return gzip.open(path, "rt", encoding=encoding, errors=errors)
-    return path.open(encoding=encoding, errors=errors)
+    return io.TextIOWrapper(io.BufferedReader(Bounded(path), _PIECE), encoding=encoding, errors=errors)
 
 
 def _layout(path: Path) -> _Layout:
@@ -117,7 +123,7 @@ def _head(path: Path) -> tuple[str, str]:
                 head = file.read(_HEAD)
         except UnicodeError:
             continue
-        except _DAMAGED as error:
+        except DAMAGED as error:
             raise _damaged(path, error) from error
         if not head.strip():
             raise LogError(f"{path} is empty", expected="columns for time, motor and joint", do=_RECORD_AGAIN)
@@ -185,7 +191,7 @@ def _number(text: str, comma: bool) -> bool:
 
 
 def _numbers(path: Path, layout: _Layout, indices: list[int]) -> Array:
-    rows = (text for _, text in itertools.islice(_data_lines(path, layout), MOST_ROWS + 1))
+    rows = (text for _, text in _data_lines(path, layout))
     table = np.loadtxt(
         (text.replace(",", ".") for text in rows) if layout.decimal_comma else rows,
         delimiter=None if layout.separator == _SPACES else layout.separator,

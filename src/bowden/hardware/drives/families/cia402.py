@@ -118,6 +118,13 @@ def measures_tension(parameters: DriveParameters) -> bool:
     return parameters.tension_scale != 0.0
 
 
+def simulated(parameters: DriveParameters) -> bool:
+    """Whether its bus is one between processes, which no wire leads to."""
+    from bowden.hardware.buses.opening import UNIX  # with python-can
+
+    return parameters.interface == UNIX
+
+
 def watchdog(parameters: DriveParameters) -> float:
     """The heartbeat consumer's time, and the millisecond in which the drive looks at it [s]."""
     return parameters.heartbeat_timeout + LOOK
@@ -137,5 +144,6 @@ FAMILY = DriveFamily(
     watchdog=watchdog,
     most_push=largest_push,
     measures_tension=measures_tension,
+    simulated=simulated,
     explain=emergency_text,
 )

@@ -1,0 +1,71 @@
+"""``bowden confirm``: one angle turned by hand, without power, beside what both encoders say of it."""
+
+import contextlib
+import select
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bowden.app.command import Command
+from bowden.app.console import print_json, seconds
+from bowden.app.given_rig import read_given
+
+
+def confirm(
+    rig: Annotated[Path, typer.Argument(help="The rig, with its [drive] and [limits].")],
+    channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
+) -> None:
+    """Turn the joint by hand and say by how much: scales and directions of both encoders are compared with it.
+
+    Once for a drive and its scales, before bowden run and bowden measure power it; a twin needs none.
+    """
+    from bowden.core.clock import MonotonicClock
+    from bowden.core.errors import ParameterError
+    from bowden.core.units import DEGREES
+    from bowden.hardware.drives.family import family_of
+    from bowden.live import by_hand
+
+    if not sys.stdin.isatty():
+        raise ParameterError("there is no terminal to take an angle from", do="run it at a terminal, beside the rig")
+    given = read_given(rig).on_bus(channel)
+    parameters = given.drive_parameters
+    drive = family_of(parameters).open(parameters)
+    with contextlib.ExitStack() as stack:
+        identity = drive.bring_up()
+        stack.callback(drive.close)
+        _tell(identity)
+        told, before, after = by_hand.turned(drive, _line, _tell, MonotonicClock(), given.sample_time)
+    joint, motor = after.joint - before.joint, after.motor - before.motor
+    kept = by_hand.confirm(given, told, joint, motor)
+    if json:
+        angles = {"told_deg": told * DEGREES, "joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES}
+        print_json({"drive": identity, **angles, "file": str(kept), "seconds": seconds()})
+    else:
+        print(f"Confirmed: joint {joint * DEGREES:.1f}°, motor {motor * DEGREES:.1f}°, by hand {told * DEGREES:g}°.")
+
+
+def _tell(sentence: str) -> None:
+    print(sentence, file=sys.stderr)
+
+
+def _line() -> str | None:
+    """A line that was entered; None of none yet, and the empty text of a terminal that is gone."""
+    ready, _, _ = select.select([sys.stdin], [], [], 0.0)
+    return sys.stdin.readline() if ready else None
+
+
+COMMANDS = (
+    Command(
+        "confirm",
+        confirm,
+        "Confirm the encoders' scales of a rig by one angle turned by hand.",
+        (
+            "bowden confirm rig.toml",
+            "bowden confirm rig.toml --channel can1",
+        ),
+        place=45,
+    ),
+)

@@ -1,0 +1,168 @@
+"""One angle confirmed by hand, once for a drive and its scales: their only witness that is neither file nor drive.
+
+A joint whose counts a turn are wrong by a factor, with a motor wrong by the same, or both signs turned round, passes
+everything else: drives need not know their encoder, no drive knows the joint's, and no law sees it. So before a motor
+that is none of a twin's gets power for the first time, somebody turns it by hand and says by how much the joint went.
+
+    |joint − told| ≤ share·told + reading,    told/steepest ≤ motor ≤ (told + play)/flattest, widened by the same
+
+all counted in the direction in which the cable pulls, which only a hand can tell.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from bowden.core.clock import SECOND, TimeSource, unix_seconds
+from bowden.core.errors import DriveError, OutputError, SafetyError
+from bowden.core.files import state_folder, whole_file
+from bowden.core.signals import DriveReading, DriveState
+from bowden.core.units import DEGREES, RADIANS
+from bowden.hardware.drives.family import family_of
+from bowden.hardware.ports import Drive, Power
+from bowden.rig.rig import Rig
+from bowden.safety.limits import Limits
+
+LEAST = 30.0 * RADIANS
+"""Smallest angle that is taken: what a goniometer is misread by is small against it [rad]."""
+SHARE, READING = 0.1, 4.0 * RADIANS
+"""What an angle that is read by hand may be wrong by: a share [–], and a goniometer's reading on a limb, of which two
+by different hands differ by some 4° to 5° [rad]. A factor of 0.7 or 1.4 is found at the smallest angle."""
+SETTLED = 20
+"""Cycles without an angle after which there is none."""
+_LEAST_SLOPE = 1e-3
+"""Of a cable, where something is divided by it [rad/rad]."""
+_TURNED = "(where the sign is wrong) slack_sign of [limits] or "
+
+
+def contradictions(told: float, joint: float, motor: float, limits: Limits) -> list[str]:
+    """What both encoders say against the angle by which the joint was turned, in sentences; empty if they agree.
+
+    Args:
+        told: by which whoever turned it has seen the cable pull the joint [rad].
+        joint: change of the joint's angle [rad].
+        motor: change of the motor's [rad].
+        limits: with the cable's slopes and play.
+    """
+    if not told >= LEAST:
+        return [f"{told * DEGREES:.3g}° is too little to tell a scale by; turn it by {LEAST * DEGREES:g}° or more"]
+    pull, slack, found = -limits.slack_sign, SHARE * told + READING, []
+    joint, motor = pull * joint, pull * motor
+    if not abs(joint - told) <= slack:
+        found.append(
+            f"the cable has pulled the joint by {told * DEGREES:.3g}°, by its encoder that is {joint * DEGREES:.3g}°: "
+            f"correct joint_counts_per_turn or {_TURNED}joint_direction"
+        )
+    low, high = told / max(limits.slope_high, _LEAST_SLOPE), (told + limits.play) / max(limits.slope_low, _LEAST_SLOPE)
+    if not low - slack <= motor <= high + slack:
+        found.append(
+            f"the motor should have pulled by {low * DEGREES:.3g}° to {high * DEGREES:.3g}° for it, by its encoder "
+            f"that is {motor * DEGREES:.3g}°: turn it along with the joint, or correct motor_counts_per_turn, gear or "
+            f"{_TURNED}motor_direction"
+        )
+    return found
+
+
+def turned(
+    drive: Drive, lines: Callable[[], str | None], say: Callable[[str], None], clock: TimeSource, period: float
+) -> tuple[float, DriveReading, DriveReading]:
+    """The angle that somebody says to have turned the joint by [rad], and what was read before and after.
+
+    Args:
+        drive: brought up; it is told power off in every cycle.
+        lines: what was entered since it was asked last; None of nothing yet.
+        say: shows a sentence.
+        clock: to go by.
+        period: of a cycle [s].
+
+    Raises:
+        DriveError: no angle comes, or the drive has torque.
+        SafetyError: what was entered is no angle.
+    """
+    say("The motor gets no power. Let the joint rest where the cable is just taut, and press Enter.")
+    before, _ = _until(drive, lines, clock, period)
+    say(
+        f"Turn the motor by hand, at its spool or its shaft, so that the cable pulls the joint by {LEAST * DEGREES:g}° "
+        "or more. Read with a goniometer by how much it has gone, type that in degrees, and press Enter."
+    )
+    after, entered = _until(drive, lines, clock, period)
+    try:
+        told = float(entered.strip().rstrip("°").replace(",", ".")) * RADIANS
+    except ValueError:
+        raise SafetyError(f"{entered.strip()!r} is no angle", expected="degrees, such as 45") from None
+    return told, before, after
+
+
+def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, period: float) -> tuple[DriveReading, str]:
+    """Cycles without power until a line is entered; the last reading and that line."""
+    missing = 0
+    while True:
+        now = clock.now()
+        reading = drive.read(now / SECOND)
+        drive.write(0.0, Power.OFF, now / SECOND)
+        if reading.drive_state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+            raise DriveError("the drive has torque, though it was told off", do="press the emergency stop")
+        missing = 0 if math.isfinite(reading.motor) and math.isfinite(reading.joint) else missing + 1
+        if missing > SETTLED:
+            raise DriveError("an angle is missing", do="look at the encoders' plugs and the drive's PDOs")
+        entered = lines()
+        if entered is not None and not missing:
+            return reading, entered
+        clock.sleep_until(now + round(period * SECOND))
+
+
+def _path(rig: Rig) -> Path:
+    """One file for a drive and all that makes angles of its counts; another law or reference asks for no new turn."""
+    needs = rig.drive_needs
+    name = hashlib.sha256(repr((rig.drive, needs.gear, needs.spool, rig.supervisor_limits.slack_sign)).encode())
+    return state_folder() / f"by-hand-{name.hexdigest()[:16]}.json"
+
+
+def confirm(rig: Rig, told: float, joint: float, motor: float) -> Path:
+    """Keep that the angles of a rig's drive were confirmed; where it is kept.
+
+    Raises:
+        SafetyError: they do not agree with what was told.
+        OutputError: it cannot be kept.
+    """
+    found = contradictions(told, joint, motor, rig.supervisor_limits)
+    if found:
+        raise SafetyError("; ".join(found))
+    kept = {"rig": rig.hash, "utc": unix_seconds(), "told_deg": told * DEGREES}
+    kept |= {"joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES}
+    try:
+        path = _path(rig)
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError) as error:
+        raise OutputError(f"cannot keep what was confirmed: {error}", do="see to XDG_STATE_HOME") from error
+    with whole_file(path) as stage:
+        stage.write_text(json.dumps(kept), encoding="utf-8")
+    return path
+
+
+def confirmed(rig: Rig) -> bool:
+    """Whether somebody has confirmed an angle on this rig's drive, or nobody need: there is a twin."""
+    if family_of(rig.drive).simulated(rig.drive):
+        return True
+    try:
+        kept = json.loads(_path(rig).read_text(encoding="utf-8"))
+        told, joint, motor = (float(kept[name]) * RADIANS for name in ("told_deg", "joint_deg", "motor_deg"))
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError, RecursionError):
+        return False
+    return not contradictions(told, joint, motor, rig.supervisor_limits)
+
+
+def require_confirmed(rig: Rig) -> None:
+    """Refuse to power a motor whose angles nobody has confirmed.
+
+    Raises:
+        SafetyError: nobody has, for this drive and these scales.
+    """
+    if not confirmed(rig):
+        raise SafetyError(
+            "nobody has confirmed an angle on this drive with these scales and directions",
+            expected="the joint turned once by hand, without power, beside both encoders",
+            do=f"bowden confirm {rig.origin}",
+        )

@@ -1,0 +1,66 @@
+"""What a run was latched by and nobody has acknowledged, kept for the next one: a restart acknowledges nothing.
+
+One file for a drive. It is there from the latch to the acknowledgement, whichever process ends meanwhile. What is there
+and cannot be read is a latch all the same. A twin on a bus between processes hurts nobody, and is not remembered.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from bowden.hardware.buses.opening import UNIX
+from bowden.hardware.drives.family import family_of
+from bowden.safety.faults import Fault, of
+
+
+def latch_path(drive: Any) -> Path | None:
+    """The file of a drive; None of a twin."""
+    address = family_of(drive).address(drive)
+    if address.get("interface") == UNIX:
+        return None
+    root = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    name = hashlib.sha256(":".join(address.values()).encode()).hexdigest()[:16]
+    return root / "bowden" / f"latched-{name}.json"
+
+
+def read(drive: Any) -> float | None:
+    """The faults that nobody has acknowledged, a sum of 2**fault; None where there is no latch."""
+    try:
+        path = latch_path(drive)
+        if path is None:
+            return None
+        kept = json.loads(path.read_text(encoding="utf-8"))["faults"]
+        return float(sum(2**fault for fault in Fault if fault.name in kept))
+    except (FileNotFoundError, RuntimeError):  # RuntimeError: a user without a home
+        return None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        said = f"what latched the last run cannot be read from {path} ({type(error).__name__}: {error})"
+        print(f"bowden: note: {said}; it has to be acknowledged all the same", file=sys.stderr)
+        return 0.0
+
+
+def write(drive: Any, faults: float) -> None:
+    """Keep a latch, and wait until the disk has it."""
+    with contextlib.suppress(OSError, RuntimeError):  # as well as may be: the latch of this run holds in any case
+        path = latch_path(drive)
+        if path is None:
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(f".{os.getpid()}")
+        with open(part, "w", encoding="utf-8") as file:
+            json.dump({"faults": [fault.name for fault in of(faults)]}, file)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+
+
+def acknowledge(drive: Any) -> None:
+    """An operator has acknowledged it."""
+    with contextlib.suppress(OSError, RuntimeError):
+        path = latch_path(drive)
+        if path is not None:
+            path.unlink(missing_ok=True)

@@ -1,0 +1,159 @@
+"""Files that were made to do harm: each is refused in one line, within seconds and with little memory."""
+
+import gzip
+import os
+import struct
+import tracemalloc
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bowden.app.main import run
+from bowden.core import bounded
+from bowden.core.errors import BowdenError
+from bowden.core.table import MOST_CELLS, read_table
+from bowden.face.read_trace import read_trace
+from bowden.identify.cable.model_file import load_cable
+from bowden.identify.emg.log import read_emg
+from bowden.identify.log.read import read_log
+from bowden.live.mcap_read import read as read_mcap
+from bowden.rig import wearer_file
+from bowden.rig.config import read_values
+from bowden.rig.given_law import law_file
+from bowden.study.load import load
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    "rig": read_values,
+    "study": load,
+    "wearer": wearer_file.read,
+    "model": load_cable,
+    "law": lambda path: law_file(str(path)),
+    "log of a cable": read_log,
+    "EMG": read_emg,
+    "log of a run": read_mcap,
+    "trace": read_trace,
+}
+"""Everything that reads a file of a user's."""
+WRITTEN = ("rig", "study", "wearer", "model")
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_what_is_no_file_is_refused_at_once(reader: str, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path in (pipe, Path("/dev/zero")):
+        with pytest.raises(BowdenError, match=r"it is a (pipe|device), which may have no end"):
+            READERS[reader](path)
+
+
+TOML = {
+    "nested lists": "a = " + "[" * 2000 + "]" * 2000,
+    "nested tables": "a = " + "{a=" * 2000 + "1" + "}" * 2000,
+    "a key of many parts": ".".join("a" * 50_000) + " = 1",
+    "quoted parts": " . ".join(['"#"'] * 20_000) + " = 1",
+    "a section of many parts": "[" + ".".join("a" * 50_000) + "]",
+    "an integer of a megabyte": "a = " + "1" * 1_000_000,
+    "one in hexadecimal": "a = 0x" + "f" * 1_000_000,
+    "many unknown keys": "".join(f"k{i} = 1\n" for i in range(600_000)),
+    "a megabyte of unknown keys": "".join(f"k{i}=1\n" for i in range(90_000)),
+    "a key of a megabyte": "a" * 1_000_000 + " = 1",
+    "the smallest number": "[encoder.joint]\nresolution_deg = 5e-324\n[vary]\nservo.damping = 5e-324",
+}
+
+
+@pytest.mark.parametrize("kind", WRITTEN)
+@pytest.mark.parametrize("case", TOML)
+def test_a_text_that_was_made_to_break_its_reader_is_refused(case: str, kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "file.toml"
+    file.write_text(TOML[case])
+    with pytest.raises(BowdenError):
+        READERS[kind](file)
+
+
+@pytest.mark.parametrize("fault", ["begin_s = 1e58", "length_s = 1e300", "begin_s = { uniform = [0, 9e15] }"])
+def test_a_fault_of_a_study_is_within_the_longest_run(fault: str, tmp_path: Path) -> None:
+    file = tmp_path / "study.toml"
+    file.write_text(f'runs = 2\n[fault]\nkind = "bias"\n{fault}\n')
+    with pytest.raises(BowdenError, match=r"fault\.|e\+300"):
+        load(file)
+
+
+def test_what_a_person_writes_is_read_as_ever(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text(f'# {"." * 200}\n"a.b" = "{"x. " * 30}"\r\nc.d.e = [{",".join(["0.1"] * 500)}] # e.g. {"." * 99}\n')
+    found = bounded.read_toml(file)
+    assert found == {"a.b": "x. " * 30, "c": {"d": {"e": [0.1] * 500}}}
+
+
+def packed(path: Path, head: bytes, row: bytes, size: int) -> Path:
+    """A gzipped file of so many bytes of rows, which is small."""
+    member = gzip.compress(row * ((16 << 20) // len(row)))
+    path.write_bytes(gzip.compress(head) + member * (size >> 24))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("reader", "row"),
+    [("log of a cable", b"0.1,0.2,0.3\n"), ("log of a cable", b"0"), ("EMG", b"0.1,0.2,0.3\n"), ("EMG", b"\0")],
+)
+def test_a_small_file_that_unpacks_without_end_is_refused(
+    reader: str, row: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bounded.Bounded.__init__, "__defaults__", (32 << 20,))
+    monkeypatch.setattr(bounded.pieces, "__defaults__", (32 << 20,))
+    monkeypatch.setattr(bounded.read_whole, "__defaults__", (32 << 20,))
+    file = packed(tmp_path / "log.csv.gz", b"time_s,motor_deg,joint_deg\n0,1,2\n0.001,1,2\n", row, 1 << 30)
+    tracemalloc.start()
+    try:
+        with pytest.raises(BowdenError, match="32 MB unpacked"):
+            READERS[reader](file)
+        assert tracemalloc.get_traced_memory()[1] < 100 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_more_fields_than_fit_are_refused_before_they_are_taken_apart(tmp_path: Path) -> None:
+    file = packed(tmp_path / "emg.csv.gz", b"time_s,emg_mV\n", b"1,2\n", 4 * MOST_CELLS)
+    with pytest.raises(BowdenError, match="fields"):
+        read_table(file)
+    with pytest.raises(BowdenError, match="rows"):
+        read_log(packed(file, b"time_s,motor,joint\n0,1,2\n1,2,3\n", b"1,2,3\n", 256 << 20))
+
+
+def test_a_parquet_file_of_endless_rows_is_refused(tmp_path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    file = tmp_path / "log.parquet"
+    names = ("time", "motor", "joint", *(f"c{i}" for i in range(13)))
+    zeros = pa.array(np.zeros(4_000_000))
+    parquet.write_table(pa.table(dict.fromkeys(names, zeros)), file)
+    assert file.stat().st_size < 1 << 20
+    for reader in (read_trace, read_table):
+        with pytest.raises(BowdenError, match="64000000 fields"):
+            reader(file)
+    with pytest.raises(BowdenError, match="every sample"):  # of three columns alone there is room
+        read_log(file)
+
+
+def test_a_matlab_file_that_unpacks_without_end_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "log.mat"
+    unpacked = zlib.compress(bytes(64 << 20), 9)
+    element = struct.pack("<II", 15, len(unpacked)) + unpacked
+    file.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + element * 160)
+    with pytest.raises(BowdenError, match="512 MB unpacked"):
+        read_log(file)
+
+
+def test_a_message_is_one_line_of_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text('[control]\nlaw = "' + "\\u001b[2J" * 9000 + '"\n')
+    assert run(["simulate", str(file)]) == 2
+    said = capsys.readouterr().err
+    assert "\x1b" not in said
+    assert len(said) < 2100
+    assert said.count("\n") == 1

@@ -1,0 +1,127 @@
+"""One angle confirmed by hand: wrong scales and directions are found, and no motor gets power before."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from bowden.app.main import run
+from bowden.core.clock import SECOND
+from bowden.core.errors import SafetyError
+from bowden.core.units import RADIANS
+from bowden.hardware.drives.canopen_drive import CanopenDrive
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.live.by_hand import confirm, confirmed, contradictions, require_confirmed, turned
+from bowden.rig.rig import Rig
+from bowden.safety.limits import Limits
+from support.hostile_node import GEAR, SLOPE, Attack, HostileBus
+
+pytestmark = pytest.mark.usefixtures("state")
+
+REAL = DriveParameters(interface="socketcan", answer_timeout=0.05)
+NO_FACTORS = Attack(objects=(((0x608F, 1), 0), ((0x6091, 1), 0)))
+"""A drive that does not tell its encoder's counts, as it need not."""
+TRUE = 16384.0
+WRONG: dict[str, dict[str, float]] = {
+    "both counts a quarter": {"joint_counts_per_turn": 4 * TRUE, "motor_counts_per_turn": 4 * TRUE},
+    "both counts a half": {"joint_counts_per_turn": 2 * TRUE, "motor_counts_per_turn": 2 * TRUE},
+    "both counts twice": {"joint_counts_per_turn": TRUE / 2, "motor_counts_per_turn": TRUE / 2},
+    "both signs": {"joint_direction": -1, "motor_direction": -1},
+    "the joint's counts a half": {"joint_counts_per_turn": 2 * TRUE},
+    "the motor's counts a half": {"motor_counts_per_turn": 2 * TRUE},
+    "the motor's sign": {"motor_direction": -1},
+}
+
+
+class ByHand:
+    """Somebody at the joint, and the clock; `degrees` is what the joint is turned by."""
+
+    def __init__(self, bus: HostileBus, degrees: float, said: str) -> None:
+        self.bus, self.degrees, self.said, self.looks = bus, degrees, said, 0
+        self.heard: list[str] = []
+
+    def now(self) -> int:
+        return round(self.bus.time * SECOND)
+
+    def sleep_until(self, deadline: int) -> None:
+        self.bus.pass_time()
+
+    def lines(self) -> str | None:
+        self.looks += 1
+        if self.looks == 20:
+            return "\n"
+        if self.looks == 21:
+            counts = TRUE * GEAR / SLOPE
+            self.bus.node.motor += counts * self.degrees / 360.0
+        return self.said if self.looks == 60 else None
+
+
+def by_hand(rig: Rig, degrees: float = 45.0, said: str = "45\n") -> tuple[float, float, float]:
+    bus = HostileBus(NO_FACTORS)
+    drive = CanopenDrive(rig.drive_parameters, bus)
+    drive.bring_up()
+    somebody = ByHand(bus, degrees, said)
+    told, before, after = turned(drive, somebody.lines, somebody.heard.append, somebody, 1e-3)
+    assert not bus.node.torque
+    assert len(somebody.heard) == 2
+    drive.close()
+    return told, after.joint - before.joint, after.motor - before.motor
+
+
+def test_what_was_confirmed_by_hand_is_asked_once_and_anew_for_other_scales() -> None:
+    rig = Rig(drive=REAL)
+    assert not confirmed(rig)
+    with pytest.raises(SafetyError, match=r"nobody has confirmed an angle .* bowden confirm Rig"):
+        require_confirmed(rig)
+    confirm(rig, *by_hand(rig))
+    require_confirmed(rig)
+    require_confirmed(rig.replace(duration=3.0))
+    assert not confirmed(rig.replace(drive=REAL._replace(joint_counts_per_turn=2 * TRUE)))
+    assert not confirmed(rig.replace(drive=REAL._replace(node_id=2)))
+    assert confirmed(Rig()), "there is a twin"
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_scales_and_directions_are_found_by_hand(name: str) -> None:
+    rig = Rig(drive=REAL._replace(**WRONG[name]))
+    with pytest.raises(SafetyError, match="encoder"):
+        confirm(rig, *by_hand(rig))
+    assert not confirmed(rig)
+
+
+def test_a_wrong_slack_sign_is_found_by_hand() -> None:
+    rig = Rig(drive=REAL, limits=Limits(slack_sign=1.0))
+    with pytest.raises(SafetyError, match="slack_sign"):
+        confirm(rig, *by_hand(rig))
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(45.0, "much\n"), (45.0, ""), (20.0, "20"), (45.0, "nan"), (0.0, "45")])
+def test_no_turn_no_number_and_too_small_a_turn_confirm_nothing(degrees: float, said: str) -> None:
+    rig = Rig(drive=REAL)
+    with pytest.raises(SafetyError):
+        confirm(rig, *by_hand(rig, degrees, said))
+    assert not confirmed(rig)
+
+
+@pytest.mark.parametrize("misread", [-0.05, 0.05])
+def test_a_goniometer_may_be_misread_and_a_cable_may_have_play(misread: float) -> None:
+    limits = Limits()
+    for told in (30.0 * RADIANS, 80.0 * RADIANS):
+        for play in (0.0, limits.play):
+            joint = told + misread
+            assert not contradictions(told, joint, (joint + play) / 0.9, limits)
+            assert contradictions(told, joint, -joint, limits)
+    assert contradictions(math.nan, 0.5, 0.5, limits)
+
+
+@pytest.mark.parametrize("command", [["run"], ["measure"]])
+def test_no_run_powers_a_motor_that_nobody_has_confirmed(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('[drive]\ninterface = "socketcan"\n')
+    assert run([*command, str(rig), "--auto", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert f"bowden confirm {rig}" in said
+    assert run(["confirm", str(rig)]) == 2
+    assert "no terminal" in capsys.readouterr().err

@@ -1,0 +1,87 @@
+"""A latch outlives the processes of its run, until an operator acknowledges it."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bowden.control import LAWS
+from bowden.control.reference import PeriodicMinimumJerk
+from bowden.core.errors import SafetyError
+from bowden.hardware.drives.parameters import DriveParameters
+from bowden.live import latch_file
+from bowden.live.automatic import automatic
+from bowden.live.preflight import Preflight
+from bowden.live.row import AT
+from bowden.live.script import Script
+from bowden.live.session import Session
+from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, Request
+from loop_rig import LoopRig, twin_bench
+from support.simulated_drive import SimulatedDrive
+
+REAL, TWIN = DriveParameters(interface="socketcan", channel="can0"), DriveParameters()
+FAULTS = float(2**Fault.NOT_FOLLOWING + 2**Fault.SECOND_MASTER)
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    return tmp_path
+
+
+def row(mode: Mode, faults: float = 0.0) -> np.ndarray:
+    found = np.zeros(len(AT))
+    found[AT["mode"]], found[AT["faults"]] = mode, faults
+    return found
+
+
+def test_it_is_there_from_the_latch_to_the_acknowledgement_whoever_ends_meanwhile() -> None:
+    assert latch_file.read(REAL) is None
+    session = SimpleNamespace(_latched=None, _remembers=True, live=SimpleNamespace(rig=SimpleNamespace()))
+    session.live.rig.drive_parameters = REAL
+    for mode, kept in ((Mode.RUNNING, None), (Mode.LATCHED, FAULTS), (Mode.LATCHED, FAULTS), (Mode.STOPPED, None)):
+        Session._remember_latch(session, row(mode, FAULTS))  # type: ignore[arg-type]
+        assert latch_file.read(REAL) == kept
+    latch_file.write(REAL, FAULTS)  # as the loop's process does at its end
+    assert latch_file.read(REAL._replace(channel="can1")) is None, "another drive"
+    latch_file.write(TWIN, FAULTS)
+    assert latch_file.read(TWIN) is None, "a twin hurts nobody"
+
+
+def test_what_cannot_be_read_is_a_latch(capsys: pytest.CaptureFixture[str]) -> None:
+    latch_file.write(REAL, FAULTS)
+    path = latch_file.latch_path(REAL)
+    assert path is not None
+    path.write_text("{")
+    assert latch_file.read(REAL) == 0.0
+    assert "has to be acknowledged" in capsys.readouterr().err
+
+
+def test_a_run_that_begins_latched_is_armed_by_nothing_but_an_acknowledgement_first(tmp_path: Path) -> None:
+    table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(300) * 1e-3)
+    script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
+
+    def between(rig: LoopRig) -> None:
+        if rig.sleeps == 100:
+            rig._block.ask(Request.ACKNOWLEDGE)
+
+    drive, arms = SimulatedDrive(twin_bench()), (10, 50, 200)
+    rig = LoopRig(tmp_path, LAWS["adaptive"], Limits(), drive, script, between, arms=arms, quits=400, latched=FAULTS)
+    ended, rows = rig.run()
+    assert (rows["mode"][:100] == Mode.LATCHED).all()
+    assert (rows["faults"][1:100] == FAULTS).all()
+    assert not rows["power"][:200].any()
+    assert (ended.mode, ended.faults) == (Mode.STOPPED, 0)
+    assert rig.led > 0
+
+
+def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it() -> None:
+    latched = {name: float(value) for name, value in zip(AT, row(Mode.LATCHED, FAULTS), strict=True)}
+    asked: list[Request] = []
+    session = SimpleNamespace(ready={"drive": "x"}, last=lambda: latched, ask=asked.append)
+    with pytest.raises(SafetyError, match="nobody has acknowledged: motor does not do what its servo would"):
+        list(automatic(session))
+    assert not asked
