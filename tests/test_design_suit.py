@@ -103,10 +103,7 @@ def test_a_wearer_is_their_numbers_alone_and_within_the_ranges() -> None:
         assert abs(np.degrees(angle.offset)) + 90.0 * abs(angle.gain) <= 0.4 + 1e-9
 
 
-FAR = pytest.mark.xfail(strict=True, reason="a wearer who trembles or resists: up to 20° instead of 8°")
-
-
-@pytest.mark.parametrize("number", [3, pytest.param(8, marks=FAR), pytest.param(13, marks=FAR)])
+@pytest.mark.parametrize("number", [3, 8, 13])
 def test_the_compensated_suit_on_a_few_random_wearers(number: int) -> None:
     """All of them stable, and far nearer than the 30° without compensation; the 500 are in the benchmarks."""
     made = suit()
