@@ -60,6 +60,8 @@ class Change(NamedTuple):
     """Of it, what the law knows [s]."""
     swing: float = 0.0
     """Frequency of a load that swings with a damping of 0.15; 0 for none [Hz]."""
+    learned: float = 0.0
+    """Of it, what the law has learned [Hz]."""
 
 
 CHANGES = {
@@ -84,20 +86,27 @@ CHANGES = {
     "by 50 ms, told, slope × 1.3": (Change(slope=1.3, lag=0.05, told=0.05),),
     "load swings at 3 Hz": (Change(swing=3.0),),
     "load swings at 8 Hz": (Change(swing=8.0),),
+    "at 3 Hz, learned": (Change(swing=3.0, learned=3.0),),
+    "at 8 Hz, learned": (Change(swing=8.0, learned=8.0),),
+    "at 3 Hz, learned as 2.6 Hz": (Change(swing=3.0, learned=2.6),),
+    "at 8 Hz, learned as 7 Hz": (Change(swing=8.0, learned=7.0),),
+    "at 8 Hz, learned as 9 Hz": (Change(swing=8.0, learned=9.0),),
 }
 """What is looked at: a row of the table each; the worst of a row's changes counts."""
 
 
-def law_model(told: Told, lag: float, share: float = 1.0) -> StateSpace:
-    """The frozen law from the joint to minus the command, at a share of its κ."""
+def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> StateSpace:
+    """The frozen law from the joint to minus the command, for a lag [s] and a load's frequency [Hz], at a share of κ."""
     gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=NOISE, lag=lag)
     pace = pace_of(gains, 1.0, told.dt)
     kappa, unbounded = share * pace.kappa, pace._replace(stopping=1e9)
+    time = 1.0 / (2.0 * np.pi * learned) if learned else 0.0
 
     def after(numbers: Array, joint: float) -> Array:
         before = Observer(*numbers.tolist())
-        arrived = arrives(before, gains.delay, lag, told.dt)
-        now, acceleration = corrected(before, joint - arrived, arrived, kappa, unbounded, 0.0, 0.0, told.dt)
+        arrived = arrives(before, gains.delay, lag, time, told.dt)
+        seen = joint - arrived.position
+        now, acceleration = corrected(before, seen, 0.0, arrived, kappa, unbounded, 0.0, 0.0, told.dt)
         wanted = Filtered(now.sent, now.rate, acceleration)
         return np.array([*now, -through_servo(wanted, gains.servo_frequency, gains.servo_damping)])
 
@@ -178,9 +187,9 @@ def row(name: str, changes: tuple[Change, ...]) -> Row:
     for told in itertools.starmap(Told, itertools.product(FREQUENCIES, DAMPINGS, SAMPLE_TIMES, DELAYS)):
         found, circles = [], []
         for change in changes:
-            plant, law = plant_model(told, change), law_model(told, change.told)
+            plant, law = plant_model(told, change), law_model(told, change.told, change.learned)
             found.append(margins(plant, law, told.dt))
-            circles.append(meets_circle_criterion(plant, law, law_model(told, change.told, 0.0), told.dt))
+            circles.append(meets_circle_criterion(plant, law, law_model(told, change.told, change.learned, 0.0), told.dt))
         stable.append(all(m.stable for m in found))
         bounded.append(all(circles))
         if stable[-1]:
