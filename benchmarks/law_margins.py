@@ -189,7 +189,9 @@ def row(name: str, changes: tuple[Change, ...]) -> Row:
         for change in changes:
             plant, law = plant_model(told, change), law_model(told, change.told, change.learned)
             found.append(margins(plant, law, told.dt))
-            circles.append(meets_circle_criterion(plant, law, law_model(told, change.told, change.learned, 0.0), told.dt))
+            circles.append(
+                meets_circle_criterion(plant, law, law_model(told, change.told, change.learned, 0.0), told.dt)
+            )
         stable.append(all(m.stable for m in found))
         bounded.append(all(circles))
         if stable[-1]:

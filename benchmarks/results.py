@@ -10,7 +10,7 @@ ORDER = [
     *("Speed", "Campaigns", "A cycle of each law", "How far `bowden check` can be trusted"),
     *("Our law on random plants", "The suit on random wearers"),
     *("The live loop", "A long run", "Loss of a process", "Loss of the recorder", "Faults", "Hours without a fault"),
-    "EMG streams",
+    *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),
 ]
 """Titles."""
 

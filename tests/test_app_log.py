@@ -50,7 +50,9 @@ def live_run() -> np.ndarray:
     begun, ran = False, 0
     for k in range(CYCLES):
         joint = math.nan if k in (1500, 1501) else 0.93 * motor - 0.02 + noise[k, 0]
-        reading = DriveReading(motor, joint, 0.4, math.nan, 35.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0, 0.0, 0.0)
+        reading = DriveReading(
+            motor, joint, 0.4 + noise[k, 0], math.nan, 35.0, 0.0, 0.0, 0.01, drive, 0.0, 0.0, 0.0, 0.0
+        )
         if not begun:
             cycle.begin(reading, cold(limits.thermal))
             begun, target = True, cycle.state.supervisor.target

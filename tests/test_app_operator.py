@@ -253,7 +253,7 @@ def test_the_name_of_a_log_is_text_and_no_markup() -> None:
 
 def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     found = {
-        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction")),
+        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction", "stalled_ms")),
         "ended_well": False,
         "faults": ["drive in fault"],
         "remedies": ["read the error code"],

@@ -37,7 +37,7 @@ bends_deg = [180.0, 200.0]
 @pytest.mark.parametrize(
     ("fault", "meaning", "emergency"),
     [
-        ("drive_fault 0x8A88", "emergency from the drive", "0x8A88: safe torque off"),
+        ("drive_fault 0x8A88", "emergency stop pressed", "emergency stop pressed, or 0x8A88: safe torque off"),
         pytest.param("bus_off", "bus fails", None, marks=pytest.mark.long),
     ],
 )

@@ -149,7 +149,7 @@ def test_a_law_without_feedback_has_nothing_to_tune() -> None:
 
 @pytest.mark.usefixtures("small_search")
 def test_tuning_moves_choices_and_leaves_facts() -> None:
-    law = LAWS["bowden"].with_gains(lag=0.002)
+    law = LAWS["bowden"].with_gains(bandwidth=1.0)
     found = tune(BENCH, law, generations=1)
     assert found.gains
     assert set(found.gains) <= {"bandwidth", "lag"}

@@ -101,7 +101,7 @@ def shown(texts: Sequence[str], most: int = 80) -> str:
     """What a sender says of itself, fit for a message or a screen.
 
     >>> shown(["lab", "\\x1b[2J" + 100 * "a"], 10)
-    'lab, ·[2Jaaaaa…'
+    'lab, ·[2Jaaaaaa…'
     """
     cut = (text[:most] + ("…" if len(text) > most else "") for text in texts)
     return ", ".join("".join(one if one.isprintable() else "·" for one in text) for text in cut)

@@ -2,7 +2,8 @@
 
 A command takes effect at the next whole cycle, as in a simulation; between two of them joint and motor go straight from
 one to the other. How its motor stops is not known of such a plant: without torque, and under a quick stop, it is told
-to stay where it is, a stated choice. Its current is what its ``effort`` says, or 0 without one.
+to stay where it is, a stated choice. Its current is what its ``effort`` says; without one it is what the rig's motor needs
+for itself and for the bench's spring at the joint, a stated choice too: a drive whose current stands still is refused.
 """
 
 import math
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from bowden.control.source import Measurement
 from bowden.core.kernel import kernel, reached, specialise
 from bowden.hardware.twin.bench import FOLLOW, LONGEST_GAP, OFF, Physics, course_at, stage_temperature
+from bowden.models.drive.motor import current
 from bowden.plants.plant import (
     SheathState,
     plant_advance,
@@ -172,9 +174,13 @@ class TwinUser:
 
     @property
     def current(self) -> float:
-        """See `TwinPlant.current`; 0 where the plant does not say."""
-        known = self.doing != OFF and math.isfinite(self._cycle.current)
-        return self._cycle.current if known else 0.0
+        """See `TwinPlant.current`; where the plant does not say, that of the bench's spring."""
+        if self.doing == OFF:
+            return 0.0
+        if math.isfinite(self._cycle.current):
+            return self._cycle.current
+        acceleration = (self._after.motor_velocity - self._before.motor_velocity) / self.plant.sample_time
+        return current(acceleration, self.joint, 1.0, self.plant.motor)
 
     @property
     def tension(self) -> float:
