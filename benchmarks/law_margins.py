@@ -96,7 +96,7 @@ CHANGES = {
 
 
 def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> StateSpace:
-    """The frozen law from the joint to minus the command, for a lag [s] and a load's frequency [Hz], at a share of κ."""
+    """The frozen law from joint to minus command, for a lag [s], a load's frequency [Hz] and a share of κ."""
     gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=NOISE, lag=lag)
     pace = pace_of(gains, 1.0, told.dt)
     kappa, unbounded = share * pace.kappa, pace._replace(stopping=1e9)
