@@ -40,11 +40,11 @@ UNSEEN = 1e9
 """What `Crossing.furthest` is before there was a reference."""
 
 PACE = 3.0
-"""p over the servo's ω: a jump asks for up to half of (p/ω)² times the width in the command's acceleration term, and
+"""p over the servo's ω: a jump asks for up to 0.23·(p/ω)² times the width in the command's acceleration term, and
 begins without a step of it [–]."""
 
 MIDDLE = 2.2
-"""Half a jump's time, times p [–]."""
+"""Time by which a turn is seen ahead, times p: 38 % of a jump is done then [–]."""
 
 TURN, TURN_SIGMAS = 0.001, 4.0
 """Way of the reference that is a turn, and the same in standard deviations of the noise [rad, –]."""

@@ -2,8 +2,8 @@
 
 With s = 1/a₀, a₀ the told slope, a the learned one, φ the reference, F the observer's correction and J a jump:
 
-    v = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
-    command = v + 2ζ/ω·v' + v''/ω²                                       what the servo must be asked for
+    m = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
+    command = m + 2ζ/ω·m' + m''/ω²                                       what the servo must be asked for
 
 ω, ζ are the servo's, τ the delay. Three parts, each with a file of its own: `observer` takes everything that moves the
 joint for one disturbance and takes it away (F), `crossing` knows the dead zone (J) and learns a, `swing` slows the
