@@ -169,7 +169,8 @@ class Session:
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
         join = shlex.join(["bowden", "log", "recover", *map(str, self.logs)])
         print(
-            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. After the run, join them: {join}",
+            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. "
+            f"After the run, join them: {join}",
             file=sys.stderr,
         )
         self._record_to(self.logs[-1])
