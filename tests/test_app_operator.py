@@ -123,7 +123,7 @@ def test_a_disk_that_is_slow_holds_up_no_sign_of_life(monkeypatch: pytest.Monkey
                 disk.set()
 
     monkeypatch.setattr(operator, "_REMEMBER", 10)
-    session: Any = Slow([row(mode=Mode.STOPPED)] * 600 + [row(mode=Mode.PREFLIGHT), row(mode=Mode.LATCHED)])
+    session: Any = Slow([row(mode=Mode.STOPPED)] * 1200 + [row(mode=Mode.PREFLIGHT), row(mode=Mode.LATCHED)])
     operator.operate(session, operator.Ending(), auto=True, quiet=True)
     assert session.beats > 500
 

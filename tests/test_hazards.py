@@ -115,6 +115,6 @@ def test_no_verdict_that_is_broken_reaches_the_drive(tmp_path: Path, monkeypatch
     assert [power for _, power in sent[-2:]] == [Power.ON, Power.OFF]
     last = rig.reader.last()
     assert last is not None
-    assert (last[AT["mode"]], last[AT["power"]], last[AT["target"]]) == (Mode.LATCHED, 0.0, sent[-2][0]), "recorded"
+    assert (last[AT["mode"]], last[AT["power"]], last[AT["command"]]) == (Mode.LATCHED, 0.0, sent[-2][0]), "recorded"
     assert np.abs(np.diff([target for target, _ in sent])).max() < 0.5
     assert drive.read(0.0).drive_state == DriveState.SWITCH_ON_DISABLED, "closed"
