@@ -7,6 +7,7 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 import contextlib
 import json
 import queue
+import shlex
 import signal
 import subprocess
 import sys
@@ -169,10 +170,10 @@ class Session:
     def _record_again(self) -> None:
         """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
-        names = " ".join(map(str, self.logs))
+        join = shlex.join(["bowden", "log", "recover", *map(str, self.logs)])
         print(
-            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. After the run, join them: "
-            f"bowden log recover {names}",
+            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. "
+            f"After the run, join them: {join}",
             file=sys.stderr,
         )
         self._record_to(self.logs[-1])
