@@ -1,5 +1,6 @@
 """``bowden log``: a run through the live cycle is recorded, told, exported, drawn, replayed, and saved from damage."""
 
+import io
 import json
 import math
 import os
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from bowden.app import main
+from bowden.app.given_rig import trusting
 from bowden.control import LAWS
 from bowden.control.reference import PeriodicMinimumJerk
 from bowden.core import own_code
@@ -21,7 +23,7 @@ from bowden.cycle.one_cycle import HOLD, LAW, LAW_BEGINS, NOWHERE, Cycle, Filter
 from bowden.identify.log.read import read_log
 from bowden.live import live_run as live_run_of
 from bowden.live.events import Changes
-from bowden.live.log_rig import rig_of_log
+from bowden.live.log_rig import OwnFile, UnknownCodeError, rig_of_log
 from bowden.live.mcap_log import LogFile, about
 from bowden.live.mcap_read import read
 from bowden.live.preflight import Reason
@@ -309,11 +311,14 @@ def test_a_program_that_a_log_brings_along_runs_only_once_its_user_says_so(
     write(Path("named.mcap"), rows, without)
     older = Rig().tree() | {"cable": {"plant": f"{named}:PLANT"}}
     write(Path("older.mcap"), rows, settings | {"law": "adaptive", "rig": older})
+    write(Path("older_law.mcap"), rows, without | {"rig": Rig().tree()})
     another = tmp_path / "another user's"
     another.mkdir()
     monkeypatch.setattr(own_code, "cache_folder", lambda: another)
     given_law._load.cache_clear()
     Path("ran").unlink()
+    with pytest.raises(UnknownCodeError, match="never run here"):
+        rig_of_log(Path("older_law.mcap"))
     for words in (["log", "replay", "theirs.mcap"], ["simulate", "theirs.mcap"], ["log", "replay", "named.mcap"],
                   ["log", "replay", "theirs.mcap", "--law", f"{named}:MINE"], ["simulate", "older.mcap"]):  # fmt: skip
         assert main.run(words) == 2
@@ -324,6 +329,22 @@ def test_a_program_that_a_log_brings_along_runs_only_once_its_user_says_so(
     found = document(["replay", "theirs.mcap", "--trust-law"], capsys, "log_replay")
     assert (found["law"], found["same_law"]) == ("mine", True)
     assert document(["replay", "theirs.mcap"], capsys, "log_replay")["law"] == "mine"  # it is remembered
+
+
+def test_the_question_about_a_program_puts_no_orders_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    def made() -> None:
+        raise UnknownCodeError("a.mcap", [OwnFile("\x1b[2Jlaw.py\n", b"", ())])
+
+    monkeypatch.setattr("sys.stdin", Terminal("n\n"))
+    monkeypatch.setattr("sys.stderr", said := Terminal())
+    with pytest.raises(UnknownCodeError):
+        trusting(made)
+    assert "·[2Jlaw.py·, which" in said.getvalue()
+    assert said.getvalue().isprintable()
 
 
 def test_the_rig_of_an_older_log_is_read_with_a_note_or_refused_in_a_line(rows: np.ndarray) -> None:
@@ -363,19 +384,22 @@ def test_gaps_begin_a_replay_anew(rows: np.ndarray, capsys: pytest.CaptureFixtur
 
 
 def test_what_a_kill_left_is_told_and_recovered(rows: np.ndarray, capsys: pytest.CaptureFixture[str]) -> None:
-    write(Path("killed.mcap"), rows, {"law": "adaptive"}, close=False)
-    os.truncate("killed.mcap", Path("killed.mcap").stat().st_size - 3)
-    assert main.run(["log", "info", "killed.mcap"]) == 0
+    write(Path("killed run.mcap"), rows, {"law": "adaptive"}, close=False)
+    os.truncate("killed run.mcap", Path("killed run.mcap").stat().st_size - 3)
+    assert main.run(["log", "info", "killed run.mcap"]) == 0
     printed = capsys.readouterr()
     assert "closed properly  no" in printed.out
-    assert printed.err == "bowden: note: killed.mcap was not closed properly; see: bowden log recover killed.mcap\n"
-    told = document(["recover", "killed.mcap"], capsys, "log_recover")
-    assert told["files"] == ["killed.recovered.mcap"]
+    assert (
+        printed.err
+        == "bowden: note: killed run.mcap was not closed properly; see: bowden log recover 'killed run.mcap'\n"
+    )
+    told = document(["recover", "killed run.mcap"], capsys, "log_recover")
+    assert told["files"] == ["killed run.recovered.mcap"]
     assert (told["rows"], told["missing"], told["tail_seconds"]) == (CYCLES, 0, 0.2)
-    assert document(["info", "killed.recovered.mcap"], capsys, "log_info")["whole"]
-    assert main.run(["log", "recover", "killed.mcap", "--out", "again.mcap"]) == 0
+    assert document(["info", "killed run.recovered.mcap"], capsys, "log_info")["whole"]
+    assert main.run(["log", "recover", "killed run.mcap", "--out", "again.mcap"]) == 0
     assert "up to 0.2 s of the run may be missing" in capsys.readouterr().out
-    assert main.run(["log", "recover", "killed.mcap"]) == 2
+    assert main.run(["log", "recover", "killed run.mcap"]) == 2
 
 
 @pytest.mark.parametrize("command", ["info", "recover", "export", "plot", "replay"])

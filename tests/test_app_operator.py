@@ -58,6 +58,7 @@ class FakeSession:
     beats: int = 0
     ended: bool = False
     running: bool = True
+    began_latched: bool = False
     still: float = 0.0
 
     def beat(self) -> None:
@@ -73,7 +74,7 @@ class FakeSession:
     def ask(self, request: Request) -> None:
         self.asked.append(request)
 
-    def remember(self) -> None:
+    def remember(self, row: dict[str, float] | None) -> None:
         pass
 
     def wait(self, seconds: float) -> None:
@@ -105,6 +106,26 @@ def test_whoever_gives_the_sign_of_life_is_woken_before_what_computes_where_that
     operator.operate(session, operator.Ending(), auto=True, quiet=True)
     assert set(seen) == {allowed}
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def test_a_disk_that_is_slow_holds_up_no_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, disk = threading.Event(), threading.Event()
+
+    class Slow(FakeSession):
+        def remember(self, row: dict[str, float] | None) -> None:
+            asked.set()
+            assert disk.wait(60.0)
+
+        def beat(self) -> None:
+            super().beat()
+            if self.beats == 500:  # while the disk takes nothing
+                assert asked.wait(60.0)
+                disk.set()
+
+    monkeypatch.setattr(operator, "_REMEMBER", 10)
+    session: Any = Slow([row(mode=Mode.STOPPED)] * 1200 + [row(mode=Mode.PREFLIGHT), row(mode=Mode.LATCHED)])
+    operator.operate(session, operator.Ending(), auto=True, quiet=True)
+    assert session.beats > 500
 
 
 def test_a_terminal_that_takes_no_more_holds_up_no_key(monkeypatch: pytest.MonkeyPatch) -> None:

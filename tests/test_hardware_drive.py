@@ -258,6 +258,21 @@ def test_an_emergency_stop_takes_the_torque_and_is_told_for_as_long_as_it_is_pre
     assert rig.bus.node.state is DriveState.SWITCH_ON_DISABLED
 
 
+def test_inputs_that_are_not_told_are_an_emergency_stop_of_a_node_that_lives_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with monkeypatch.context() as patched:
+        rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
+        patched.setattr(frames, "unpack_tpdo3", lambda data: None)
+        assert rig.run(9, Power.ON).emergency == 0.0
+        assert rig.run(5, Power.ON).emergency == EMERGENCY_STOP
+    rig = Rig(DRIVE._replace(emergency_stop_input=7)).up().on()
+    for name in ("unpack_tpdo1", "unpack_tpdo2", "unpack_tpdo3"):
+        monkeypatch.setattr(frames, name, lambda data: None)
+    assert rig.run(30, Power.ON).emergency == 0.0
+    assert rig.readings[-1].motor_age >= 29.0
+
+
 def test_a_reboot_is_seen_and_needs_a_new_bring_up() -> None:
     rig = Rig().up().on()
     rig.inject("reboot")

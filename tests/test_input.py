@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bowden
+from bowden.core.bounded import Bounded
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.live.live_run import live_run
 from bowden.rig import packing
@@ -343,3 +344,11 @@ def test_a_rig_stands_for_none_but_its_own() -> None:
 
 def test_the_package_shows_what_it_offers_and_no_more() -> None:
     assert {name for name in dir(bowden) if not name.startswith("__")} == set(bowden.__all__) - {"__version__"}
+
+
+def test_a_file_that_could_not_be_opened_can_be_closed(tmp_path: Path) -> None:
+    file = Bounded.__new__(Bounded)
+    with pytest.raises(OSError, match="No such file"):
+        file.__init__(tmp_path / "none")  # type: ignore[misc]
+    file.close()
+    assert file.closed

@@ -7,11 +7,13 @@ import pytest
 
 from bowden.app.main import run
 from bowden.core.clock import SECOND
-from bowden.core.errors import SafetyError
+from bowden.core.errors import DriveError, SafetyError
+from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
 from bowden.hardware.drives.canopen_drive import CanopenDrive
 from bowden.hardware.drives.parameters import DriveParameters
-from bowden.live.by_hand import confirm, confirmed, contradictions, require_confirmed, turned
+from bowden.hardware.ports import Power
+from bowden.live.by_hand import SETTLED, confirm, confirmed, contradictions, require_confirmed, turned
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 from support.hostile_node import GEAR, SLOPE, Attack, HostileBus
@@ -78,7 +80,42 @@ def test_what_was_confirmed_by_hand_is_asked_once_and_anew_for_other_scales() ->
     require_confirmed(rig.replace(duration=3.0))
     assert not confirmed(rig.replace(drive=REAL._replace(joint_counts_per_turn=2 * TRUE)))
     assert not confirmed(rig.replace(drive=REAL._replace(node_id=2)))
+    assert confirmed(rig.replace(drive=REAL._replace(answer_timeout=0.06))), "it makes no angle of a count"
     assert confirmed(Rig()), "there is a twin"
+
+
+class Late:
+    """A drive whose angles come no more for some cycles, and an operator who types one line meanwhile."""
+
+    def __init__(self, late: int) -> None:
+        self.late, self.cycle = late, 0
+
+    def read(self, now: float) -> DriveReading:
+        self.cycle += 1
+        age = 3.0 if self.cycle <= self.late else 0.0
+        values = dict.fromkeys(DriveReading._fields, 0.0)
+        return DriveReading(**values | {"motor_age": 0.0, "joint_age": age, "joint": float(self.cycle)})
+
+    def write(self, target: float, power: Power, now: float, torque: float = 0.0) -> None:
+        assert power is Power.OFF
+
+    def lines(self) -> str | None:
+        return {5: "\n", SETTLED: "45\n"}.get(self.cycle)
+
+    def now(self) -> int:
+        return self.cycle
+
+    def sleep_until(self, deadline: int) -> None: ...
+
+
+def test_an_angle_that_comes_no_more_is_none_and_a_line_typed_meanwhile_is_kept() -> None:
+    late = Late(10)
+    told, before, _ = turned(late, late.lines, lambda _: None, late, 1e-3)  # type: ignore[arg-type]
+    assert told == pytest.approx(45.0 * RADIANS)
+    assert before.joint == 11.0
+    late = Late(1000)
+    with pytest.raises(DriveError, match="sends no angle"):
+        turned(late, late.lines, lambda _: None, late, 1e-3)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", WRONG)

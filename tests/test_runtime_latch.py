@@ -60,6 +60,18 @@ def test_what_cannot_be_read_is_a_latch(capsys: pytest.CaptureFixture[str]) -> N
     assert "has to be acknowledged" in capsys.readouterr().err
 
 
+def test_what_cannot_be_kept_is_told_and_leaves_nothing(
+    state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    latch_file.write(REAL, FAULTS)
+    assert "what latched this run cannot be kept ([Errno 28] No space left" in capsys.readouterr().err
+    assert not [path for path in state.rglob("*") if path.is_file()]
+
+
 def test_a_run_that_begins_latched_is_armed_by_nothing_but_an_acknowledgement_first(tmp_path: Path) -> None:
     table = PeriodicMinimumJerk(0.0, 0.3, 2.0).sample(np.arange(300) * 1e-3)
     script = Script(table, 0.0, 0.5, Preflight(), 1e-3)
@@ -81,7 +93,10 @@ def test_a_run_that_begins_latched_is_armed_by_nothing_but_an_acknowledgement_fi
 def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it() -> None:
     latched = {name: float(value) for name, value in zip(AT, row(Mode.LATCHED, FAULTS), strict=True)}
     asked: list[Request] = []
-    session = SimpleNamespace(ready={"drive": "x"}, last=lambda: latched, ask=asked.append)
+    session = SimpleNamespace(ready={"drive": "x"}, began_latched=True, last=lambda: latched, ask=asked.append)
     with pytest.raises(SafetyError, match="nobody has acknowledged: motor does not do what its servo would"):
+        list(automatic(session))
+    session.began_latched = False
+    with pytest.raises(SafetyError, match="latched a fault before this run was armed: motor does not do what"):
         list(automatic(session))
     assert not asked

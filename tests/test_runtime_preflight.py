@@ -9,6 +9,7 @@ import pytest
 from bowden.core.errors import ParameterError, SafetyError
 from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
+from bowden.identify.cable.model import IdentifiedCable
 from bowden.live.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
@@ -119,10 +120,21 @@ def test_a_motor_that_a_release_left_beyond_its_targets_is_never_asked_to_stay_t
     assert outcome.result == 1.0
 
 
-def test_a_frozen_joint_shows_by_what_the_cable_of_the_rig_explains() -> None:
-    assert Rig().supervisor_limits.frozen_travel == pytest.approx(0.2326, abs=1e-3)
-    assert Rig(limits=Limits(frozen_travel=0.15)).supervisor_limits.frozen_travel == 0.15
-    assert Rig(cable=Rig().cable._replace(hysteresis_gain=-1e-3)).supervisor_limits.frozen_travel == 0.1
+def test_a_frozen_joint_shows_by_what_an_identified_cable_explains() -> None:
+    by_hand = Rig().cable
+    measured, tight = (
+        IdentifiedCable("bouc_wen", {"bouc_wen": one._asdict()})
+        for one in (by_hand, by_hand._replace(hysteresis_gain=-1e-3))
+    )
+    assert Rig().supervisor_limits.frozen_travel == pytest.approx(0.4, abs=1e-4), "nobody has measured this cable"
+    assert Rig(limits=Limits(frozen_travel=0.6)).supervisor_limits.frozen_travel == 0.6
+    known, wider = Rig(cable=measured), Rig(cable=measured, limits=Limits(frozen_travel=0.6))
+    assert known.supervisor_limits.frozen_travel == pytest.approx(2.5 * 0.10524, rel=1e-3)
+    assert wider.supervisor_limits.frozen_travel == known.supervisor_limits.frozen_travel
+    assert not known.notes
+    assert "frozen_travel_deg is 34.38; the identified cable explains no more than 15.1" in wider.notes[0]
+    assert Rig(cable=measured, limits=Limits(frozen_travel=0.15)).supervisor_limits.frozen_travel == 0.15
+    assert Rig(cable=tight).supervisor_limits.frozen_travel == 0.1
 
 
 def test_default_limits_agree() -> None:

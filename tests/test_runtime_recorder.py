@@ -269,6 +269,24 @@ def test_the_revision_of_a_folder_runs_nothing_that_the_folder_names(
     assert ran.exists(), "what is kept from running would have run"
 
 
+@pytest.mark.parametrize(("name", "length"), [(b"rigs\xff", 40), (b"rigs\nmore", 0)])
+def test_no_name_of_a_folder_and_no_full_disk_keeps_a_run_from_its_revision(
+    name: bytes, length: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / os.fsdecode(name)
+    folder.mkdir()
+    who = ("-c", "user.name=a", "-c", "user.email=a@b")
+    for words in (["init"], ["commit", "--allow-empty", "-m", "none"]):
+        subprocess.run(["git", "-C", str(folder), *who, *words], check=True, capture_output=True)
+    assert len(rig_revision(folder)) == length
+
+    def full(**_: object) -> None:
+        raise OSError(errno.ENOSPC, "no room")
+
+    monkeypatch.setattr("tempfile.TemporaryDirectory", full)
+    assert rig_revision(folder).endswith("+") == (length > 0)
+
+
 def test_no_place_for_the_file_is_told_to_the_loop(rig: Rig, tmp_path: Path) -> None:
     rig.file.touch()
     rig.start()

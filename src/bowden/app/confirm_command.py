@@ -4,13 +4,16 @@ import contextlib
 import select
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
 from bowden.app.given_rig import read_given
+
+if TYPE_CHECKING:
+    from bowden.hardware.ports import TorqueLeft
 
 
 def confirm(
@@ -35,7 +38,7 @@ def confirm(
     drive = family_of(parameters).open(parameters)
     with contextlib.ExitStack() as stack:
         identity = drive.bring_up()
-        stack.callback(drive.close)
+        stack.callback(lambda: _tell_torque(drive.close()))
         _tell(identity)
         told, before, after = by_hand.turned(drive, _line, _tell, MonotonicClock(), given.sample_time)
     joint, motor = after.joint - before.joint, after.motor - before.motor
@@ -49,6 +52,13 @@ def confirm(
 
 def _tell(sentence: str) -> None:
     print(sentence, file=sys.stderr)
+
+
+def _tell_torque(left: "TorqueLeft") -> None:
+    from bowden.hardware.ports import TORQUE_LEFT
+
+    if TORQUE_LEFT[left]:
+        _tell(f"bowden: {TORQUE_LEFT[left]}")
 
 
 def _line() -> str | None:

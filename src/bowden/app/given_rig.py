@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from bowden.core.files import printable
+
 if TYPE_CHECKING:
     from bowden.rig.rig import Rig
 
@@ -45,7 +47,8 @@ def trusting(made: Callable[[], Result], *, unasked: bool = False) -> Result:
         if not unasked:
             if not (sys.stdin.isatty() and sys.stderr.isatty()):
                 raise
-            print(f"bowden: {error.what}. A program may do whatever you may. Run it? [y/N] ", end="", file=sys.stderr)
+            what = printable(error.what)
+            print(f"bowden: {what}. A program may do whatever you may. Run it? [y/N] ", end="", file=sys.stderr)
             sys.stderr.flush()
             if sys.stdin.readline().strip().lower() not in ("y", "yes"):
                 raise

@@ -1,5 +1,6 @@
 """``bowden log``: what is in the log of a run, and what can be made of it."""
 
+import shlex
 import sys
 from enum import StrEnum
 from glob import escape
@@ -189,11 +190,16 @@ def _warn(found: "Recording | LogReader", file: Path) -> None:
     """Say on standard error where a log is not what a run that ended well leaves."""
     if not found.whole:
         how = "was not closed properly" if found.closing is None else "is damaged"
-        print(f"bowden: note: {file} {how}; see: bowden log recover {file}", file=sys.stderr)
+        print(f"bowden: note: {file} {how}; see: {_recovering(file)}", file=sys.stderr)
     if found.missing:
-        others = sorted(map(str, file.parent.glob(f"{escape(file.stem)}-again*.mcap")))
-        join = f"; join it with its others: bowden log recover {file} {' '.join(others)}" if others else ""
+        others = sorted(file.parent.glob(f"{escape(file.stem)}-again*.mcap"))
+        join = f"; join it with its others: {_recovering(file, *others)}" if others else ""
         print(f"bowden: note: {found.missing} cycles of this run are not in {file}{join}", file=sys.stderr)
+
+
+def _recovering(*files: Path) -> str:
+    """The command, to be copied into a shell."""
+    return shlex.join(["bowden", "log", "recover", *map(str, files)])
 
 
 def _print_facts(file: Path, document: dict[str, Any]) -> None:

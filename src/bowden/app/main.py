@@ -16,7 +16,7 @@ from bowden.app.command import found
 from bowden.app.console import InterruptedPartway
 from bowden.app.interrupts import delivered
 from bowden.core.errors import BowdenError
-from bowden.core.files import shortened
+from bowden.core.files import printable, shortened
 
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option or argument; it gives no public name to this class."""
@@ -84,7 +84,7 @@ def run(arguments: list[str]) -> int:
 
 def _fail(message: str, code: int) -> int:
     """One line, whatever of a file is quoted in it: not endless, and no order to a terminal."""
-    line = "".join(letter if letter.isprintable() else "·" for letter in " ".join(message.split()))
+    line = printable(" ".join(message.split()))
     print(f"bowden: {shortened(line, _LONGEST)}", file=sys.stderr)
     return code
 

@@ -70,11 +70,13 @@ class Bounded(io.RawIOBase):
     """
 
     def __init__(self, path: Path, most: int = MOST_DATA, *, unpack: bool = True) -> None:
-        self._path, self._most, self._file = path, most, open_file(path)
-        self._left = most
+        self._bytes: Any = None
+        self._file: Any = None  # `close` is called of a file that could not be opened, too
+        self._path, self._most, self._left = path, most, most
+        self._file = open_file(path)
         packed = unpack and self._file.read(len(GZIP)) == GZIP
         self._file.seek(0)
-        self._bytes: Any = gzip.GzipFile(fileobj=self._file) if packed else self._file
+        self._bytes = gzip.GzipFile(fileobj=self._file) if packed else self._file
 
     def readable(self) -> bool:
         """Always."""
@@ -99,9 +101,9 @@ class Bounded(io.RawIOBase):
 
     def close(self) -> None:
         """Close the file."""
-        if not self.closed:
-            self._bytes.close()
-            self._file.close()
+        for one in (self._bytes, self._file):
+            if one is not None:
+                one.close()
         super().close()
 
 

@@ -148,3 +148,12 @@ def output_folder(path: Path, option: str = "--out") -> Path:
 def shortened(text: str, most: int = 80) -> str:
     """A text for a message, cut where it is long."""
     return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def printable(text: str) -> str:
+    """A text of others for a terminal, which takes no order from it.
+
+    >>> printable("\\x1b[2Jlab")
+    '·[2Jlab'
+    """
+    return "".join(letter if letter.isprintable() else "·" for letter in text)

@@ -19,6 +19,8 @@ class Watched(Protocol):
     """What is to be known of a session here."""
 
     ready: dict[str, Any]
+    began_latched: bool
+    """Whether a run before it was latched by what nobody has acknowledged."""
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns."""
@@ -46,8 +48,10 @@ def automatic(session: Watched) -> Iterator[bool]:
                 break
             if not asked and row["mode"] == Mode.LATCHED:
                 listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
+                last = "the last run ended in a fault that nobody has acknowledged"
+                what = last if session.began_latched else "the supervisor has latched a fault before this run was armed"
                 raise SafetyError(
-                    f"the last run ended in a fault that nobody has acknowledged: {listed or 'which is not known'}",
+                    f"{what}: {listed or 'which is not known'}",
                     do="mend the cause, and acknowledge it with k in a run without --auto",
                 )
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):

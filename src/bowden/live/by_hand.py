@@ -32,6 +32,10 @@ SHARE, READING = 0.1, 4.0 * RADIANS
 by different hands differ by some 4° to 5° [rad]. A factor of 0.7 or 1.4 is found at the smallest angle."""
 SETTLED = 20
 """Cycles without an angle after which there is none."""
+_OLD = 2
+"""Cycles that an angle may be old and still be the one of now."""
+_SCALES = ("motor_counts_per_turn", "motor_direction", "joint_counts_per_turn", "joint_direction")
+"""Of a drive's parameters, what makes angles of its counts."""
 _LEAST_SLOPE = 1e-3
 """Of a cable, where something is divided by it [rad/rad]."""
 _TURNED = "(where the sign is wrong) slack_sign of [limits] or "
@@ -96,27 +100,35 @@ def turned(
 
 
 def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, period: float) -> tuple[DriveReading, str]:
-    """Cycles without power until a line is entered; the last reading and that line."""
-    missing = 0
+    """Cycles without power until a line is entered and both angles are there; the last reading and that line."""
+    missing, entered = 0, None
     while True:
         now = clock.now()
         reading = drive.read(now / SECOND)
         drive.write(0.0, Power.OFF, now / SECOND)
         if reading.drive_state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
             raise DriveError("the drive has torque, though it was told off", do="press the emergency stop")
-        missing = 0 if math.isfinite(reading.motor) and math.isfinite(reading.joint) else missing + 1
+        angles = ((reading.motor, reading.motor_age), (reading.joint, reading.joint_age))
+        there = all(math.isfinite(angle) and age <= _OLD for angle, age in angles)
+        missing = 0 if there else missing + 1
         if missing > SETTLED:
-            raise DriveError("an angle is missing", do="look at the encoders' plugs and the drive's PDOs")
-        entered = lines()
+            raise DriveError("the drive sends no angle", do="look at the encoders' plugs and the drive's PDOs")
+        entered = lines() if entered is None else entered
         if entered is not None and not missing:
             return reading, entered
         clock.sleep_until(now + round(period * SECOND))
 
 
 def _path(rig: Rig) -> Path:
-    """One file for a drive and all that makes angles of its counts; another law or reference asks for no new turn."""
-    needs = rig.drive_needs
-    name = hashlib.sha256(repr((rig.drive, needs.gear, needs.spool, rig.supervisor_limits.slack_sign)).encode())
+    """One file for a drive and all that makes angles of its counts; another law or reference asks for no new turn.
+
+    Of a family whose parameters have other names for their scales, all of them count.
+    """
+    drive, needs = rig.drive, rig.drive_needs
+    address = sorted(family_of(drive).address(drive).items())
+    scales = [getattr(drive, one) for one in _SCALES] if all(hasattr(drive, one) for one in _SCALES) else list(drive)
+    bound = (drive.family, address, scales, needs.gear, needs.spool, rig.supervisor_limits.slack_sign)
+    name = hashlib.sha256(repr(bound).encode())
     return state_folder() / f"by-hand-{name.hexdigest()[:16]}.json"
 
 

@@ -12,19 +12,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from bowden.hardware.buses.opening import UNIX
+from bowden.core.files import state_folder
 from bowden.hardware.drives.family import family_of
 from bowden.safety.faults import Fault, of
 
 
 def latch_path(drive: Any) -> Path | None:
     """The file of a drive; None of a twin."""
-    address = family_of(drive).address(drive)
-    if address.get("interface") == UNIX:
+    family = family_of(drive)
+    if family.simulated(drive):
         return None
-    root = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    name = hashlib.sha256(":".join(address.values()).encode()).hexdigest()[:16]
-    return root / "bowden" / f"latched-{name}.json"
+    name = hashlib.sha256(":".join(family.address(drive).values()).encode()).hexdigest()[:16]
+    return state_folder() / f"latched-{name}.json"
 
 
 def read(drive: Any) -> float | None:
@@ -44,18 +43,27 @@ def read(drive: Any) -> float | None:
 
 
 def write(drive: Any, faults: float) -> None:
-    """Keep a latch, and wait until the disk has it."""
-    with contextlib.suppress(OSError, RuntimeError):  # as well as may be: the latch of this run holds in any case
+    """Keep a latch, and wait until the disk has it; what cannot be kept is told on standard error.
+
+    The latch of this run holds in any case.
+    """
+    try:
         path = latch_path(drive)
         if path is None:
             return
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(f".{os.getpid()}")
-        with open(part, "w", encoding="utf-8") as file:
-            json.dump({"faults": [fault.name for fault in of(faults)]}, file)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
+        try:
+            with open(part, "w", encoding="utf-8") as file:
+                json.dump({"faults": [fault.name for fault in of(faults)]}, file)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+    except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
+        said = f"what latched this run cannot be kept ({error})"
+        print(f"bowden: note: {said}; the next one will not begin latched", file=sys.stderr)
 
 
 def acknowledge(drive: Any) -> None:

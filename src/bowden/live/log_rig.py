@@ -33,6 +33,7 @@ def rig_of_log(path: Path) -> Rig:
 
     Raises:
         LogError: the log has no rig, or one that this version cannot read.
+        UnknownCodeError: it has a program that its user has not named here.
     """
     settings = LogReader(path).settings
     check_code(settings, path)
@@ -48,6 +49,8 @@ def rig_of_log(path: Path) -> Rig:
         control = {"law": law, "gains": settings.get("gains", {})} if isinstance(law, str) else {}
         rig = Rig.of_tree(tree | {"control": control}, path)
         return rig.replace(remarks=(*rig.remarks, f"{path}: {_OLDER}"))
+    except UnknownCodeError:
+        raise
     except BowdenError as error:
         raise LogError(f"{path}: its rig cannot be used: {error.what}", expected=error.expected, do=error.do) from error
 

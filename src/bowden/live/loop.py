@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from bowden.core.clock import SECOND, TimeSource, next_deadline
+from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveState
 from bowden.cycle.one_cycle import Cycle
 from bowden.cycle.torque_offset import TorqueOffset
@@ -15,7 +16,7 @@ from bowden.live.row import AT
 from bowden.live.script import Script
 from bowden.safety.faults import Fault
 from bowden.safety.last_word import LastWord
-from bowden.safety.supervisor import Mode, Observed, Request
+from bowden.safety.supervisor import POWER_OFF, Mode, Observed, Request
 
 _STOP, _ACKNOWLEDGE = float(Request.STOP), float(Request.ACKNOWLEDGE)
 _RESTING = (float(Mode.STOPPED), float(Mode.LATCHED))
@@ -86,7 +87,7 @@ class Loop:
         The end waits until the drive says that its torque is off, or the supervisor has found that it keeps it.
 
         Raises:
-            SafetyError: the supervisor's verdict was broken; the torque has been told off.
+            SafetyError: the supervisor's verdict was broken; the torque has been told off, and the cycle is recorded.
         """
         try:
             cycles, overruns, mode, faults, stalled = self._run()
@@ -128,7 +129,12 @@ class Loop:
             wish, verdict = cycle.step(observed, plan)
             if verdict.mode > _POWERED and mode in _LED and int(verdict.faults) & _STALLS:
                 stalled = max(lateness, cycle.state.supervisor.sums.late)
-            last_word.judge(verdict)
+            broken = None
+            try:
+                last_word.judge(verdict)
+            except SafetyError as error:  # recorded as what is done instead; the error has what was said
+                broken = error
+                verdict = verdict._replace(target=target, power=POWER_OFF, mode=float(Mode.LATCHED))
             mode, target = verdict.mode, verdict.target
             torque = 0.0 if push is None else push.step(target, verdict, cycle.period)
             drive.write(target, Power(int(verdict.power)), now, torque)
@@ -145,6 +151,8 @@ class Loop:
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9
             ring.publish()
+            if broken is not None:
+                raise broken
 
             before, cycles = woke, cycles + 1
             turning = reading.drive_state in _TURNING and not int(verdict.faults) >> Fault.NOT_DISABLED & 1

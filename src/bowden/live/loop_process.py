@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowden.core.errors import BowdenError
+from bowden.core.errors import BowdenError, SafetyError
 from bowden.live.left_behind import sweep
 
 if TYPE_CHECKING:
@@ -74,7 +74,12 @@ def _cycle(live: "Live", given: dict[str, Any]) -> int:
         drive.close()
         ring.close()
         raise
-    ended = loop.run()
+    try:
+        ended = loop.run()
+    except SafetyError:
+        if given["remembers"]:  # by no fault that the supervisor knows
+            latch_file.write(parameters, 0.0)
+        raise
     if given["remembers"] and ended.mode == Mode.LATCHED:  # the operator's process may be gone
         latch_file.write(parameters, ended.faults)
     _say("ended", asdict(ended) | {"reason": REASONS[Reason(int(script.reason))]})

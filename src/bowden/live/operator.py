@@ -24,7 +24,7 @@ STANDS_STILL = 5.0
 _LOOK = 0.05
 """Between two looks at the run and at the keys [s]."""
 _CLEARED = 1.0
-"""At the end a terminal is given so long to take the picture away [s]."""
+"""At the end a terminal is given so long to take the picture away, and a disk to take the motor's warmth [s]."""
 _REMEMBER = 100
 """Looks between two times that the motor's warmth is kept."""
 _PRIORITY = 1
@@ -84,14 +84,20 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
     """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
 
     The sign of life is given here, between two looks at the keys, and by nobody else: whoever cannot read a key gives
-    none. Nothing here waits for the terminal to take what is shown.
+    none. Nothing here waits for the terminal to take what is shown, nor for a disk.
 
     Raises:
         SafetyError: with `auto`, the supervisor or the preflight did not let it run.
     """
     ending.ends(session.end)
     _tell_grants(session)
-    with _keys() as key, _screen(session, auto, quiet) as show, _prompt(), contextlib.closing(_Ends(session)):
+    with (
+        _keys() as key,
+        _screen(session, auto, quiet) as show,
+        _keeping(session) as keep,
+        _prompt(),
+        contextlib.closing(_Ends(session)),
+    ):
         steps = automatic(session) if auto else None
         looks = 0
         while session.running and not ending.asked:
@@ -110,8 +116,8 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
             if pressed in _KEYS:
                 session.ask(_KEYS[pressed])
             looks += 1
-            if looks % _REMEMBER == 0:
-                session.remember()
+            if looks % _REMEMBER == 0 and row is not None:
+                keep(row)
             session.wait(0.5 * _LOOK if auto else 0.0)
 
 
@@ -191,6 +197,31 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
         over.set()
         come.set()
         drawing.join(_CLEARED)
+
+
+@contextlib.contextmanager
+def _keeping(session: "Session") -> Iterator[Callable[[dict[str, float]], None]]:
+    """A function that has a row's warmth of the motor kept, by a thread of its own: a disk may be slow."""
+    newest: list[dict[str, float]] = []
+    come, over = threading.Event(), threading.Event()
+
+    def keep(row: dict[str, float]) -> None:
+        newest[:] = [row]
+        come.set()
+
+    def write() -> None:
+        while come.wait() and not over.is_set():
+            come.clear()
+            session.remember(newest[0])
+
+    writing = threading.Thread(target=write, daemon=True)
+    writing.start()
+    try:
+        yield keep
+    finally:
+        over.set()
+        come.set()
+        writing.join(_CLEARED)
 
 
 def _draw(

@@ -3,6 +3,7 @@
 import os
 import platform
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -36,9 +37,22 @@ def _revision(folder: Path) -> str:
     compared by a repository of ours without any, which borrows its objects and its index.
     """
     found = _git(["-C", str(folder), "rev-parse", "--show-toplevel", "--git-common-dir", "--absolute-git-dir", "HEAD"])
-    top, common, own, commit = found.stdout.splitlines() if found is not None and found.returncode == 0 else [""] * 4
-    if not commit:
+    lines = found.stdout.removesuffix("\n").split("\n") if found is not None and found.returncode == 0 else []
+    if len(lines) != 4:  # no commit, or a name with a line break in it
         return ""
+    try:
+        same = _same(folder, *lines)
+    except OSError:  # no room for temporary files
+        same = False
+    return lines[-1] if same else f"{lines[-1]}+"
+
+
+def _same(folder: Path, top: str, common: str, own: str, commit: str) -> bool:
+    """Whether the files of a repository are surely those of its commit.
+
+    Raises:
+        OSError: no temporary folder can be made or written.
+    """
     with tempfile.TemporaryDirectory(prefix="bowden-git-") as made:
         ours, form = Path(made), "sha1" if len(commit) == 40 else "sha256"
         (ours / "refs").mkdir()
@@ -53,7 +67,7 @@ def _revision(folder: Path) -> str:
             "GIT_ALTERNATE_OBJECT_DIRECTORIES": str(folder / common / "objects"),
         }
         same = _git(["diff", "--quiet", "--no-ext-diff", "--no-textconv", "--ignore-submodules=all", "HEAD"], borrowed)
-    return commit if same is not None and same.returncode == 0 else f"{commit}+"
+    return same is not None and same.returncode == 0
 
 
 def _git(words: list[str], more: Mapping[str, str] = MappingProxyType({})) -> "subprocess.CompletedProcess[str] | None":
@@ -62,7 +76,12 @@ def _git(words: list[str], more: Mapping[str, str] = MappingProxyType({})) -> "s
     safe = {"GIT_OPTIONAL_LOCKS": "0", "GIT_NO_LAZY_FETCH": "1", "GIT_ALLOW_PROTOCOL": "", "GIT_TERMINAL_PROMPT": "0"}
     try:
         return subprocess.run(
-            ["git", *words], capture_output=True, text=True, timeout=5.0, env=environment | safe | dict(more)
+            ["git", *words],
+            capture_output=True,
+            encoding=sys.getfilesystemencoding(),
+            errors="surrogateescape",  # as Python reads the names of files
+            timeout=5.0,
+            env=environment | safe | dict(more),
         )
     except (OSError, subprocess.TimeoutExpired):
         return None

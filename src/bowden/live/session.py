@@ -7,6 +7,7 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 import contextlib
 import json
 import queue
+import shlex
 import signal
 import subprocess
 import sys
@@ -76,7 +77,9 @@ class Session:
         """Error code of the drive's last emergency; 0 where there was none."""
         self._last: Row | None = None
         self._latched: float | None = None
-        self._not_kept = ""
+        self.began_latched = False
+        """Whether a run before it was latched by what nobody has acknowledged."""
+        self._not_kept, self._keeping = "", threading.Lock()
         self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._processes: list[subprocess.Popen[str]] = []
@@ -118,6 +121,7 @@ class Session:
         warmth = live.limits.thermal
         thermal = thermal_file.read(live.rig.drive_parameters, live.limits) if self._remembers else cold(warmth)
         self._latched = latch_file.read(live.rig.drive_parameters) if self._remembers else None
+        self.began_latched = self._latched is not None
         given = {
             "rig": live.rig.document(),
             "measure": live.measure,
@@ -166,10 +170,10 @@ class Session:
     def _record_again(self) -> None:
         """Have another recorder write what the ring still has, some half a minute, into a file of its own."""
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
-        names = " ".join(map(str, self.logs))
+        join = shlex.join(["bowden", "log", "recover", *map(str, self.logs)])
         print(
-            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. After the run, join them: "
-            f"bowden log recover {names}",
+            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. "
+            f"After the run, join them: {join}",
             file=sys.stderr,
         )
         self._record_to(self.logs[-1])
@@ -296,11 +300,11 @@ class Session:
         self.beat()
         self.block.ask(int(request))
 
-    def remember(self, *, surely: bool = False) -> None:
-        """Keep how warm the motor is, for the next run; `surely` waits for the disk."""
-        row = self.last()
+    def remember(self, row: dict[str, float] | None, *, surely: bool = False) -> None:
+        """Keep how warm the motor is in a row, for the next run; `surely` waits for the disk. Any thread may ask."""
         if row is not None and self._remembers:
-            self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)
+            with self._keeping:
+                self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)
 
     def complete(self) -> None:
         """Arm, run the law over the rig's whole reference, and come back when that has ended, well or by a fault.
@@ -360,7 +364,7 @@ class Session:
             except subprocess.TimeoutExpired:
                 self._loop.kill()
                 self.error = f"the loop's process did not end within {_END:g} s and was killed"
-            self.remember(surely=True)
+            self.remember(self.last(), surely=True)
             if self._not_kept:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
                 print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)

@@ -27,7 +27,7 @@ def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan)
         given: what the rig says of them.
         bench: of the rig.
         drive: of the rig.
-        dead_zone: the widest that its cable has, NaN where it does not say [rad].
+        dead_zone: the widest that its identified cable has, NaN where none is identified [rad].
     """
     travel = max(_LEAST_TRAVEL, dead_zone / DEAD_SHARE)
     return given._replace(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.control import LAWS, Law
-from bowden.control.knowledge import Knowledge, configured, dead_zone
+from bowden.control.knowledge import Knowledge, configured
 from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
@@ -19,6 +19,7 @@ from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
 from bowden.core.style import new_figure
+from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
@@ -612,6 +613,10 @@ class Rig:
                 "the cable's slope is negative" if self.plant is None else "the joint falls as the plant's motor rises"
             )
             notes.append(f"{why}: motor angles are counted the other way round here")
+        given, used = self.limits.frozen_travel, self.supervisor_limits.frozen_travel
+        if used < given and abs(given - Limits().frozen_travel) > _WRITTEN:
+            known = f"the identified cable explains no more than {used / RADIANS:.3g}, which is used"
+            notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
         return tuple(notes)
 
     @property
@@ -671,8 +676,7 @@ class Rig:
     @cached_property
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
-        gap, cable = _WIDER * self.bench.sheath.gap, self.knowledge.cable
-        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone(cable, gap))
+        return live_parts.limits(self.limits, self.bench, self.drive, _WIDER * self.knowledge.width)
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:
@@ -721,6 +725,8 @@ class Rig:
 
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
+_WRITTEN = 1e-3
+"""A limit further from its default was written by somebody; the default's own text in degrees is rounded [rad]."""
 
 
 def _check_name(name: str) -> None:

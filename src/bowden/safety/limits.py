@@ -66,7 +66,7 @@ class Limits(NamedTuple):
     frozen_travel: Annotated[
         float,
         Quantity(
-            "travel of the motor without a sign of life from the joint; at most 1.25 dead zones of the rig's own cable "
+            "travel of the motor without a sign of life from the joint; at most 1.25 dead zones of an identified cable "
             "at twice its bend",
             "rad",
             ge=0.0,

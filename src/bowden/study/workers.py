@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 from collections import deque
@@ -23,7 +24,7 @@ Work = Sequence[tuple[int, range]]
 Done = Generator[tuple[int, "pa.Table"], None, None]
 """Chunks with their rows, in the order in which they are ready."""
 _PATIENCE = 3
-"""How often processes may die without anything having been finished in between."""
+"""How often processes may die, one or several at a time, without anything having been finished in between."""
 _AHEAD = 2
 """Chunks that a process has at a time, so that none waits while its last result is kept."""
 
@@ -49,8 +50,8 @@ def in_processes(study: Study, work: Work, count: int) -> Done:
         while waiting or any(one.given for one in workers):
             while waiting and len(workers) < count:
                 workers.append(_Worker(pack))
-                workers[-1].give(waiting)
-            ready = connection.wait([one.pipe for one in workers])
+                workers[-1].give(waiting, count)
+            ready, died, done = connection.wait([one.pipe for one in workers]), False, False
             for one in [one for one in workers if one.pipe in ready]:
                 try:
                     said = one.pipe.recv()
@@ -58,14 +59,15 @@ def in_processes(study: Study, work: Work, count: int) -> Done:
                     workers.remove(one)
                     one.end()
                     waiting.extendleft(reversed(one.given))
-                    deaths += 1
+                    died = True
                     continue
                 if isinstance(said, Exception):
                     raise said
                 chunk, _ = one.given.popleft()
-                one.give(waiting)
-                deaths = 0
+                one.give(waiting, count)
+                done = True
                 yield chunk, table(said)
+            deaths = 0 if done else deaths + died
             if deaths >= _PATIENCE:
                 raise ParameterError(
                     f"the processes that compute died {deaths} times in a row",
@@ -89,9 +91,9 @@ class _Worker:
             self._process.start()
         theirs.close()  # so that its death is the pipe's end
 
-    def give(self, waiting: deque[tuple[int, range]]) -> None:
-        """Hand it chunks, if there are any."""
-        while waiting and len(self.given) < _AHEAD:
+    def give(self, waiting: deque[tuple[int, range]], count: int) -> None:
+        """Hand it a chunk, and others ahead as long as there is one for each of `count` processes."""
+        while waiting and len(self.given) < (_AHEAD if len(waiting) >= count else 1):
             self.given.append(waiting.popleft())
             numbers = self.given[-1][1]
             try:
@@ -112,12 +114,26 @@ def _work(pipe: Connection, pack: bytes) -> None:
     while True:
         try:
             first, last = pipe.recv()
-        except EOFError:
+        except (EOFError, OSError):  # the parent is gone
             return
+        said: object
         try:
-            pipe.send(compute(pack, first, last))
+            said = compute(pack, first, last)
         except Exception as error:  # so that the parent can say it
-            pipe.send(error)
+            said = _sendable(error)
+        try:
+            pipe.send(said)
+        except OSError:
+            return
+
+
+def _sendable(error: Exception) -> Exception:
+    """An error as another process can have it: itself, or its text where it cannot be packed and unpacked."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # whatever an error of a user's own class raises
+        return ParameterError(f"{type(error).__name__}: {error}")
+    return error
 
 
 def _prepare() -> None:

@@ -28,7 +28,10 @@ CLOSING_CYCLES = 20
 """How often `close` asks for the power to go off, 2 ms apart, while the drive still has torque."""
 
 MOST_INPUTS_AGE = 10
-"""Cycles for which the digital inputs may not be told; after that the emergency stop counts as pressed."""
+"""Cycles for which the digital inputs may not be told; after that the emergency stop counts as pressed, by a node that
+tells the rest: one that tells nothing is not there, which its age says."""
+MOST_ANGLES_AGE = 5
+"""Cycles in which a node that is there has told both angles."""
 
 NOTHING = DriveReading(
     math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -129,7 +132,8 @@ class CanopenDrive:
                 self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
             elif cob_id & ~REMOTE in self._ours:
                 foreign += 1.0
-        if drive.emergency_stop_input >= 0 and not (self._stop_released and self._inputs_age <= MOST_INPUTS_AGE):
+        missing = self._inputs_age > MOST_INPUTS_AGE and max(motor_age, joint_age) <= MOST_ANGLES_AGE
+        if drive.emergency_stop_input >= 0 and (missing or not self._stop_released):
             emergency = EMERGENCY_STOP
         self._inputs_age += 1
         self._before, self._state = self._state, self._statusword_state if self._operational else DriveState(0)

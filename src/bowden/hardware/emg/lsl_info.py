@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bowden.core.errors import StreamError
+from bowden.core.files import printable
 from bowden.sensing.onset_settings import QUICKEST, SAFE
 
 TYPES = ("EMG", "SEMG", "EXG")
@@ -104,7 +105,7 @@ def shown(texts: Sequence[str], most: int = 80) -> str:
     'lab, ·[2Jaaaaaa…'
     """
     cut = (text[:most] + ("…" if len(text) > most else "") for text in texts)
-    return ", ".join("".join(one if one.isprintable() else "·" for one in text) for text in cut)
+    return ", ".join(map(printable, cut))
 
 
 def which(name: str, sources: Sequence[str]) -> str:
