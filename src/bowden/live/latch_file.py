@@ -5,25 +5,19 @@ and cannot be read is a latch all the same. A twin on a bus between processes hu
 """
 
 import contextlib
-import hashlib
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
-from bowden.core.files import state_folder
 from bowden.hardware.drives.family import family_of
+from bowden.live import drive_file
 from bowden.safety.faults import Fault, of
 
 
 def latch_path(drive: Any) -> Path | None:
     """The file of a drive; None of a twin."""
-    family = family_of(drive)
-    if family.simulated(drive):
-        return None
-    name = hashlib.sha256(":".join(family.address(drive).values()).encode()).hexdigest()[:16]
-    return state_folder() / f"latched-{name}.json"
+    return None if family_of(drive).simulated(drive) else drive_file.path_of(drive, "latched")
 
 
 def read(drive: Any) -> float | None:
@@ -49,18 +43,8 @@ def write(drive: Any, faults: float) -> None:
     """
     try:
         path = latch_path(drive)
-        if path is None:
-            return
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(f".{os.getpid()}")
-        try:
-            with open(part, "w", encoding="utf-8") as file:
-                json.dump({"faults": [fault.name for fault in of(faults)]}, file)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        if path is not None:
+            drive_file.keep(path, {"faults": [fault.name for fault in of(faults)]}, surely=True)
     except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
         said = f"what latched this run cannot be kept ({error})"
         print(f"bowden: note: {said}; the next one will not begin latched", file=sys.stderr)

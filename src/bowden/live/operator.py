@@ -182,51 +182,52 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
     if quiet or not sys.stdout.isatty():
         yield lambda row: None
         return
-    newest: list[dict[str, float]] = []
-    come, over = threading.Event(), threading.Event()
-    drawing = threading.Thread(target=_draw, args=(session, auto, newest, come, over), daemon=True)
-
-    def show(row: dict[str, float]) -> None:
-        newest[:] = [row]
-        come.set()
-
-    drawing.start()
-    try:
+    with _apart(lambda rows: _draw(session, auto, rows)) as show:
         yield show
-    finally:
-        over.set()
-        come.set()
-        drawing.join(_CLEARED)
 
 
 @contextlib.contextmanager
 def _keeping(session: "Session") -> Iterator[Callable[[dict[str, float]], None]]:
     """A function that has a row's warmth of the motor kept, by a thread of its own: a disk may be slow."""
+
+    def write(rows: Iterator[dict[str, float]]) -> None:
+        for row in rows:
+            session.remember(row)
+
+    with _apart(write) as keep:
+        yield keep
+
+
+@contextlib.contextmanager
+def _apart(work: Callable[[Iterator[dict[str, float]]], None]) -> Iterator[Callable[[dict[str, float]], None]]:
+    """A function that hands a row to a thread of its own, which may wait for as long as it likes.
+
+    Args:
+        work: what the thread does with the rows; of those that come while it is busy it sees the newest.
+    """
     newest: list[dict[str, float]] = []
     come, over = threading.Event(), threading.Event()
 
-    def keep(row: dict[str, float]) -> None:
+    def hand(row: dict[str, float]) -> None:
         newest[:] = [row]
         come.set()
 
-    def write() -> None:
+    def rows() -> Iterator[dict[str, float]]:
         while come.wait() and not over.is_set():
             come.clear()
-            session.remember(newest[0])
+            yield newest[0]
 
-    writing = threading.Thread(target=write, daemon=True)
-    writing.start()
+    thread = threading.Thread(target=lambda: work(rows()), daemon=True)
+    thread.start()
     try:
-        yield keep
+        yield hand
     finally:
         over.set()
         come.set()
-        writing.join(_CLEARED)
+        thread.join(_CLEARED)
 
 
-def _draw(
-    session: "Session", auto: bool, newest: list[dict[str, float]], come: threading.Event, over: threading.Event
-) -> None:
+def _draw(session: "Session", auto: bool, rows: Iterator[dict[str, float]]) -> None:
     from rich.live import Live
 
     from bowden.live.screen import picture
@@ -234,8 +235,5 @@ def _draw(
     # nothing else that is printed may go through it: it would wait for this thread
     live = Live(auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False)
     with contextlib.suppress(OSError), live:  # the terminal may be gone
-        while not over.is_set():
-            come.wait()
-            come.clear()
-            if newest:
-                live.update(picture(session, newest[0], auto), refresh=True)
+        for row in rows:
+            live.update(picture(session, row, auto), refresh=True)

@@ -4,18 +4,15 @@ A motor cools by the time that this computer has counted since: its clock may be
 kept and cannot be read is a motor as hot as it may be; only where nothing was ever kept is it taken for cold.
 """
 
-import hashlib
 import json
 import math
-import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from bowden.core.clock import boot_seconds
-from bowden.core.files import state_folder
-from bowden.hardware.drives.family import family_of
+from bowden.live import drive_file
 from bowden.live.row import thermal_of
 from bowden.models.drive.thermal import ThermalState, cold, rested
 from bowden.safety.limits import Limits
@@ -23,8 +20,7 @@ from bowden.safety.limits import Limits
 
 def _path(drive: Any) -> Path:
     """One file for a drive, wherever it is."""
-    name = hashlib.sha256(":".join(family_of(drive).address(drive).values()).encode()).hexdigest()[:16]
-    return state_folder() / f"thermal-{name}.json"
+    return drive_file.path_of(drive, "thermal")
 
 
 def read(drive: Any, limits: Limits) -> ThermalState:
@@ -61,17 +57,9 @@ def write(drive: Any, row: Mapping[str, float], *, surely: bool = False) -> str:
         surely: wait until the disk has it, so that a loss of power loses it no more.
     """
     boot, now = boot_seconds()
-    text = json.dumps(thermal_of(row)._asdict() | {"boot": boot, "boot_s": now})
+    document = thermal_of(row)._asdict() | {"boot": boot, "boot_s": now}
     try:
-        path = _path(drive)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(f".{os.getpid()}")
-        with open(part, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            if surely:
-                os.fsync(file.fileno())
-        part.replace(path)
+        drive_file.keep(_path(drive), document, surely=surely)
     except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
         return str(error)
     return ""
