@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -38,6 +39,24 @@ def little_listening(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bring-up within the tests' process listens for other masters for an instant; a rig's does for a second."""
     if "bowden.hardware.drives.canopen_setup" in sys.modules:
         monkeypatch.setattr("bowden.hardware.drives.canopen_setup.LISTENING", 0.03)
+
+
+@pytest.fixture(scope="session")
+def lsl() -> Any:
+    """The library of LSL, where it loads and streams are found on this machine."""
+    from bowden.core.errors import StreamError
+    from bowden.hardware.emg.lsl_library import library
+    from bowden.hardware.emg.lsl_outlet import LslOutlet
+
+    name = f"probe-{os.getpid()}"
+    try:
+        found = library()
+        outlet = LslOutlet(name, 1000.0, ["a"], "mV", name)
+    except StreamError as error:
+        pytest.skip(str(error))
+    there = found.resolve_byprop("name", name, 1, 5.0)
+    outlet.close()
+    return found if there else pytest.skip("LSL finds no stream on this machine: no multicast, no unicast on 127.0.0.1")
 
 
 @pytest.fixture

@@ -18,7 +18,6 @@ import pytest
 from bowden.app.emg_listen import listen
 from bowden.app.main import run
 from bowden.core.errors import LogError, StreamError
-from bowden.hardware.emg.lsl_library import library
 from bowden.hardware.emg.lsl_outlet import LslOutlet
 from bowden.hardware.emg.sources import open_source
 from bowden.hardware.ports import EmgChunk
@@ -33,20 +32,6 @@ NAME = f"app-{os.getpid()}"
 @pytest.fixture(autouse=True)
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def lsl() -> Any:
-    """The library, where it loads and streams are found on this machine."""
-    try:
-        found = library()
-    except StreamError as error:
-        pytest.skip(str(error))
-    outlet = LslOutlet(f"probe-{NAME}", RATE, ["a"], "mV", f"probe-{NAME}")
-    if not found.resolve_byprop("name", f"probe-{NAME}", 1, 5.0):
-        pytest.skip("LSL finds no stream on this machine: no multicast and no unicast on 127.0.0.1")
-    outlet.close()
-    return found
 
 
 def recording(path: str = "a.csv", seconds: float = 12.0, times: bool = True) -> np.ndarray:

@@ -26,20 +26,6 @@ RATE = 1000.0
 HERE = f"{os.getpid()}"
 
 
-@pytest.fixture(scope="module")
-def lsl() -> Any:
-    """The library, where it loads and streams are found on this machine."""
-    try:
-        found = library()
-    except StreamError as error:
-        pytest.skip(str(error))
-    outlet = LslOutlet(f"probe-{HERE}", RATE, ["a"], "mV", f"probe-{HERE}")
-    if not found.resolve_byprop("name", f"probe-{HERE}", 1, 5.0):
-        pytest.skip("LSL finds no stream on this machine: no multicast and no unicast on 127.0.0.1")
-    outlet.close()
-    return found
-
-
 def drained(stream: EmgStream, count: int, limit: float = 20.0) -> EmgChunk:
     """What comes until there are `count` samples."""
     until, chunks = time.monotonic() + limit, []

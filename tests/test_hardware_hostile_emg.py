@@ -20,7 +20,6 @@ from bowden.core.errors import StreamError
 from bowden.hardware.emg import trigno, trigno_dialogue
 from bowden.hardware.emg.listener import Listener
 from bowden.hardware.emg.lsl import LslStream
-from bowden.hardware.emg.lsl_library import library
 from bowden.hardware.emg.trigno import TrignoStream
 from bowden.hardware.emg.trigno_dialogue import Address
 from bowden.hardware.ports import EmgStream
@@ -194,19 +193,6 @@ OUTLETS: dict[str, Row] = {
     "another kind": Row(outlet(kind="\x1b[2J"), refused="has the type"),
 }
 """What an outlet does → what must come of it."""
-
-
-@pytest.fixture(scope="module")
-def lsl() -> Any:
-    """The library, where it loads and streams are found on this machine."""
-    try:
-        found = library()
-    except StreamError as error:
-        pytest.skip(str(error))
-    probe = HostileOutlet(found, f"hostile-probe-{HERE}", hostile_outlet.Attack())
-    there = found.resolve_byprop("name", probe.name, 1, 5.0)
-    probe.close()
-    return found if there else pytest.skip("LSL finds no stream on this machine")
 
 
 def against_outlet(lsl: Any, name: str, row: Row) -> Heard:
