@@ -66,7 +66,7 @@ def short(kind: str, duration: float = 3.0) -> Rig:
     return RIGS[kind]().replace(duration=duration)
 
 
-@each(RIGS, "turned bench", "play", "own", "suit")
+@each(RIGS, "own", "suit")
 def test_a_plant_is_simulated(kind: str) -> None:
     rig = short(kind)
     trace = bowden.simulate(rig, "adaptive", force=True)
@@ -219,6 +219,7 @@ def test_a_study_varies_parameters_of_a_model(
 
 
 @pytest.mark.usefixtures("small_search")
+@pytest.mark.long
 def test_tune_takes_a_study_in_python(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text('runs = 6\nduration_s = 5.0\n[vary]\n"cable.slope" = { uniform = [0.8, 1.0] }\n')

@@ -118,6 +118,7 @@ def test_every_plant_can_be_played(name: str) -> None:
     assert 0.4 < one.cell.chatter < 1.1
 
 
+@pytest.mark.long
 def test_the_slack_cable_goes_slack() -> None:
     plant = PLANTS["slack"].plant
     trace = simulate(plant, LAWS["uncompensated"], SCENARIOS["fast"].motion, duration=4.0)
