@@ -239,7 +239,7 @@ SERVERS: dict[str, Row] = {
     "blank lines without end": Row(server(greeting=lambda: 100 * b"\r\n"), refused="gives no answer"),
     "an empty greeting": Row(server(greeting=lambda: b""), refused="gives no answer"),
     "drips": Row(server(between=0.35), refused="gives no answer"),
-    "answers slowly": Row(server(between=0.15), refused="does not answer all questions"),
+    "answers slowly": Row(server(between=0.1), refused="does not answer all questions"),
     "an answer of orders": Row(sensor("PAIRED?", "YES\x1b[2J"), refused="which is no text"),
     "an answer that is none": Row(sensor("PAIRED?", "PERHAPS"), refused="answers PAIRED? with 'PERHAPS'"),
     "no length of a frame": Row(answering(FRAME_INTERVAL="nan"), refused="in a frame of nan s"),

@@ -78,11 +78,12 @@ class HostileTrigno:
                 self._started = float("inf")
 
     def _serve(self, one: socket.socket) -> None:
-        one.settimeout(0.02)
+        one.settimeout(2.0)  # who listens may be slow
         while (said := self._attack.greeting()) and not self._stop.is_set():
             one.sendall(said)
             if said == GREETING:
                 break
+        one.settimeout(0.02)
         pending = b""
         while not self._stop.is_set() and time.monotonic() - self._started < self._drops_after():
             if self._attack.chatters and self._started < float("inf"):
