@@ -63,8 +63,8 @@ def modulated(carrier: Array, rate: float, depth: float, correlation: float, ran
         random: where it comes from.
     """
     frequency = np.fft.rfftfreq(len(carrier), 1.0 / rate)
-    density: Array = 1.0 / (1.0 + (2.0 * math.pi * frequency * correlation) ** 2)
-    wander = shaped(density, len(carrier), random)
+    density = 1.0 / (1.0 + (2.0 * math.pi * frequency * correlation) ** 2)
+    wander = shaped(np.asarray(density, dtype=np.float64), len(carrier), random)
     return one(carrier * np.exp(depth * wander / max(float(np.std(wander)), 1e-12)), rate)
 
 
