@@ -19,13 +19,21 @@ if TYPE_CHECKING:
 
 
 def identify(
-    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV or MATLAB file with time, motor and joint.")],
+    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV, MATLAB or Parquet file: time, motor, joint.")],
     time: Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")] = None,
     motor: Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")] = None,
     joint: Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of both angles, deg or rad; by default as the columns' names end.")
+        str | None,
+        typer.Option(
+            metavar="UNIT[,UNIT]",
+            help="deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.",
+        ),
     ] = None,
+    counts_per_turn: Annotated[
+        str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")] = None,
     out: Annotated[
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for model.toml and identify.html.")
     ] = Path("out/identify"),
@@ -41,7 +49,9 @@ def identify(
         from bowden.identify.cable.model_file import write_model
         from bowden.identify.log.read import read_log
 
-        checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
+        checked = read_log(
+            log, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate
+        )
         output_folder(out)
         with progress_bar(quiet=json) as progress:
             fit = identify_log(checked, progress=progress)
@@ -125,6 +135,7 @@ COMMANDS = (
         (
             "bowden identify log.csv",
             "bowden identify log.csv.gz --out out/cable",
+            "bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000",
             "bowden identify log.csv --json",
         ),
         place=20,
