@@ -218,7 +218,7 @@ def test_progress_goes_on_to_the_end() -> None:
 def test_signals_that_cannot_be_fitted_are_refused() -> None:
     with pytest.raises(ParameterError, match="three of one length"):
         identify(TIME, MOTOR[:-1], MOTOR)
-    with pytest.raises(ParameterError, match="expected rad or deg"):
+    with pytest.raises(ParameterError, match="expected deg, rad or counts"):
         identify(TIME, MOTOR, MOTOR, unit="grad")
     with pytest.raises(LogError, match="of noise; expected strokes"):
         identify(TIME, np.where(TIME < 15.0, 0.0, MOTOR), MOTOR)

@@ -21,14 +21,24 @@ if TYPE_CHECKING:
 def identify(
     logs: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG...", help="CSV, gzipped CSV or MATLAB file with time, motor, joint; or several."),
+        typer.Argument(
+            metavar="LOG...", help="CSV, gzipped CSV, MATLAB or Parquet: time, motor, joint; one file or more."
+        ),
     ],
     time: Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")] = None,
     motor: Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")] = None,
     joint: Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of both angles, deg or rad; by default as the columns' names end.")
+        str | None,
+        typer.Option(
+            metavar="UNIT[,UNIT]",
+            help="deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.",
+        ),
     ] = None,
+    counts_per_turn: Annotated[
+        str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")] = None,
     load: Annotated[
         str | None,
         typer.Option(
@@ -60,8 +70,10 @@ def identify(
     Several logs are fitted together: one loop whose offset, slope, width and shape follow the logs' load, their bend or
     both. With --model nothing is identified but gain and offset of a known cable, from seconds of motion.
     """
+    named: dict[str, Any] = {"time": time, "motor": motor, "joint": joint, "unit": unit}
+    named |= {"counts_per_turn": counts_per_turn, "rate": rate}
     if len(logs) > 1 or model is not None:
-        _several(logs, {"time": time, "motor": motor, "joint": joint, "unit": unit}, load, bend, model, out, json)
+        _several(logs, named, load, bend, model, out, json)
         return
     if load is not None or bend is not None:
         from bowden.core.errors import ParameterError
@@ -72,13 +84,12 @@ def identify(
             expected="several logs, or --model with a model that is scheduled by it",
             do=f"give the other logs too, or leave out --{what}",
         )
-    log = logs[0]
     with beside(_ready_to_draw, _drawn) as drawn:
         from bowden.identify.cable.fit import identify_log
         from bowden.identify.cable.model_file import write_model
         from bowden.identify.log.read import read_log
 
-        checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
+        checked = read_log(logs[0], **named)
         output_folder(out)
         with progress_bar(quiet=json) as progress:
             fit = identify_log(checked, progress=progress)
@@ -98,7 +109,7 @@ def identify(
 
 def _several(
     files: list[Path],
-    named: dict[str, str | None],
+    named: dict[str, Any],
     load: str | None,
     bend: str | None,
     model: Path | None,
@@ -187,6 +198,7 @@ COMMANDS = (
         (
             "bowden identify log.csv",
             "bowden identify log.csv.gz --out out/cable",
+            "bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000",
             "bowden identify low.csv mid.csv high.csv --load 0.02,0.06,0.12",
             "bowden identify low.csv mid.csv high.csv --load joint_torque_nm",
             "bowden identify new.csv --model out/identify/model.toml --out out/new",

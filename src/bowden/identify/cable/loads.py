@@ -320,7 +320,7 @@ def _scheduling(
             raise ParameterError(
                 f"{len(numbers)} values of the {name} for {len(logs)} logs",
                 expected="one for each log, in their order",
-                do=f"give them as --{name} 0.1,0.2,…, or {name}=[0.1, 0.2, …] in Python",
+                do="give them in that order",
             )
         values = np.array(numbers, dtype=np.float64)
         bad = np.flatnonzero(~np.isfinite(values))
@@ -328,7 +328,7 @@ def _scheduling(
             raise ParameterError(
                 f"{logs[int(bad[0])].name}: the {name} is {values[bad[0]]}",
                 expected="a number for every log",
-                do=f"give its value with --{name}, or leave the log out",
+                do="give its value, or leave the log out",
             )
         if not np.ptp(values) > _LEAST_RANGE * float(np.abs(values).max()):
             warnings.append(

@@ -196,14 +196,14 @@ def _placed(cable: IdentifiedCable, values: Mapping[str, float]) -> tuple[Identi
             raise ParameterError(
                 f"a {name} is given, and {cable.file or 'the model'} is scheduled by {', '.join(known) or 'nothing'}",
                 expected="values of what schedules the model",
-                do=f"leave out --{name}",
+                do=f"leave out {name}",
             )
     missing = [name for name in known if name not in values]
     if missing:
         raise ParameterError(
             f"{cable.file or 'the model'} is scheduled by the {missing[0]}, and the log's is not known",
             expected="its value, or the column that has it",
-            do=f"give --{missing[0]} VALUE or --{missing[0]} COLUMN",
+            do=f"give {missing[0]} its value or its column",
         )
     return cable.with_parameters(values) if values else cable, outside(cable.model().parameters, values)
 

@@ -60,7 +60,7 @@ def scheduled_by(
             return None
         values = numbers(given)
         if values is not None:
-            return of_numbers(name, values, called)
+            return of_numbers(name, [RADIANS * one for one in values] if name == "bend" else values, called)
     found = [_mean(file, name, given) for file in files]
     there = [one for one in found if one is not None]
     if not there:
@@ -71,14 +71,14 @@ def scheduled_by(
             f"{', '.join(without[:3])}{', …' if len(without) > 3 else ''} has no column for the {name}, others have "
             f"{there[0][2]!r}",
             expected="it in all logs, or in none",
-            do=f"give one value for each log (--{name} 0.1,0.2,…), its column, or --{name} none",
+            do=f"give {name} one value for each log (0.1,0.2,…), its column, or none",
         )
     units = {one[1] for one in there}
     if len(units) > 1:
         raise LogError(
             f"the {name} is in {' and '.join(sorted(unit or 'no unit' for unit in units))}",
             expected="one unit in all logs",
-            do=f"convert them, or give the values with --{name}",
+            do=f"convert them, or give {name} one value for each log",
         )
     (unit,) = units
     return Scheduled(
@@ -87,7 +87,7 @@ def scheduled_by(
 
 
 def of_numbers(name: str, values: Sequence[float], logs: Sequence[str]) -> Scheduled:
-    """A variable as it was given for each log; a bend in degrees.
+    """A variable as it was given for each log; a bend in radians.
 
     Raises:
         ParameterError: another number of them, or one that is not finite.
@@ -96,13 +96,12 @@ def of_numbers(name: str, values: Sequence[float], logs: Sequence[str]) -> Sched
         raise ParameterError(
             f"{len(values)} values of the {name} for {len(logs)} logs",
             expected="one for each log, in their order",
-            do=f"give them as --{name} 0.1,0.2,…, or {name}=[0.1, 0.2, …] in Python",
+            do="give them in that order, with commas between on a command line",
         )
     for value, log in zip(values, logs, strict=True):
         if not math.isfinite(value):
             raise ParameterError(f"the {name} of {log} is {value}", expected="a finite number", do="correct it")
-    scale = RADIANS if name == "bend" else 1.0
-    return Scheduled(tuple(scale * float(value) for value in values), "rad" if name == "bend" else "", "")
+    return Scheduled(tuple(float(value) for value in values), "rad" if name == "bend" else "", "")
 
 
 def numbers(text: str) -> list[float] | None:
@@ -119,12 +118,9 @@ def numbers(text: str) -> list[float] | None:
 
 def _mean(file: Path, name: str, column: str | None) -> tuple[float, str, str] | None:
     """Mean, unit and name of a log's column; None where it was looked for and is not there."""
-    try:
-        raw = read_columns(file, {name: column}, {name: COMMON[name]})
-    except LogError as error:
-        if column is None and "among" in str(error):
-            return None
-        raise
+    raw = read_columns(file, {name: column}, {name: COMMON[name]}, optional=() if column else (name,))
+    if name not in raw.columns:
+        return None
     values, found = raw.values[name], raw.columns[name]
     known = values[np.isfinite(values)]
     if len(known) < 0.5 * len(values) or not len(known):
@@ -132,7 +128,7 @@ def _mean(file: Path, name: str, column: str | None) -> tuple[float, str, str] |
             f"{file.name}: the {name} column {found.name!r} has {len(values) - len(known)} rows of {len(values)} "
             "without a number",
             expected=f"the {name} in most rows",
-            do=f"give one value for each log (--{name} 0.1,0.2,…), or --{name} none",
+            do=f"give {name} one value for each log (0.1,0.2,…), or none",
         )
     mean = float(known.mean())
     if name == "bend":
