@@ -16,6 +16,7 @@ from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.identify.cable.model_file import load_judged
 from bowden.identify.cable.recalibrate import Recalibration
 from bowden.identify.cable.recalibrate import recalibrate as recalibrate_log
+from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, prepare
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
 
@@ -157,9 +158,9 @@ def _log(given: Any, what: str, columns: Mapping[str, Any]) -> Log:
         seen = ("motor_measured", "joint_measured") if "motor_measured" in given else ("motor", "joint")
         motor, joint = (given[one] for one in seen)
         name = what.partition(": ")[2]
-        return prepare(
-            given.time, {"motor": motor, "joint": joint}, name, lambda sample: f"{name}, sample {sample + 1}"
-        )
+        units, values = angle_units("rad"), {"motor": motor, "joint": joint}
+        angles, _ = angles_of({side: (side, "rad") for side in SIDES}, values, units)
+        return prepare(given.time, angles, name, lambda sample: f"{name}, sample {sample + 1}")
     raise ParameterError(
         f"{what} is {arguments.said(given)}",
         expected="a path, a Log of bowden.read_log, or a Trace",

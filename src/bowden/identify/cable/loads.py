@@ -36,7 +36,7 @@ from bowden.identify.cable.fit import Progress
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.projection import products
+from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.log.read import Log
 from bowden.models.cable.prandtl_ishlinskii import plays
@@ -185,6 +185,10 @@ class _Moved(NamedTuple):
     """(n, K), see `hats`."""
     height: Array
     """(n, K)."""
+    slope: float
+    """Of the line through the log [rad/rad]."""
+    memory: Array
+    """Products of −sign(slope)·lag and joint beside a static curve of the log's own (k + 1, k + 1)."""
 
 
 class _Frame(NamedTuple):
@@ -221,9 +225,7 @@ def identify_loads(
     begin = clock.perf_counter()
     tell = progress or (lambda what, share: None)
     if len(logs) < 2:
-        raise ParameterError(
-            "a joint fit of one log", expected="two logs or more", do="give the others too, or no load"
-        )
+        raise ParameterError(f"a joint fit of {len(logs)} logs", expected="two logs or more", do="give the others too")
     tell("following the motors", 0.1)
     paths = [_path(log, _NODES) for log in logs]
     frame = _frame(paths)
@@ -285,27 +287,35 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
     first = np.cumsum(weight) <= 0.5
     lag = path.motor[:, None] - plays(path.motor, frame.half_widths)
     middle, height = (hats(path.motor, frame.first, frame.step, _KNOTS, outward) for outward in (1.0, 0.0))
-    return _Moved(log, path, weight, first, lag, middle, height)
+    counted = path.weight > 0.0
+    motor, joint = path.motor[counted], path.joint[counted]
+    slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
+    moved = _Moved(log, path, weight, first, lag, middle, height, slope, np.empty(0))
+    return _weighted(moved, weight, frame)
+
+
+def _weighted(one: _Moved, weight: Array, frame: _Frame) -> _Moved:
+    """A log whose nodes are weighted otherwise (n,)."""
+    last = frame.first + frame.step * (_KNOTS - 1)
+    place = np.clip((2.0 * one.path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
+    static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE)
+    sums = products(np.column_stack([static, -np.sign(one.slope) * one.lag, one.path.joint]), weight)
+    own = static.shape[1]
+    return one._replace(
+        weight=weight, memory=sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
+    )
 
 
 def _check_alike(moved: Sequence[_Moved]) -> None:
     """Refuse logs whose joints move in opposite directions: they are of two cables, or of two ways of counting."""
-    slopes = [_slope(one) for one in moved]
-    for one, slope in zip(moved, slopes, strict=True):
-        if slope * slopes[0] <= 0.0:
+    for one in moved:
+        if one.slope * moved[0].slope <= 0.0:
             raise LogError(
-                f"{one.log.name}: the joint moves {slope:+.3g} times as far as the motor, in {moved[0].log.name} "
-                f"{slopes[0]:+.3g} times",
+                f"{one.log.name}: the joint moves {one.slope:+.3g} times as far as the motor, in {moved[0].log.name} "
+                f"{moved[0].slope:+.3g} times",
                 expected="one sign in all logs of a cable",
                 do="check the columns, or turn the sign of one",
             )
-
-
-def _slope(one: _Moved) -> float:
-    counted = one.path.weight > 0.0
-    return float(
-        np.polyfit(one.path.motor[counted], one.path.joint[counted], 1, w=np.sqrt(one.path.weight[counted]))[0]
-    )
 
 
 def _scheduling(
@@ -361,14 +371,11 @@ def _levels(values: Array) -> list[Array]:
     return list(np.split(order, np.flatnonzero(apart) + 1))
 
 
-def _fitted(
-    moved: Sequence[_Moved], values: Array, frame: _Frame, weights: Sequence[Array] | None = None
-) -> ScheduledCable:
-    """The scheduled cable of some logs at `values` (logs, V); other `weights` of their nodes where they are given."""
-    own = [one.weight for one in moved] if weights is None else weights
+def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledCable:
+    """The scheduled cable of some logs at `values` (logs, V)."""
     degree = np.array([min(_HIGHEST, len(_levels(column)) - 1) for column in values.T], dtype=np.int64)
     rows = 1 + int(degree.sum())
-    shares = _shares(moved, own, frame)
+    shares = _shares(moved, frame)
     kept = shares > 0.0
     empty = np.zeros((rows, _KNOTS))
     cable = ScheduledCable(
@@ -384,15 +391,15 @@ def _fitted(
     )
     count = 2 * rows * _KNOTS
     gram, moments = np.zeros((count, count)), np.zeros(count)
-    for one, weight, at in zip(moved, own, values, strict=True):
+    for one, at in zip(moved, values, strict=True):
         basis = np.column_stack([one.middle, one.height * (one.lag @ shares)[:, None], one.path.joint])
-        sums = products(basis, weight)
+        sums = products(basis, one.weight)
         factors = powers(at.tolist(), cable)
         turned = np.kron(np.outer(factors, factors), sums[:-1, :-1].reshape(2 * _KNOTS, 2 * _KNOTS))
         gram += turned
         moments += np.kron(factors, sums[:-1, -1])
     roughness = _roughness(rows) * len(moved)
-    sign = np.sign(_slope(moved[0]))
+    sign = np.sign(moved[0].slope)
     for stiffer in 10.0 ** np.arange(7):  # at most to where f is a straight line and g a constant
         found = np.linalg.solve(gram + stiffer * roughness, moments).reshape(rows, 2, _KNOTS)
         cable = cable._replace(middle=found[:, 0].copy(), height=found[:, 1].copy())
@@ -401,17 +408,9 @@ def _fitted(
     return cable
 
 
-def _shares(moved: Sequence[_Moved], weights: Sequence[Array], frame: _Frame) -> Array:
+def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
     """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
-    sums = np.zeros((len(frame.half_widths) + 1,) * 2)
-    for one, weight in zip(moved, weights, strict=True):
-        last = frame.first + frame.step * (_KNOTS - 1)
-        place = np.clip((2.0 * one.path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
-        root = np.sqrt(weight)[:, None]
-        static, _ = np.linalg.qr(np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE) * root)
-        columns = np.column_stack([-np.sign(_slope(one)) * one.lag, one.path.joint]) * root
-        columns -= static @ (static.T @ columns)
-        sums += columns.T @ columns
+    sums = np.sum([one.memory for one in moved], axis=0)
     size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
     lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
     found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
@@ -452,7 +451,7 @@ def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Ar
 def _judged(
     moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
 ) -> list[JudgedLog]:
-    halves = _fitted(moved, values, frame, [np.where(one.first, one.weight, 0.0) for one in moved])
+    halves = _fitted([_weighted(one, np.where(one.first, one.weight, 0.0), frame) for one in moved], values, frame)
     level = np.zeros(values.shape, dtype=np.int64)
     for v, column in enumerate(values.T):
         for number, members in enumerate(_levels(column)):

@@ -7,9 +7,9 @@ range; beyond it f goes on straight and g stays. zᵢ are play operators of fixe
 that h runs from −1 (the motor has fallen far enough) to 1 (it has risen) by a curve that does not change with the load.
 With every scheduling variable s scaled to 0…1 over the range in which it was seen, each ordinate is
 
-    f(s) = f₀ + Σ over the variables of f₁·s + f₂·s²
+    f(s) = f₀ + Σ over the variables of f₁·s + f₂·s² + …
 
-and likewise g. Beyond 0…1 a square goes on along its tangent, and no variable counts further than its range once more.
+and likewise g. Beyond 0…1 a power goes on along its tangent, and no variable counts further than its range once more.
 
 The elastic stretch of the cable under its tension T, T·L/(EA), makes f depend on the load, and friction μ·N, which is
 proportional to the tension by the capstan's law, makes g grow with it. Source: the paper's Section 3.2 for the bend;
@@ -52,7 +52,7 @@ class ScheduledCable(NamedTuple):
     high: Array
     """Largest seen value of each variable (V,); its own unit."""
     degree: NDArray[np.int64]
-    """Highest power of each variable, 1 or 2 (V,)."""
+    """Highest power of each variable, from 1 on (V,)."""
 
 
 @kernel
@@ -64,10 +64,11 @@ def fill_powers(values: Array, cable: ScheduledCable, found: Array) -> None:
         s = (values[v] - cable.low[v]) / (cable.high[v] - cable.low[v])
         s = max(-1.0, min(2.0, s))
         inside = max(0.0, min(1.0, s))
-        found[row] = s
-        if cable.degree[v] > 1:
-            found[row + 1] = inside * (2.0 * s - inside)
-        row += cable.degree[v]
+        power = 1.0
+        for m in range(1, cable.degree[v] + 1):
+            found[row] = power * (inside + m * (s - inside))
+            power *= inside
+            row += 1
 
 
 def powers(values: Sequence[float], cable: ScheduledCable) -> Array:
@@ -155,7 +156,7 @@ def cable_of(parameters: Mapping[str, float]) -> tuple[ScheduledCable, tuple[flo
     count = sum(name.startswith("middle_") and name.count("_") == 1 for name in parameters)
     plays_of = sum(name.startswith("share_") for name in parameters)
     variables = [name for name in VARIABLES if f"{name}_low" in parameters]
-    degrees = [2 if f"middle_1_{name}_2" in parameters else 1 for name in variables]
+    degrees = [sum(key.startswith(f"middle_1_{name}_") for key in parameters) for name in variables]
     rows = _rows(variables, degrees)
     found = ScheduledCable(
         first=parameters["knot_first"],
