@@ -75,7 +75,7 @@ def again(file: Path, log: "Log", model: Path, load: str | None, bend: str | Non
 
     cable, judged = load_judged(model)
     scheduled = cable.model().parameters
-    values = {}
+    values: dict[str, float] = {}
     for name, given in (("load", load), ("bend", bend)):
         if given is not None or f"{name}_low" in scheduled:
             found = scheduled_by(name, [file], given)

@@ -117,7 +117,7 @@ def recalibrate(
     """
     cable, judged = _known(model)
     read = _log(log, "recalibrate: log", columns)
-    values = {}
+    values: dict[str, float] = {}
     for name, given in (("load", load), ("bend", bend)):
         if isinstance(given, str) or (given is None and f"{name}_low" in cable.model().parameters):
             found = _variable(name, given, [log], [read])

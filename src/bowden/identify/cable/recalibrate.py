@@ -30,11 +30,12 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.order import distinct
 from bowden.core.units import DEGREES
-from bowden.identify.cable.model import DISTRIBUTED, SCHEDULED, CableModel, IdentifiedCable
+from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.turns import find_turns, motor_noise, resolution
 from bowden.identify.log.read import Log
 from bowden.models.cable.scheduled import VARIABLES
+from bowden.plants.cables import DISTRIBUTED
 
 Array = NDArray[np.float64]
 
