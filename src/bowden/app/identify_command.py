@@ -103,7 +103,18 @@ def document(fit: "Fit") -> dict[str, Any]:
         }
         for name, fitted in fit.models.items()
     }
-    return {"best": fit.best.name, "models": models, "warnings": list(fit.warnings), "samples": fit.samples}
+    ahead = {
+        "compensated_rms_deg": finite(fit.forecast.compensated * DEGREES),
+        "uncompensated_rms_deg": finite(fit.forecast.uncompensated * DEGREES),
+        "resolution_rms_deg": fit.forecast.resolution * DEGREES,
+    }
+    return {
+        "best": fit.best.name,
+        "models": models,
+        "forecast": ahead,
+        "warnings": list(fit.warnings),
+        "samples": fit.samples,
+    }
 
 
 def _print_table(fit: "Fit") -> None:
@@ -123,6 +134,9 @@ def _print_table(fit: "Fit") -> None:
         table.add_row(f"{name} *" if name == fit.best.name else name, str(count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
+    left, without, counts = (value * DEGREES for value in fit.forecast)
+    bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
+    print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
     for warning in fit.warnings:
         print(f"- {warning}")
 
