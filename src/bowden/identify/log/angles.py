@@ -211,8 +211,8 @@ def geared(motor: Angle, joint: Angle) -> list[str]:
     if ratio < _GEARED:
         return []
     return [
-        f"the motor moves {ratio:.3g} times as far as the joint, as before a gear: the model holds for this log's motor; a "
-        "rig counts its motor behind the gear, so divide it by the gear's ratio before the model goes into one"
+        f"the motor moves {ratio:.3g} times as far as the joint, as before a gear: the model holds for this log's "
+        "motor; a rig counts its motor behind the gear, so divide it by the gear's ratio before the model goes into one"
     ]
 
 
