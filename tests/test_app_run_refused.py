@@ -55,7 +55,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
         ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
         ("[control]\npreset = 'paper'", ["--auto"], "adaptive does not hold"),
         ("", [], "no terminal"),
-        ("", ["--json"], "add --auto"),
+        ("", ["--json"], "with --twin add --auto; where somebody may be at a rig, run it on a terminal"),
         ("", ["--auto", "--law", "none"], "there is no law 'none'"),
         ("", ["--auto", "--duration", "-1"], "expected a duration"),
     ],

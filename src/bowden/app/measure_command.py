@@ -67,7 +67,7 @@ def measure(
         print(f"Next: bowden identify {files[0]}, and bowden identify-servo {files[1]}")
 
 
-_KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "preflight", "emergencies", "error")
+_KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "stops", "preflight", "emergencies", "error")
 """What the JSON document tells of the run, beside its files."""
 
 
