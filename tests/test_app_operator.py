@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
+from rich.console import Console, ConsoleDimensions
 
 from bowden.control import LAWS
 from bowden.core.clock import boot_seconds
@@ -446,3 +446,22 @@ def test_a_busy_computer_is_said_with_its_figure_and_is_no_fault_of_the_rig() ->
 def test_a_key_that_does_nothing_is_answered(request_: Request, values: dict[str, float], said: str) -> None:
     told = operator.ignored(request_, row(**values))
     assert (said in told) if said else not told
+
+
+def test_a_terminal_of_another_size_is_cleared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands on it is wrapped otherwise than it was written."""
+    sizes, file = [(80, 25)], io.StringIO()
+    console = Console(file=file, force_terminal=True, width=80, height=25)
+    monkeypatch.setattr("rich._console", console)
+    monkeypatch.setattr(Console, "size", property(lambda _: ConsoleDimensions(*sizes[-1])))
+    monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "picture")
+    cleared: list[int] = []
+
+    def rows() -> Iterator[tuple[dict[str, float], str]]:
+        for width in (80, 80, 40, 40):
+            sizes.append((width, 25))
+            yield row(), ""
+            cleared.append(file.getvalue().count("\x1b[2J"))
+
+    operator._draw(None, False, rows())  # type: ignore[arg-type]
+    assert cleared == [0, 0, 1, 1]

@@ -209,7 +209,11 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
     if quiet or not sys.stdout.isatty():
         yield lambda row, told: None
         return
-    with _apart(lambda pairs: _draw(session, auto, pairs)) as show:
+
+    def draw(pairs: Iterator[tuple[dict[str, float], str]]) -> None:
+        _draw(session, auto, pairs)
+
+    with _apart(draw) as show:
         yield lambda row, told: show((row, told))
 
 
