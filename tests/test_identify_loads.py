@@ -1,5 +1,6 @@
 """Several logs of one cable: what is recovered, what the plant does with it, what is refused; and recalibration."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -147,6 +148,20 @@ def test_equal_loads_make_one_model_and_two_loads_are_said() -> None:
     assert any("in all logs, so that it schedules nothing" in said for said in found.warnings)
     assert not any(name.startswith("load") for name in found.best.parameters)
     assert any("two values only" in said for said in identify_loads([log_at(0.1), log_at(0.5)], [0.1, 0.5]).warnings)
+
+
+def test_a_log_with_another_zero_is_named() -> None:
+    logs = [log_at(load) for load in (0.1, 0.1, 0.5, 0.5)]
+    shifted = dataclasses.replace(logs[1], joint=logs[1].joint + 0.1, name="shifted")
+    found = identify_loads([logs[0], shifted, *logs[2:]], [0.1, 0.1, 0.5, 0.5])
+    assert any("shifted by 2.9°" in said and "one zero" in said for said in found.warnings)
+    assert not any("one zero" in said for said in identify_loads(logs, [0.1, 0.1, 0.5, 0.5]).warnings)
+
+
+def test_a_load_and_a_bend_that_change_together_are_refused() -> None:
+    logs = [log_at(load) for load in LOADS]
+    with pytest.raises(BowdenError, match="change together"):
+        identify_loads(logs, LOADS, [2.0 * load for load in LOADS])
 
 
 @pytest.mark.parametrize(
