@@ -625,11 +625,6 @@ class Rig:
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
         if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
             notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
-        if self.worn is not None and self.worn.motor.integral == 0.0:
-            less = (
-                "friction in the gears then leaves any law degrees of error; 40, as bowden init --suit has it, does not"
-            )
-            notes.append(f"suit.drive_integral_per_s is 0: {less}")
         if self.worn is None or not self.admittance.enabled:
             notes += self._like_radians()
         return tuple(notes)
