@@ -224,6 +224,15 @@ def test_a_recalibrated_scheduled_model_is_gain_times_the_old_one_at_every_load(
         assert np.allclose(new, 1.05 * old + 0.1, atol=1e-12)
 
 
+def test_every_family_of_models_can_be_recalibrated() -> None:
+    """Whatever is fitted to a log has gain and offset among its parameters."""
+    found = bowden.identify(TIME, MOTOR, log_at(0.2).joint)
+    for name, fitted in found.models.items():
+        old = fitted.model.joint_angle(MOTOR)
+        new = CableModel(name, recalibrated(fitted.parameters, 1.03, -0.2)).joint_angle(MOTOR)
+        assert np.allclose(new, 1.03 * old - 0.2, atol=1e-9), name
+
+
 # on the command line
 
 SCHEMA = json.loads((Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json").read_text())
