@@ -207,6 +207,7 @@ def test_gain_and_offset_come_back_from_seconds_of_motion() -> None:
 def test_a_cable_that_has_changed_is_called_so_and_one_without_a_judgement_is_not() -> None:
     assert recalibrate(new_log(1.0, 0.0, wider=1.6), known(), 0.05 / DEGREES).changed is True
     assert recalibrate(new_log(1.0, 0.0, wider=1.6), known()).changed is None
+    assert recalibrate(new_log(1.0, 0.0), known(), 1e-9).changed is False  # what is left is of no use to anybody
 
 
 def test_a_joint_that_moves_the_other_way_or_a_motor_that_does_not_turn_is_refused() -> None:
