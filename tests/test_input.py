@@ -11,7 +11,10 @@ import pytest
 import bowden
 from bowden.core.bounded import Bounded
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.identify.log.read import Log
 from bowden.live.live_run import live_run
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig import packing
 from bowden.rig.rig import Rig
 
@@ -52,6 +55,9 @@ def made(function: Callable[..., Any], *given: Any, **named: Any) -> Callable[..
 
 
 RIG = Rig(duration=1.0)
+LOG = Log(T, WAVE, 0.9 * WAVE, "log", ())
+LINE = {"slope": 0.9, "offset": 0.0}
+MODEL = IdentifiedCable("line", {"line": LINE, "bouc_wen": {**BoucWen()._asdict(), "initial_h": 0.0}})
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     "campaign": (
         made(bowden.campaign, "study.toml"),
@@ -84,10 +90,26 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "motor": (3.0, ["a"], np.zeros((3, 2)), [[1.0], [1.0, 2.0]]),
             "joint": (3.0, ["a"], np.zeros((3, 2))),
             "unit": (3, "grad"),
+            "counts_per_turn": ("few", 0, (1.0,) * 3),
+            "rate": (*NO_NUMBER, 0.0, 1000.0),
             "name": NO_TEXT,
             "seed": NO_WHOLE,
             "progress": NO_CALL,
         },
+    ),
+    "identify_together": (
+        made(bowden.identify_together, [LOG, LOG]),
+        {
+            "logs": (3, "log.csv", [3, 4], [LOG]),
+            "load": (3, [0.1], ["a", "b"], "tension"),
+            "bend": (3, [0.1], ["a", "b"], "bent"),
+            "seed": NO_WHOLE,
+            "progress": NO_CALL,
+        },
+    ),
+    "recalibrate": (
+        made(bowden.recalibrate, LOG, MODEL),
+        {"log": (3, None, [1.0]), "model": (3, None), "load": ("a", [1.0]), "bend": ("a", [1.0])},
     ),
     "kernel": (made(bowden.kernel, trace), {"function": (3, "step", None, int)}),
     "Law": (
@@ -118,7 +140,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "read_log": (
         made(bowden.read_log, "log.csv"),
-        {"path": NO_PATH, "time": NO_TEXT, "motor": NO_TEXT, "joint": NO_TEXT, "unit": NO_TEXT},
+        {"path": NO_PATH, "time": NO_TEXT, "motor": NO_TEXT, "joint": NO_TEXT, "unit": NO_TEXT}
+        | {"counts_per_turn": ("few", 0, (1.0,) * 3), "rate": (*NO_NUMBER, 0.0)},
     ),
     "read_trace": (made(bowden.read_trace, "run.csv"), {"path": NO_PATH}),
     "run": (

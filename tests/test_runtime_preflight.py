@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.live.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
+from bowden.rig.declaration import items_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 
@@ -33,6 +35,7 @@ def play_through(
     load: float = 1.0,
     friction: float = 2.0,
     stuck: bool = False,
+    count: float = 0.0,
     settings: Preflight = SETTINGS,
 ) -> tuple[Reason, list[float], PreflightState]:
     """A motor that follows its target after a cycle, and a joint behind a play [rad]."""
@@ -43,6 +46,7 @@ def play_through(
         joint = math.nan if missing else slope * through + (shakes if k % 2 else 0.0)
         way, before = motor - before, motor
         current = 0.0 if stuck else load + math.copysign(friction, way) * (way != 0.0)
+        current = current if count == 0.0 else count * round(motor / count)
         now, wish, outcome = step(settings, now, reading(motor, joint, state, current), DT)
         wishes.append(wish)
         motor = gain * wish
@@ -93,6 +97,13 @@ def test_a_cable_that_runs_the_other_way_passes_with_its_sign() -> None:
 @pytest.mark.parametrize("load", [0.0, -0.2])
 def test_a_cable_that_carries_nothing_says_nothing_of_where_it_pulls(load: float) -> None:
     assert play_through(load=load)[0] == Reason.NONE
+
+
+def test_a_current_of_coarse_counts_is_judged_by_a_motion_that_changes_it() -> None:
+    """Here 6077h tells a spring's pull in counts of which the smallest motion is less than half."""
+    reason, wishes, _ = play_through(count=6.0 * RADIANS)
+    assert reason == Reason.NONE
+    assert 3.0 * RADIANS < max(wishes) <= SETTINGS.largest
 
 
 def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:
@@ -170,7 +181,12 @@ def test_default_limits_agree() -> None:
 )
 def test_contradictions_are_named_and_refuse_the_run(wrong: dict[str, float]) -> None:
     limits = Limits()._replace(**wrong)  # type: ignore[arg-type]
-    assert contradictions(limits, DT)
+    found = contradictions(limits, DT)
+    keys = [key for item in items_of(Limits) for key in [item.key] if item.path[0] in wrong]
+    assert all(any(f"{key} = " in one for one in found) for key in keys), (
+        "each is named as rig.toml does, with its value"
+    )
+    assert all(re.search(r" = \S", one) for one in found)
     with pytest.raises(SafetyError, match="contradict"):
         require(limits, DT, "holds")
 

@@ -13,8 +13,12 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bowden.core import shared_memory, shown
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
@@ -33,9 +37,11 @@ from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, description
 from bowden.live.run_settings import run_settings
+from bowden.live.stops import onsets
 from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
 _START = 900.0
@@ -76,9 +82,12 @@ class Session:
         self.emergency = 0
         """Error code of the drive's last emergency; 0 where there was none."""
         self._last: Row | None = None
+        self.came: dict[Fault, float] = {}
+        """When the faults that are there came [s], in that order, as far as `last` has looked."""
         self._latched: float | None = None
         self.began_latched = False
         """Whether a run before it was latched by what nobody has acknowledged."""
+        self._latching = ThreadPoolExecutor(1)
         self._not_kept, self._keeping = "", threading.Lock()
         self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
@@ -110,7 +119,7 @@ class Session:
         about = description(
             *(live.law, {**settings, **live.settings()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
         )
-        check_room(self.log, about)
+        check_room(self.log, about, len(live.table) * live.rig.sample_time)
         create(self._ring, about)
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
@@ -234,6 +243,11 @@ class Session:
             raise OutputError(self._recorder.stderr.read().strip().removeprefix("bowden: "))
 
     @property
+    def on_twin(self) -> bool:
+        """Whether the drive is a twin of this command's own."""
+        return not self._remembers
+
+    @property
     def recorder(self) -> int:
         """A `RecorderState`."""
         return self.rows.recorder.state(self.clock.now())
@@ -271,6 +285,7 @@ class Session:
         if len(rows):
             self._last = rows[-1]
             self._scenario.see(rows)
+            self._see_faults(rows)
             codes = rows[:, AT["emergency"]]
             self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
             self._remember_latch(self._last)
@@ -279,15 +294,23 @@ class Session:
             self._came = self.clock.now()
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
 
+    def _see_faults(self, rows: NDArray[np.float64]) -> None:
+        """Keep since when there are which faults."""
+        bits = rows[:, AT["faults"]]
+        clear = np.flatnonzero(bits == 0.0)
+        begin = int(clear[-1]) + 1 if len(clear) else 0
+        before = {} if len(clear) else self.came
+        self.came = {**before, **onsets(bits[begin:], rows[begin:, AT["time"]]), **before}
+
     def _remember_latch(self, row: Row) -> None:
-        """Keep what latched the run, until somebody acknowledges it."""
+        """Keep what latched the run, until somebody acknowledges it, by a thread of its own: a disk may be slow."""
         latched = float(row[AT["faults"]]) if row[AT["mode"]] == Mode.LATCHED else None
         if (latched is None) == (self._latched is None) or not self._remembers:
             return
         if latched is not None:
-            latch_file.write(self.live.rig.drive_parameters, latched)
+            self._latching.submit(latch_file.write, self.live.rig.drive_parameters, latched)
         else:
-            latch_file.acknowledge(self.live.rig.drive_parameters)
+            self._latching.submit(latch_file.acknowledge, self.live.rig.drive_parameters)
         self._latched = latched
 
     @property
@@ -344,6 +367,7 @@ class Session:
             ("mode", standing or "not begun"),
             ("error", self.error),
             ("log", str(self.log)),
+            ("ends", self.live.losses()),
         ]
         return shown.screen(f"Run of {self.live.law.name}", rows)
 
@@ -369,6 +393,7 @@ class Session:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
                 print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)
             self._await_end()
+        self._latching.shutdown()
         if self.emg_process is not None:
             self.emg_process.close()
         if hasattr(self, "_recorder"):
@@ -391,6 +416,7 @@ def own_twin(rig: Rig) -> Iterator[Rig]:
     from bowden.live.twin_process import running_twin
 
     with left_behind.bus_of_this() as folder:
-        print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig.origin} --channel {folder}", file=sys.stderr)
+        asked = shlex.join(["bowden", "twin", rig.origin, "--channel", str(folder)])
+        print(f"bowden: note: the twin's bus is {folder}: {asked}", file=sys.stderr)
         with running_twin(rig, folder, ["--interface", UNIX]) as twin:
             yield rig.on_bus(twin.channel, UNIX)

@@ -1,6 +1,7 @@
 """A rig: one frozen value with everything that a run needs."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,12 +20,14 @@ from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
 from bowden.core.style import new_figure
-from bowden.core.units import RADIANS
+from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
+from bowden.identify.cable.recalibrate import Recalibration, outside
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
@@ -71,7 +74,7 @@ if TYPE_CHECKING:
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
 
-CableLike = BoucWen | IdentifiedCable | CableModel | Fit
+CableLike = BoucWen | IdentifiedCable | CableModel | Fit | JointFit | Recalibration
 GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
 
@@ -608,6 +611,9 @@ class Rig:
         if isinstance(self.cable, IdentifiedCable) and self.cable.best == _LINE:
             where = Path(self.origin).parent / self.cable.file if self.cable.file else "the identified cable"
             notes.append(f"{where} recommends {_LINE!r}; the bench runs the cable's bouc_wen model")
+        if isinstance(self.cable, IdentifiedCable) and self.cable.best == SCHEDULED:
+            own = self.cable.model().parameters
+            notes += outside(own, {name: own[name] for name in ("load", "bend") if name in own})
         if self.turned:
             why = (
                 "the cable's slope is negative" if self.plant is None else "the joint falls as the plant's motor rises"
@@ -617,7 +623,24 @@ class Rig:
         if used < given and abs(given - Limits().frozen_travel) > _WRITTEN:
             known = f"the identified cable explains no more than {used / RADIANS:.3g}, which is used"
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
+        if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
+            notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
+        if self.worn is None or not self.admittance.enabled:
+            notes += self._like_radians()
         return tuple(notes)
+
+    def _like_radians(self) -> list[str]:
+        """What is said of a reference that is so small that it was probably meant in radians."""
+        if self.emg.source is not None:
+            what, ends = "emg.low_deg and high_deg", (self.emg.low, self.emg.high)
+        else:
+            path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
+            what, ends = "the reference", (float(path.min()), float(path.max()))
+        furthest = max(map(abs, ends)) / RADIANS
+        if ends[0] == ends[1] or furthest > math.pi:
+            return []
+        meant = f"radians? {furthest:.3g} rad would be {furthest * DEGREES:.3g}°"
+        return [f"{what} goes no further than {furthest:.3g}°, less than a cable's dead zone; {meant}"]
 
     @property
     def law_name(self) -> str:
@@ -676,7 +699,8 @@ class Rig:
     @cached_property
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
-        return live_parts.limits(self.limits, self.bench, self.drive, _WIDER * self.knowledge.width)
+        dead_zone = _WIDER * self.knowledge.width
+        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn)
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:
@@ -723,6 +747,8 @@ class Rig:
         return live_parts.filters(self.live, self.sample_time)
 
 
+_LOOKED_AT, _INSTANTS = 60.0, 601
+"""Of a reference: for how long it is looked at [s], and how often."""
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 _WRITTEN = 1e-3
@@ -750,6 +776,8 @@ def _one_file(one: Any, other: Any) -> bool:
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
     if isinstance(given, Fit):
         given = IdentifiedCable(given.best.name, {name: dict(one.parameters) for name, one in given.models.items()})
+    if isinstance(given, JointFit | Recalibration):
+        given = given.best
     if isinstance(given, CableModel):
         own = {given.name: dict(given.parameters)}
         given = IdentifiedCable(given.name, own | {name: dict(one) for name, one in given.others.items()})
