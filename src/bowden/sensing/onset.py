@@ -1,32 +1,12 @@
-"""Onset and end of a muscle's contraction in surface EMG: a causal detector that one can trust, any sample rate.
-
-Four questions to each sample, in the band above 60 Hz:
-
-1. **Is it large?** |band| above 3 σ, where σ is the size of the signal at rest. It is measured in the first half second
-   of a signal without trouble, and again after half a second without any, or when hum that has stayed is gone: an
-   electrode that comes back need not be as it was. σ follows the median of |band| slowly, and hardly at all during a
-   contraction; after one, what the signal has calmed down to counts as rest. While little of rest has been seen, σ
-   grows quicker in a contraction, so that a start that was too quiet is got over, and afterwards returns.
-2. **Is it new?** Mains hum repeats itself 20 ms later, or 16.7 ms. What is left of the band after subtracting itself
-   one period ago must be large too: hum of any shape passes for one period when it begins, and not when it ends.
-3. **Is it broadband?** A contraction has more than a hundredth of its power above 20 Hz in that rest; movement of
-   electrodes and cables, and hum, have not. It must hold its own against the peak of a swing above 5 Hz as well, which
-   fades with a tenth of a second: between two of its peaks a swing may look like any noise.
-4. **Is it alive?** A signal that repeats one value for 20 ms is clipped, or its electrode is off; so is one that hardly
-   moves for most of the time between its largest steps, as hum does that is clipped.
-
-Time with four times yes is evidence; other time takes some of it away again (a cumulative sum, Page 1954). A click or
-the step of an electrode rings for less than the 30 ms that are needed. The second threshold, for the end, is lower:
-2 σ, or a tenth of what the contraction had, missed for 150 ms. Thresholds on amplitude and on time are Bonato's (1998).
-"""
+"""Onset and end of a muscle's contraction in surface EMG."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.kernel import kernel, sel
-from bowden.sensing.biquad import EMPTY, Biquad, Memory, biquad, butterworth, critical_high_pass
+from bowden.core.kernel import exp, kernel, log, sel
+from bowden.sensing.biquad import EMPTY, PASS, Biquad, Memory, biquad, butterworth, critical_high_pass
 from bowden.sensing.detector import Detector
 from bowden.sensing.onset_settings import DEFAULTS, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
 
@@ -35,221 +15,214 @@ MAINS = (50.0, 60.0)
 
 
 class Onset(NamedTuple):
-    """The detector at one rate; `prepare_onset` makes it. Times are in samples or per sample."""
-
     band: Biquad
+    top: Biquad
     wide: Biquad
     swing: Biquad
     delay: tuple[int, int]
-    """Whole samples of one mains period, for each of `MAINS`."""
     between: tuple[float, float]
-    """The rest of it."""
     dt: float
-    grow: float
-    grow_early: float
-    grow_active: float
-    grow_unsure: float
-    stay: float
+    short: float
+    long: float
     power: float
-    mean: float
-    peak: float
-    size: float
     swung: float
+    size: float
+    fade: float
+    enough: float
+    """h, of the evidence for an onset [nats]."""
+    rested: float
+    cap: float
+    loud: float
+    """gain of power in evidence, nats a second"""
     settings: OnsetSettings
 
 
 class OnsetState(NamedTuple):
-    """What the detector keeps."""
-
     origin: float
     raw: float
     inner: Memory
     outer: Memory
+    top: Memory
     wide: Memory
     slow: Memory
     past: tuple[float, ...]
-    """The band's last samples, the newest first, over the longest mains period."""
-    hum: float
-    """Power above 20 Hz of movement and mains, averaged over a second of rest."""
-    mains_seen: float
-    """Share of that second with such trouble."""
-    leap: float
-    """Recent largest step from one sample to the next."""
-    stuck: float
-    """Share of recent samples without a step."""
-    age: float
-    """Rest that has been seen since the signal began [samples]."""
-    rest: float
-    """σ, in the signal's unit."""
-    before: float
-    """σ when the last contraction began, in the signal's unit."""
-    peak: float
-    swing: float
-    """Square of the movement's recent peak."""
     power: float
+    swing: float
+    both: float
     new: float
-    mean: float
-    calm: float
-    size: float
+    leap: float
+    stuck: float
     flat: float
-    odd: float
+    short: tuple[float, float, float]
+    long: tuple[float, float, float]
+    level: float
+    spread: float
+    seen: float
+    null: float
+    size: float
+    onset: tuple[float, float, float]
+    weak: tuple[float, float, float]
     evidence: float
-    quiet: float
-    hold: float
+    end: float
     active: float
-    """1 in a contraction, told or not."""
     held: float
-    """How long it has lasted [s]."""
+    rest: float
+
+
+def _cubic(part):
+    f = part
+    return (-f * (f - 1.0) * (f - 2.0) / 6.0, (f + 1.0) * (f - 1.0) * (f - 2.0) / 2.0, -(f + 1.0) * f * (f - 2.0) / 2.0, (f + 1.0) * f * (f - 1.0) / 6.0)
 
 
 def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
-    """The detector for `rate` samples a second [Hz], which must be from `SLOWEST` to `QUICKEST`."""
     assert SLOWEST <= rate <= QUICKEST
     dt, periods = 1.0 / rate, [rate / mains for mains in MAINS]
     whole = [math.floor(period) for period in periods]
+    by = settings
+    enough = math.log(by.hours * 3600.0 * 10.0)
+    ratio = by.ratio**2
+    cap = (enough / (by.bandwidth * by.brief) + math.log(ratio)) / (1.0 - 1.0 / ratio)
     return Onset(
-        critical_high_pass(settings.band_hz, rate),
-        butterworth(settings.wide_hz, "high", rate),
-        butterworth(settings.swing_hz, "high", rate),
+        critical_high_pass(by.band_hz, rate),
+        butterworth(by.top_hz, "low", rate) if by.top_hz < 0.4 * rate else PASS,
+        butterworth(by.wide_hz, "high", rate),
+        butterworth(by.swing_hz, "high", rate),
         (whole[0], whole[1]),
-        (periods[0] - whole[0], periods[1] - whole[1]),
+        (_cubic(periods[0] - whole[0]), _cubic(periods[1] - whole[1])),
         dt,
-        math.exp(dt / settings.rest_time),
-        math.exp(dt / settings.early_time),
-        math.exp(dt / settings.active_time),
-        math.exp(dt / settings.unsure_time),
-        1.0 - math.exp(-dt / settings.stays),
+        1.0 - math.exp(-dt / 0.005),
+        1.0 - math.exp(-dt / 0.1),
         1.0 - math.exp(-dt / 0.015),
-        1.0 - math.exp(-dt / 0.05),
-        math.exp(-dt / 0.03),
-        math.exp(-dt / 2.0),
         math.exp(-dt / 0.1),
+        math.exp(-dt / 2.0),
+        math.exp(-dt / 0.2),
+        enough,
+        by.quiet * by.bandwidth * math.log(by.ratio),
+        cap,
+        0.0,
         settings,
     )
 
 
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
-    memories = (EMPTY, EMPTY, EMPTY, EMPTY)
-    return OnsetState(first, math.nan, *memories, (0.0,) * (max(onset.delay) + 1), *([0.0] * 21))
+    memories = (EMPTY,) * 5
+    none = (0.0, 0.0, 0.0)
+    s = onset.settings.spread**2
+    return OnsetState(
+        first, math.nan, *memories, (0.0,) * (max(onset.delay) + 2),
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, none, none, 2.0 * math.log(onset.settings.least), s, -0.05, 0.0, 0.0, none, none, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )
 
 
 @kernel
 def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetState, float, float]:
-    """One sample, in any unit; NaN where it is missing.
-
-    Returns:
-        The state, 1 in a contraction, and what is wrong with the signal: 0 nothing, 1 flat or missing, 2 movement or
-        mains.
-    """
     by, dt = onset.settings, onset.dt
     here = np.abs(value) < np.inf
     raw = sel(here, value, state.raw)
     origin = sel(np.abs(state.origin) < np.inf, state.origin, raw)
     x = sel(np.abs(raw) < np.inf, raw - origin, 0.0)
     inner, half = biquad(onset.band, state.inner, x)
-    outer, band = biquad(onset.band, state.outer, half)
+    outer, above = biquad(onset.band, state.outer, half)
+    top, band = biquad(onset.top, state.top, above)
     wide, all_of_it = biquad(onset.wide, state.wide, x)
     slow, movement = biquad(onset.swing, state.slow, x)
 
-    # what of the band is new, with a size of its own in place of twice its power
-    past, left = state.past, np.inf
-    for i in range(2):
-        whole, part = onset.delay[i], onset.between[i]
-        left = np.fmin(left, np.abs(band - (1.0 - part) * past[whole - 1] - part * past[whole]))
-    left = left / np.sqrt(2.0)
-    size = np.fmin(np.abs(band), left)
-    peak = np.fmax(np.abs(band), state.peak * onset.peak)
+    past = state.past
+    i0, i1 = onset.delay[0], onset.delay[1]
+    c0, c1 = onset.between[0], onset.between[1]
+    d0 = band - c0[0] * past[i0 - 2] - c0[1] * past[i0 - 1] - c0[2] * past[i0] - c0[3] * past[i0 + 1]
+    d1 = band - c1[0] * past[i1 - 2] - c1[1] * past[i1 - 1] - c1[2] * past[i1] - c1[3] * past[i1 + 1]
+    q0, q1, q2 = band * band, 0.5 * d0 * d0, 0.5 * d1 * d1
+    least = np.fmin(q0, np.fmin(q1, q2))
+
     power = state.power + onset.power * (all_of_it * all_of_it - state.power)
     swing = np.fmax(movement * movement, state.swing * onset.swung)
-    new = state.new + onset.power * (size * size - state.new)
+    both = state.both + onset.power * (band * band - state.both)
+    new = state.new + onset.power * (least - state.new)
+
+    started = state.seen > 0.0
+    cap = sel(started, 3.0 * onset.cap * state.null, np.inf)
+    q0, q1, q2 = np.fmin(q0, cap), np.fmin(q1, cap), np.fmin(q2, cap)
+    a0 = state.short[0] + onset.short * (q0 - state.short[0])
+    a1 = state.short[1] + onset.short * (q1 - state.short[1])
+    a2 = state.short[2] + onset.short * (q2 - state.short[2])
+    lim = sel(started, onset.cap * state.null, np.inf)
+    b0 = state.long[0] + onset.long * (np.fmin(q0, lim) - state.long[0])
+    b1 = state.long[1] + onset.long * (np.fmin(q1, lim) - state.long[1])
+    b2 = state.long[2] + onset.long * (np.fmin(q2, lim) - state.long[2])
 
     # what is wrong
-    upper = by.high * state.rest
     step = sel(np.abs(state.raw) < np.inf, np.abs(raw - state.raw), 0.0)
-    leap = np.fmax(step, state.leap * onset.peak)
+    leap = np.fmax(step, state.leap * 1.0)
+    leap = np.fmax(step, state.leap * exp(-dt / 0.03))
     stuck = state.stuck + onset.power * (sel(step <= by.still * leap, 1.0, 0.0) - state.stuck)
     flat = sel(here * (raw != state.raw) > 0.0, 0.0, state.flat + dt)
-    railed = (stuck > by.stuck) * (power > by.steps * leap * leap)  # rest of half a count has small steps, but rarely
+    railed = (stuck > by.stuck) * (power > by.steps * leap * leap)
+    sigma2 = exp(state.level)
     narrow = (new < by.broad * power) + (new < by.moved * swing) + railed > 0.0
-    odd = sel(narrow * (power > upper * upper) > 0.0, state.odd + dt, 0.0)
-    trouble = sel(flat > by.flat, 1.0, sel(odd > 0.0, 2.0, 0.0))
-
-    # what rest is like: hum that stays belongs to it until it is gone
-    idle = state.active < 0.5
-    rate = sel(idle * (trouble != 1.0) > 0.0, onset.stay, 0.0)
-    mains = (trouble == 2.0) * (power > by.level * swing)  # what swings slowly is movement, which does not stay
-    mains_seen = state.mains_seen + rate * (sel(mains, 1.0, 0.0) - state.mains_seen)
-    hum = state.hum + rate * (sel(trouble == 2.0, power, 0.0) - state.hum)
-    usual = mains_seen > 0.5
-    seen = (trouble == 0.0) + (trouble == 2.0) * usual > 0.0
-    off = flat > sel(state.age * dt < by.settle, by.off, by.settle)
-    again = off + idle * usual * (power < by.gone * hum) > 0.0
-    age = sel(again, 0.0, sel(idle * seen > 0.0, state.age + 1.0, state.age))
-    mains_seen, hum = sel(again, 0.0, mains_seen), sel(again, 0.0, hum)
+    odd = narrow * (power > 9.0 * sigma2) > 0.0
+    dead = flat > by.flat
+    trouble = sel(dead, 1.0, sel(odd, 2.0, 0.0))
 
     # rest
-    settling = age * dt < by.settle
-    measured = age - np.floor(by.wait / dt)
-    average = state.rest + (1.6 * size - state.rest) / np.fmax(measured, 1.0)
-    following = sel(age * dt < by.early, onset.grow_early, onset.grow)
-    factor = sel(idle, following, sel(age * dt < by.unsure, onset.grow_unsure, onset.grow_active))
-    factor = sel(size > 0.6 * state.rest, factor, 1.0 / factor)
-    calm_enough = (state.active > 0.5) + (state.evidence < 0.25 * by.evidence) > 0.0
-    followed = sel(calm_enough, state.rest * factor, state.rest)
-    rest = sel(settling, sel(measured > 0.5, average, state.rest), followed)
-    rest = np.fmax(sel(seen, rest, state.rest), by.least)
-    upper = by.high * rest
+    idle = state.active < 0.5
+    sd = np.sqrt(state.spread + by.between * by.between / (1.0 + np.fmax(state.seen, 0.0) / by.same))
+    u = log(np.fmax(np.fmin(b0, np.fmin(b1, b2)), by.least * by.least))
+    beside = by.periodic * both + by.broad * power + by.moved * swing + by.share * by.share * state.size
+    e = u - state.level
+    e = sel(e > 0.0, np.fmax(0.0, e - log(1.0 + beside / sigma2)), e)
+    lid = by.clip * sd
+    hidden = beside > exp(u)
+    learns = idle * (1.0 - dead)
+    calm = learns * sel(exp(u) < state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), by.doubt)
+    n = np.fmax(state.seen, 0.0) + 0.1
+    up = sel(idle, calm * (1.0 - hidden) * np.fmin(e, lid), by.doubt * (1.0 - dead) * e) / n
+    level = state.level + dt * sel(e < -lid, (1.0 - dead) * e / np.fmin(n, by.down), sel(e < 0.0, learns * e / n, up))
+    level = sel(started, level, sel(dead, state.level, u))
+    squares = np.fmin(e * e, lid * lid)
+    spread = state.spread + sel(started, calm * (1.0 - hidden), 0.0) * dt / (n + by.prior) * (squares - state.spread)
+    seen = sel(idle, np.fmin(state.seen + calm * dt, by.memory), state.seen * (1.0 - dt / by.forget))
+    seen = sel(hidden * idle * started > 0.0, state.seen - dt / by.other * (n + 0.4), seen)
+    seen = sel(hidden * (1.0 - started) > 0.0, state.seen, seen)
+    seen = sel(flat > by.off, -0.05, seen)
+    level = np.fmax(level, 2.0 * log(by.least))
 
-    # evidence for an onset, and for an end
-    mean = state.mean + onset.mean * (1.25 * size - state.mean)
-    most = sel(state.active > 0.5, np.fmax(mean, state.size * onset.size), state.size)
-    there = power > sel(usual, 0.5 * hum, -1.0)  # a contraction does not take from the power that stays
-    yes = (size > upper) * (left > by.new * peak) * there > 0.0
-    evidence = np.fmin(2.0 * by.evidence, np.fmax(0.0, state.evidence + sel(yes, dt, -by.doubt * dt)))
-    hold = np.fmax(0.0, state.hold - dt)
-    evidence = sel((trouble > 0.5) + (hold > 0.0) + settling > 0.0, 0.0, evidence)
-    loud = size > np.fmax(by.low * rest, 2.0 * by.share * most)
-    quiet = np.fmax(0.0, state.quiet + sel(loud, -2.0 * dt, dt))
-    calm = sel(quiet > 0.0, np.fmin(state.calm, mean), mean)
+    # null
+    rest2 = exp(level + by.sure * sd)
+    null = rest2 + beside
+    ratio = by.ratio * by.ratio
+    share, drift = by.bandwidth * dt * (1.0 - 1.0 / ratio) / null, by.bandwidth * dt * log(ratio)
+    kcap = onset.cap * null
+    most = 2.0 * onset.enough
+    open_ = sel((state.leap > 0.0) * (1.0 - dead) * (1.0 - railed) > 0.0, most, 0.0)
+    f0 = np.fmin(open_, np.fmax(0.0, state.onset[0] + share * np.fmin(a0, kcap) - drift))
+    f1 = np.fmin(open_, np.fmax(0.0, state.onset[1] + share * np.fmin(a1, kcap) - drift))
+    f2 = np.fmin(open_, np.fmax(0.0, state.onset[2] + share * np.fmin(a2, kcap) - drift))
+    w0 = np.fmin(open_, np.fmax(0.0, state.weak[0] + share * np.fmin(b0, kcap) - drift))
+    w1 = np.fmin(open_, np.fmax(0.0, state.weak[1] + share * np.fmin(b1, kcap) - drift))
+    w2 = np.fmin(open_, np.fmax(0.0, state.weak[2] + share * np.fmin(b2, kcap) - drift))
+    on, weak = np.fmin(f0, np.fmin(f1, f2)), np.fmin(w0, np.fmin(w1, w2))
+    p = np.fmin(a0, np.fmin(a1, a2)) / null
+    f = by.bandwidth * dt * (log(by.ratio) - (1.0 - 1.0 / by.ratio) * np.fmin(p, onset.cap))
+    end = np.fmax(0.0, state.end + f)
 
-    begins = (state.active < 0.5) * (evidence >= by.evidence) > 0.0
-    ends = (state.active > 0.5) * ((quiet > by.quiet) + (odd > by.trouble) + (flat > by.flat) > 0.0) > 0.0
-    rested = (state.hold > 0.0) * (hold == 0.0) * seen > 0.0
-    before = sel(begins, rest, state.before)
-    rest = sel(rested, np.fmax(before, calm), rest)
+    begins = idle * ((on >= onset.enough) + (weak >= onset.enough) > 0.0) > 0.0
+    ends = (1.0 - idle) * ((end > onset.rested) + dead > 0.0) > 0.0
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
+    keep = 1.0 - ends
+    wipe = sel(ends + dead + railed > 0.0, null, np.inf)
+    a0, a1, a2 = np.fmin(a0, wipe), np.fmin(a1, wipe), np.fmin(a2, wipe)
+    b0, b1, b2 = np.fmin(b0, wipe), np.fmin(b1, wipe), np.fmin(b2, wipe)
+    seen = sel(ends, np.fmin(seen, by.after), seen)
+    end = sel(begins, 0.0, end)
+    size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.fade)
     held = sel(active > 0.5, state.held + dt, 0.0)
     reported = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
     after = OnsetState(
-        origin,
-        raw,
-        inner,
-        outer,
-        wide,
-        slow,
+        origin, raw, inner, outer, top, wide, slow,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
-        hum,
-        mains_seen,
-        leap,
-        stuck,
-        age,
-        rest,
-        before,
-        peak,
-        swing,
-        power,
-        new,
-        mean,
-        calm,
-        sel(begins, mean, most),
-        flat,
-        odd,
-        sel(ends, 0.0, evidence),
-        sel(begins, 0.0, quiet),
-        sel(ends, by.refractory, hold),
-        active,
-        held,
+        power, swing, both, new, leap, stuck, flat, (a0, a1, a2), (b0, b1, b2), level, spread, seen, null, size, (keep * f0, keep * f1, keep * f2), (keep * w0, keep * w1, keep * w2), keep * np.fmax(on, weak), end, active, held, exp(0.5 * level),
     )
     return after, reported, trouble
 
@@ -271,5 +244,5 @@ ONSET = Detector(
     slowest=SLOWEST,
     safe=SAFE,
     quickest=QUICKEST,
-    source="this project; thresholds on amplitude and time after Bonato (1998), evidence after Page (1954)",
+    source="this project",
 )
