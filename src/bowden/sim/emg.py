@@ -75,7 +75,7 @@ def rest(
     for begin in np.arange(5.0, duration - 5.0, every):
         at, kind = begin + random.uniform(0.0, 1.0), Artefact(random.choice(list(Artefact)))
         how_large = float(10.0 ** random.uniform(-1.5, 0.5))
-        _disturb(values, phase, round(at * rate), rate, kind, how_large, random)
+        disturb(values, phase, round(at * rate), rate, kind, how_large, random)
         happened.append(Happened(at, kind, how_large))
     return values, happened
 
@@ -109,9 +109,31 @@ def contractions(rate: float, spans: Sequence[tuple[float, float, float]], count
     return carrier * size
 
 
-def _disturb(
-    values: Array, phase: Array, k: int, rate: float, kind: Artefact, size: float, random: np.random.Generator
-) -> None:
+def disturb(
+    values: Array,
+    phase: Array,
+    k: int,
+    rate: float,
+    kind: Artefact,
+    size: float,
+    random: np.random.Generator,
+    rail: float = RAIL,
+) -> float:
+    """Put an artefact into a signal, in place.
+
+    Args:
+        values: [mV] (n,).
+        phase: of the mains [rad] (n,).
+        k: sample at which it begins.
+        rate: samples a second [Hz].
+        kind: of artefact.
+        size: its amplitude [mV].
+        random: where the rest of it comes from.
+        rail: largest value that the amplifier gives [mV].
+
+    Returns:
+        How long it lasts [s].
+    """
     from scipy import signal
 
     lasts = {
@@ -138,11 +160,12 @@ def _disturb(
     elif kind is Artefact.FLAT:
         part[:] = random.choice([0.0, 0.3, -1.0])
     elif kind is Artefact.RAIL:
-        part[:] = sign * RAIL
+        part[:] = sign * rail
     elif kind is Artefact.HUM:
         part += size * np.sin(phase[k : k + len(part)])
     elif kind is Artefact.OFF:
         hum = sum(share * np.sin(j * phase[k : k + len(part)] + j) for j, share in _HARMONICS)
-        part[:] = np.clip(size * hum + 1.5 * background(rate, len(part), random), -RAIL, RAIL)
+        part[:] = np.clip(size * hum + 1.5 * background(rate, len(part), random), -rail, rail)
     else:
         part += size * np.sin(2.0 * np.pi * n / count)
+    return count / rate
