@@ -25,6 +25,7 @@ class Onset(NamedTuple):
     short: float
     long: float
     power: float
+    stay: float
     swung: float
     size: float
     fade: float
@@ -32,7 +33,7 @@ class Onset(NamedTuple):
     """h, of the evidence for an onset [nats]."""
     rested: float
     cap: float
-    loud: float
+    even: float
     """gain of power in evidence, nats a second"""
     settings: OnsetSettings
 
@@ -50,10 +51,13 @@ class OnsetState(NamedTuple):
     swing: float
     both: float
     new: float
+    covered: float
+    hum: float
     leap: float
     stuck: float
     flat: float
     short: tuple[float, float, float]
+    mean: tuple[float, float, float]
     long: tuple[float, float, float]
     level: float
     spread: float
@@ -93,13 +97,14 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
         1.0 - math.exp(-dt / 0.005),
         1.0 - math.exp(-dt / 0.1),
         1.0 - math.exp(-dt / 0.015),
+        1.0 - math.exp(-dt / by.stays),
         math.exp(-dt / 0.1),
         math.exp(-dt / 2.0),
         math.exp(-dt / 0.2),
         enough,
         by.quiet * by.bandwidth * math.log(by.ratio),
         cap,
-        0.0,
+        math.log(ratio) / (1.0 - 1.0 / ratio),
         settings,
     )
 
@@ -111,7 +116,7 @@ def onset_start(onset: Onset, first: float) -> OnsetState:
     s = onset.settings.spread**2
     return OnsetState(
         first, math.nan, *memories, (0.0,) * (max(onset.delay) + 2),
-        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, none, none, 2.0 * math.log(onset.settings.least), s, -0.05, 0.0, 0.0, none, none, 0.0, 0.0, 0.0, 0.0, 0.0,
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, none, none, none, 2.0 * math.log(onset.settings.least), s, -0.05, 0.0, 0.0, none, none, 0.0, 0.0, 0.0, 0.0, 0.0,
     )
 
 
@@ -142,11 +147,6 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     new = state.new + onset.power * (least - state.new)
 
     started = state.seen > 0.0
-    cap = sel(started, 3.0 * onset.cap * state.null, np.inf)
-    q0, q1, q2 = np.fmin(q0, cap), np.fmin(q1, cap), np.fmin(q2, cap)
-    a0 = state.short[0] + onset.short * (q0 - state.short[0])
-    a1 = state.short[1] + onset.short * (q1 - state.short[1])
-    a2 = state.short[2] + onset.short * (q2 - state.short[2])
     lim = sel(started, onset.cap * state.null, np.inf)
     b0 = state.long[0] + onset.long * (np.fmin(q0, lim) - state.long[0])
     b1 = state.long[1] + onset.long * (np.fmin(q1, lim) - state.long[1])
@@ -175,35 +175,48 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     lid = by.clip * sd
     hidden = beside > exp(u)
     learns = idle * (1.0 - dead)
-    calm = learns * sel(exp(u) < state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), by.doubt)
+    calm = learns * sel(exp(u) < onset.even * state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), by.doubt)
     n = np.fmax(state.seen, 0.0) + 0.1
     up = sel(idle, calm * (1.0 - hidden) * np.fmin(e, lid), by.doubt * (1.0 - dead) * e) / n
     level = state.level + dt * sel(e < -lid, (1.0 - dead) * e / np.fmin(n, by.down), sel(e < 0.0, learns * e / n, up))
     level = sel(started, level, sel(dead, state.level, u))
     squares = np.fmin(e * e, lid * lid)
-    spread = state.spread + sel(started, calm * (1.0 - hidden), 0.0) * dt / (n + by.prior) * (squares - state.spread)
+    spread = state.spread + sel(state.seen > 1.0, calm * (1.0 - hidden), 0.0) * dt / (n + by.prior) * (squares - state.spread)
     seen = sel(idle, np.fmin(state.seen + calm * dt, by.memory), state.seen * (1.0 - dt / by.forget))
-    seen = sel(hidden * idle * started > 0.0, state.seen - dt / by.other * (n + 0.4), seen)
-    seen = sel(hidden * (1.0 - started) > 0.0, state.seen, seen)
+    slow_rate = sel(idle * (1.0 - dead) > 0.0, onset.stay, 0.0)
+    covered = state.covered + slow_rate * (sel(hidden, 1.0, 0.0) - state.covered)
+    hum = state.hum + slow_rate * (sel(hidden, power, 0.0) - state.hum)
+    gone = idle * (covered > 0.5) * (power < by.gone * hum) > 0.0
+    covered, hum = sel(gone, 0.0, covered), sel(gone, 0.0, hum)
+    seen = sel(gone, -0.05, seen)
     seen = sel(flat > by.off, -0.05, seen)
     level = np.fmax(level, 2.0 * log(by.least))
 
     # null
     rest2 = exp(level + by.sure * sd)
     null = rest2 + beside
+    r0, r1, r2 = q0 / null, q1 / null, q2 / null
+    m0, m1, m2 = np.fmin(r0, 3.0 * onset.cap), np.fmin(r1, 3.0 * onset.cap), np.fmin(r2, 3.0 * onset.cap)
+    a0 = state.short[0] + onset.short * (m0 - state.short[0])
+    a1 = state.short[1] + onset.short * (m1 - state.short[1])
+    a2 = state.short[2] + onset.short * (m2 - state.short[2])
+    m0, m1, m2 = np.fmin(r0, onset.cap), np.fmin(r1, onset.cap), np.fmin(r2, onset.cap)
+    l0 = state.mean[0] + onset.long * (m0 - state.mean[0])
+    l1 = state.mean[1] + onset.long * (m1 - state.mean[1])
+    l2 = state.mean[2] + onset.long * (m2 - state.mean[2])
     ratio = by.ratio * by.ratio
-    share, drift = by.bandwidth * dt * (1.0 - 1.0 / ratio) / null, by.bandwidth * dt * log(ratio)
-    kcap = onset.cap * null
+    share, drift = by.bandwidth * dt * (1.0 - 1.0 / ratio), by.bandwidth * dt * log(ratio)
+    kcap = onset.cap
     most = 2.0 * onset.enough
     open_ = sel((state.leap > 0.0) * (1.0 - dead) * (1.0 - railed) > 0.0, most, 0.0)
     f0 = np.fmin(open_, np.fmax(0.0, state.onset[0] + share * np.fmin(a0, kcap) - drift))
     f1 = np.fmin(open_, np.fmax(0.0, state.onset[1] + share * np.fmin(a1, kcap) - drift))
     f2 = np.fmin(open_, np.fmax(0.0, state.onset[2] + share * np.fmin(a2, kcap) - drift))
-    w0 = np.fmin(open_, np.fmax(0.0, state.weak[0] + share * np.fmin(b0, kcap) - drift))
-    w1 = np.fmin(open_, np.fmax(0.0, state.weak[1] + share * np.fmin(b1, kcap) - drift))
-    w2 = np.fmin(open_, np.fmax(0.0, state.weak[2] + share * np.fmin(b2, kcap) - drift))
+    w0 = np.fmin(open_, np.fmax(0.0, state.weak[0] + share * np.fmin(l0, kcap) - drift))
+    w1 = np.fmin(open_, np.fmax(0.0, state.weak[1] + share * np.fmin(l1, kcap) - drift))
+    w2 = np.fmin(open_, np.fmax(0.0, state.weak[2] + share * np.fmin(l2, kcap) - drift))
     on, weak = np.fmin(f0, np.fmin(f1, f2)), np.fmin(w0, np.fmin(w1, w2))
-    p = np.fmin(a0, np.fmin(a1, a2)) / null
+    p = np.fmin(a0, np.fmin(a1, a2))
     f = by.bandwidth * dt * (log(by.ratio) - (1.0 - 1.0 / by.ratio) * np.fmin(p, onset.cap))
     end = np.fmax(0.0, state.end + f)
 
@@ -211,9 +224,10 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     ends = (1.0 - idle) * ((end > onset.rested) + dead > 0.0) > 0.0
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
     keep = 1.0 - ends
-    wipe = sel(ends + dead + railed > 0.0, null, np.inf)
+    wipe = sel(ends + dead + railed > 0.0, 1.0, np.inf)
     a0, a1, a2 = np.fmin(a0, wipe), np.fmin(a1, wipe), np.fmin(a2, wipe)
-    b0, b1, b2 = np.fmin(b0, wipe), np.fmin(b1, wipe), np.fmin(b2, wipe)
+    l0, l1, l2 = np.fmin(l0, wipe), np.fmin(l1, wipe), np.fmin(l2, wipe)
+    b0, b1, b2 = np.fmin(b0, wipe * null), np.fmin(b1, wipe * null), np.fmin(b2, wipe * null)
     seen = sel(ends, np.fmin(seen, by.after), seen)
     end = sel(begins, 0.0, end)
     size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.fade)
@@ -222,7 +236,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     after = OnsetState(
         origin, raw, inner, outer, top, wide, slow,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
-        power, swing, both, new, leap, stuck, flat, (a0, a1, a2), (b0, b1, b2), level, spread, seen, null, size, (keep * f0, keep * f1, keep * f2), (keep * w0, keep * w1, keep * w2), keep * np.fmax(on, weak), end, active, held, exp(0.5 * level),
+        power, swing, both, new, covered, hum, leap, stuck, flat, (a0, a1, a2), (l0, l1, l2), (b0, b1, b2), level, spread, seen, null, size, (keep * f0, keep * f1, keep * f2), (keep * w0, keep * w1, keep * w2), keep * np.fmax(on, weak), end, active, held, exp(0.5 * level),
     )
     return after, reported, trouble
 

@@ -6,7 +6,7 @@ SLOWEST, SAFE, QUICKEST = 400.0, 900.0, 5000.0
 
 
 class OnsetSettings(NamedTuple):
-    band_hz: float = 60.0
+    band_hz: float = 40.0
     top_hz: float = 400.0
     wide_hz: float = 20.0
     swing_hz: float = 5.0
@@ -16,15 +16,15 @@ class OnsetSettings(NamedTuple):
     brief: float = 0.05
     quiet: float = 0.15
     sure: float = 2.5
-    between: float = 0.8
+    between: float = 0.6
     same: float = 1.2
     spread: float = 0.3
     memory: float = 12.0
     clip: float = 1.5
     prior: float = 3.0
     down: float = 0.3
-    doubt: float = 0.1
-    after: float = 0.7
+    doubt: float = 0.15
+    after: float = 0.3
     forget: float = 30.0
     share: float = 0.1
     moved: float = 0.001
@@ -34,8 +34,8 @@ class OnsetSettings(NamedTuple):
     stuck: float = 0.6
     steps: float = 0.1
     off: float = 0.5
-    level: float = 0.1
-    other: float = 0.3
+    gone: float = 0.25
+    stays: float = 1.0
     periodic: float = 0.03
     least: float = 1e-12
     shortest: float = 0.0
