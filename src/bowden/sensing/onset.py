@@ -1,4 +1,35 @@
-"""Onset and end of a muscle's contraction in surface EMG."""
+"""Onset and end of a muscle's contraction in surface EMG: a causal likelihood ratio, in any unit at any sample rate.
+
+The band from 40 to 400 Hz is looked at in three ways: as it is, and less itself one mains period ago, of 50 and of
+60 Hz. Hum is missing in one of the latter, a muscle's noise in none; so all three must say what follows.
+
+**What can be there without a contraction** is one power, the null:
+
+    v₀ = exp(m + z·√(s² + w²·exp(−2n/T))) + λ₁·P + λ₂·B + λ₃·W² + (λ₄·A)²
+
+m and s are level and spread of the log of power at rest, averaged over 0.1 s, learned over the n seconds of rest seen;
+w is how far a rest of which nothing is known may be off. P and B, powers above 20 Hz and in the band, and W, the recent
+peak of what is faster than 5 Hz, leak a known share into what is new in the band, be they movement or mains; A is the
+size of the contraction that lasts or has just ended, which leaves a tail.
+
+**Evidence.** Noise of bandwidth B whose power r = x²/v₀ rises by ρ² gains log likelihood against rest,
+
+    Λ ← max(0, Λ + B·dt·((1 − 1/ρ²)·min(r, K) − log ρ²))
+
+which is Page's cumulative sum (1954) with a ratio bounded as Huber's (1965): no click weighs more than its time.
+An onset is Λ ≥ h. h follows from how rarely rest may pass for a contraction, and K from the least time that one takes:
+B·((1 − 1/ρ²)·K − log ρ²)·brief = h. There are two such sums, of r averaged over 5 ms, for strong contractions, and over
+0.1 s, for weak ones, whose spikes are far apart. The end is the same sum with signs turned and half of log ρ².
+
+**Rest** is learned as a mean with forgetting, of what is below v₀·ρ²·log ρ²/(ρ² − 1) while there is little evidence, in
+steps of at most z standard deviations upward; more than that only at a share of the speed, and in a contraction too, so
+that a step of rest is got over. What is quieter is learned at once: it cannot be a contraction. Nothing is learned from
+a signal that leaks explain, or that is dead. Where an electrode was off, or mains are gone that covered the signal,
+it starts anew.
+
+A signal is dead that repeats one value for 20 ms, and one on its rails hardly moves for most of the time between its
+largest steps, as hum does that is clipped.
+"""
 
 import math
 from typing import NamedTuple
@@ -12,33 +43,71 @@ from bowden.sensing.onset_settings import DEFAULTS, QUICKEST, SAFE, SLOWEST, Ons
 
 MAINS = (50.0, 60.0)
 """[Hz]; both are looked for."""
+_SHORT, _LONG, _POWER = 0.005, 0.1, 0.015
+"""Time constants of the averages for strong and for weak contractions, and of powers [s]."""
+_STEP, _SWING = 0.03, 0.1
+"""In which the largest step, and movement's peak, fade [s]."""
+_SIZE, _TAIL = 2.0, 0.2
+"""In which a contraction's size fades while it lasts, and when it has ended [s]."""
+_SETTLES = 0.05
+"""Filters and the memory of a period fill in this time [s]."""
+_LOOKS = 10.0
+"""So often in a second rest has a chance to pass for a contraction: once in `_LONG` [Hz]."""
+_SPIKY = 3.0
+"""Single samples count up to so many times K in the average over 5 ms: noise has them [–]."""
+
+
+class Ways(NamedTuple):
+    """A number for each way in which the band is looked at."""
+
+    plain: float
+    fifty: float
+    sixty: float
+
+
+NONE = Ways(0.0, 0.0, 0.0)
 
 
 class Onset(NamedTuple):
+    """The detector at one rate; `prepare_onset` makes it. Times are in samples or per sample."""
+
     band: Biquad
     top: Biquad
     wide: Biquad
     swing: Biquad
     delay: tuple[int, int]
-    between: tuple[float, float]
+    """Whole samples of one mains period, for each of `MAINS`."""
+    between: tuple[tuple[float, float, float, float], ...]
+    """Weights of the samples from one before that to two after."""
     dt: float
     short: float
     long: float
     power: float
     stay: float
+    step: float
     swung: float
     size: float
-    fade: float
+    tail: float
     enough: float
-    """h, of the evidence for an onset [nats]."""
+    """h [–]."""
     rested: float
-    cap: float
+    """Evidence of rest that ends a contraction [–]."""
+    most: float
+    """K [–]."""
+    gain: float
+    """Evidence of one sample, for each unit of r [–]."""
+    drift: float
+    """Evidence that one sample takes away [–]."""
     even: float
-    """gain of power in evidence, nats a second"""
+    """r that leaves the evidence as it is [–]."""
+    gain_of_end: float
+    drift_of_end: float
     settings: OnsetSettings
 
 
 class OnsetState(NamedTuple):
+    """What the detector keeps."""
+
     origin: float
     raw: float
     inner: Memory
@@ -47,81 +116,162 @@ class OnsetState(NamedTuple):
     wide: Memory
     slow: Memory
     past: tuple[float, ...]
+    """The band's last samples, the newest first, over the longest mains period."""
     power: float
-    swing: float
-    both: float
+    """Above 20 Hz, in the signal's unit squared, as all powers."""
+    loud: float
+    """Power in the band."""
     new: float
-    covered: float
-    hum: float
-    leap: float
+    """Least power of the three ways."""
+    swing: float
+    """Square of the movement's recent peak."""
+    step: float
+    """Recent largest step from one sample to the next."""
     stuck: float
+    """Share of recent samples without a step."""
     flat: float
-    short: tuple[float, float, float]
-    mean: tuple[float, float, float]
-    long: tuple[float, float, float]
+    """How long the value has been the same [s]."""
+    covered: float
+    """Share of recent rest that was covered by mains."""
+    mains: float
+    """Their power, averaged alike."""
+    short: Ways
+    """r, averaged over 5 ms."""
+    long: Ways
+    """r, averaged over 0.1 s."""
+    powers: Ways
+    """x², averaged over 0.1 s."""
     level: float
+    """m."""
     spread: float
+    """s²."""
     seen: float
+    """n; below 0 while filters fill [s]."""
     null: float
+    """v₀."""
     size: float
-    onset: tuple[float, float, float]
-    weak: tuple[float, float, float]
+    """A²."""
+    strong: Ways
+    """Λ of `short`."""
+    weak: Ways
+    """Λ of `long`."""
     evidence: float
-    end: float
+    """Λ on which all three ways agree, the larger of strong and weak."""
+    calm: float
+    """Evidence of rest."""
     active: float
+    """1 in a contraction, told or not."""
     held: float
+    """How long it has lasted [s]."""
     rest: float
-
-
-def _cubic(part):
-    f = part
-    return (-f * (f - 1.0) * (f - 2.0) / 6.0, (f + 1.0) * (f - 1.0) * (f - 2.0) / 2.0, -(f + 1.0) * f * (f - 2.0) / 2.0, (f + 1.0) * f * (f - 1.0) / 6.0)
+    """σ, in the signal's unit."""
 
 
 def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
+    """The detector for `rate` samples a second [Hz], which must be from `SLOWEST` to `QUICKEST`."""
     assert SLOWEST <= rate <= QUICKEST
-    dt, periods = 1.0 / rate, [rate / mains for mains in MAINS]
+    by, dt, periods = settings, 1.0 / rate, [rate / mains for mains in MAINS]
     whole = [math.floor(period) for period in periods]
-    by = settings
-    enough = math.log(by.hours * 3600.0 * 10.0)
-    ratio = by.ratio**2
-    cap = (enough / (by.bandwidth * by.brief) + math.log(ratio)) / (1.0 - 1.0 / ratio)
+    enough = math.log(by.hours * 3600.0 * _LOOKS)
+    share, drift = 1.0 - by.ratio**-2, 2.0 * math.log(by.ratio)
     return Onset(
-        critical_high_pass(by.band_hz, rate),
-        butterworth(by.top_hz, "low", rate) if by.top_hz < 0.4 * rate else PASS,
-        butterworth(by.wide_hz, "high", rate),
-        butterworth(by.swing_hz, "high", rate),
-        (whole[0], whole[1]),
-        (_cubic(periods[0] - whole[0]), _cubic(periods[1] - whole[1])),
-        dt,
-        1.0 - math.exp(-dt / 0.005),
-        1.0 - math.exp(-dt / 0.1),
-        1.0 - math.exp(-dt / 0.015),
-        1.0 - math.exp(-dt / by.stays),
-        math.exp(-dt / 0.1),
-        math.exp(-dt / 2.0),
-        math.exp(-dt / 0.2),
-        enough,
-        by.quiet * by.bandwidth * math.log(by.ratio),
-        cap,
-        math.log(ratio) / (1.0 - 1.0 / ratio),
-        settings,
+        band=critical_high_pass(by.band_hz, rate),
+        top=butterworth(by.top_hz, "low", rate) if by.top_hz < 0.4 * rate else PASS,
+        wide=butterworth(by.wide_hz, "high", rate),
+        swing=butterworth(by.swing_hz, "high", rate),
+        delay=(whole[0], whole[1]),
+        between=(_cubic(periods[0] - whole[0]), _cubic(periods[1] - whole[1])),
+        dt=dt,
+        short=1.0 - math.exp(-dt / _SHORT),
+        long=1.0 - math.exp(-dt / _LONG),
+        power=1.0 - math.exp(-dt / _POWER),
+        stay=1.0 - math.exp(-dt / by.stays),
+        step=math.exp(-dt / _STEP),
+        swung=math.exp(-dt / _SWING),
+        size=math.exp(-dt / _SIZE),
+        tail=math.exp(-dt / _TAIL),
+        enough=enough,
+        rested=by.quiet * by.bandwidth * 0.5 * drift,
+        most=(enough / (by.bandwidth * by.brief) + drift) / share,
+        gain=by.bandwidth * dt * share,
+        drift=by.bandwidth * dt * drift,
+        even=drift / share,
+        gain_of_end=by.bandwidth * dt * (1.0 - 1.0 / by.ratio),
+        drift_of_end=by.bandwidth * dt * 0.5 * drift,
+        settings=by,
+    )
+
+
+def _cubic(part: float) -> tuple[float, float, float, float]:
+    """Lagrange's weights of samples at −1, 0, 1 and 2 for the value at `part` between 0 and 1."""
+    return (
+        -part * (part - 1.0) * (part - 2.0) / 6.0,
+        (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+        -(part + 1.0) * part * (part - 2.0) / 2.0,
+        (part + 1.0) * part * (part - 1.0) / 6.0,
     )
 
 
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
-    memories = (EMPTY,) * 5
-    none = (0.0, 0.0, 0.0)
-    s = onset.settings.spread**2
+    by, past = onset.settings, (0.0,) * (max(onset.delay) + 2)
+    known = (2.0 * math.log(by.least), by.spread**2, -_SETTLES)
+    memories = (EMPTY, EMPTY, EMPTY, EMPTY, EMPTY)
     return OnsetState(
-        first, math.nan, *memories, (0.0,) * (max(onset.delay) + 2),
-        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, none, none, none, 2.0 * math.log(onset.settings.least), s, -0.05, 0.0, 0.0, none, none, 0.0, 0.0, 0.0, 0.0, 0.0,
+        first, math.nan, *memories, past, *([0.0] * 9), NONE, NONE, NONE, *known, 0.0, 0.0, NONE, NONE, *([0.0] * 5)
+    )
+
+
+@kernel
+def _before(past: tuple[float, ...], whole: int, weights: tuple[float, float, float, float]) -> float:
+    """The band one mains period ago, between samples."""
+    return (
+        weights[0] * past[whole - 2]
+        + weights[1] * past[whole - 1]
+        + weights[2] * past[whole]
+        + weights[3] * past[whole + 1]
+    )
+
+
+@kernel
+def _averaged(before: Ways, values: Ways, most: float, share: float) -> Ways:
+    """One sample into an average of each way, with values up to `most`."""
+    return Ways(
+        before.plain + share * (np.fmin(values.plain, most) - before.plain),
+        before.fifty + share * (np.fmin(values.fifty, most) - before.fifty),
+        before.sixty + share * (np.fmin(values.sixty, most) - before.sixty),
+    )
+
+
+@kernel
+def _bounded(values: Ways, most: float) -> Ways:
+    return Ways(np.fmin(values.plain, most), np.fmin(values.fifty, most), np.fmin(values.sixty, most))
+
+
+@kernel
+def _least(values: Ways) -> float:
+    return np.fmin(values.plain, np.fmin(values.fifty, values.sixty))
+
+
+@kernel
+def _summed(onset: Onset, before: Ways, ratio: Ways, most: float) -> Ways:
+    """Λ of each way, up to `most`."""
+    bounded = _bounded(ratio, onset.most)
+    return Ways(
+        np.fmin(most, np.fmax(0.0, before.plain + onset.gain * bounded.plain - onset.drift)),
+        np.fmin(most, np.fmax(0.0, before.fifty + onset.gain * bounded.fifty - onset.drift)),
+        np.fmin(most, np.fmax(0.0, before.sixty + onset.gain * bounded.sixty - onset.drift)),
     )
 
 
 @kernel
 def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetState, float, float]:
+    """One sample, in any unit; NaN where it is missing.
+
+    Returns:
+        The state, 1 in a contraction, and what is wrong with the signal: 0 nothing, 1 flat or missing, 2 movement or
+        mains.
+    """
     by, dt = onset.settings, onset.dt
     here = np.abs(value) < np.inf
     raw = sel(here, value, state.raw)
@@ -133,110 +283,110 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     wide, all_of_it = biquad(onset.wide, state.wide, x)
     slow, movement = biquad(onset.swing, state.slow, x)
 
-    past = state.past
-    i0, i1 = onset.delay[0], onset.delay[1]
-    c0, c1 = onset.between[0], onset.between[1]
-    d0 = band - c0[0] * past[i0 - 2] - c0[1] * past[i0 - 1] - c0[2] * past[i0] - c0[3] * past[i0 + 1]
-    d1 = band - c1[0] * past[i1 - 2] - c1[1] * past[i1 - 1] - c1[2] * past[i1] - c1[3] * past[i1 + 1]
-    q0, q1, q2 = band * band, 0.5 * d0 * d0, 0.5 * d1 * d1
-    least = np.fmin(q0, np.fmin(q1, q2))
-
+    # the band, and what of it is new
+    past, started = state.past, state.seen > 0.0
+    fifty = band - _before(past, onset.delay[0], onset.between[0])
+    sixty = band - _before(past, onset.delay[1], onset.between[1])
+    square = Ways(band * band, 0.5 * fifty * fifty, 0.5 * sixty * sixty)
     power = state.power + onset.power * (all_of_it * all_of_it - state.power)
+    loud = state.loud + onset.power * (square.plain - state.loud)
+    new = state.new + onset.power * (_least(square) - state.new)
     swing = np.fmax(movement * movement, state.swing * onset.swung)
-    both = state.both + onset.power * (band * band - state.both)
-    new = state.new + onset.power * (least - state.new)
-
-    started = state.seen > 0.0
-    lim = sel(started, onset.cap * state.null, np.inf)
-    b0 = state.long[0] + onset.long * (np.fmin(q0, lim) - state.long[0])
-    b1 = state.long[1] + onset.long * (np.fmin(q1, lim) - state.long[1])
-    b2 = state.long[2] + onset.long * (np.fmin(q2, lim) - state.long[2])
+    powers = _averaged(state.powers, square, sel(started, onset.most * state.null, np.inf), onset.long)
 
     # what is wrong
     step = sel(np.abs(state.raw) < np.inf, np.abs(raw - state.raw), 0.0)
-    leap = np.fmax(step, state.leap * 1.0)
-    leap = np.fmax(step, state.leap * exp(-dt / 0.03))
-    stuck = state.stuck + onset.power * (sel(step <= by.still * leap, 1.0, 0.0) - state.stuck)
+    largest = np.fmax(step, state.step * onset.step)
+    stuck = state.stuck + onset.power * (sel(step <= by.still * largest, 1.0, 0.0) - state.stuck)
     flat = sel(here * (raw != state.raw) > 0.0, 0.0, state.flat + dt)
-    railed = (stuck > by.stuck) * (power > by.steps * leap * leap)
-    sigma2 = exp(state.level)
-    narrow = (new < by.broad * power) + (new < by.moved * swing) + railed > 0.0
-    odd = narrow * (power > 9.0 * sigma2) > 0.0
     dead = flat > by.flat
-    trouble = sel(dead, 1.0, sel(odd, 2.0, 0.0))
+    railed = (stuck > by.stuck) * (power > by.steps * largest * largest)  # rest of half a count has small steps
+    usual = state.rest * state.rest
+    narrow = (new < by.broad * power) + (new < by.moved * swing) + railed > 0.0
+    trouble = sel(dead, 1.0, sel(narrow * (power > 9.0 * usual) > 0.0, 2.0, 0.0))
 
     # rest
-    idle = state.active < 0.5
-    sd = np.sqrt(state.spread + by.between * by.between / (1.0 + np.fmax(state.seen, 0.0) / by.same))
-    u = log(np.fmax(np.fmin(b0, np.fmin(b1, b2)), by.least * by.least))
-    beside = by.periodic * both + by.broad * power + by.moved * swing + by.share * by.share * state.size
-    e = u - state.level
-    e = sel(e > 0.0, np.fmax(0.0, e - log(1.0 + beside / sigma2)), e)
-    lid = by.clip * sd
-    hidden = beside > exp(u)
-    learns = idle * (1.0 - dead)
-    calm = learns * sel(exp(u) < onset.even * state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), by.doubt)
-    n = np.fmax(state.seen, 0.0) + 0.1
-    up = sel(idle, calm * (1.0 - hidden) * np.fmin(e, lid), by.doubt * (1.0 - dead) * e) / n
-    level = state.level + dt * sel(e < -lid, (1.0 - dead) * e / np.fmin(n, by.down), sel(e < 0.0, learns * e / n, up))
-    level = sel(started, level, sel(dead, state.level, u))
-    squares = np.fmin(e * e, lid * lid)
-    spread = state.spread + sel(state.seen > 1.0, calm * (1.0 - hidden), 0.0) * dt / (n + by.prior) * (squares - state.spread)
-    seen = sel(idle, np.fmin(state.seen + calm * dt, by.memory), state.seen * (1.0 - dt / by.forget))
-    slow_rate = sel(idle * (1.0 - dead) > 0.0, onset.stay, 0.0)
-    covered = state.covered + slow_rate * (sel(hidden, 1.0, 0.0) - state.covered)
-    hum = state.hum + slow_rate * (sel(hidden, power, 0.0) - state.hum)
-    gone = idle * (covered > 0.5) * (power < by.gone * hum) > 0.0
-    covered, hum = sel(gone, 0.0, covered), sel(gone, 0.0, hum)
-    seen = sel(gone, -0.05, seen)
-    seen = sel(flat > by.off, -0.05, seen)
+    idle, alive = state.active < 0.5, 1.0 - dead
+    beside = by.repeats * loud + by.broad * power + by.moved * swing + by.share * by.share * state.size
+    seen = np.fmax(state.seen, 0.0)
+    deviation = np.sqrt(state.spread + by.unknown * by.unknown * exp(-seen / by.learnt))
+    there = np.fmax(_least(powers), by.least * by.least)
+    off = log(there) - state.level
+    off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
+    lid, count = by.sure * deviation, seen + _LONG
+    hidden = beside > there
+    calm = sel(there < onset.even * state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), by.doubt)
+    calm = calm * idle * alive
+    upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), by.doubt * alive * off) / count
+    downward = sel(off < -lid, alive * off / np.fmin(count, by.falls), idle * alive * off / count)
+    level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
     level = np.fmax(level, 2.0 * log(by.least))
+    varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + by.weight), 0.0)
+    spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
 
-    # null
-    rest2 = exp(level + by.sure * sd)
-    null = rest2 + beside
-    r0, r1, r2 = q0 / null, q1 / null, q2 / null
-    m0, m1, m2 = np.fmin(r0, 3.0 * onset.cap), np.fmin(r1, 3.0 * onset.cap), np.fmin(r2, 3.0 * onset.cap)
-    a0 = state.short[0] + onset.short * (m0 - state.short[0])
-    a1 = state.short[1] + onset.short * (m1 - state.short[1])
-    a2 = state.short[2] + onset.short * (m2 - state.short[2])
-    m0, m1, m2 = np.fmin(r0, onset.cap), np.fmin(r1, onset.cap), np.fmin(r2, onset.cap)
-    l0 = state.mean[0] + onset.long * (m0 - state.mean[0])
-    l1 = state.mean[1] + onset.long * (m1 - state.mean[1])
-    l2 = state.mean[2] + onset.long * (m2 - state.mean[2])
-    ratio = by.ratio * by.ratio
-    share, drift = by.bandwidth * dt * (1.0 - 1.0 / ratio), by.bandwidth * dt * log(ratio)
-    kcap = onset.cap
-    most = 2.0 * onset.enough
-    open_ = sel((state.leap > 0.0) * (1.0 - dead) * (1.0 - railed) > 0.0, most, 0.0)
-    f0 = np.fmin(open_, np.fmax(0.0, state.onset[0] + share * np.fmin(a0, kcap) - drift))
-    f1 = np.fmin(open_, np.fmax(0.0, state.onset[1] + share * np.fmin(a1, kcap) - drift))
-    f2 = np.fmin(open_, np.fmax(0.0, state.onset[2] + share * np.fmin(a2, kcap) - drift))
-    w0 = np.fmin(open_, np.fmax(0.0, state.weak[0] + share * np.fmin(l0, kcap) - drift))
-    w1 = np.fmin(open_, np.fmax(0.0, state.weak[1] + share * np.fmin(l1, kcap) - drift))
-    w2 = np.fmin(open_, np.fmax(0.0, state.weak[2] + share * np.fmin(l2, kcap) - drift))
-    on, weak = np.fmin(f0, np.fmin(f1, f2)), np.fmin(w0, np.fmin(w1, w2))
-    p = np.fmin(a0, np.fmin(a1, a2))
-    f = by.bandwidth * dt * (log(by.ratio) - (1.0 - 1.0 / by.ratio) * np.fmin(p, onset.cap))
-    end = np.fmax(0.0, state.end + f)
+    # mains that covered it and are gone, an electrode that was off: another rest
+    rate = sel(idle * alive > 0.0, onset.stay, 0.0)
+    by_mains = hidden * (power > by.level * swing)  # what swings slowly is movement
+    covered = state.covered + rate * (sel(by_mains, 1.0, 0.0) - state.covered)
+    mains = state.mains + rate * (sel(hidden, power, 0.0) - state.mains)
+    gone = idle * (covered > 0.5) * (power < by.gone * mains) > 0.0
+    covered, mains = sel(gone, 0.0, covered), sel(gone, 0.0, mains)
+    known = sel(idle, np.fmin(state.seen + calm * dt, by.memory), state.seen * (1.0 - dt / by.forget))
+    known = sel(gone + (flat > by.off) > 0.0, -_SETTLES, known)
 
-    begins = idle * ((on >= onset.enough) + (weak >= onset.enough) > 0.0) > 0.0
-    ends = (1.0 - idle) * ((end > onset.rested) + dead > 0.0) > 0.0
+    # evidence for an onset, and for an end
+    null = exp(level + lid) + beside
+    ratio = Ways(square.plain / null, square.fifty / null, square.sixty / null)
+    short = _averaged(state.short, ratio, _SPIKY * onset.most, onset.short)
+    long = _averaged(state.long, ratio, onset.most, onset.long)
+    most = sel(dead + railed + (largest <= 0.0) > 0.0, 0.0, 2.0 * onset.enough)
+    strong = _summed(onset, state.strong, short, most)
+    weak = _summed(onset, state.weak, long, most)
+    evidence = np.fmax(_least(strong), _least(weak))
+    quiet = onset.drift_of_end - onset.gain_of_end * np.fmin(_least(short), onset.most)
+    rested = np.fmax(0.0, state.calm + quiet)
+    begins = idle * (evidence >= onset.enough) > 0.0
+    ends = (1.0 - idle) * ((rested > onset.rested) + dead > 0.0) > 0.0
+
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
-    keep = 1.0 - ends
-    wipe = sel(ends + dead + railed > 0.0, 1.0, np.inf)
-    a0, a1, a2 = np.fmin(a0, wipe), np.fmin(a1, wipe), np.fmin(a2, wipe)
-    l0, l1, l2 = np.fmin(l0, wipe), np.fmin(l1, wipe), np.fmin(l2, wipe)
-    b0, b1, b2 = np.fmin(b0, wipe * null), np.fmin(b1, wipe * null), np.fmin(b2, wipe * null)
-    seen = sel(ends, np.fmin(seen, by.after), seen)
-    end = sel(begins, 0.0, end)
-    size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.fade)
+    known = sel(ends, np.fmin(known, by.learnt), known)
+    forgets, left = sel(ends + dead + railed > 0.0, 1.0, np.inf), sel(ends, 0.0, np.inf)
+    size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.tail)
     held = sel(active > 0.5, state.held + dt, 0.0)
     reported = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
     after = OnsetState(
-        origin, raw, inner, outer, top, wide, slow,
+        origin,
+        raw,
+        inner,
+        outer,
+        top,
+        wide,
+        slow,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
-        power, swing, both, new, covered, hum, leap, stuck, flat, (a0, a1, a2), (l0, l1, l2), (b0, b1, b2), level, spread, seen, null, size, (keep * f0, keep * f1, keep * f2), (keep * w0, keep * w1, keep * w2), keep * np.fmax(on, weak), end, active, held, exp(0.5 * level),
+        power,
+        loud,
+        new,
+        swing,
+        largest,
+        stuck,
+        flat,
+        covered,
+        mains,
+        _bounded(short, forgets),
+        _bounded(long, forgets),
+        _bounded(powers, forgets * null),
+        level,
+        spread,
+        known,
+        null,
+        size,
+        _bounded(strong, left),
+        _bounded(weak, left),
+        np.fmin(evidence, left),
+        sel(begins, 0.0, rested),
+        active,
+        held,
+        exp(0.5 * level),
     )
     return after, reported, trouble
 
@@ -258,5 +408,5 @@ ONSET = Detector(
     slowest=SLOWEST,
     safe=SAFE,
     quickest=QUICKEST,
-    source="this project",
+    source="this project; the cumulative sum of Page (1954) with the bounded ratio of Huber (1965)",
 )
