@@ -19,13 +19,21 @@ if TYPE_CHECKING:
 
 
 def identify(
-    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV or MATLAB file with time, motor and joint.")],
+    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV, MATLAB or Parquet file: time, motor, joint.")],
     time: Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")] = None,
     motor: Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")] = None,
     joint: Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of both angles, deg or rad; by default as the columns' names end.")
+        str | None,
+        typer.Option(
+            metavar="UNIT[,UNIT]",
+            help="deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.",
+        ),
     ] = None,
+    counts_per_turn: Annotated[
+        str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")] = None,
     out: Annotated[
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for model.toml and identify.html.")
     ] = Path("out/identify"),
@@ -41,7 +49,9 @@ def identify(
         from bowden.identify.cable.model_file import write_model
         from bowden.identify.log.read import read_log
 
-        checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
+        checked = read_log(
+            log, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate
+        )
         output_folder(out)
         with progress_bar(quiet=json) as progress:
             fit = identify_log(checked, progress=progress)
@@ -93,7 +103,18 @@ def document(fit: "Fit") -> dict[str, Any]:
         }
         for name, fitted in fit.models.items()
     }
-    return {"best": fit.best.name, "models": models, "warnings": list(fit.warnings), "samples": fit.samples}
+    ahead = {
+        "compensated_rms_deg": finite(fit.forecast.compensated * DEGREES),
+        "uncompensated_rms_deg": finite(fit.forecast.uncompensated * DEGREES),
+        "resolution_rms_deg": fit.forecast.resolution * DEGREES,
+    }
+    return {
+        "best": fit.best.name,
+        "models": models,
+        "forecast": ahead,
+        "warnings": list(fit.warnings),
+        "samples": fit.samples,
+    }
 
 
 def _print_table(fit: "Fit") -> None:
@@ -113,6 +134,9 @@ def _print_table(fit: "Fit") -> None:
         table.add_row(f"{name} *" if name == fit.best.name else name, str(count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
+    left, without, counts = (value * DEGREES for value in fit.forecast)
+    bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
+    print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
     for warning in fit.warnings:
         print(f"- {warning}")
 
@@ -125,6 +149,7 @@ COMMANDS = (
         (
             "bowden identify log.csv",
             "bowden identify log.csv.gz --out out/cable",
+            "bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000",
             "bowden identify log.csv --json",
         ),
         place=20,

@@ -617,6 +617,8 @@ class Rig:
         if used < given and abs(given - Limits().frozen_travel) > _WRITTEN:
             known = f"the identified cable explains no more than {used / RADIANS:.3g}, which is used"
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
+        if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
+            notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
         return tuple(notes)
 
     @property
@@ -676,7 +678,8 @@ class Rig:
     @cached_property
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
-        return live_parts.limits(self.limits, self.bench, self.drive, _WIDER * self.knowledge.width)
+        dead_zone = _WIDER * self.knowledge.width
+        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn)
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:

@@ -17,6 +17,7 @@ from bowden.identify.cable import advice
 from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.bouc_wen_static import BoucWenStatic, richest, settled
 from bowden.identify.cable.family import Estimate, Family
+from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import time_lag
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.model import CableModel
@@ -26,7 +27,8 @@ from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.cable.uncertainty import standard_errors
 from bowden.identify.cable.validation import folds, held_out_errors, simplest_of_the_best, without_start
-from bowden.identify.log.read import Log, prepare
+from bowden.identify.log.angles import SIDES, angle_units, angles_of
+from bowden.identify.log.read import Log, checked_rate, prepare
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,6 +98,11 @@ class Fit:
         """The recommended model with its uncertainties and errors."""
         return self.models[self.best.name]
 
+    @property
+    def forecast(self) -> Forecast:
+        """The joint's error with the recommended model as feed-forward, and without any."""
+        return forecast(self.log, self.split, self.predicted, self.chosen, self.models["line"])
+
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
 
@@ -145,15 +152,25 @@ class Fit:
         notes = [("note", warning) for warning in self.warnings]
         length = self.log.time[-1] - self.log.time[0]
         log = f"{self.samples} samples, {length:.4g} s, fitted in {self.seconds:.2g} s"
-        return [("log", log), ("parameters", ", ".join(given)), ("others", ", ".join(others)), *notes[:_MOST_NOTES]]
+        ahead = self.forecast
+        left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
+        return [
+            ("log", log),
+            ("parameters", ", ".join(given)),
+            ("others", ", ".join(others)),
+            ("forecast", f"{left} RMS with the model as feed-forward, {without} without"),
+            *notes[:_MOST_NOTES],
+        ]
 
 
 def identify(
-    time: Array,
+    time: Array | None,
     motor: Array,
     joint: Array,
     *,
-    unit: str = "rad",
+    unit: str | None = None,
+    counts_per_turn: float | Sequence[float] | None = None,
+    rate: float | None = None,
     name: str = "log",
     seed: int = 0,
     progress: Progress | None = None,
@@ -161,10 +178,12 @@ def identify(
     """Fit every family of cable models to a log's first half and judge it on the second.
 
     Args:
-        time: (n,) increasing and even [s].
+        time: (n,) increasing and even [s]; None where a rate is given.
         motor: motor-side angle (n,).
         joint: joint-side angle (n,).
-        unit: of both angles, ``rad`` or ``deg``.
+        unit: of the angles, ``rad``, ``deg`` or ``counts``, or one each (``counts,deg``); radians if not given.
+        counts_per_turn: of the encoders, one number for both or one each.
+        rate: samples a second of signals without times [Hz].
         name: of the log, for messages.
         seed: of the global search; with the same seed the result is the same.
         progress: called with what is being done and the share of the work that is behind.
@@ -182,12 +201,17 @@ def identify(
     >>> fit.best.name, round(fit.models["line"].parameters["slope"], 6)
     ('line', 0.9)
     """
-    t, x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (time, motor, joint))
+    units = angle_units(unit, counts_per_turn)
+    checked_rate(rate, time)
+    x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (motor, joint))
+    if time is None and rate is None:
+        raise ParameterError("identify: neither times nor a rate", expected="one of them", do="give rate=, in Hz")
+    t = np.arange(x.size) / (rate or 1.0) if time is None else np.ascontiguousarray(time, dtype=np.float64)
     if not (t.ndim == 1 and t.shape == x.shape == y.shape):
         raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
-    if unit not in ("rad", "deg"):
-        raise ParameterError(f"identify: unit is {unit!r}", expected="rad or deg", do="give one of them")
-    return identify_log(prepare(t, x, y, name, lambda sample: f"{name}, sample {sample + 1}", unit), seed, progress)
+    angles, _ = angles_of({side: (side, None) for side in SIDES}, {"motor": x, "joint": y}, units)
+    ready = prepare(t, angles, name, lambda sample: f"{name}, sample {sample + 1}", units.apart)
+    return identify_log(ready, seed, progress)
 
 
 def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> Fit:

@@ -46,6 +46,14 @@ def model_text(fit: Fit, source: str) -> str:
         f"samples = {fit.samples}",
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
     ]
+    left, without, counts = (_number(value * DEGREES) for value in fit.forecast)
+    lines += [
+        "",
+        "[forecast]  # error of the joint on a motion like the log's; the servo is taken to follow at once",
+        f"compensated_rms_deg = {left}  # with the recommended model's inverse as feed-forward",
+        f"uncompensated_rms_deg = {without}  # with a straight line's",
+        f"resolution_rms_deg = {counts}  # of both encoders' counts; 0 where the log shows none",
+    ]
     for name in NAMES:
         lines += _model_lines(name, fit.models[name])
     return "\n".join(lines) + "\n"
