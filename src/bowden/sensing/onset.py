@@ -102,6 +102,8 @@ class Onset(NamedTuple):
     """r that leaves the evidence as it is [–]."""
     gain_of_end: float
     drift_of_end: float
+    floor: float
+    """m is never less."""
     settings: OnsetSettings
 
 
@@ -198,6 +200,7 @@ def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
         even=drift / share,
         gain_of_end=by.bandwidth * dt * (1.0 - 1.0 / by.ratio),
         drift_of_end=by.bandwidth * dt * 0.5 * drift,
+        floor=2.0 * math.log(by.least),
         settings=by,
     )
 
@@ -215,10 +218,24 @@ def _cubic(part: float) -> tuple[float, float, float, float]:
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
     by, past = onset.settings, (0.0,) * (max(onset.delay) + 2)
-    known = (2.0 * math.log(by.least), by.spread**2, -_SETTLES)
+    known = (onset.floor, by.spread**2, -_SETTLES)
     memories = (EMPTY, EMPTY, EMPTY, EMPTY, EMPTY)
     return OnsetState(
-        first, math.nan, *memories, past, *([0.0] * 9), NONE, NONE, NONE, *known, 0.0, 0.0, NONE, NONE, *([0.0] * 5)
+        first,
+        math.nan,
+        *memories,
+        past,
+        *([0.0] * 9),
+        NONE,
+        NONE,
+        NONE,
+        *known,
+        0.0,
+        0.0,
+        NONE,
+        NONE,
+        *([0.0] * 4),
+        by.least,
     )
 
 
@@ -320,7 +337,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), by.doubt * alive * off) / count
     downward = sel(off < -lid, alive * off / np.fmin(count, by.falls), idle * alive * off / count)
     level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
-    level = np.fmax(level, 2.0 * log(by.least))
+    level = np.fmax(level, onset.floor)
     varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + by.weight), 0.0)
     spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
 

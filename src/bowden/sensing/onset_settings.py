@@ -21,7 +21,7 @@ class OnsetSettings(NamedTuple):
     brief: float = 0.05
     """Nothing that lasts less is an onset, however large: a click's ringing, and twice the 20 ms of hum that begins and
     ends [s]."""
-    quiet: float = 0.15
+    quiet: float = 0.2
     """Rest of less does not end a contraction [s]."""
     bandwidth: float = 100.0
     """Of a muscle's spectrum: so many independent pairs of samples there are in a second [Hz]."""
