@@ -217,25 +217,13 @@ def _cubic(part: float) -> tuple[float, float, float, float]:
 
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
-    by, past = onset.settings, (0.0,) * (max(onset.delay) + 2)
-    known = (onset.floor, by.spread**2, -_SETTLES)
-    memories = (EMPTY, EMPTY, EMPTY, EMPTY, EMPTY)
+    by, past, o = onset.settings, (0.0,) * (max(onset.delay) + 2), 0.0
+    filters = (EMPTY, EMPTY, EMPTY, EMPTY, EMPTY)
+    known = (onset.floor, by.spread * by.spread, -_SETTLES)
+    signal, evidence = (o, o, o, o, o, o, o, o, o), (o, o, o, o)
+    averages = (NONE, NONE, NONE)
     return OnsetState(
-        first,
-        math.nan,
-        *memories,
-        past,
-        *([0.0] * 9),
-        NONE,
-        NONE,
-        NONE,
-        *known,
-        0.0,
-        0.0,
-        NONE,
-        NONE,
-        *([0.0] * 4),
-        by.least,
+        first, math.nan, *filters, past, *signal, *averages, *known, o, o, NONE, NONE, *evidence, by.least
     )
 
 
