@@ -207,6 +207,7 @@ def test_gain_and_offset_come_back_from_seconds_of_motion() -> None:
 def test_a_cable_that_has_changed_is_called_so_and_one_without_a_judgement_is_not() -> None:
     assert recalibrate(new_log(1.0, 0.0, wider=1.6), known(), 0.05 / DEGREES).changed is True
     assert recalibrate(new_log(1.0, 0.0, wider=1.6), known()).changed is None
+    assert recalibrate(new_log(1.0, 0.0), known(), 1e-9).changed is False  # what is left is of no use to anybody
 
 
 def test_a_joint_that_moves_the_other_way_or_a_motor_that_does_not_turn_is_refused() -> None:
@@ -222,6 +223,15 @@ def test_a_recalibrated_scheduled_model_is_gain_times_the_old_one_at_every_load(
         old = CableModel("scheduled", {**fit.best.parameters, "load": load}).joint_angle(MOTOR)
         new = CableModel("scheduled", {**changed, "load": load}).joint_angle(MOTOR)
         assert np.allclose(new, 1.05 * old + 0.1, atol=1e-12)
+
+
+def test_every_family_of_models_can_be_recalibrated() -> None:
+    """Whatever is fitted to a log has gain and offset among its parameters."""
+    found = bowden.identify(TIME, MOTOR, log_at(0.2).joint)
+    for name, fitted in found.models.items():
+        old = fitted.model.joint_angle(MOTOR)
+        new = CableModel(name, recalibrated(fitted.parameters, 1.03, -0.2)).joint_angle(MOTOR)
+        assert np.allclose(new, 1.03 * old - 0.2, atol=1e-9), name
 
 
 # on the command line
