@@ -33,8 +33,8 @@ def identify(
 ) -> None:
     """Fit cable models to a log's first half, judge them on the second, and say which one to use and why.
 
-    Five models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, and a
-    Prandtl-Ishlinskii stack. The folder gets model.toml, with every parameter and its uncertainty, and a page.
+    Six models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, a
+    Prandtl-Ishlinskii stack, and generalised play between free branches. The folder gets model.toml, with every parameter and its uncertainty, and a page.
     """
     with beside(_ready_to_draw, _drawn) as drawn:
         from bowden.identify.cable.fit import identify_log
@@ -112,7 +112,7 @@ def _print_table(fit: "Fit") -> None:
         count = sum(not math.isnan(value) for value in fitted.uncertainty.values())
         table.add_row(f"{name} *" if name == fit.best.name else name, str(count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
-    print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
+    print("* recommended: the simplest whose error on left-out stretches is not clearly larger than the best's")
     for warning in fit.warnings:
         print(f"- {warning}")
 
