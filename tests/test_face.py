@@ -277,7 +277,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "degrees": (lambda: bowden.identify(T, 57.3 * MOTOR, 57.3 * JOINT), r"look like degrees; give the unit deg"),
     "factor 57.3": (lambda: bowden.identify(T, 0.7 * MOTOR, 35.0 * MOTOR), r"looks like degrees beside radians"),
     "its other side": (lambda: bowden.identify(T, 20.0 * MOTOR, 0.35 * MOTOR), r"the motor moves 57.1 times as far"),
-    "a unit": (lambda: bowden.identify(T, MOTOR, JOINT, unit="grad"), r"unit is 'grad'; expected rad or deg"),
+    "a unit": (lambda: bowden.identify(T, MOTOR, JOINT, unit="grad"), r"'grad'; expected deg, rad or counts"),
     "time twice": (lambda: bowden.identify(T, MOTOR, JOINT, time=T), r"time is given twice"),
     "a file and arrays": (lambda: bowden.identify("log.csv", MOTOR, JOINT), r"motor of the log log.csv is an array"),
     "no file": (lambda: bowden.identify("none.csv"), r"none.csv does not exist; check the path"),

@@ -136,7 +136,7 @@ BAD = {
     "no such file": (["none.csv"], "none.csv does not exist"),
     "a folder": (["."], "is a folder"),
     "unknown column": (["log.csv", "--motor", "torque"], "no column 'torque' for the motor"),
-    "unknown unit": (["log.csv", "--unit", "grad"], "expected deg or rad"),
+    "unknown unit": (["log.csv", "--unit", "grad"], "expected deg, rad or counts"),
     "degrees as radians": (["log.csv", "--unit", "rad"], "look like degrees"),
     "empty": (["empty.csv"], "is empty"),
     "not a number": (["text.csv"], "line 5: 'x' in column 'motor_deg'"),

@@ -130,7 +130,7 @@ def test_columns_and_units_can_be_given(write: Write) -> None:
     path = write(text(rows(*DEGREES), "a,b,c"))
     log = read_log(path, time="a", motor="b", joint="C", unit="deg")
     assert log.joint == pytest.approx(JOINT, abs=1e-6)
-    with pytest.raises(ParameterError, match="expected deg or rad"):
+    with pytest.raises(ParameterError, match="expected deg, rad or counts"):
         read_log(path, unit="grad")
     assert np.array_equal(read_log(path, time="a", motor="b", joint="c", unit="DEG").joint, log.joint)
     with pytest.raises(LogError, match="no column 'd' for the joint among 'a', 'b', 'c'"):
@@ -171,6 +171,82 @@ def test_one_late_sample_is_no_gap(write: Write) -> None:
         read_log(write(text(rows(late, MOTOR, JOINT))))
 
 
+def test_a_second_row_within_a_tick_is_dropped(write: Write) -> None:
+    again = read_log(write(text([line for i, line in enumerate(LINES) for _ in range(2 if i in (5, 50, 51) else 1)])))
+    assert np.array_equal(again.joint, read_log(write(text())).joint)
+    assert again.warnings[0].startswith("3 of 403 rows repeat the time stamp")
+    ticks = np.floor(np.arange(500) * 0.85 + 0.3) / 100.0  # rows come more often than the clock ticks
+    motor = 0.5 * np.sin(0.6 * ticks)
+    log = read_log(write(text(rows(ticks, motor, 0.9 * motor))))
+    assert np.allclose(np.diff(log.time), 0.01)
+    late = TIME.copy()
+    late[100::20] += 0.01  # a row that comes within the next one's tick
+    log = read_log(write(text(rows(late, MOTOR, JOINT))))
+    assert len(log.time) == 400
+    assert log.motor == pytest.approx(MOTOR, abs=0.03)
+    assert [said.split()[0] for said in log.warnings] == ["15", "the"]
+
+
+def test_a_log_without_times_takes_a_rate(write: Write, tmp_path: Path) -> None:
+    savemat(tmp_path / "log.mat", {"motor_deg": np.degrees(MOTOR), "joint_deg": np.degrees(JOINT)})
+    packed = gzip.compress(text(rows(MOTOR, JOINT), "motor_rad,joint_rad").encode())
+    for path in (write(packed, "log.csv.gz"), tmp_path / "log.mat"):
+        log = read_log(path, rate=100.0)
+        assert log.time == pytest.approx(TIME)
+        assert log.joint == pytest.approx(JOINT, abs=1e-6)
+        with pytest.raises(LogError, match=r"no time column among .* give the rows' rate: --rate 1000"):
+            read_log(path)
+    path = write(text())
+    assert "'time_s' was not read" in read_log(path, rate=100.0).warnings[0]
+    with pytest.raises(ParameterError, match="a rate and times"):
+        read_log(path, rate=100.0, time="time_s")
+    with pytest.raises(ParameterError, match="the rate is 0"):
+        read_log(path, rate=0.0)
+
+
+COUNTED = np.round(1e6 + MOTOR * 8192.0 / math.tau), np.round(JOINT * 4000.0 / math.tau)
+
+
+def test_counts_are_angles_once_their_turn_is_known(write: Write, tmp_path: Path) -> None:
+    path = write(text(rows(TIME, *COUNTED), "t,motor,joint"))
+    for unit, turns in (("counts", (8192, 4000)), (None, "8192, 4000")):
+        log = read_log(path, unit=unit, counts_per_turn=turns)
+        assert np.ptp(log.motor - MOTOR) < 1e-3
+        assert log.joint == pytest.approx(JOINT, abs=1e-3)
+        assert "motor begins at 1000000 counts; 122 whole turns were taken off" in log.warnings[0]
+    savemat(tmp_path / "log.mat", {"t": TIME, "motor_counts": COUNTED[0].astype(np.int32), "joint_rad": JOINT})
+    mixed = read_log(tmp_path / "log.mat", unit="counts,rad", counts_per_turn=8192)
+    assert mixed.joint == pytest.approx(JOINT)
+    with pytest.raises(LogError, match="'motor_counts' is in counts, and nothing says how many"):
+        read_log(tmp_path / "log.mat")
+    wrong: list[dict[str, Any]] = [{"unit": "deg", "counts_per_turn": 8192}, {"counts_per_turn": (9, 9, 9)}]
+    for bad in [*wrong, {"counts_per_turn": "few"}, {"counts_per_turn": 0}]:
+        with pytest.raises(ParameterError, match="counts per turn"):
+            read_log(path, **bad)
+
+
+@pytest.mark.parametrize(("turn", "unit"), [(360.0, "deg"), (math.tau, "rad"), (8192.0, "counts")])
+def test_an_angle_that_wraps_is_unwrapped(turn: float, unit: str, write: Write) -> None:
+    motor = 3.0 * np.sin(3.0 * TIME)  # almost half a turn, to and fro
+    wrapped = np.mod(motor, math.tau) * turn / math.tau
+    path = write(text(rows(TIME, wrapped, JOINT * turn / math.tau), "t,motor,joint"))
+    log = read_log(path, unit=unit, counts_per_turn=8192 if unit == "counts" else None)
+    assert np.ptp(log.motor - motor) < 1e-5
+    assert "motor wraps at a turn 3 times" in log.warnings[0]
+
+
+def test_a_motor_may_make_many_turns_where_its_unit_is_known(write: Write) -> None:
+    turns = 100.0 * MOTOR  # ±8 turns
+    log = read_log(write(text(rows(TIME, turns, JOINT))))
+    assert log.motor == pytest.approx(turns, abs=1e-6)
+    with pytest.raises(LogError, match=r"look like degrees; .*; of a motor of many turns, say rad"):
+        read_log(write(text(rows(TIME, turns, JOINT), "t,motor,joint")))
+    degrees = text(rows(TIME, 57.3 * np.degrees(MOTOR), np.degrees(JOINT)), "t,motor_deg,joint_deg")
+    with pytest.raises(LogError, match=r"looks like degrees beside radians; .*\(--unit deg,deg"):
+        read_log(write(degrees))
+    assert np.ptp(read_log(write(degrees), unit="deg,deg").motor) == pytest.approx(57.3 * np.ptp(MOTOR), rel=1e-6)
+
+
 def test_milliseconds_declared_as_seconds_are_noticed(write: Write) -> None:
     slow = rows(*(np.repeat(column, 2) for column in (TIME, MOTOR, JOINT)))
     lines = [f"{i}.0,{row.split(',', 1)[1]}" for i, row in enumerate(slow)]
@@ -189,7 +265,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "nan": (text(put(LINES, 17, "0.15,nan,0.2")), "line 17: motor_rad is nan"),
     "infinity": (text(put(LINES, 3, "inf,0.1,0.2")), "line 3: time_s is inf"),
     "unsorted": (text([*LINES[:5], LINES[6], LINES[5], *LINES[7:]]), "line 8: time goes back"),
-    "repeated": (text([*LINES[:5], LINES[4], *LINES[5:]]), "line 7: time repeats"),
+    "no clock": (text(rows(np.floor(TIME / 0.03) * 0.03, MOTOR, JOINT)), "line 3: time repeats (0 s); 266 of 400 rows"),
     "a gap": (text(LINES[:200] + LINES[230:]), "line 202: time has a gap"),
     "uneven": (jittered(0.3), "the time steps scatter by 2"),
     "uneven, far": (jittered(0.45), "the time steps scatter by 40 % RMS"),
@@ -200,7 +276,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     ),
     "beyond any cable": (
         text(put(rows(*DEGREES), 17, "0.15,4000.0,0.2"), "time_s,motor_deg,joint_deg"),
-        "line 17: motor_deg is 4000°; expected an angle within ±1146°; check the column",
+        "line 17: motor_deg is 4000°; expected an angle within ±1146° (more of a motor that moves without jumps",
     ),
     "a still joint": (text(rows(TIME, MOTOR, 0.0 * JOINT)), "joint_rad is 0 rad in every sample"),
     "too short": (text(LINES[:30]), "30 samples are too short"),

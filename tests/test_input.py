@@ -84,6 +84,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "motor": (3.0, ["a"], np.zeros((3, 2)), [[1.0], [1.0, 2.0]]),
             "joint": (3.0, ["a"], np.zeros((3, 2))),
             "unit": (3, "grad"),
+            "counts_per_turn": ("few", 0, (1.0,) * 3),
+            "rate": (*NO_NUMBER, 0.0, 1000.0),
             "name": NO_TEXT,
             "seed": NO_WHOLE,
             "progress": NO_CALL,
@@ -118,7 +120,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "read_log": (
         made(bowden.read_log, "log.csv"),
-        {"path": NO_PATH, "time": NO_TEXT, "motor": NO_TEXT, "joint": NO_TEXT, "unit": NO_TEXT},
+        {"path": NO_PATH, "time": NO_TEXT, "motor": NO_TEXT, "joint": NO_TEXT, "unit": NO_TEXT}
+        | {"counts_per_turn": ("few", 0, (1.0,) * 3), "rate": (*NO_NUMBER, 0.0)},
     ),
     "read_trace": (made(bowden.read_trace, "run.csv"), {"path": NO_PATH}),
     "run": (

@@ -19,13 +19,21 @@ if TYPE_CHECKING:
 
 
 def identify(
-    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV or MATLAB file with time, motor and joint.")],
+    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV, MATLAB or Parquet file: time, motor, joint.")],
     time: Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")] = None,
     motor: Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")] = None,
     joint: Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of both angles, deg or rad; by default as the columns' names end.")
+        str | None,
+        typer.Option(
+            metavar="UNIT[,UNIT]",
+            help="deg, rad or counts, of both angles or of motor and joint; by default as the columns' names end.",
+        ),
     ] = None,
+    counts_per_turn: Annotated[
+        str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")] = None,
     out: Annotated[
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for model.toml and identify.html.")
     ] = Path("out/identify"),
@@ -34,14 +42,17 @@ def identify(
     """Fit cable models to a log's first half, judge them on the second, and say which one to use and why.
 
     Six models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, a
-    Prandtl-Ishlinskii stack, and generalised play between free branches. The folder gets model.toml, with every parameter and its uncertainty, and a page.
+    Prandtl-Ishlinskii stack, and a generalised play between free branches. The folder gets model.toml, with every
+    parameter and its uncertainty, and a page.
     """
     with beside(_ready_to_draw, _drawn) as drawn:
         from bowden.identify.cable.fit import identify_log
         from bowden.identify.cable.model_file import write_model
         from bowden.identify.log.read import read_log
 
-        checked = read_log(log, time=time, motor=motor, joint=joint, unit=unit)
+        checked = read_log(
+            log, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate
+        )
         output_folder(out)
         with progress_bar(quiet=json) as progress:
             fit = identify_log(checked, progress=progress)
@@ -125,6 +136,7 @@ COMMANDS = (
         (
             "bowden identify log.csv",
             "bowden identify log.csv.gz --out out/cable",
+            "bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000",
             "bowden identify log.csv --json",
         ),
         place=20,

@@ -25,6 +25,7 @@ def identify_servo(
     unit: Annotated[
         str | None, typer.Option(help="deg or rad, of both angles; from the columns' names where it is not given.")
     ] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")] = None,
     sample_time_ms: Annotated[float, typer.Option(help="Control cycle of the rig, for delay_cycles.")] = 1.0,
     out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for servo.toml.")] = Path(
         "out/servo"
@@ -39,7 +40,7 @@ def identify_servo(
 
     if not 0.01 <= sample_time_ms <= 100.0:
         raise ParameterError(f"--sample-time-ms is {sample_time_ms:g}", expected="a number from 0.01 to 100")
-    columns = read_servo_log(log, {"time": time, "command": command, "motor": motor}, unit)
+    columns, notes = read_servo_log(log, {"time": time, "command": command, "motor": motor}, unit, rate)
     output_folder(out)
     with progress_bar() as report:
         report("fitting the servo", 0.0)
@@ -49,9 +50,11 @@ def identify_servo(
     with whole_files(out) as folder:
         (folder / "servo.toml").write_text(text, encoding="utf-8")
     if json:
-        print_json(document | {"files": [str(out / "servo.toml")], "seconds": seconds()})
+        print_json(document | {"warnings": notes, "files": [str(out / "servo.toml")], "seconds": seconds()})
     else:
         print(text)
+        for note in notes:
+            print(f"- {note}")
         print(f"Wrote {out / 'servo.toml'}  ({seconds():.1f} s)")
         print("Put these keys into rig.toml, then: bowden check rig.toml")
 

@@ -1,6 +1,6 @@
 """`identify` and `read_log`: from a log of a cable to its model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ def identify(
     *,
     time: "str | ArrayLike | None" = None,
     unit: str | None = None,
+    counts_per_turn: float | Sequence[float] | None = None,
+    rate: float | None = None,
     name: str = "log",
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
@@ -29,11 +31,14 @@ def identify(
     """Fit six families of cable models to the first half of a log, and judge them on the second.
 
     Args:
-        log: the path of a CSV, gzipped CSV or MATLAB file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
+        log: the path of a CSV, gzipped CSV, MATLAB or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
         motor: motor-side angle (n,); of a file, the name of its column.
         joint: joint-side angle (n,); of a file, the name of its column.
         time: the same for time, where it does not come first.
-        unit: of both angles, ``rad`` or ``deg``; radians where it is not given, or as a file's columns say.
+        unit: of the angles, ``rad``, ``deg`` or ``counts``, or one each (``"counts,deg"``); radians where it is not
+            given, or as a file's columns say.
+        counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
+        rate: samples a second, of a log without times [Hz].
         name: of the log, for messages.
         seed: of the global search; with the same seed the result is the same.
         progress: called with what is being done and the share of the work that is behind.
@@ -54,14 +59,14 @@ def identify(
     """
     seed = arguments.whole(seed, "identify: seed", 0)
     arguments.text(name, "identify: name", "a name for the log")
-    if unit is not None:
-        arguments.text(unit, "identify: unit", "deg or rad")
     if progress is not None:
         arguments.function(progress, "identify: progress", arguments.PROGRESS)
     if isinstance(log, str | Path):
-        return identify_log(read_log(log, time=time, motor=motor, joint=joint, unit=unit), seed, progress)
+        read = read_log(log, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate)
+        return identify_log(read, seed, progress)
     if isinstance(log, Log | Trace):
-        for what, extra in (("motor", motor), ("joint", joint), ("time", time), ("unit", unit)):
+        beside = {"motor": motor, "joint": joint, "time": time, "unit": unit}
+        for what, extra in (beside | {"counts_per_turn": counts_per_turn, "rate": rate}).items():
             if extra is not None:
                 kind = type(log).__name__
                 raise ParameterError(
@@ -70,26 +75,46 @@ def identify(
         if isinstance(log, Log):
             return identify_log(log, seed, progress)
         seen = ("motor_measured", "joint_measured") if "motor_measured" in log else ("motor", "joint")
-        return identify_signals(log.time, *(log[one] for one in seen), name=name, seed=seed, progress=progress)
+        columns = (log[one] for one in seen)
+        return identify_signals(log.time, *columns, unit="rad", name=name, seed=seed, progress=progress)
     if log is not None and time is not None:
         raise ParameterError(
             "identify: time is given twice", expected="it once", do="call it as identify(time, motor, joint)"
         )
     given = {"time": time if log is None else log, "motor": motor, "joint": joint}
+    if rate is not None and given["time"] is None:
+        del given["time"]
     for what, value in given.items():
         if value is None:
             raise ParameterError(
                 f"identify: {what} is missing",
                 expected="a file's path, or three arrays: identify(time, motor, joint)",
-                do="hand it over too",
+                do="hand it over too" + (", or give rate= in its place" if what == "time" else ""),
             )
     signals = {what: arguments.signal(value, f"identify: {what}") for what, value in given.items()}
     arguments.one_length(signals, "identify")
-    return identify_signals(**signals, unit="rad" if unit is None else unit, name=name, seed=seed, progress=progress)
+    return identify_signals(
+        signals.get("time"),
+        signals["motor"],
+        signals["joint"],
+        unit=unit,
+        counts_per_turn=counts_per_turn,
+        rate=rate,
+        name=name,
+        seed=seed,
+        progress=progress,
+    )
 
 
 def read_log(
-    path: str | Path, *, time: Any = None, motor: Any = None, joint: Any = None, unit: str | None = None
+    path: str | Path,
+    *,
+    time: Any = None,
+    motor: Any = None,
+    joint: Any = None,
+    unit: str | None = None,
+    counts_per_turn: float | Sequence[float] | None = None,
+    rate: float | None = None,
 ) -> Log:
     """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
@@ -98,7 +123,10 @@ def read_log(
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.
-        unit: of both angles, ``deg`` or ``rad``; as the columns' names say where it is not given.
+        unit: of the angles, ``deg``, ``rad`` or ``counts``, or one each (``"counts,deg"``); as the columns' names say
+            where it is not given.
+        counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
+        rate: rows a second, of a log without times [Hz].
 
     Returns:
         ``time`` [s], ``motor`` and ``joint`` [rad], and what was mended or guessed.
@@ -115,11 +143,11 @@ def read_log(
     np.float64(0.052)
     """
     file = arguments.path_of(path, "read_log: path")
-    for what, column in (("time", time), ("motor", motor), ("joint", joint), ("unit", unit)):
+    for what, column in (("time", time), ("motor", motor), ("joint", joint)):
         if column is not None and not isinstance(column, str):
             raise ParameterError(
                 f"{what} of the log {path} is {arguments.said(column)}",
-                expected="the name of a column in the file" if what != "unit" else "deg or rad",
+                expected="the name of a column in the file",
                 do="or hand over arrays alone: identify(time, motor, joint)",
             )
-    return read_file(file, time=time, motor=motor, joint=joint, unit=unit)
+    return read_file(file, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate)

@@ -63,10 +63,11 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
             "the motor does not reverse in the first half, so no hysteresis shows there and its errors in the second "
             "half say nothing: move faster or record longer, six cycles or more"
         )
-    elif path.strokes < 4:
+    elif path.strokes < 6:
         found.append(
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to tell a loop "
-            "from what happens once, and the whole log chose the model: record at least six cycles"
+            f"from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least six "
+            "cycles"
         )
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]

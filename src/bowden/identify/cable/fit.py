@@ -25,7 +25,8 @@ from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.cable.uncertainty import standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
-from bowden.identify.log.read import Log, prepare
+from bowden.identify.log.angles import SIDES, angle_units, angles_of
+from bowden.identify.log.read import Log, checked_rate, prepare
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -146,11 +147,13 @@ class Fit:
 
 
 def identify(
-    time: Array,
+    time: Array | None,
     motor: Array,
     joint: Array,
     *,
-    unit: str = "rad",
+    unit: str | None = None,
+    counts_per_turn: float | Sequence[float] | None = None,
+    rate: float | None = None,
     name: str = "log",
     seed: int = 0,
     progress: Progress | None = None,
@@ -158,10 +161,12 @@ def identify(
     """Fit every family of cable models to a log's first half, judge it on the second, and fit it anew to the whole.
 
     Args:
-        time: (n,) increasing and even [s].
+        time: (n,) increasing and even [s]; None where a rate is given.
         motor: motor-side angle (n,).
         joint: joint-side angle (n,).
-        unit: of both angles, ``rad`` or ``deg``.
+        unit: of the angles, ``rad``, ``deg`` or ``counts``, or one each (``counts,deg``); radians if not given.
+        counts_per_turn: of the encoders, one number for both or one each.
+        rate: samples a second of signals without times [Hz].
         name: of the log, for messages.
         seed: of the global search; with the same seed the result is the same.
         progress: called with what is being done and the share of the work that is behind.
@@ -179,12 +184,17 @@ def identify(
     >>> fit.best.name, round(fit.models["line"].parameters["slope"], 6)
     ('line', 0.9)
     """
-    t, x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (time, motor, joint))
+    units = angle_units(unit, counts_per_turn)
+    checked_rate(rate, time)
+    x, y = (np.ascontiguousarray(values, dtype=np.float64) for values in (motor, joint))
+    if time is None and rate is None:
+        raise ParameterError("identify: neither times nor a rate", expected="one of them", do="give rate=, in Hz")
+    t = np.arange(x.size) / (rate or 1.0) if time is None else np.ascontiguousarray(time, dtype=np.float64)
     if not (t.ndim == 1 and t.shape == x.shape == y.shape):
         raise ParameterError(f"identify: shapes {t.shape}, {x.shape}, {y.shape}", expected="three of one length")
-    if unit not in ("rad", "deg"):
-        raise ParameterError(f"identify: unit is {unit!r}", expected="rad or deg", do="give one of them")
-    return identify_log(prepare(t, x, y, name, lambda sample: f"{name}, sample {sample + 1}", unit), seed, progress)
+    angles, _ = angles_of({side: (side, None) for side in SIDES}, {"motor": x, "joint": y}, units)
+    ready = prepare(t, angles, name, lambda sample: f"{name}, sample {sample + 1}", units.apart)
+    return identify_log(ready, seed, progress)
 
 
 def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> Fit:

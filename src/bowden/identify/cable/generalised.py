@@ -99,9 +99,10 @@ def _memory(path: Path, lags: Array) -> _Memory:
         rest = sums[free:, free:] - sums[free:, :free] @ inverse @ sums[:free, free:]
         gram, moments = rest[:-1, :-1], rest[:-1, -1]
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        lower = np.linalg.cholesky(gram / np.outer(size, size) + 1e-10 * np.eye(len(size)))
+        values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+        root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
         sign = 1.0 if sums[free, -1] * path.weight.sum() >= sums[0, free] * sums[0, -1] else -1.0
-        weights = non_negative(lower.T, sign * np.linalg.solve(lower, moments / size)) / size
+        weights = non_negative(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root) / size
         cost = float(rest[-1, -1] - 2.0 * sign * weights @ moments + weights @ gram @ weights)
         if best is None or cost < best[0]:
             best = cost, float(lag), sign * weights
@@ -155,8 +156,9 @@ def _strengths(path: Path, columns: Array) -> tuple[float, float]:
 
 def _nodes(sums: Array, penalty: Array) -> Array:
     """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
-    small = 1e-12 * float(np.trace(sums[:-1, :-1])) / len(penalty)
-    return np.asarray(np.linalg.solve(sums[:-1, :-1] + penalty + small * np.eye(len(penalty)), sums[:-1, -1]))
+    gram = sums[:-1, :-1] + penalty
+    small = 1e-12 * float(np.trace(gram)) / len(gram)  # a gap that no play has is not determined
+    return np.asarray(np.linalg.solve(gram + small * np.eye(len(gram)), sums[:-1, -1]))
 
 
 def _solved(

@@ -69,11 +69,9 @@ def _reversal_changes(path: Path, estimate: Estimate, family: Family) -> list[Ar
     outward = np.sign(path.motor[turns] - path.motor[turns - 1])
     found = []
     for side in (1.0, -1.0):
-        values = path.motor[turns[outward == side]]
-        if not len(values) or path.reversal_error == 0.0:
+        if not (outward == side).any() or path.reversal_error == 0.0:
             continue
-        together = float(np.ptp(values)) < 10.0 * path.reversal_error
-        error = path.reversal_error * (1.0 if together else 1.0 / np.sqrt(len(values)))
+        error = path.reversal_error  # what the tops of a motion have in common, several amplitudes do not mend
         motor = path.motor.copy()
         motor[turns[outward == side]] += side * error
         base = family.predict(estimate.parameters, path.motor)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
 from bowden.core.table import read_table
-from bowden.identify.cable.checks import check_finite, even_time
+from bowden.identify.cable.checks import check_finite
+from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, split_name
 from bowden.sensing.onset_settings import QUICKEST, SAFE, SLOWEST
 
@@ -138,9 +139,7 @@ def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | 
     check_finite(times[0] if times else "time", time, where)
     for name, values in zip(names, columns, strict=True):
         check_finite(name, values, where)
-    even, warnings = even_time(time, where)
-    if even is not time:
-        columns = [np.interp(even, time, values) for values in columns]
+    even, columns, warnings = even_clock(time, columns, where)
     rate = (len(even) - 1) / float(even[-1] - even[0])
     if declared is not None and not abs(rate / declared - 1.0) <= _RATE_ERROR:
         raise LogError(

@@ -1,7 +1,7 @@
 """Which column of a log is the time, the motor, the joint or whatever is looked for, and in which unit."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from bowden.core.errors import LogError
@@ -31,10 +31,11 @@ _UNITS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
     **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), "ms"),
     **dict.fromkeys(("us", "µs", "μs", "usec", "micros", "microseconds"), "us"),
+    **dict.fromkeys(("count", "counts", "cnt", "cnts", "tick", "ticks", "inc", "increments", "pulses"), "counts"),
 }
 
 FACTORS = {"deg": RADIANS, "rad": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
-"""Unit → what one of it is in SI."""
+"""Unit → what one of it is in SI; what a count is, its encoder says."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class LogColumn:
     name: str
     """As written in the log."""
     unit: str | None
-    """``deg``, ``rad``, ``s``, ``ms`` or ``us``; None where the log does not say."""
+    """``deg``, ``rad``, ``counts``, ``s``, ``ms`` or ``us``; None where the log does not say."""
 
 
 def unit_of(text: str) -> str | None:
@@ -75,7 +76,11 @@ def split_name(name: str) -> tuple[str, str | None]:
 
 
 def find_columns(
-    names: Sequence[str], given: Mapping[str, str | None], where: str, known: Mapping[str, Sequence[str]] = CABLE
+    names: Sequence[str],
+    given: Mapping[str, str | None],
+    where: str,
+    known: Mapping[str, Sequence[str]] = CABLE,
+    optional: Collection[str] = (),
 ) -> dict[str, LogColumn]:
     """Time, motor and joint, or other roles, among a log's columns.
 
@@ -84,6 +89,7 @@ def find_columns(
         given: role → name that the user gave, or None to guess.
         where: the log, for messages.
         known: role → its common names.
+        optional: roles that a log need not have, unless the user names a column for them.
 
     Raises:
         LogError: a column is not there; the message lists those that are.
@@ -93,6 +99,8 @@ def find_columns(
     for role in known:
         wanted = given.get(role)
         index = _guess(known[role], names) if wanted is None else _named(wanted, names)
+        if index is None and role in optional and wanted is None:
+            continue
         if index is None:
             missing.append(f"a column {wanted!r} for the {role}" if wanted is not None else f"a {role} column")
         else:
@@ -102,9 +110,11 @@ def find_columns(
         *first, last = known
         options = ", ".join(f"--{role}" for role in first) + f" and --{last}"
         keywords = ", ".join(f"{role}=" for role in first) + f" and {last}="
+        no_time = missing[0] == "a time column"
+        rate = "; of a log without times, give the rows' rate: --rate 1000, or rate= in Python" if no_time else ""
         raise LogError(
             f"{where}: no {' and no '.join(part.removeprefix('a ') for part in missing)} among {listed}",
-            do=f"name the columns: {options}, or {keywords} in Python",
+            do=f"name the columns: {options}, or {keywords} in Python{rate}",
         )
     if len({column.index for column in found.values()}) < len(found):
         chosen = ", ".join(f"{role} = {column.name!r}" for role, column in found.items())

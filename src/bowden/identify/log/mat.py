@@ -1,7 +1,7 @@
 """MATLAB files as logs: vectors of one length, at the top or inside a struct."""
 
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ def is_matlab(path: Path, head: bytes) -> bool:
 
 
 def read_matlab(
-    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]]
+    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]], optional: Collection[str] = ()
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
     """The columns of a MATLAB file of version 4 to 7; see `find_columns`.
 
@@ -43,7 +43,7 @@ def read_matlab(
             f"{path} cannot be read as a MATLAB file: {error}", do="save it in MATLAB with save(…, '-v7'), or as CSV"
         ) from error
     vectors = dict(vectors_of(content))
-    if len(vectors) < len(known):
+    if len(vectors) < len(known) - len(optional):
         for name, value in content.items():
             if isinstance(value, np.ndarray) and value.ndim == 2:
                 raise LogError(
@@ -57,7 +57,7 @@ def read_matlab(
             expected=f"vectors for {', '.join(known)}",
             do="save them under those names",
         )
-    columns = find_columns(list(vectors), given, str(path), known)
+    columns = find_columns(list(vectors), given, str(path), known, optional)
     for column in columns.values():
         if np.iscomplexobj(vectors[column.name]):
             raise LogError(f"{path}: {column.name!r} is complex", expected="real numbers", do="save its real part")

@@ -1,6 +1,7 @@
 """Reading and checking the log of a cable: CSV (also gzipped), MATLAB and Parquet files."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_parquet, readable
 from bowden.identify.cable import checks
+from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, unwrapped
+from bowden.identify.log.clock import even_clock, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
 from bowden.identify.log.text import read_text
@@ -40,7 +44,7 @@ class RawLog:
     """The columns of a log as a file holds them."""
 
     columns: Mapping[str, LogColumn]
-    """Role (time, motor, joint) → where it was found."""
+    """Role (time, motor, joint) → where it was found; of one that a log need not have, perhaps nothing."""
     values: Mapping[str, Array]
     """Role → (n,), in the file's units."""
     place: Callable[[int], str]
@@ -54,6 +58,8 @@ def read_log(
     motor: str | None = None,
     joint: str | None = None,
     unit: str | None = None,
+    counts_per_turn: float | Sequence[float] | str | None = None,
+    rate: float | None = None,
 ) -> Log:
     """Read a cable's log and check it.
 
@@ -62,20 +68,54 @@ def read_log(
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.
-        unit: of both angles, ``deg`` or ``rad``; taken from the columns' names where it is not given.
+        unit: of the angles, ``deg``, ``rad`` or ``counts``, or one each (``counts,deg``); taken from the columns' names
+            where it is not given.
+        counts_per_turn: of the encoders, one number for both or one each; see `angle_units`.
+        rate: rows a second of a log without times; a time column is then not read [Hz].
 
     Raises:
         LogError: the file cannot be read, or the log cannot be used; one line that says why and where.
-        ParameterError: an unknown unit.
+        ParameterError: an unknown unit, counts or a rate that cannot be, a rate beside a time column's name.
     """
-    unit = unit.lower() if unit else unit
-    if unit not in (None, "deg", "rad"):
-        raise ParameterError(f"the unit of the angles is {unit!r}", expected="deg or rad")
-    file = Path(path)
-    return _in_radians(read_columns(file, {"time": time, "motor": motor, "joint": joint}), unit, file.name)
+    units, file = angle_units(unit, counts_per_turn), Path(path)
+    checked_rate(rate, time)
+    given = {"time": time, "motor": motor, "joint": joint}
+    raw, warnings = _from_the_first_reading(read_columns(file, given, optional=() if rate is None else ("time",)))
+    for role, values in raw.values.items():
+        if role != "time" or rate is None:
+            checks.check_finite(raw.columns[role].name, values, raw.place)
+    named = {side: (raw.columns[side].name, raw.columns[side].unit) for side in SIDES}
+    angles, guessed = angles_of(named, raw.values, units)
+    seconds, timed = seconds_of(raw, rate, file)
+    return prepare(seconds, angles, file.name, raw.place, units.apart, (*warnings, *guessed, *timed))
 
 
-def read_columns(file: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]] = CABLE) -> RawLog:
+def checked_rate(rate: Any, time: object = None) -> None:
+    """Refuse a rate that is none, or one beside a column or an array of times.
+
+    Raises:
+        ParameterError: it is.
+    """
+    if rate is None:
+        return
+    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 < rate < math.inf:
+        raise ParameterError(
+            f"the rate is {said(rate)}", expected="rows a second, a number above 0", do="give such a number"
+        )
+    if time is not None:
+        raise ParameterError(
+            "a rate and times are given for one log",
+            expected="one of them",
+            do="leave the rate out where there are times",
+        )
+
+
+def read_columns(
+    file: Path,
+    given: Mapping[str, str | None],
+    known: Mapping[str, Sequence[str]] = CABLE,
+    optional: Collection[str] = (),
+) -> RawLog:
     """Columns of a log, from text, a MATLAB file or Parquet; see `find_columns`.
 
     Raises:
@@ -93,7 +133,8 @@ def read_columns(file: Path, given: Mapping[str, str | None], known: Mapping[str
                 f"{file} is empty", expected=f"columns for {', '.join(known)}", do="record or export the log again"
             )
         read = _read_parquet if head.startswith(b"PAR1") else read_matlab if is_matlab(file, head) else read_text
-        return RawLog(*read(file, given, known))
+        columns, values, place = read(file, given, known, optional)
+        return RawLog(columns, {role: np.asarray(part, dtype=np.float64) for role, part in values.items()}, place)
     except FileNotFoundError as error:
         raise LogError(f"{file} does not exist", do="check the path") from error
     except OSError as error:
@@ -103,12 +144,12 @@ def read_columns(file: Path, given: Mapping[str, str | None], known: Mapping[str
 
 
 def _read_parquet(
-    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]]
+    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]], optional: Collection[str] = ()
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
     columns: dict[str, LogColumn] = {}
 
     def choose(schema: Any) -> list[str]:
-        columns.update(find_columns(schema.names, given, str(path), known))
+        columns.update(find_columns(schema.names, given, str(path), known, optional))
         for role, column in columns.items():
             unit = (schema.field(column.index).metadata or {}).get(b"unit", b"").decode()  # of a trace
             columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(unit))
@@ -123,26 +164,25 @@ def _read_parquet(
     return columns, values, lambda sample: f"{path}, row {sample + 1}"
 
 
-def _in_radians(raw: RawLog, unit: str | None, name: str) -> Log:
-    raw, warnings = _from_the_first_reading(raw)
-    for role, values in raw.values.items():
-        checks.check_finite(raw.columns[role].name, values, raw.place)
-    own = {role: raw.columns[role].unit for role in ("motor", "joint")}
-    own = {role: found if found in ("deg", "rad") else None for role, found in own.items()}
-    angles: dict[str, Array] = {}
-    for role, other in (("motor", "joint"), ("joint", "motor")):
-        column, named = raw.columns[role], own[role] or own[other]
-        chosen = unit or named or "rad"
-        if unit is not None and own[role] not in (None, unit):
-            warnings.append(f"column {column.name!r} names {own[role]}, but {unit} was given and is taken")
-        if unit is None and own[role] is None:
-            warnings.append(f"column {column.name!r} names no unit and was taken as {chosen} (unless a unit is given)")
-        said = unit is not None or named is not None
-        checks.check_angles(column.name, raw.values[role], chosen, said, raw.place)
-        angles[role] = np.ascontiguousarray(raw.values[role] * FACTORS[chosen])
-    seconds = raw.values["time"] * FACTORS.get(raw.columns["time"].unit or "s", 1.0)
-    checked = prepare(seconds, angles["motor"], angles["joint"], name, raw.place)
-    return Log(checked.time, checked.motor, checked.joint, name, (*warnings, *checked.warnings))
+def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list[str]]:
+    """Times of the rows of a log (n,) [s], and what is to be said of them.
+
+    Raises:
+        LogError: times in another unit than one of time.
+    """
+    if rate is not None:
+        unread = raw.columns.get("time")
+        notes = [f"column {unread.name!r} was not read: the rate of the rows was given"] if unread else []
+        return np.arange(len(raw.values["motor"])) / rate, notes
+    column = raw.columns["time"]
+    unit = column.unit or "s"
+    if unit not in ("s", "ms", "us"):
+        raise LogError(
+            f"{file}: the times in {column.name!r} are in {unit}",
+            expected="s, ms or us",
+            do="name another column, or give the rows' rate: --rate 1000 (rate= in Python)",
+        )
+    return raw.values["time"] * FACTORS[unit], []
 
 
 def _from_the_first_reading(raw: RawLog) -> tuple[RawLog, list[str]]:
@@ -156,20 +196,34 @@ def _from_the_first_reading(raw: RawLog) -> tuple[RawLog, list[str]]:
     return RawLog(raw.columns, values, lambda i: raw.place(i + first)), [said]
 
 
-def prepare(time: Array, motor: Array, joint: Array, name: str, place: Callable[[int], str], unit: str = "rad") -> Log:
-    """Check three signals, in seconds and in `unit`, and put them on an even clock, in radians.
+def prepare(
+    time: Array,
+    angles: Mapping[str, Angle],
+    name: str,
+    place: Callable[[int], str],
+    apart: bool = False,
+    warnings: Sequence[str] = (),
+) -> Log:
+    """Check time and both angles, and put them on an even clock, in radians.
+
+    Args:
+        time: (n,) [s].
+        angles: of motor and joint, as the log has them.
+        name: of the log, for messages.
+        place: sample → place, for messages.
+        apart: whether the unit of each side was said by itself; a ratio of 57 between them is then a gear.
+        warnings: what was mended or guessed before.
 
     Raises:
-        LogError: too short, not finite, not moving, beyond ±20 rad, or on an uneven clock.
+        LogError: too short, not finite, not moving, angles that no cable has, or no clock.
     """
     checks.check_length(len(time), name)
-    for what, values in (("time", time), ("motor", motor), ("joint", joint)):
+    for what, values in (("time", time), *((one.name, one.values) for one in angles.values())):
         checks.check_finite(what, values, place)
-    for what, values in (("motor", motor), ("joint", joint)):
-        checks.check_angles(what, values, unit, True, place)
-    checks.check_same_unit(motor, joint, name)
-    motor, joint = motor * FACTORS[unit], joint * FACTORS[unit]
-    even, warnings = checks.even_time(time, place)
-    if even is not time:
-        motor, joint = np.interp(even, time, motor), np.interp(even, time, joint)
-    return Log(even, motor, joint, name, (*warnings, *checks.odd_time(even, motor)))
+    (motor, told), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
+    check_plausible(motor, joint, place)
+    if not apart:
+        checks.check_same_unit(motor.radians, joint.radians, name)
+    even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
+    checks.check_length(len(even), name)
+    return Log(even, motor_at, joint_at, name, (*warnings, *told, *more, *clock, *odd_time(even, motor_at)))

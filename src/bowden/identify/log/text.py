@@ -4,7 +4,7 @@ import io
 import itertools
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -50,7 +50,7 @@ class _Layout:
 
 
 def read_text(
-    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]]
+    path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]], optional: Collection[str] = ()
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
     """The columns of a text log; see `find_columns`.
 
@@ -60,7 +60,7 @@ def read_text(
     """
     layout = _layout(path)
     _check_length(path)
-    columns = find_columns(layout.names, given, str(path), known)
+    columns = find_columns(layout.names, given, str(path), known, optional)
     for role, column in columns.items():
         unit = column.unit or layout.units[column.index]
         columns[role] = LogColumn(column.index, column.name, unit)

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
+from bowden.identify.cable.checks import check_finite, check_length
+from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, LogColumn
-from bowden.identify.log.read import read_columns
+from bowden.identify.log.read import checked_rate, read_columns, seconds_of
 
 Array = NDArray[np.float64]
 
@@ -22,30 +24,40 @@ _SERVO: Mapping[str, Sequence[str]] = {
 """Role → common names, the likeliest first."""
 
 
-def read_servo_log(path: Path, given: Mapping[str, str | None], unit: str | None = None) -> tuple[Array, Array, Array]:
-    """Time [s], command and motor [rad], each (n,).
+def read_servo_log(
+    path: Path, given: Mapping[str, str | None], unit: str | None = None, rate: float | None = None
+) -> tuple[tuple[Array, Array, Array], list[str]]:
+    """Time [s], command and motor [rad], each (n,), on an even clock; and what was mended.
 
     Args:
         path: a log as `bowden.identify.log.read.read_log` takes it.
         given: role (time, command, motor) → column, or None to guess.
         unit: of both angles, ``deg`` or ``rad``; from the columns' names where it is not given.
+        rate: rows a second of a log without times; a time column is then not read [Hz].
 
     Raises:
-        LogError: the file cannot be read, has no such column, or a field is not a number.
-        ParameterError: an unknown unit.
+        LogError: the file cannot be read, has no such column, a field is not a number, or its times are no clock.
+        ParameterError: an unknown unit, a rate that cannot be, a rate beside a time column's name.
     """
     if unit not in (None, "deg", "rad"):
         raise ParameterError(f"--unit is {unit!r}", expected="deg or rad")
-    raw = read_columns(path, given, _SERVO)
-    factors = {role: _factor(role, column, unit, path) for role, column in raw.columns.items()}
-    time, command, motor = (factors[role] * raw.values[role] for role in _SERVO)
-    return time - time[0] if len(time) else time, command, motor
+    checked_rate(rate, given.get("time"))
+    raw = read_columns(path, given, _SERVO, () if rate is None else ("time",))
+    factors = {role: _factor(raw.columns[role], unit, path) for role in ("command", "motor")}
+    check_length(len(raw.values["motor"]), str(path))
+    time, notes = seconds_of(raw, rate, path)
+    for role in ("command", "motor"):
+        check_finite(raw.columns[role].name, raw.values[role], raw.place)
+    check_finite("time", time, raw.place)
+    angles = [raw.values[role] * factor for role, factor in factors.items()]
+    even, (command, motor), warnings = even_clock(time - time[0], angles, raw.place)
+    return (even, command, motor), [*notes, *warnings]
 
 
-def _factor(role: str, column: LogColumn, unit: str | None, path: Path) -> float:
-    if role == "time":
-        return FACTORS[column.unit or "s"]
+def _factor(column: LogColumn, unit: str | None, path: Path) -> float:
     wanted = unit or column.unit
     if wanted is None:
         raise LogError(f"{path}: column {column.name!r} does not say its unit", do="give --unit deg or --unit rad")
+    if wanted not in ("deg", "rad"):
+        raise LogError(f"{path}: column {column.name!r} is in {wanted}", expected="deg or rad", do="convert it first")
     return FACTORS[wanted]

@@ -1,0 +1,228 @@
+"""Angles as encoders give them: degrees, radians or counts, perhaps wrapped at a turn, perhaps of many turns."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.arguments import said
+from bowden.core.errors import LogError, ParameterError
+from bowden.core.units import CABLE_LOG_LIMIT, RADIANS
+
+Array = NDArray[np.float64]
+
+UNITS = ("deg", "rad", "counts")
+SIDES = ("motor", "joint")
+
+_TURN = 2.0 * math.pi  # rad
+_MOST_TURNS = 1000.0
+"""Of a motor before its gear or spool; a wire winds up on no more."""
+_STROKE = 0.25
+"""Share of a signal's range by which no step of a motion goes; a larger one is an outlier or a wrapped angle."""
+_COUNTERS = (2.0**16, 2.0**32)
+"""Counts at which counters overflow."""
+_EXPECTED = "deg, rad or counts, or one for the motor and one for the joint: counts,deg"
+
+
+class AngleUnits(NamedTuple):
+    """What the user says of the units of motor and joint."""
+
+    unit: tuple[str | None, str | None]
+    """``deg``, ``rad`` or ``counts``; None where the log shall say."""
+    counts_per_turn: tuple[float | None, float | None]
+    """Of each encoder, where it counts."""
+    apart: bool
+    """Whether each side has its own unit said, so that a gear between them is no mistake."""
+
+
+@dataclass(frozen=True)
+class Angle:
+    """One side's angle as a log has it."""
+
+    name: str
+    """Of the column, for messages."""
+    values: Array
+    """(n,)"""
+    unit: str
+    """``deg``, ``rad`` or ``counts``."""
+    known: bool
+    """Whether the log or the user named that unit."""
+    factor: float
+    """Radians in one of it."""
+
+    @property
+    def radians(self) -> Array:
+        """(n,) [rad]."""
+        return np.ascontiguousarray(self.values * self.factor)
+
+
+def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
+    """The units that a user gave, read.
+
+    Args:
+        unit: ``deg``, ``rad`` or ``counts`` for both sides, or one each: ``counts,deg``; None where the log shall say.
+        counts_per_turn: of both encoders, or one each as a pair or as text: ``8192,4000``. Given alone, both sides are
+            in counts.
+
+    Raises:
+        ParameterError: another unit, numbers that no encoder has, or counts beside another unit.
+
+    >>> angle_units("counts", "8192,4000").counts_per_turn
+    (8192.0, 4000.0)
+    """
+    if unit is not None and not isinstance(unit, str):
+        raise ParameterError(f"the unit of the angles is {said(unit)}", expected=_EXPECTED, do="give one of them")
+    parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
+    if len(parts) > 2 or any(part not in (None, *UNITS) for part in parts):
+        raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
+    if unit is None and counts_per_turn is not None:
+        parts = ["counts"]
+    counts = _counts(counts_per_turn)
+    if counts and "counts" not in parts:
+        raise ParameterError(
+            f"counts per turn are given beside the unit {unit!r}",
+            expected="the unit counts",
+            do="leave one of them out",
+        )
+    if len(counts) == 2 and set(parts) != {"counts"}:
+        raise ParameterError(
+            f"counts per turn of motor and joint are given beside the unit {unit!r}",
+            expected="one number, of the side that counts",
+            do="leave the other one out",
+        )
+    both = (parts[0], parts[-1])
+    of_turn = (counts[0], counts[-1]) if counts else (None, None)
+    return AngleUnits(both, of_turn, len(parts) == 2 or len(counts) == 2)
+
+
+def _counts(given: Any) -> list[float]:
+    if given is None:
+        return []
+    parts = given.split(",") if isinstance(given, str) else given if isinstance(given, Sequence) else [given]
+    try:
+        numbers = [float(part) for part in parts if not isinstance(part, bool)]
+    except (TypeError, ValueError):
+        numbers = []
+    if not (len(numbers) == len(parts) and 1 <= len(numbers) <= 2 and all(2.0 <= one < math.inf for one in numbers)):
+        raise ParameterError(
+            f"the counts per turn are {said(given)}",
+            expected="a number from 2 on, or one for the motor and one for the joint",
+            do="take them from the encoder's data sheet, four for each line of a quadrature encoder",
+        )
+    return numbers
+
+
+def angles_of(
+    columns: Mapping[str, tuple[str, str | None]], values: Mapping[str, Array], given: AngleUnits
+) -> tuple[dict[str, Angle], list[str]]:
+    """Motor and joint in the units that the user gave or the log names, and what was guessed.
+
+    Args:
+        columns: side → its name in the log, and the unit that the log says, or None.
+        values: side → (n,).
+        given: see `angle_units`.
+
+    Raises:
+        LogError: counts, of which nobody says how many make a turn.
+    """
+    own = {side: found if found in UNITS else None for side, (_, found) in columns.items()}
+    angles: dict[str, Angle] = {}
+    warnings: list[str] = []
+    for side, other, unit, counts in zip(SIDES, reversed(SIDES), given.unit, given.counts_per_turn, strict=True):
+        name, named = columns[side][0], own[side] or own[other]
+        chosen = unit or named or "rad"
+        if unit is not None and own[side] not in (None, unit):
+            warnings.append(f"column {name!r} names {own[side]}, but {unit} was given and is taken")
+        if unit is None and own[side] is None:
+            warnings.append(f"column {name!r} names no unit and was taken as {chosen} (unless a unit is given)")
+        if chosen == "counts" and counts is None:
+            raise LogError(
+                f"{name!r} is in counts, and nothing says how many make a turn",
+                expected="the counts of a turn",
+                do="give them: --counts-per-turn 8192, or 8192,4000 for motor and joint (counts_per_turn= in Python)",
+            )
+        factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
+        angles[side] = Angle(name, values[side], chosen, unit is not None or named is not None, factor)
+    return angles, warnings
+
+
+def unwrapped(angle: Angle) -> tuple[Angle, list[str]]:
+    """The angle without the jumps of an encoder that begins anew at a turn, or of a counter that overflows.
+
+    It is taken to be one where all readings lie within a turn (a counter's range), some steps are larger than half of
+    it, and no step is larger than a quarter once these are taken out. Counts that begin far from zero are told from
+    within the turn of the first one.
+    """
+    values, warnings = angle.values, []
+    turn = _TURN / angle.factor
+    for period in (turn, *(_COUNTERS if angle.unit == "counts" else ())):
+        jumps = np.abs(np.diff(values)) > 0.5 * period
+        if not jumps.any() or np.ptp(values) > period * (1.0 + 1e-9):
+            continue
+        whole = np.unwrap(values, period=period)
+        if float(np.max(np.abs(np.diff(whole)))) <= 0.25 * period:
+            what = "a turn" if period == turn else f"{period:.0f} counts"
+            warnings.append(f"{angle.name} wraps at {what} {int(jumps.sum())} times and was unwrapped")
+            values = whole
+            break
+    begun = turn * round(float(values[0]) / turn)
+    if angle.unit == "counts" and abs(begun) * angle.factor > CABLE_LOG_LIMIT - _TURN:
+        warnings.append(f"{angle.name} begins at {values[0]:.9g} counts; {begun / turn:.0f} whole turns were taken off")
+        values = values - begun
+    return replace(angle, values=values), warnings
+
+
+def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> None:
+    """Refuse angles that no cable's log holds, and a signal that does not move.
+
+    The joint stays within ±20 rad. So does the motor, but where its unit is known it may make up to 1000 turns, as one
+    before a gear or a spool does: without jumps (no step is above a quarter of its range), and while the joint moves by
+    less than a turn.
+
+    Args:
+        motor: as the log has it.
+        joint: as the log has it.
+        where: sample → place, for messages.
+
+    Raises:
+        LogError: an angle beyond that, or no motion.
+    """
+    for one in (motor, joint):
+        if not np.ptp(one.values) * one.factor > 1e-9:
+            raise LogError(
+                f"{where(0)}: {one.name} is {one.values[0]:.6g} {one.unit} in every sample",
+                expected="a motor that moves back and forth, and a joint that follows",
+                do="check the columns and the cable",
+            )
+        worst = int(np.argmax(np.abs(one.values)))
+        far = abs(one.values[worst]) * one.factor > CABLE_LOG_LIMIT
+        if far and not (one is motor and _many_turns(motor, joint)):
+            raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
+
+
+def _many_turns(motor: Angle, joint: Angle) -> bool:
+    span = float(np.ptp(motor.values))
+    steady = float(np.max(np.abs(np.diff(motor.values)))) <= _STROKE * span
+    within = float(np.max(np.abs(motor.values))) * motor.factor <= _MOST_TURNS * _TURN
+    return motor.known and steady and within and float(np.ptp(joint.values)) * joint.factor < _TURN
+
+
+def _beyond(angle: Angle, motor: bool, place: str, value: float) -> LogError:
+    limit = CABLE_LOG_LIMIT / angle.factor
+    turns = " (more of a motor that moves without jumps while the joint moves by less than a turn)" if motor else ""
+    if angle.unit == "rad":
+        named = "declared as radians" if angle.known else "without a unit in its name"
+        return LogError(
+            f"{place}: {angle.name} is {value:.6g}, {named}; angles beyond ±{CABLE_LOG_LIMIT:g} rad look like degrees",
+            do="give the unit deg (--unit deg, unit='deg'), or end the column's name in _deg"
+            + ("; of a motor of many turns, say rad" if motor and not angle.known else ""),
+        )
+    shown = f"{value:.6g}°" if angle.unit == "deg" else f"{value:.9g} counts"
+    return LogError(
+        f"{place}: {angle.name} is {shown}",
+        expected=f"an angle within ±{limit:.0f}{'°' if angle.unit == 'deg' else ' counts'}{turns}",
+        do="check the column and its unit, or remove the outlier",
+    )

@@ -1,0 +1,137 @@
+"""The time stamps of a recording: what is no clock is refused, what is uneven is put on an even one."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core.errors import LogError
+from bowden.core.order import median, quantile
+from bowden.core.units import DEGREES
+
+Array = NDArray[np.float64]
+
+_JITTER = 0.1
+"""Largest scatter of the time steps (root mean square of their departure from the median, over it) that is mended by
+resampling. One step may be further off, as a scheduler's hiccup is, if it is no gap."""
+
+_GAP = 1.5
+"""A step longer than this many medians is a gap, where the others do not scatter as much: a sample may be missing."""
+
+_LATE = 10
+"""Rows within which a dropped one tells of a step that is longer because rows were late, and not missing."""
+
+_REPEATED = 0.5
+"""Largest share of rows that repeat the stamp before them. Two rows within every tick are half; above it most rows say
+nothing of when they were taken."""
+
+
+def even_clock(
+    time: Array, signals: Sequence[Array], where: Callable[[int], str]
+) -> tuple[Array, list[Array], list[str]]:
+    """Time on the even clock closest to a log's stamps, the signals on that clock, and what is to be said of it.
+
+    A row that repeats the stamp before it (a second row within one tick) is dropped. A step within ten rows of k
+    dropped ones may be k ticks longer than usual: rows were late until then, the last of them by so much as to fall
+    into the next one's tick.
+
+    Args:
+        time: (n,) finite [s].
+        signals: (n,) each.
+        where: sample → place, for messages.
+
+    Returns:
+        Even times (m,), the given ones where they are even already; the signals at them; warnings.
+
+    Raises:
+        LogError: time that goes back, repeats in more than half of the rows, has a gap, or scatters by more than a
+            tenth of its step.
+    """
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0.0)
+    if len(back):
+        k = int(back[0])
+        raise LogError(
+            f"{where(k + 1)}: time goes back ({time[k]:.9g} s, then {time[k + 1]:.9g} s)",
+            expected="time stamps that increase",
+            do="sort the rows",
+        )
+    kept, warnings = _first_of_each(time, steps, where)
+    dropped = np.diff(np.append(kept, len(time))) - 1
+    stamps, late = time[kept], _near(dropped)
+    steps = np.diff(stamps)
+    middle = median(steps)
+    relative = steps / middle
+    longest = relative - late
+    away = np.where(relative > 1.0, np.maximum(longest - 1.0, 0.0), 1.0 - relative)
+    scatter = float(np.sqrt(np.mean(away**2)))
+    worst = int(np.argmax(away))
+    place, seen = int(kept[worst + 1]), f"a step of {steps[worst]:.4g} s where {middle:.4g} s is usual"
+    if 1.4826 * median(away) > _JITTER or (scatter > _JITTER and longest[worst] <= _GAP):
+        raise LogError(
+            f"{where(place)}: the time steps scatter by {100 * scatter:.0f} % RMS ({seen})",
+            expected=f"even time stamps, within {100 * _JITTER:.0f} % RMS",
+            do="resample the log on an even clock",
+        )
+    if longest[worst] > _GAP:
+        raise LogError(
+            f"{where(place)}: time has a gap ({seen})",
+            expected=f"no step longer than {_GAP:g} times the usual one",
+            do="cut the log at the gap, or fill it by interpolation",
+        )
+    if float(np.max(np.abs(relative - 1.0))) < 1e-3:
+        return stamps if len(warnings) else time, [one[kept] if len(warnings) else one for one in signals], warnings
+    count = round((stamps[-1] - stamps[0]) / middle) + 1 if len(warnings) else len(stamps)
+    even = np.linspace(stamps[0], stamps[-1], count)
+    warnings.append(
+        (
+            f"the time steps scatter by {100 * scatter:.2g} % RMS, {100 * away[worst]:.2g} % at worst"
+            if away[worst] > 1e-3
+            else "the time steps near dropped rows are longer"
+        )
+        + f"; the log was resampled on an even clock (accepted up to {100 * _JITTER:.0f} % RMS and {_GAP:g} times the "
+        "usual step)"
+    )
+    return even, [np.interp(even, stamps, one[kept]) for one in signals], warnings
+
+
+def _near(dropped: NDArray[np.intp]) -> NDArray[np.intp]:
+    """How many rows were dropped near each step (m − 1,), of how many were dropped after each kept row (m,)."""
+    sums = np.concatenate([[0], np.cumsum(dropped)])
+    rows = np.arange(len(dropped) - 1)
+    return np.asarray(sums[np.minimum(rows + 1 + _LATE, len(dropped))] - sums[np.maximum(rows + 1 - _LATE, 0)])
+
+
+def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tuple[NDArray[np.intp], list[str]]:
+    """The first row of each stamp."""
+    repeated = np.flatnonzero(steps == 0.0) + 1
+    if not len(repeated):
+        return np.arange(len(time)), []
+    share = f"{len(repeated)} of {len(time)} rows repeat the time stamp of the row before them"
+    if len(repeated) > min(_REPEATED * len(time), len(time) - 2):
+        raise LogError(
+            f"{where(int(repeated[0]))}: time repeats ({time[repeated[0]]:.9g} s); {share}, which is no clock",
+            expected=f"at most {100 * _REPEATED:g} %, as two rows within each tick have",
+            do="record with a finer clock, or leave the times out and give the rows' rate (--rate, or rate= in Python)",
+        )
+    kept = np.flatnonzero(np.concatenate([[True], steps > 0.0]))
+    return kept, [f"{share}, as two rows within one tick of the clock do, and were dropped"]
+
+
+def odd_time(time: Array, motor: Array) -> list[str]:
+    """A warning where time looks like milliseconds that were declared as seconds.
+
+    Args:
+        time: even (n,) [s].
+        motor: (n,) [rad].
+    """
+    step = median(np.diff(time))
+    speed = quantile(np.abs(np.diff(motor)), 0.95) / step * DEGREES
+    if step >= 0.5 and len(time) > 500:
+        return [
+            f"a time step of {step:g} s and a log of {time[-1] - time[0]:.0f} s look like milliseconds; the models do "
+            "not depend on time, but the figures' time axes do (name the column time_ms)"
+        ]
+    if speed > 1e5:
+        return [f"the motor moves at {speed:.2g} °/s: the unit of time or of the motor is probably wrong"]
+    return []
