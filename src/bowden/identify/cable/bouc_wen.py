@@ -39,9 +39,9 @@ class BoucWenCable:
         """See `Family.fit`."""
         return fit_terms(path, search(self._thin, self._seed), 1, 0)
 
-    def refit(self, path: Path, near: Estimate, *, rough: bool = True) -> Estimate:
+    def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
-        return fit_terms(path, near.theta, 1, 0, rough=rough)
+        return fit_terms(path, near.theta, 1, 0, rough=True)
 
     def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
         """See `Family.predict`."""

@@ -31,9 +31,9 @@ class BoucWenStatic:
         """See `Family.fit`."""
         return fit_terms(path, self._rich.theta, *_choose(path, self._rich))
 
-    def refit(self, path: Path, near: Estimate, *, rough: bool = True) -> Estimate:
+    def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
-        return fit_terms(path, near.theta, *degrees_of(near.parameters), rough=rough)
+        return fit_terms(path, near.theta, *degrees_of(near.parameters), rough=True)
 
     def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
         """See `Family.predict`."""

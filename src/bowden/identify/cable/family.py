@@ -45,11 +45,8 @@ class Family(Protocol):
         """The best member for the path, searched globally."""
         ...
 
-    def refit(self, path: Path, near: Estimate, *, rough: bool = True) -> Estimate:
-        """The best member for the path (perhaps another part of the log, or other weights), searched from `near`.
-
-        `rough` ends the search where a step is of no use for comparing families.
-        """
+    def refit(self, path: Path, near: Estimate) -> Estimate:
+        """The best member for the path (perhaps another part of the log, or other weights), searched from `near`."""
         ...
 
     def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:

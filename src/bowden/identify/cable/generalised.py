@@ -63,21 +63,18 @@ class GeneralisedPlay:
         strengths = (float(_STRENGTHS[2]),) * 2
         for done in range(_ROUNDS):
             columns = np.column_stack([design_of(path.motor, memory.lag, cable), path.joint])
-            if done < 2:
+            if done == 1:
                 strengths = _strengths(path, columns)
             cable, strengths = _solved(path, columns, cable, strengths)
         return _estimate(path, memory.lag, cable, strengths)
 
-    def refit(self, path: Path, near: Estimate, *, rough: bool = True) -> Estimate:
-        """See `Family.refit`; roughly, the plays stay, and so does where each is in contact."""
-        lag, *strengths = (float(value) for value in near.theta)
-        cable, given = branches_of(near.parameters), (strengths[0], strengths[1])
-        if not rough:
-            cable = _straight(path, _memory(path, np.array([lag])))
-        for _ in range(1 if rough else _ROUNDS):
-            columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
-            cable, given = _solved(path, columns, cable, given)
-        return _estimate(path, lag, cable, given)
+    def refit(self, path: Path, near: Estimate) -> Estimate:
+        """See `Family.refit`; the plays stay, and so does where each is in contact."""
+        lag, of_mean, of_gap = (float(value) for value in near.theta)
+        cable = branches_of(near.parameters)
+        columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
+        cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
+        return _estimate(path, lag, cable, strengths)
 
     def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
         """See `Family.predict`."""

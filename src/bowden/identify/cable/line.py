@@ -25,7 +25,7 @@ class Line:
             theta=np.empty(0),
         )
 
-    def refit(self, path: Path, near: Estimate, *, rough: bool = True) -> Estimate:
+    def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
         return self.fit(path)
 

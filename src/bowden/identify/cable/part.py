@@ -87,10 +87,8 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
 
 def refit_whole(log: Log, noise: float, half: FittedPart) -> FittedPart:
     """Every family fitted to the whole log, searched from where it was for its first half."""
-    fine, judged = (
-        half.settling.weighted(_path(log, len(log.time), noise, 2 * nodes)) for nodes in (_FINE, _JUDGED)
-    )  # as close together as in its half
-    estimates = {family.name: family.refit(fine, half.estimates[family.name], rough=False) for family in half.families}
+    fine, judged = (half.settling.weighted(_path(log, len(log.time), noise, nodes)) for nodes in (_FINE, _JUDGED))
+    estimates = {family.name: family.refit(fine, half.estimates[family.name]) for family in half.families}
     return FittedPart(fine, judged, half.settling, half.families, estimates)
 
 

@@ -59,9 +59,9 @@ class PlayOperator:
             costs.append(float(thin.weight @ (basis @ linear - thin.joint) ** 2))
         return self._search(path, starts[int(np.argmin(costs))])
 
-    def refit(self, path: Path, near: Estimate, *, rough: bool = True) -> Estimate:
+    def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
-        return self._search(path, near.theta, rough)
+        return self._search(path, near.theta, rough=True)
 
     def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
         """See `Family.predict`."""

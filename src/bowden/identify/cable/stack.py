@@ -32,7 +32,7 @@ class PrandtlIshlinskii:
         costs = [float(path.weight @ (one.fitted - path.joint) ** 2) for one in found]
         return found[int(np.argmin(costs))]
 
-    def refit(self, path: Path, near: Estimate, *, rough: bool = True) -> Estimate:
+    def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
         return self._solve(path, _GRID * path.span, float(near.theta[0]))
 
