@@ -19,6 +19,15 @@ _SLOW = 0.5 / DEGREES
 """Below this peak speed friction makes most cables stick and slip [rad/s]; a rule of thumb."""
 
 
+FOLLOWS = 0.5
+"""Least correlation with the motor of a joint that follows it; below it nothing but a line is recommended."""
+
+
+def following(log: Log, split: int) -> float:
+    """Size of the correlation between joint and motor before the sample `split` [–]."""
+    return abs(float(np.corrcoef(log.motor[:split], log.joint[:split])[0, 1]))
+
+
 def advise(
     log: Log,
     split: int,
@@ -39,8 +48,8 @@ def advise(
         best: the recommended model.
         lag: of the joint [s], and the share of the best model's squared residual that it explains.
     """
-    correlation = abs(float(np.corrcoef(log.motor[:split], log.joint[:split])[0, 1]))
-    if correlation < 0.5:
+    correlation = following(log, split)
+    if correlation < FOLLOWS:
         return [
             f"the joint does not follow the motor (correlation {correlation:.2f}), nothing here can be relied on: "
             "check the columns, the units, and whether the two were recorded on one clock; or the motion is too small "

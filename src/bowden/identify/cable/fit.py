@@ -218,7 +218,8 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     seen = whole if few else half
     tell("comparing on left-out stretches", 0.7)
     errors = seen.left_out_errors()
-    offered = errors if seen.fine.strokes > 1 else {"line": errors["line"]}  # no hysteresis was seen without a reversal
+    shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
+    offered = errors if shown_by_log else {"line": errors["line"]}
     best: str = simplest_of_the_best(offered, {name: len(seen.estimates[name].slopes) for name in offered})
 
     fine, start = half.fine, half.settling.start
