@@ -66,6 +66,7 @@ bench: .venv/dev
 	$(PIP) --editable '.[bench]'
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/exported.py
+	$(BIN)/python benchmarks/fresh_process.py
 
 soak: .venv/dev
 	$(BIN)/python benchmarks/soak.py $(PARTS) --minutes $(or $(MINUTES),10)

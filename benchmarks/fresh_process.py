@@ -1,36 +1,35 @@
 """What a user waits for: every law and every command that computes, each in a process of its own, from its start.
 
-With an empty cache of compiled code, and with a full one, to the first line of the answer and to the end, and what it
-takes of the processor, in all of its processes. The command is at a terminal, where it shows its progress. A simulated
-minute from Python, in a fresh process too, is beside it.
+With an empty cache of compiled code, and with a full one, to the first line of the answer and to the end, what it takes
+of the processor, in all of its processes, and whether it compiles anything with a full one. The command is at a
+terminal, where it shows its progress. What is measured is kept in ``out/bench``, so that it can be interrupted.
 
-    python benchmarks/fresh_process.py                         # all of it
+    python benchmarks/fresh_process.py                         # all of it, and its section of RESULTS.md
     python benchmarks/fresh_process.py identify check          # only these commands
     python benchmarks/fresh_process.py simulate --law adaptive # only with this law
     python benchmarks/fresh_process.py --warm                  # leaves the empty cache out, and fills that of the user
 """
 
 import argparse
+import json
 import os
 import selectors
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import results
 from bowden.control import LAWS
-from measure import Row, Timing, table
+from kept import Kept
+from measure import machine
 
+TITLE = "What a user waits for"
 COMMAND = (sys.executable, "-c", "from bowden.app.main import main; main()")
-_MINUTE = """
-from bowden.control import LAWS
-from bowden.control.reference import PeriodicMinimumJerk
-from bowden.sim.run import simulate
-from bowden.plants.bench import Bench
-simulate(Bench(), LAWS["adaptive"], PeriodicMinimumJerk(0.0, 1.2, 10.0), duration=60.0)
-"""
 _LOG = """
 import numpy as np
 from bowden.control import LAWS
@@ -42,6 +41,12 @@ def save(file, names, header):
     np.savetxt(file, np.column_stack([run[name] for name in names]), delimiter=",", header=header, comments="")
 save("log.csv", ("time", "motor_measured", "joint_measured"), "time_s,motor_rad,joint_rad")
 save("servo.csv", ("time", "command", "motor_measured"), "time_s,command_rad,motor_rad")
+time = np.arange(40_000) / 2000.0
+active = (time % 4.0 > 2.0) & (time % 4.0 < 3.0)
+emg = np.random.default_rng(1).normal(0.0, np.where(active, 1.0, 0.03))
+np.savetxt("emg.csv", np.column_stack([time, emg]), delimiter=",", header="time_s,biceps_mV", comments="")
+labels = np.array([[k + 2.0, k + 3.0] for k in range(0, 20, 4)])
+np.savetxt("labels.csv", labels, delimiter=",", header="onset_s,offset_s", comments="")
 """
 
 
@@ -63,64 +68,68 @@ class Taken(NamedTuple):
     """Until its end, by the clock."""
     processor: float
     """Until its end, on the processor."""
+    compiled: int
+    """Passes of the compiler, and files that it left in the cache: 0 where nothing was compiled."""
 
 
-_COLD, _WARM = "on the processor ≤ 15 s", "first line ≤ 1.2 s"
-COMMANDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
-    *((("simulate", "rig.toml", "--force", "--law", law), _COLD, _WARM) for law in LAWS),
-    *((("check", "rig.toml", "--law", law), _COLD, _WARM) for law in LAWS),
-    (("identify", "log.csv"), _COLD, "end ≤ 1.5 s"),
-    (("identify-servo", "servo.csv"), "", ""),
-    (("tune", "rig.toml", "--dry-run"), "", ""),
-    (("league", "--plants", "play", "--scenarios", "periodic", "--data", "none"), "", ""),
-    (("campaign", "study.toml", "--out", "study-{round}"), "", ""),
-    (("run", "rig.toml", "--twin", "--auto", "--duration", "1"), "", ""),
-    (("export", "rig.toml", "--to", "code-{round}"), "", ""),
-    (("--help",), "", "first line ≤ 0.5 s"),
+COLD, FIRST, HELP = 15.0, 1.2, 0.5
+"""Asked for: on the processor with an empty cache, to the first line with a full one, and to that of the help [s]."""
+
+COMMANDS: tuple[tuple[str, ...], ...] = (
+    ("--help",),
+    ("init", "rig-{round}.toml"),
+    *(("simulate", "rig.toml", "--force", "--law", law) for law in LAWS),
+    *(("check", "rig.toml", "--law", law) for law in LAWS),
+    ("identify", "log.csv"),
+    ("identify-servo", "servo.csv"),
+    ("tune", "rig.toml", "--dry-run"),
+    ("league", "--plants", "play", "--scenarios", "periodic", "--data", "none"),
+    ("campaign", "study.toml", "--out", "study-{round}"),
+    *(("run", "rig.toml", "--twin", "--auto", "--duration", "2", "--law", law) for law in ("adaptive", "bowden")),
+    ("run", "suit.toml", "--twin", "--auto", "--duration", "2"),
+    ("simulate", "suit.toml", "--force"),
+    ("check", "suit.toml"),
+    ("emg", "score", "emg.csv", "--labels", "labels.csv"),
+    ("export", "rig.toml", "--to", "code-{round}"),
 )
-"""Arguments, and the targets with an empty cache (on the processor) and with a full one."""
+"""Arguments; those of a command that writes have the number of the round in them."""
 
 
-def rows(
-    warm_rounds: int = 5, only: tuple[str, ...] = (), *, law: str = "", cold: bool = True
-) -> tuple[list[Row], list[str]]:
-    """Two rows for each command, and notes.
+def taken(command: tuple[str, ...], folder: Path, warm_rounds: int, *, cold: bool) -> list[Taken]:
+    """With an empty cache, which fills it, and then with a full one.
 
     Args:
-        warm_rounds: how often each is called with a full cache.
-        only: names of commands; all of them where none is given.
-        law: of the commands that are called with every law in turn, this one only.
-        cold: whether an empty cache is looked at too; else the user's own is filled and used.
+        command: its arguments.
+        folder: with all that it names.
+        warm_rounds: how often it is called with a full cache.
+        cold: whether its cache is one of its own and empty; else the user's is filled and used.
     """
-    found = []
-    with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
-        subprocess.run([*COMMAND, "init", "rig.toml"], cwd=folder, check=True, capture_output=True)
-        subprocess.run([sys.executable, "-c", _LOG], cwd=folder, check=True)
-        (folder / "study.toml").write_text(_STUDY, encoding="utf-8")
-        for i, (arguments, cold_target, warm_target) in enumerate(COMMANDS):
-            if (only and arguments[0] not in only) or (law and law not in arguments):
-                continue
-            cache = folder / f"cache-{i}" if cold else None
-            empty, *warm = [answered(arguments, folder, cache, number) for number in range(1 + warm_rounds)]
-            said = f"`bowden {' '.join(arguments)}`"
-            if cold:
-                taken = (f"{value:.2f} s" for value in empty)
-                found.append(Row(f"{said}, empty cache", *taken, "", cold_target))
-            timed = (Timing(values) for values in zip(*warm, strict=True))
-            found.append(Row(f"{said}, cache filled", *timed, "", warm_target))
-        if cold and not only and not law:
-            minute = Timing((_minute(str(folder / "other")),))
-            again = Timing(tuple(_minute(str(folder / "other")) for _ in range(3)))
-            found += [
-                Row("a minute simulated from Python, empty cache", "", minute, "", "", "≤ 10 s"),
-                Row("the same, cache filled", "", again, "", "", "≤ 1.5 s"),
-            ]
-    return found, [
-        "Commands in a fresh process: by the clock to the first line of the answer and, in the place of a peer, to the "
-        "end, its page included; in the place of a ratio, what all its processes take of the processor. With a full "
-        "cache the median, the least and the most.",
+    with tempfile.TemporaryDirectory() as cache:
+        given = Path(cache) if cold else None
+        return [answered(command, folder, given, number) for number in range(1 + warm_rounds)]
+
+
+def prepared(folder: Path) -> None:
+    """Put everything that the commands name into a folder."""
+    for arguments in (("init", "rig.toml"), ("init", "suit.toml", "--suit")):
+        subprocess.run([*COMMAND, *arguments], cwd=folder, check=True, capture_output=True)
+    subprocess.run([sys.executable, "-c", _LOG], cwd=folder, check=True)
+    (folder / "study.toml").write_text(_STUDY, encoding="utf-8")
+
+
+def table(found: Sequence[tuple[tuple[str, ...], Sequence[Taken]]]) -> str:
+    """A line a command: the times with an empty cache, then the medians with a full one."""
+    lines = [
+        "| command | empty cache: first line | end | processor | cache filled: first line | end | processor | "
+        "compiled anew |",
+        "|---|---|---|---|---|---|---|---|",
     ]
+    for command, (empty, *warm) in found:
+        medians = [statistics.median(values) for values in zip(*warm, strict=True)]
+        cells = [f"{value:.2f} s" for value in (*empty[:3], *medians[:3])]
+        said = "yes" if max(one.compiled for one in warm) else "no"
+        lines.append(f"| `bowden {' '.join(command)}` | {' | '.join(cells)} | {said} |")
+    return "\n".join(lines)
 
 
 def answered(arguments: tuple[str, ...], folder: Path, cache: Path | None, number: int) -> Taken:
@@ -131,8 +140,11 @@ def answered(arguments: tuple[str, ...], folder: Path, cache: Path | None, numbe
     """
     answer, progress = os.openpty(), os.openpty()
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    environment |= {"COLUMNS": "100", "TERM": "xterm"} | ({"BOWDEN_CACHE_DIR": str(cache)} if cache else {})
-    before, began = os.times(), time.perf_counter()
+    environment |= {"COLUMNS": "100", "TERM": "xterm"}
+    trace = folder / "passes.json"
+    if cache:  # Numba's options are part of what its cache goes by
+        environment |= {"BOWDEN_CACHE_DIR": str(cache), "NUMBA_CHROME_TRACE": str(trace)}
+    before, began, moment = os.times(), time.perf_counter(), time.time()
     process = subprocess.Popen(
         [*COMMAND, *(argument.format(round=number) for argument in arguments)],
         cwd=folder,
@@ -167,14 +179,51 @@ def answered(arguments: tuple[str, ...], folder: Path, cache: Path | None, numbe
         raise RuntimeError(f"bowden {' '.join(arguments)}: {(text + said).decode(errors='replace')[-500:]}")
     whole, after = time.perf_counter() - began, os.times()
     processor = after.children_user + after.children_system - before.children_user - before.children_system
-    return Taken(first, whole, processor)
+    return Taken(first, whole, processor, _compiled(cache, trace, moment))
 
 
-def _minute(cache: str) -> float:
-    before = os.times()
-    subprocess.run([sys.executable, "-c", _MINUTE], check=True, env=os.environ | {"BOWDEN_CACHE_DIR": cache})
-    after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+def _compiled(cache: Path | None, trace: Path, before: float) -> int:
+    """Files of compiled code that are newer than a command's start, and passes of the compiler in its process."""
+    newer = [] if cache is None else [file for file in cache.rglob("*.*") if file.stat().st_mtime > before]
+    passes = len(json.loads(trace.read_text(encoding="utf-8"))) if trace.is_file() else 0
+    trace.unlink(missing_ok=True)
+    return len(newer) + passes
+
+
+def measured(only: Sequence[str], law: str, rounds: int, *, cold: bool) -> list[tuple[tuple[str, ...], list[Taken]]]:
+    """Every command that is asked for with what it took; what was measured before with empty caches is kept."""
+    wanted = [one for one in COMMANDS if (not only or one[0] in only) and (not law or law in one)]
+    kept = Kept(f"fresh_process-{rounds}") if cold else None
+    with tempfile.TemporaryDirectory() as made:
+        prepared(Path(made))
+
+        def run(missing: Iterable[tuple[str, ...]]) -> Iterator[list[Any]]:
+            for command in missing:
+                yield [list(command), taken(command, Path(made), rounds, cold=cold)]
+
+        if kept is None:
+            rows = list(run(wanted))
+        else:
+            there = {tuple(row[0]) for row in kept.rows()}
+            missing = [one for one in wanted if one not in there]
+            rows = kept.filled(run(missing), len(there) + len(missing))
+    of = {tuple(command): [Taken(*values) for values in found] for command, found in rows}
+    return [(one, of[one]) for one in wanted]
+
+
+def section(found: Sequence[tuple[tuple[str, ...], Sequence[Taken]]], rounds: int) -> str:
+    """The table and its notes."""
+    load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
+    notes = [
+        *machine(),
+        "Each command in a fresh process: by the clock to the first line of its answer and to its end, its page "
+        f"included, and what all its processes take of the processor; with a full cache medians of {rounds} rounds. "
+        f"Others ran meanwhile (load at the end: {load} on two processors): the processor's time says more.",
+        "Compiled anew: whether a pass of the compiler ran, or compiled code was written, with a full cache.",
+        f"Asked for: with an empty cache at most {COLD:g} s on the processor, with a full one the first line within "
+        f"{FIRST:g} s, of the help {HELP:g} s.",
+    ]
+    return table(found) + "\n\n" + "\n".join(f"- {note}" for note in notes)
 
 
 def main() -> None:
@@ -182,11 +231,12 @@ def main() -> None:
     parser.add_argument("only", nargs="*", help="names of commands")
     parser.add_argument("--law", default="", help="of commands that are called with every law, this one only")
     parser.add_argument("--warm", action="store_true", help="with the user's cache alone")
-    parser.add_argument("--rounds", type=int, default=5, help="with a full cache")
-    arguments = parser.parse_args()
-    found, notes = rows(arguments.rounds, tuple(arguments.only), law=arguments.law, cold=not arguments.warm)
-    load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
-    print("\n".join([table(found), "", *notes, f"Load of the machine: {load}."]))
+    parser.add_argument("--rounds", type=int, default=3, help="with a full cache")
+    given = parser.parse_args()
+    text = section(measured(given.only, given.law, given.rounds, cold=not given.warm), given.rounds)
+    print(f"\n{text}")
+    if not given.only and not given.law and not given.warm:
+        results.write(TITLE, text)
 
 
 if __name__ == "__main__":

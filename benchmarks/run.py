@@ -55,13 +55,6 @@ def search(count: int | None) -> Found:
     return peer_search.rows()
 
 
-def start(count: int | None) -> Found:
-    """The first run of a fresh process."""
-    import fresh_process
-
-    return fresh_process.rows()
-
-
 def batch(count: int | None) -> Found:
     """Many closed loops in one call: throughput, cost, memory."""
     import batch_cost
@@ -91,7 +84,7 @@ def wearers(count: int | None) -> Found:
 
 
 SECTIONS: dict[str, tuple[Callable[[int | None], Found], ...]] = {
-    "Speed": (c, control, scipy, jax, search, start),
+    "Speed": (c, control, scipy, jax, search),
     "Campaigns": (batch,),
     "How far `bowden check` can be trusted": (study,),
     "Our law on random plants": (plants,),

@@ -37,10 +37,21 @@ from kept import FOLDER, Kept
 ROOT = Path(__file__).parents[1]
 TESTS = [ROOT / "tests" / f"test_safety_{name}.py" for name in ("boundaries", "supervisor")]
 KERNELS: list[FunctionType] = [
-    *(supervisor.begin, supervisor.most_step, supervisor.look, supervisor.supervise),
+    *(supervisor.begin, supervisor.most_step, supervisor.longest_release, supervisor.see),
+    *(supervisor.look, supervisor.supervise),
     *(plausible.outside, plausible.beyond, plausible.lasting, plausible.follow, servo.servo_predict, thermal.warm),
 ]
-STATES = ("SupervisorState", "Decided", "ModelledServo", "Anchor", "Sums", "Followed", "Verdict", "ThermalState")
+STATES = (
+    "SensedAngles",
+    "SupervisorState",
+    "Decided",
+    "ModelledServo",
+    "Anchor",
+    "Sums",
+    "Followed",
+    "Verdict",
+    "ThermalState",
+)
 KERNEL_NAMES = {kernel.__name__ for kernel in KERNELS}
 COMPARED = {ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 TURNED = {ast.Gt: ast.Lt, ast.Lt: ast.Gt, ast.GtE: ast.LtE, ast.LtE: ast.GtE}

@@ -57,10 +57,11 @@ def play(laws: Sequence[Law], cells: Sequence[Cell]) -> Iterator[Run]:
     cases = (case_of(cell, tuple(configured(law, cell.known) for law in laws)) for cell in order)
     for cell, outcomes in zip(order, simulate_many(cases, DURATION), strict=True):
         for law, outcome in zip(laws, outcomes, strict=True):
-            yield _run(cell, law.name, outcome)
+            yield run_of(cell, law.name, outcome)
 
 
-def _run(cell: Cell, law: str, outcome: Outcome) -> Run:
+def run_of(cell: Cell, law: str, outcome: Outcome) -> Run:
+    """The figures of a run in degrees."""
     stable = bool(outcome.ended and outcome.peak <= cell.allowed)
     figures = (outcome.rmse, outcome.rmse_after_10s, outcome.command_travel)
     rmse, late, travel = (value * DEGREES if stable else math.inf for value in figures)

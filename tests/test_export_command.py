@@ -56,7 +56,7 @@ def test_the_document_names_what_was_written(exported: tuple[Path, dict[str, Any
     assert "typedef float adaptive_real;" in (place / "adaptive.h").read_text()
     assert "typedef double safety_real;" in (place / "safety.h").read_text()
     loop = (place / "README.md").read_text()
-    assert "adaptive_step(&law, &sample, &reference, 0.001f)" in loop
+    assert "adaptive_step(&law, &sample, &reference)" in loop
     assert "safety_supervise(&gate, &observed, wish, 0.001, &verdict)" in loop  # the gate's time is a double
 
 

@@ -37,8 +37,8 @@ def commands(law: Law) -> list[float]:
 
 
 def measured(law: Law, *, single: bool) -> cortex.Cost:
-    module = law_module(law)
-    return cortex.measure(module.prefix, files(module, Style(module.prefix, single), "for a test"), rows(), DT)
+    module = law_module(law, DT)
+    return cortex.measure(module.prefix, files(module, Style(module.prefix, single), "for a test"), rows())
 
 
 @pytest.mark.parametrize("name", ["adaptive", "bowden"])
@@ -59,4 +59,4 @@ def test_a_law_in_float_is_cheap(name: str) -> None:
 
 def test_code_that_does_not_compile_is_told() -> None:
     with pytest.raises(subprocess.SubprocessError, match="arm-none-eabi-gcc"):
-        cortex.measure("wrong", {"wrong.h": "", "wrong.c": "int f(void) { return }"}, rows(), DT)
+        cortex.measure("wrong", {"wrong.h": "", "wrong.c": "int f(void) { return }"}, rows())

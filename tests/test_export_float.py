@@ -24,7 +24,7 @@ DURATION = 30.0
 
 GLUE = """
 static {name}_state {name}_kept;
-static double {name}_glue(double anew, double joint, double motor, double p, double v, double a, double dt)
+static double {name}_glue(double anew, double joint, double motor, double p, double v, double a)
 {{
     const {name}_sample sample = {{({name}_real)joint, ({name}_real)motor}};
     const {name}_reference reference = {{({name}_real)p, ({name}_real)v, ({name}_real)a}};
@@ -32,7 +32,7 @@ static double {name}_glue(double anew, double joint, double motor, double p, dou
         {name}_start(&{name}_kept, &sample);
         return 0.0;
     }}
-    return (double){name}_step(&{name}_kept, &sample, &reference, ({name}_real)dt);
+    return (double){name}_step(&{name}_kept, &sample, &reference);
 }}
 """
 
@@ -52,25 +52,25 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Law:
         pytest.skip("no C compiler")
     folder = tmp_path_factory.mktemp("float")
     glue = [f'#include "{name}.h"' for name in LAWS] + [GLUE.format(name=name) for name in LAWS]
-    cases = "\n".join(f"    case {i}: return {name}_glue(n, j, m, p, v, a, dt);" for i, name in enumerate(LAWS))
-    signature = "double step(double law, double n, double j, double m, double p, double v, double a, double dt)"
+    cases = "\n".join(f"    case {i}: return {name}_glue(n, j, m, p, v, a);" for i, name in enumerate(LAWS))
+    signature = "double step(double law, double n, double j, double m, double p, double v, double a)"
     glue.append(
         f"{signature};\n{signature}\n{{\n    switch ((int)law) {{\n{cases}\n    default: return 0.0;\n    }}\n}}\n"
     )
     (folder / "glue.c").write_text("\n".join(glue))
     for law in LAWS.values():
-        module = law_module(law)
+        module = law_module(law, paper.bench().sample_time)
         for name, text in files(module, Style(module.prefix, single=True), "for a test").items():
             (folder / name).write_text(text, encoding="utf-8")
     sources = ["glue.c", *(f"{name}.c" for name in LAWS)]
     command = [COMPILER, *FLAGS.split(), "-fPIC", "-shared", *sources, "-o", "laws.so", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     step_in_c = ctypes.CDLL(str(folder / "laws.so")).step
-    step_in_c.argtypes, step_in_c.restype = [ctypes.c_double] * 8, ctypes.c_double
+    step_in_c.argtypes, step_in_c.restype = [ctypes.c_double] * 7, ctypes.c_double
 
     @kernel
     def start(gains: Which, sample: Sample) -> Nothing:
-        return Nothing(step_in_c(gains.number, 1.0, sample.joint, sample.motor, 0.0, 0.0, 0.0, 0.0))
+        return Nothing(step_in_c(gains.number, 1.0, sample.joint, sample.motor, 0.0, 0.0, 0.0))
 
     @kernel
     def step(gains: Which, state: Nothing, sample: Sample, reference: Reference, dt: float) -> tuple[Any, float]:
@@ -82,7 +82,6 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Law:
             reference.position,
             reference.velocity,
             reference.acceleration,
-            dt,
         )
         return state, command
 

@@ -40,7 +40,7 @@ VARIANTS = [
 
 
 def inputs(count: int) -> Array:
-    """Rows as `replay --binary` reads them: noisy motions that begin anew each second, then wild inputs as well."""
+    """Rows as `replay --binary` reads them, and dt: noisy motions that begin anew each second, then wild inputs too."""
     random = np.random.default_rng(1)
     phase = 3e-3 * np.arange(count)
     columns = [0.0 * phase, np.sin(phase - 0.1), 1.07 * np.sin(phase), np.sin(phase), 3 * np.cos(phase)]
@@ -62,12 +62,12 @@ def bits(values: Any) -> NDArray[np.int64]:
 
 def replayed(law: Law, rows: Array, folder: Path) -> Array:
     """Command and state of every cycle, from the test bench that goes with the code."""
-    module = law_module(law)
-    texts = files(module, Style(module.prefix), "for a test") | {"replay.c": replay_source(law, DT)}
+    module = law_module(law, DT)
+    texts = files(module, Style(module.prefix), "for a test") | {"replay.c": replay_source(law)}
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     build(folder, [f"{module.prefix}.c", "replay.c"], "replay")
-    rows.tofile(folder / "in")
+    rows[:, :-1].tofile(folder / "in")  # whose length of a cycle is a constant of the code
     subprocess.run([folder / "replay", "--binary", "in", "out"], cwd=folder, check=True, timeout=60)
     return np.fromfile(folder / "out").reshape(len(rows), -1)
 

@@ -170,7 +170,7 @@ def test_what_leaves_the_subset_is_refused_with_its_line(line: str, said: str, t
     path.write_text(LAW.replace("LINE", line))
     law = user_law.load(str(path))
     with pytest.raises(ParameterError) as caught:
-        files(law_module(law), Style("mine"), "")
+        files(law_module(law, 1e-3), Style("mine"), "")
     assert f"mine.py, line {AT}: " in str(caught.value)
     assert said in str(caught.value)
     assert "docs/kernels.md" in str(caught.value)
@@ -180,14 +180,14 @@ def test_a_law_that_is_not_a_function_of_its_arguments_is_refused(tmp_path: Path
     path = tmp_path / "mine.py"
     path.write_text(LAW.replace("LINE", "x = x + random.random()"))
     with pytest.raises(ParameterError, match=r"mine\.py, line \d+: step is not the same when it is traced twice"):
-        files(law_module(user_law.load(str(path))), Style("mine"), "")
+        files(law_module(user_law.load(str(path)), 1e-3), Style("mine"), "")
 
 
 def test_a_refusal_that_the_law_catches_is_a_refusal_still(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(LAW.replace("LINE", "try: x = math.exp(x)\n    except Exception: x = 0.0"))
     with pytest.raises(ParameterError, match=f"mine.py, line {AT}: math"):
-        files(law_module(user_law.load(str(path))), Style("mine"), "")
+        files(law_module(user_law.load(str(path)), 1e-3), Style("mine"), "")
 
 
 @pytest.mark.parametrize("line", ["x = x if isinstance(x, float) else 0.0", "x = 2.0 * x if type(x) is float else x"])
@@ -195,14 +195,14 @@ def test_a_law_that_does_something_else_with_symbols_is_refused(line: str, tmp_p
     path = tmp_path / "mine.py"
     path.write_text(LAW.replace("LINE", line))
     with pytest.raises(ParameterError, match=r"mine\.py, line \d+: step does not do with symbols"):
-        files(law_module(user_law.load(str(path))), Style("mine"), "")
+        files(law_module(user_law.load(str(path)), 1e-3), Style("mine"), "")
 
 
 def test_whole_gains_may_count_a_loop_and_names_become_those_of_c(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     text = LAW.replace("LINE", "x = sum((x for _ in range(gains.default)), 0.0)").replace("total", "β_int")
     path.write_text(text.replace("gain: float = 2.0", "gain: float = 2.0\n    default: int = 3"))
-    written = files(law_module(user_law.load(str(path))), Style("mine"), "")
+    written = files(law_module(user_law.load(str(path)), 1e-3), Style("mine"), "")
     assert "#define MINE_DEFAULT_ 3" in written["mine.h"]
     assert "    mine_real beta_int;" in written["mine.h"]
     assert identifier("new") == "new_"
@@ -213,4 +213,4 @@ def test_without_casadi_the_error_says_what_to_install(monkeypatch: pytest.Monke
     path = tmp_path / "mine.py"
     path.write_text(LAW.replace("LINE", "pass"))
     with pytest.raises(ParameterError, match=r"pip install 'bowden\[export\]'"):
-        files(law_module(user_law.load(str(path))), Style("mine"), "")
+        files(law_module(user_law.load(str(path)), 1e-3), Style("mine"), "")

@@ -69,6 +69,8 @@ TOY = DriveFamily(
     watchdog=lambda given: given.patience or math.inf,
     most_push=lambda given, needs: 0.0,
     measures_tension=lambda given: False,
+    scales=lambda given: (given.length,),
+    homed=lambda given: True,
     simulated=lambda given: True,
     explain=lambda code: f"the string says {code}",
 )

@@ -65,12 +65,16 @@ def test_the_document_and_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["samples"] == len(TIME)
     assert found["models"]["bouc_wen"]["parameters"]["slope"] == pytest.approx(-0.938, rel=1e-3)
     assert 0.0 < found["models"]["bouc_wen"]["test_rms_deg"] < 0.01
+    assert 0.5 < found["forecast"]["compensated_rms_deg"] / found["models"]["bouc_wen"]["test_rms_deg"] < 1.5
+    assert found["forecast"]["uncompensated_rms_deg"] == found["models"]["line"]["test_rms_deg"]
+    assert tomllib.loads(Path("deep/er/model.toml").read_text())["forecast"].keys() == found["forecast"].keys()
     assert sorted(path.name for path in Path("deep/er").iterdir()) == ["identify.html", "model.toml"]
     for name in NAMES:
         loaded = load_cable("deep/er/model.toml").model(name)
         assert dict(loaded.parameters) == found["models"][name]["parameters"]
     page = Path("deep/er/identify.html").read_text()
     assert "Use the model bouc_wen" in page
+    assert "Forecast: a law that carries this model" in page
     assert page.count("<svg") == 3
     assert all(name in page for name in NAMES)
 
@@ -92,6 +96,7 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr()
     assert printed.err == ""
     assert "bouc_wen *" in printed.out
+    assert "as feed-forward" in printed.out
     assert "out/identify/model.toml" in printed.out.replace("\\", "/")
 
 

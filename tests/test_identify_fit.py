@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import chebyshev
 from bowden.identify.cable.fit import Fit, identify
+from bowden.identify.cable.forecast import forecast
 from bowden.identify.cable.model import NAMES, CableModel
 from bowden.identify.cable.path import build_path
 from bowden.identify.cable.turns import find_turns
@@ -56,6 +58,22 @@ def test_the_error_on_the_unseen_half_is_the_noise(known: Fit) -> None:
     both = math.hypot(0.01, 0.938 * 0.01)  # the motor's own noise is averaged in the path, so a little less is left
     assert 0.009 < known.models["bouc_wen"].test_rms * DEGREES < both
     assert known.models["bouc_wen"].train_rms == pytest.approx(known.models["bouc_wen"].test_rms, rel=0.1)
+
+
+def test_the_forecast_is_what_the_models_inverse_leaves() -> None:
+    fit = identify(TIME, MOTOR, cable(MOTOR))
+    play, line = (fit.models[name] for name in ("play", "line"))
+    reference = line.parameters["slope"] * MOTOR + line.parameters["offset"]
+    slot = (reference - play.parameters["offset"]) / play.parameters["slope"]
+    motor = slot + play.parameters["half_width"] * np.sign(np.gradient(slot))
+    left = cable(motor) - reference
+    drawn = play.model.joint_angle(MOTOR)
+    said = forecast(fit.log, fit.split, drawn, play, line)
+    assert 0.85 < np.sqrt(np.mean(left[fit.split :] ** 2)) / said.compensated < 1.15
+    assert said.compensated < 0.2 * said.uncompensated
+    counted = np.round(MOTOR / 1e-3) * 1e-3
+    counts = forecast(replace(fit.log, motor=counted), fit.split, drawn, play, line).resolution
+    assert counts == pytest.approx(1e-3 * line.parameters["slope"] / math.sqrt(12.0), rel=1e-3)
 
 
 def test_all_models_are_there_and_the_richer_is_not_worse(known: Fit) -> None:

@@ -11,7 +11,10 @@ import pytest
 import bowden
 from bowden.core.bounded import Bounded
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.identify.log.read import Log
 from bowden.live.live_run import live_run
+from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig import packing
 from bowden.rig.rig import Rig
 
@@ -52,6 +55,9 @@ def made(function: Callable[..., Any], *given: Any, **named: Any) -> Callable[..
 
 
 RIG = Rig(duration=1.0)
+LOG = Log(T, WAVE, 0.9 * WAVE, "log", ())
+LINE = {"slope": 0.9, "offset": 0.0}
+MODEL = IdentifiedCable("line", {"line": LINE, "bouc_wen": {**BoucWen()._asdict(), "initial_h": 0.0}})
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     "campaign": (
         made(bowden.campaign, "study.toml"),
@@ -90,6 +96,20 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "seed": NO_WHOLE,
             "progress": NO_CALL,
         },
+    ),
+    "identify_together": (
+        made(bowden.identify_together, [LOG, LOG]),
+        {
+            "logs": (3, "log.csv", [3, 4], [LOG]),
+            "load": (3, [0.1], ["a", "b"], "tension"),
+            "bend": (3, [0.1], ["a", "b"], "bent"),
+            "seed": NO_WHOLE,
+            "progress": NO_CALL,
+        },
+    ),
+    "recalibrate": (
+        made(bowden.recalibrate, LOG, MODEL),
+        {"log": (3, None, [1.0]), "model": (3, None), "load": ("a", [1.0]), "bend": ("a", [1.0])},
     ),
     "kernel": (made(bowden.kernel, trace), {"function": (3, "step", None, int)}),
     "Law": (

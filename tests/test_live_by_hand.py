@@ -75,6 +75,8 @@ def test_what_was_confirmed_by_hand_is_asked_once_and_anew_for_other_scales() ->
     assert not confirmed(rig)
     with pytest.raises(SafetyError, match=r"nobody has confirmed an angle .* bowden confirm Rig"):
         require_confirmed(rig)
+    with pytest.raises(SafetyError, match=r"bowden confirm 'my rig\.toml'"):
+        require_confirmed(rig.replace(origin="my rig.toml"))
     confirm(rig, *by_hand(rig))
     require_confirmed(rig)
     require_confirmed(rig.replace(duration=3.0))

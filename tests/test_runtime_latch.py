@@ -1,7 +1,11 @@
 """A latch outlives the processes of its run, until an operator acknowledges it."""
 
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,12 +42,30 @@ def row(mode: Mode, faults: float = 0.0) -> np.ndarray:
     return found
 
 
+def session_on(drive: DriveParameters) -> Any:
+    """What of a session keeps its latch."""
+    live = SimpleNamespace(rig=SimpleNamespace(drive_parameters=drive))
+    return SimpleNamespace(_latched=None, _remembers=True, live=live, _latching=ThreadPoolExecutor(1))
+
+
+def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A latch is kept by a thread of its own: whoever sees the run through gives the sign of life meanwhile."""
+    takes = threading.Event()
+    monkeypatch.setattr(os, "fsync", lambda handle: takes.wait(10.0))
+    session = session_on(REAL)
+    Session._remember_latch(session, row(Mode.LATCHED, FAULTS))
+    assert latch_file.read(REAL) is None, "not yet"
+    takes.set()
+    session._latching.shutdown()
+    assert latch_file.read(REAL) == FAULTS
+
+
 def test_it_is_there_from_the_latch_to_the_acknowledgement_whoever_ends_meanwhile() -> None:
     assert latch_file.read(REAL) is None
-    session = SimpleNamespace(_latched=None, _remembers=True, live=SimpleNamespace(rig=SimpleNamespace()))
-    session.live.rig.drive_parameters = REAL
+    session = session_on(REAL)
     for mode, kept in ((Mode.RUNNING, None), (Mode.LATCHED, FAULTS), (Mode.LATCHED, FAULTS), (Mode.STOPPED, None)):
-        Session._remember_latch(session, row(mode, FAULTS))  # type: ignore[arg-type]
+        Session._remember_latch(session, row(mode, FAULTS))
+        session._latching.submit(int).result()
         assert latch_file.read(REAL) == kept
     latch_file.write(REAL, FAULTS)  # as the loop's process does at its end
     assert latch_file.read(REAL._replace(channel="can1")) is None, "another drive"

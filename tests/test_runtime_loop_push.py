@@ -49,7 +49,7 @@ LIMITS = Limits(
     joint_high=105.0 * RADIANS,
     play=20.0 * RADIANS,
     tracking=35.0 * RADIANS,
-    pay_out=120.0 * RADIANS,
+    loaded=1.0,
     thermal=Limits().thermal._replace(continuous_current=12.0),
 )
 SETTINGS = push_of(SUIT, LAW, Admittance(high=100.0 * RADIANS), estimated=True)

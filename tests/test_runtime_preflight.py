@@ -33,6 +33,7 @@ def play_through(
     load: float = 1.0,
     friction: float = 2.0,
     stuck: bool = False,
+    count: float = 0.0,
     settings: Preflight = SETTINGS,
 ) -> tuple[Reason, list[float], PreflightState]:
     """A motor that follows its target after a cycle, and a joint behind a play [rad]."""
@@ -43,6 +44,7 @@ def play_through(
         joint = math.nan if missing else slope * through + (shakes if k % 2 else 0.0)
         way, before = motor - before, motor
         current = 0.0 if stuck else load + math.copysign(friction, way) * (way != 0.0)
+        current = current if count == 0.0 else count * round(motor / count)
         now, wish, outcome = step(settings, now, reading(motor, joint, state, current), DT)
         wishes.append(wish)
         motor = gain * wish
@@ -93,6 +95,13 @@ def test_a_cable_that_runs_the_other_way_passes_with_its_sign() -> None:
 @pytest.mark.parametrize("load", [0.0, -0.2])
 def test_a_cable_that_carries_nothing_says_nothing_of_where_it_pulls(load: float) -> None:
     assert play_through(load=load)[0] == Reason.NONE
+
+
+def test_a_current_of_coarse_counts_is_judged_by_a_motion_that_changes_it() -> None:
+    """Here 6077h tells a spring's pull in counts of which the smallest motion is less than half."""
+    reason, wishes, _ = play_through(count=6.0 * RADIANS)
+    assert reason == Reason.NONE
+    assert 3.0 * RADIANS < max(wishes) <= SETTINGS.largest
 
 
 def test_a_gap_in_motion_is_left_to_the_supervisor() -> None:

@@ -231,11 +231,13 @@ def test_a_run_whose_log_would_fill_the_disk_at_once_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     about = replace(ABOUT, settings={**ABOUT.settings, "sample_time": 1e-3})
-    recorder.check_room(tmp_path / "a.mcap", about)
+    recorder.check_room(tmp_path / "a.mcap", about, 600.0)
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=1 << 20))
     with pytest.raises(OutputError, match=r"the disk has 1 MB left; expected \d+ MB, for 60 s of this run"):
-        recorder.check_room(tmp_path / "a.mcap", about)
+        recorder.check_room(tmp_path / "a.mcap", about, 600.0)
+    with pytest.raises(OutputError, match="for 20 s of this run"):
+        recorder.check_room(tmp_path / "a.mcap", about, 5.0)
 
 
 def test_the_revision_of_a_folder_runs_nothing_that_the_folder_names(

@@ -114,6 +114,7 @@ ARMED: Changes = {
     "observed.preflight": 0.0,
 }
 RELEASING: Changes = {"state.decided.mode": Mode.RELEASING}
+LOADED: Changes = {"limits.loaded": 1.0, "limits.lowering": 2.0}
 LATCHED: Changes = {"state.decided.mode": Mode.LATCHED, "state.decided.latched": 2.0**Fault.EMERGENCY}
 
 
@@ -139,6 +140,7 @@ WARM: Changes = {"state.heat.winding": 60.0, "state.heat.housing": 50.0}
 LEAN: Changes = {"limits.tracking_time": 0.0, "limits.current_time": 0.0, "limits.saturation_time": 0.0}
 LEAN |= {"limits.slack_time": 0.0}
 SWINGING: Changes = {"state.anchor.travelled": 2.0, "state.anchor.swung": 2.0}
+STRAINED: Changes = {"limits.pull_gain": 16.0, "limits.pull_doubt": 16.0, "reading.current": 10.0}
 PULLED: Changes = {"limits.slack_sign": 1.0, "reading.joint": 0.36, "state.joint.value": 0.36}
 PUSHED: Changes = {**motor_at(-0.4, -0.35), "state.decided.mode": Mode.RELEASING, "state.decided.joint_then": 0.0}
 Edge = tuple[Fault, str, float, float, Changes]
@@ -220,6 +222,11 @@ EDGES: list[Edge] = [
     (Fault.TENSION_LOST, "reading.tension", -1e6, -1e6 - 1.0, {}),
     (Fault.TENSION_LOST, "reading.tension", 20.0, NAN, STOPPED),
     (Fault.OVER_TENSION, "reading.tension", 128.0, 128.0 + TINY, {}),
+    (Fault.OVER_TENSION, "reading.current", 9.0, 9.0 + TINY, {**STRAINED, **LEAN}),
+    (Fault.OVER_TENSION, "reading.current", -9.0, -9.0 - TINY, {**STRAINED, **LEAN, "limits.slack_sign": 1.0}),
+    (Fault.OVER_TENSION, "reading.current", NAN, 10.0, {**STRAINED, **LEAN}),
+    (Fault.OVER_TENSION, "limits.measures_current", 0.0, 1.0, {**STRAINED, **LEAN}),
+    (Fault.OVER_TENSION, "state.sums.strained", 49 * DT, 49 * DT + TINY, STRAINED),
     (Fault.SLACK, "reading.tension", 2.0, 2.0 - TINY, LEAN),
     (Fault.SLACK, "state.sums.slack", 47 * DT, 47 * DT + TINY, {"reading.tension": 1.0}),
     (Fault.HEARTBEAT_LOST, "reading.heartbeat_age", 1 / 16, 1 / 16 + TINY, {}),
@@ -285,6 +292,7 @@ EDGES: list[Edge] = [
     (Fault.RELEASE_PULLS, "reading.joint", -0.35, -0.35 - TINY, PUSHED),
     (Fault.RELEASE_PULLS, "reading.joint", 0.35, 0.35 + TINY, {**RELEASING, **PULLED, "state.decided.joint_then": 0.0}),
     (Fault.RELEASE_PULLS, "state.decided.joint_then", 0.26 + TINY, 0.26 - TINY, {**RELEASING, **PULLED}),
+    (Fault.RELEASE_PULLS, "limits.homed", 0.0, 1.0, {**RELEASING, **PULLED, "state.decided.joint_then": 0.0}),
     (
         Fault.RELEASE_PULLS,
         "state.decided.mode",
@@ -483,6 +491,9 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("heat.winding", heated(0.0, DT).winding, {**HOT, **UNMEASURED, "reading.current": 9.0}),
     ("heat.housing", heated(2.0, DT).housing, HOT),
     ("heat.i2t", heated(10.0, DT).i2t, {**HOT, "reading.current": 10.0}),
+    ("sums.strained", 3 * DT, {**STRAINED, "state.sums.strained": 2 * DT}),
+    ("sums.strained", 5 * DT, {**STRAINED, "state.sums.strained": 2 * DT, "observed.elapsed": 3 * DT}),
+    ("sums.strained", 0.0, {**STRAINED, "state.sums.strained": 2 * DT, "reading.current": 9.0}),
     ("decided.bridged", 3 * DT, {**R1, "state.decided.bridged": 2 * DT}),
     ("decided.bridged", 5 * DT, {**R1, "state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
     ("decided.bridged", 2 * DT - 3 * DT / 64, {"state.decided.bridged": 2 * DT, "observed.elapsed": 3 * DT}),
@@ -506,6 +517,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
         {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.0, "limits.measures_current": 0.0},
     ),
     ("decided.eased", 0.0, {"state.decided.eased": 2 * DT, "reading.current": 0.0}),
+    ("decided.eased", 0.0, {**RELEASING, **LOADED, "state.decided.eased": 2 * DT, "reading.current": 0.0}),
 ]
 """A field of the state, its value after the cycle, what is so."""
 
@@ -548,6 +560,7 @@ def next_mode(mode: Mode, request: Request, wrong: str, preflight: float) -> Mod
     return Mode.RUNNING
 
 
+LATCHABLE = [fault for fault in Fault if fault.latched]
 TOLD = {Mode.LATCHED: 3, Mode.RELEASING: 2, Mode.BRIDGING: 1}
 """The reaction that is told in a mode; none in the others."""
 
@@ -577,6 +590,15 @@ LAST: list[tuple[str, float, Mode, Mode, Changes]] = [
     ("state.decided.released", 252.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "observed.elapsed": 3 * DT}),
     ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, "state.decided.latched": 1.0}),
     ("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R2}),
+    ("state.decided.released", 1278.5 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, **LOADED}),
+    (
+        *("state.decided.released", 510.5 * DT, Mode.RELEASING, Mode.STOPPED),
+        {**motor_at(-0.25), **RELEASING, **LOADED, "limits.slack_sign": 1.0},
+    ),
+    (
+        *("state.decided.released", 254.5 * DT, Mode.RELEASING, Mode.STOPPED),
+        {**motor_at(0.05), **RELEASING, **LOADED},
+    ),
     ("state.decided.eased", 15 * DT, Mode.RELEASING, Mode.STOPPED, {**RELEASING, "reading.current": 0.0}),
     ("state.decided.eased", 15 * DT, Mode.RELEASING, Mode.LATCHED, {**RELEASING, **R1, "reading.current": 0.0}),
 ]
@@ -599,6 +621,24 @@ def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None
     assert cycle(stale, R2)[1].mode == Mode.RELEASING
 
 
+def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_cable_is_slack() -> None:
+    lowering: Changes = {**RELEASING, **LOADED, "state.decided.released": 0.5}
+    assert cycle(lowering, motor_at(0.05 + TINY))[1].mode == Mode.RELEASING
+    assert cycle(lowering, motor_at(0.05))[1].mode == Mode.STOPPED
+    upwards = {**lowering, "limits.slack_sign": 1.0, "limits.lowering": 0.5}
+    assert cycle(upwards, motor_at(-0.05 - TINY))[1].mode == Mode.RELEASING
+    assert cycle(upwards, motor_at(-0.05))[1].mode == Mode.STOPPED
+    ahead = [cycle(lowering, motor_at(0.5, 0.75 + more))[1].mode for more in (0.0, TINY)]
+    assert ahead == [Mode.RELEASING, Mode.STOPPED]
+    ahead = [cycle(upwards, motor_at(-0.25, -0.4375 - more))[1].mode for more in (0.0, TINY)]
+    assert ahead == [Mode.RELEASING, Mode.STOPPED]
+    slack = {**lowering, **motor_at(0.5, 0.8)}
+    of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY)
+    for fault in LATCHABLE:
+        mode = cycle(slack, {"state.decided.latched": 2.0**fault})[1].mode
+        assert mode == (Mode.RELEASING if fault in of_joint else Mode.LATCHED), fault
+
+
 def test_without_an_enabled_drive_there_is_nothing_to_release() -> None:
     _, verdict = cycle(ARMED, {"observed.request": Request.STOP})
     assert (verdict.mode, verdict.power) == (Mode.RELEASING, 0.0)
@@ -609,9 +649,6 @@ def test_without_an_enabled_drive_there_is_nothing_to_release() -> None:
 def test_nothing_runs_on_a_drive_that_is_not_enabled() -> None:
     state, verdict = cycle(ARMED, {"observed.request": Request.RUN, "observed.preflight": 1.0})
     assert (verdict.mode, state.decided.passed) == (Mode.PREFLIGHT, 0.0)
-
-
-LATCHABLE = [fault for fault in Fault if fault.latched]
 
 
 def test_a_latch_keeps_each_fault_apart() -> None:
@@ -668,6 +705,16 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("slacker upwards", 0.5 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.49}),
     ("slacker upwards than the motor", 0.51 + 8 * DT, {**SLACKER_UP, "reading.motor": 0.51}),
     ("from the first cycle on", 0.5 - 8 * DT, {**R2, "law.wish": 0.51}),
+    ("a load down at its own speed", 0.5 - 2 * DT, {**RELEASING, **LOADED}),
+    ("a load from where the motor is", 0.49 - 2 * DT, {**R2, **LOADED, "reading.motor": 0.49}),
+    ("a load that drags the motor on is braked", 0.5 - 2 * DT, {**RELEASING, **LOADED, "reading.motor": 0.49}),
+    ("a load in a late cycle", 0.5 - 6 * DT, {**RELEASING, **LOADED, "observed.elapsed": 3 * DT}),
+    ("a load in a very late cycle", 0.5 - 10 * DT, {**RELEASING, **LOADED, "observed.elapsed": 9 * DT}),
+    ("a load to where the cable is taut", 0.0, {**motor_at(DT), **RELEASING, **LOADED}),
+    ("a load no further", -0.25, {**motor_at(-0.25), **RELEASING, **LOADED}),
+    ("a load upwards", 2 * DT - 0.25, {**motor_at(-0.25), **SLACKER_UP, **LOADED}),
+    ("a load upwards to where the cable is taut", 0.0, {**motor_at(-DT), **SLACKER_UP, **LOADED}),
+    ("a load upwards no further", 0.25, {**motor_at(0.25), **SLACKER_UP, **LOADED}),
     ("in a late cycle", 0.5 - 24 * DT, {**RELEASING, "observed.elapsed": 3 * DT}),
     ("in a very late cycle", 0.5 - 40 * DT, {**RELEASING, "observed.elapsed": 9 * DT}),
     ("to the lowest", -0.5, {**motor_at(-0.499), **RELEASING}),

@@ -20,6 +20,8 @@ from bowden.models.suit.geometry import extensor_extension, flexor_extension, fl
 from bowden.models.suit.suit_cable import Fabric, fabric_tension
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.rig.rig import Rig
+from bowden.rig.settings import SuitSettings
 from bowden.sim.run import simulate
 from bowden.sim.scenario import scripted_bend
 from support.wearers import WEARERS
@@ -304,3 +306,21 @@ def test_the_compensated_suit_reaches_and_holds() -> None:
     trace = simulate(suit, law, reach, duration=8.0)
     late = trace.time > 6.0
     assert np.max(np.abs(trace.error[late])) * DEGREES < 3.0
+
+
+CAUGHT = Wearer(stiffness=300.0, damping=5.0, centre=20.0 * RADIANS)
+
+
+@pytest.mark.parametrize("friction", [0.7, 1.3])
+def test_the_least_tension_that_a_suits_current_means_is_no_more_than_there_is(friction: float) -> None:
+    """Whatever the friction within its doubt: a free arm is not taken for a caught one, and a caught one is seen."""
+    limits, most = Rig(suit=SuitSettings(worn=True)).supervisor_limits, []
+    for wearer in (SUIT.wearer, CAUGHT):
+        motor = SUIT.motor._replace(friction=friction * SUIT.motor.friction)
+        trace = simulate(SUIT._replace(motor=motor, wearer=wearer), LAWS["uncompensated"], MOTION, duration=6.0)
+        spans = (limits.pull_gain * trace["current"] - limits.pull_doubt, trace["flexor_motor_tension"])
+        least, there = (np.lib.stride_tricks.sliding_window_view(span, 50) for span in spans)
+        assert (least.min(axis=1) <= there.max(axis=1)).all()
+        most.append(least.min(axis=1).max())
+    assert most[0] < 80.0
+    assert most[1] > 120.0

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from bowden.face.motion import MinimumJerk as MinimumJerk
     from bowden.face.read_trace import read_trace as read_trace
     from bowden.face.run import run as run
+    from bowden.face.several_logs import identify_together as identify_together
+    from bowden.face.several_logs import recalibrate as recalibrate
     from bowden.face.simulate import simulate as simulate
     from bowden.face.tune import tune as tune
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
@@ -67,10 +69,12 @@ _HOMES = {
     "check": "bowden.face.check",
     "export": "bowden.face.export",
     "identify": "bowden.face.identify",
+    "identify_together": "bowden.face.several_logs",
     "kernel": "bowden.core.kernel",
     "league": "bowden.face.league",
     "read_log": "bowden.face.identify",
     "read_trace": "bowden.face.read_trace",
+    "recalibrate": "bowden.face.several_logs",
     "run": "bowden.face.run",
     "sel": "bowden.core.kernel",
     "simulate": "bowden.face.simulate",

@@ -81,8 +81,8 @@ ROWS = {
     Injected.DRIVE_DROPPED: _row("3", "DRIVE_DROPPED", 4),
     Injected.OVERRUN: _row("2", "LATE", 4),
     Injected.OVERRUNS: _row("2", "LATE", 40),
-    Injected.CLOCK_BACK: _row("3", "CLOCK", 4),
-    Injected.CLOCK_FORWARD: _row("3", "CLOCK", 4),
+    Injected.CLOCK_BACK: _row("2", "CLOCK", 4),
+    Injected.CLOCK_FORWARD: _row("23", "CLOCK", 4),
     Injected.LAW_NAN: _row("2", "WISH_LOST", 8),
     Injected.LAW_STEP: _row("2", "WISH_STEP WISH_LOST", 8),
     Injected.LAW_BEYOND: _row("2", "WISH_LOST", 8),
@@ -98,7 +98,7 @@ ROWS = {
 
 AT_ONCE = (
     *(Injected.MOTOR_NAN, Injected.MOTOR_RANGE, Injected.PEAK_CURRENT, Injected.BUS_OFF, Injected.EMERGENCY),
-    *(Injected.DRIVE_FAULT, Injected.DRIVE_REBOOT, Injected.DRIVE_DROPPED, Injected.CLOCK_BACK, Injected.CLOCK_FORWARD),
+    *(Injected.DRIVE_FAULT, Injected.DRIVE_REBOOT, Injected.DRIVE_DROPPED),
 )
 """Causes of R3 that show as soon as they begin, whatever else is wrong."""
 _OLD = {

@@ -1,5 +1,6 @@
 """``bowden campaign``: thousands of closed loops, and what comes of them."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,8 +48,8 @@ def campaign(
 
         run_alone(loaded, run, folder / f"run-{run}", json=json)
         return
-    more = (f" --rig {rig}" if rig else "") + (f" --out {out}" if out else "")
-    again = f"bowden campaign {study}{more} --run"
+    more = [*(["--rig", str(rig)] if rig else []), *(["--out", str(out)] if out else [])]
+    again = shlex.join(["bowden", "campaign", str(study), *more, "--run"])
     with progress_bar(quiet=json) as progress:
         try:
             found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=progress)

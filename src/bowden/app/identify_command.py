@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 
 
 def identify(
-    log: Annotated[Path, typer.Argument(help="CSV, gzipped CSV, MATLAB or Parquet file: time, motor, joint.")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...", help="CSV, gzipped CSV, MATLAB or Parquet: time, motor, joint; one file or more."
+        ),
+    ],
     time: Annotated[str | None, typer.Option(help="Name of the time column; guessed by default.")] = None,
     motor: Annotated[str | None, typer.Option(help="Name of the motor-side angle's column.")] = None,
     joint: Annotated[str | None, typer.Option(help="Name of the joint-side angle's column.")] = None,
@@ -34,6 +39,24 @@ def identify(
         str | None, typer.Option(metavar="N[,N]", help="Counts in a turn of both encoders, or of motor and joint.")
     ] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="Rows a second, of a log without times.")] = None,
+    load: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUES|COLUMN|none",
+            help="Load of several logs: 0.1,0.2 (one for each, in their order), or the column whose mean it is; by "
+            "default a column of a common name (joint_torque_nm, tension_n, …).",
+        ),
+    ] = None,
+    bend: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUES|COLUMN|none", help="Bend of several logs [deg], likewise (a column bend_deg, bend_angle…)."
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="model.toml of this cable: fit its gain and offset to the log, and say whether it changed."),
+    ] = None,
     out: Annotated[
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for model.toml and identify.html.")
     ] = Path("out/identify"),
@@ -44,15 +67,30 @@ def identify(
     Six models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, a
     Prandtl-Ishlinskii stack, and a generalised play between free branches. The folder gets model.toml, with every
     parameter and its uncertainty, and a page.
+
+    Several logs are fitted together: one loop whose offset, slope, width and shape follow the logs' load, their bend or
+    both. With --model nothing is identified but gain and offset of a known cable, from seconds of motion.
     """
+    named: dict[str, Any] = {"time": time, "motor": motor, "joint": joint, "unit": unit}
+    named |= {"counts_per_turn": counts_per_turn, "rate": rate}
+    if len(logs) > 1 or model is not None:
+        _several(logs, named, load, bend, model, out, json)
+        return
+    if load is not None or bend is not None:
+        from bowden.core.errors import ParameterError
+
+        what = "load" if load is not None else "bend"
+        raise ParameterError(
+            f"--{what} with one log, which cannot tell what the {what} changes",
+            expected="several logs, or --model with a model that is scheduled by it",
+            do=f"give the other logs too, or leave out --{what}",
+        )
     with beside(_ready_to_draw, _drawn) as drawn:
         from bowden.identify.cable.fit import identify_log
         from bowden.identify.cable.model_file import write_model
         from bowden.identify.log.read import read_log
 
-        checked = read_log(
-            log, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate
-        )
+        checked = read_log(logs[0], **named)
         output_folder(out)
         with progress_bar(quiet=json) as progress:
             fit = identify_log(checked, progress=progress)
@@ -68,6 +106,31 @@ def identify(
         print_json(document(fit) | {"seconds": seconds()})
     else:
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
+
+
+def _several(
+    files: list[Path],
+    named: dict[str, Any],
+    load: str | None,
+    bend: str | None,
+    model: Path | None,
+    out: Path,
+    json: bool,
+) -> None:
+    """Several logs, or one and the model of another."""
+    from bowden.app.identify_several import again, several
+    from bowden.core.errors import ParameterError
+    from bowden.identify.log.read import read_log
+
+    if model is not None and len(files) > 1:
+        raise ParameterError(
+            f"--model with {len(files)} logs", expected="one log, whose gain and offset are fitted", do="give one log"
+        )
+    read = [read_log(file, **named) for file in files]
+    if model is not None:
+        again(files[0], read[0], model, load, bend, out, json)
+    else:
+        several(files, read, load, bend, out, json)
 
 
 def _ready_to_draw() -> "Blank":
@@ -104,7 +167,18 @@ def document(fit: "Fit") -> dict[str, Any]:
         }
         for name, fitted in fit.models.items()
     }
-    return {"best": fit.best.name, "models": models, "warnings": list(fit.warnings), "samples": fit.samples}
+    ahead = {
+        "compensated_rms_deg": finite(fit.forecast.compensated * DEGREES),
+        "uncompensated_rms_deg": finite(fit.forecast.uncompensated * DEGREES),
+        "resolution_rms_deg": fit.forecast.resolution * DEGREES,
+    }
+    return {
+        "best": fit.best.name,
+        "models": models,
+        "forecast": ahead,
+        "warnings": list(fit.warnings),
+        "samples": fit.samples,
+    }
 
 
 def _print_table(fit: "Fit") -> None:
@@ -124,6 +198,9 @@ def _print_table(fit: "Fit") -> None:
         table.add_row(f"{name} *" if name == fit.best.name else name, str(count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     print("* recommended: the simplest whose error on left-out stretches is not clearly larger than the best's")
+    left, without, counts = (value * DEGREES for value in fit.forecast)
+    bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
+    print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
     for warning in fit.warnings:
         print(f"- {warning}")
 
@@ -137,6 +214,9 @@ COMMANDS = (
             "bowden identify log.csv",
             "bowden identify log.csv.gz --out out/cable",
             "bowden identify raw.csv --unit counts --counts-per-turn 8192,4000 --rate 1000",
+            "bowden identify low.csv mid.csv high.csv --load 0.02,0.06,0.12",
+            "bowden identify low.csv mid.csv high.csv --load joint_torque_nm",
+            "bowden identify new.csv --model out/identify/model.toml --out out/new",
             "bowden identify log.csv --json",
         ),
         place=20,

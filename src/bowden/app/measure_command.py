@@ -1,6 +1,7 @@
 """``bowden measure``: move the motor under supervision, and leave logs that identify and identify-servo take."""
 
 import contextlib
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -53,6 +54,8 @@ def measure(
         if twin:
             live = live_run(stack.enter_context(own_twin(given)), measure=True, logged=given)
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin))
+        if not json:
+            print(f"bowden: note: {live.losses()}", file=sys.stderr)
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     files = _write(session, out) if found["ended_well"] else []
@@ -64,7 +67,8 @@ def measure(
     if not files:
         raise typer.Exit(1)
     if not json:
-        print(f"Next: bowden identify {files[0]}, and bowden identify-servo {files[1]}")
+        first, second = (shlex.quote(str(file)) for file in files[:2])
+        print(f"Next: bowden identify {first}, and bowden identify-servo {second}")
 
 
 _KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "preflight", "emergencies", "error")

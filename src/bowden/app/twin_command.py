@@ -2,6 +2,7 @@
 
 import math
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -57,7 +58,7 @@ def twin(
     if talks:
         _talk(given, inject, after, lasting, clear, json)
     else:
-        words = f"{rig}{f' --channel {channel}' if channel else ''}"
+        words = shlex.join([str(rig), *(["--channel", channel] if channel else [])])
         _run(given, object_ or [], words, json, until_orphaned)
 
 

@@ -37,6 +37,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.nested import columns
 from bowden.core.quantity import Quantity
@@ -110,7 +111,7 @@ def contradiction(before: float, told: Reference, dt: float) -> float:
     """
     way, bend = dt * told.velocity, dt * dt * told.acceleration
     gone = told.position - before - way
-    return np.fmin(np.abs(gone + 0.5 * bend), np.fmin(np.abs(gone), np.abs(gone + bend)))
+    return smaller(np.abs(gone + 0.5 * bend), smaller(np.abs(gone), np.abs(gone + bend)))
 
 
 @kernel
@@ -149,12 +150,12 @@ def estimated(
     late = 0.5 * (span - dt)
     x = SHARPNESS * settings.servo_frequency * span
     smooth = 1.0 / (1.0 + x + 0.5 * x * x)
-    theta = sel(span > 1.5 * dt, np.fmax(smooth, dt / span), smooth)
+    theta = sel(span > 1.5 * dt, larger(smooth, dt / span), smooth)
     kept = 1.0 - theta
     miss = told - (position + late * (velocity + 0.5 * late * acceleration))
-    reach = np.fmax(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits so long, or for a value
+    reach = larger(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits so long, or for a value
     most = LEAP * reach * reach
-    felt = np.fmax(0.0 - most, np.fmin(most, miss)) / span
+    felt = larger(smaller(miss, most), 0.0 - most) / span
     by_acceleration = kept * kept * kept * felt / span
     by_velocity = 1.5 * kept * kept * (1.0 + theta) * felt - late * by_acceleration
     by_position = (1.0 - theta * theta * theta) * miss - late * (by_velocity + 0.5 * late * by_acceleration)
@@ -183,9 +184,9 @@ def condition_step(
 
     # believed or not
     contradicts = contradiction(before, told, dt) > stray * dt
-    doubt = sel(contradicts, sel(state.doubt > 0.0, 2.0 * SLOWEST, SLOWEST), np.fmax(0.0, state.doubt - dt))
+    doubt = sel(contradicts, sel(state.doubt > 0.0, 2.0 * SLOWEST, SLOWEST), larger(state.doubt - dt, 0.0))
     jumps = changed * (since > SLOWEST)
-    doubt = sel(jumps, np.fmin(doubt, SLOWEST), doubt)
+    doubt = sel(jumps, smaller(doubt, SLOWEST), doubt)
     doubted = begun * (doubt > SLOWEST)
 
     # shown
@@ -193,10 +194,10 @@ def condition_step(
     leads_on = (contradiction(state.position, told, dt) <= stray * dt) * (np.abs(off_rate) <= stray)
     passes = sel(begun, leads_on, 1.0 == 1.0)
     follows = followed(settings, state, told, dt)
-    tick = np.fmax(state.between, dt)
+    tick = larger(state.between, dt)
     due = np.floor(since / tick + 0.5)  # ticks that it ought to have changed at; one that is late by half counts
     again = (due > np.floor((since - dt) / tick + 0.5)) * (due > 1.5)
-    span = np.fmax(sel(changed, since, tick), dt)
+    span = larger(sel(changed, since, tick), dt)
     guess = estimated(settings, state, told.position, span, sel(changed + again > 0.0, 1.0, 0.0), dt)
     shown = Reference(
         sel(doubted, guess.position, sel(passes, told.position, follows.position)),

@@ -239,4 +239,5 @@ def limited(before: Filtered, goal: float, bandwidth: float, rate_limit: float, 
 @kernel
 def through_servo(number: Filtered, natural_frequency: float, damping: float) -> float:
     """What the servo must be asked for, so that it is at the number, 1 + 2ζ/ω·d/dt + 1/ω²·d²/dt² [rad]."""
-    return number.value + (2.0 * damping * number.rate + number.acceleration / natural_frequency) / natural_frequency
+    lead, lead_square = 2.0 * damping / natural_frequency, 1.0 / (natural_frequency * natural_frequency)
+    return number.value + lead * number.rate + lead_square * number.acceleration

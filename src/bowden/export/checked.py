@@ -25,6 +25,8 @@ class Argument:
     """Whether it is written into the code."""
     plain: bool = False
     """Whether its constants go by their fields' names alone, beside others that go by their argument's as well."""
+    said: str = ""
+    """What a constant that is one number means, for the header."""
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,14 @@ import numpy as np
 from bowden.core.primitives import TANH
 from bowden.export.graph import LIBM, Graph, Operation, evaluate
 
-_LEVEL = {"sel": 0, "eq": 1, "ne": 1, "lt": 2, "le": 2, "add": 3, "sub": 3, "mul": 4, "div": 4, "neg": 5}
-_ATOM = 6
+_STRENGTH = (("sel",), ("or",), ("and",), ("eq", "ne"), ("lt", "le"), ("add", "sub"), ("mul", "div"), ("neg", "not"))
+_LEVEL = {kind: level for level, kinds in enumerate(_STRENGTH) for kind in kinds}
+_ATOM = len(_STRENGTH)
 _SIGN = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "add": "+", "sub": "-", "mul": "*", "div": "/"}
+_JOIN = {"or": "||", "and": "&&"}
 _TRUTH = ("eq", "ne", "lt", "le")
+_WHOLE = {text: text[0] for text in ("0.0", "1.0", "0.0f", "1.0f")}
+"""A truth that is known, as a number of C and as an int."""
 _LONGEST = 72
 """A result that is used once stands where it is used, as long as the expression is no longer than this."""
 
@@ -187,11 +191,19 @@ def _expression(one: Operation, written: Sequence[Written], style: Style, leaf: 
         return Written(text, _LEVEL["neg"] if text.startswith("-") else _ATOM)
     level = _LEVEL.get(one.kind, _ATOM)
     if one.kind == "sel":
-        condition, a, b = arguments
-        asked = condition.text if condition.truth and condition.level in (1, 2, _ATOM) else f"{_in(condition, 2)} != 0"
-        return Written(f"{asked} ? {_in(a, 1)} : {_in(b, 1)}", level, a.truth and b.truth)
-    if one.kind == "neg":
-        return Written(f"-{_in(arguments[0], _ATOM)}", level)
+        condition, *sides = arguments
+        plain = condition.truth and condition.level not in (_LEVEL["sel"], _LEVEL["add"], _LEVEL["mul"])
+        asked = condition.text if plain else f"{_in(condition, _LEVEL['lt'])} != 0"
+        a, b = (_in(side, _LEVEL["or"]) for side in sides)
+        truth = all(side.truth or side.text in _WHOLE for side in sides) and any(side.truth for side in sides)
+        if truth:
+            a, b = _WHOLE.get(a, a), _WHOLE.get(b, b)
+        return Written(f"{asked} ? {a} : {b}", level, truth)
+    if one.kind in ("neg", "not"):
+        return Written(f"{'!' if one.kind == 'not' else '-'}{_in(arguments[0], _ATOM)}", level, one.kind == "not")
+    if one.kind in _JOIN:  # one within the other stands in brackets, as compilers ask for
+        parts = (_in(part, level if part.level == level else _LEVEL["eq"]) for part in arguments)
+        return Written(f" {_JOIN[one.kind]} ".join(parts), level, truth=True)
     if one.kind in _SIGN:
         truth = one.kind in _TRUTH or all(argument.truth for argument in arguments)
         if one.kind == "div" and truth:  # C would divide whole numbers
@@ -200,7 +212,7 @@ def _expression(one: Operation, written: Sequence[Written], style: Style, leaf: 
                 False,
             )
         # to the left an operator of the same strength needs no brackets, since C takes both from left to right
-        left, right = (3, 3) if one.kind in _TRUTH else (level, level + 1)
+        left, right = (_LEVEL["add"],) * 2 if one.kind in _TRUTH else (level, level + 1)
         return Written(f"{_in(arguments[0], left)} {_SIGN[one.kind]} {_in(arguments[1], right)}", level, truth)
     return Written(f"{style.function(one.kind)}({', '.join(argument.text for argument in arguments)})", _ATOM)
 

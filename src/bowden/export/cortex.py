@@ -53,14 +53,13 @@ def tools() -> list[str]:
     return [tool for tool in (COMPILER, SIZE, EMULATOR) if shutil.which(tool) is None]
 
 
-def measure(prefix: str, texts: Mapping[str, str], rows: Sequence[Sequence[float]], dt: float) -> Cost:
+def measure(prefix: str, texts: Mapping[str, str], rows: Sequence[Sequence[float]]) -> Cost:
     """Run a law over samples and references.
 
     Args:
         prefix: of the law's code.
         texts: its header and its source, by file name.
         rows: joint, motor, reference, its velocity and acceleration of each cycle.
-        dt: length of a cycle [s].
 
     Raises:
         subprocess.SubprocessError: the code does not compile, or does not end.
@@ -71,10 +70,7 @@ def measure(prefix: str, texts: Mapping[str, str], rows: Sequence[Sequence[float
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         numbers = ",\n".join("{" + ", ".join(float(value).hex() for value in row) + "}" for row in rows)
-        main = (
-            template("cortex.c").replace("@NAME@", prefix).replace("@ROWS@", numbers).replace("@DT@", float(dt).hex())
-        )
-        (folder / "main.c").write_text(main)
+        (folder / "main.c").write_text(template("cortex.c").replace("@NAME@", prefix).replace("@ROWS@", numbers))
         (folder / "board.ld").write_text(template("cortex.ld"))
         _run([COMPILER, *FLAGS, "-c", f"{prefix}.c"], folder)
         _run(

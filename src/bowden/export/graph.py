@@ -57,6 +57,9 @@ EVALUATE: Mapping[str, Any] = {
     "log": kernel.log,
     "pow": kernel.power,
     "sel": lambda condition, a, b: a if condition else b,
+    "and": lambda p, q: float(p != 0.0 and q != 0.0),
+    "or": lambda p, q: float(p != 0.0 or q != 0.0),
+    "not": lambda p: float(p == 0.0),
 }
 """What each kind of operation does to doubles, in Python."""
 
@@ -94,7 +97,7 @@ def graph_of(trace: KernelTrace, leaves: Mapping[str, Symbol], results: Sequence
 
 @cache
 def _kinds(casadi: Any) -> dict[int, str]:
-    wanted = [kind for kind in EVALUATE if kind != "sel"] + ["if_else_zero", "not"]
+    wanted = [kind for kind in EVALUATE if kind != "sel"] + ["if_else_zero"]
     return {getattr(casadi, f"OP_{kind.upper()}"): kind for kind in wanted}
 
 

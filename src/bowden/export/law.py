@@ -12,10 +12,15 @@ from bowden.export.layout import identifier
 from bowden.export.module import Module
 
 
-def law_module(law: Law) -> Module:
+def law_module(law: Law, sample_time: float) -> Module:
     """``NAME_start`` and ``NAME_step``, with the law's gains as constants, and the conditioner of its reference within.
 
-    What one cycle does between source and wish, `bowden.cycle.one_cycle`, is one function of C.
+    What one cycle does between source and wish, `bowden.cycle.one_cycle`, is one function of C. The cycle's length is a
+    constant like the gains, so that what they fix together is worked out here or by the compiler, and never in a cycle.
+
+    Args:
+        law: with its gains.
+        sample_time: length of a cycle [s].
     """
     sample, reference, state = Sample(0.0, 0.0), Reference(0.0, 0.0, 0.0), state_of(law)
     own: Any = type(law.start(sample))
@@ -32,6 +37,7 @@ def law_module(law: Law) -> Module:
     gains = Argument("gains", law.gains, constant=True, plain=True)
     conditioning = Argument("conditioning", law.conditioning, constant=True)
     seen = Argument("sample", sample)
+    period = Argument("sample_time", float(sample_time), constant=True, said="length of a cycle [s]")
     return Module(
         prefix(law),
         f"The control law {law.name!r}: {law.source}.",
@@ -47,12 +53,9 @@ def law_module(law: Law) -> Module:
             Function(
                 "step",
                 step,
-                (
-                    *(gains, conditioning, Argument("state", state), seen),
-                    *(Argument("reference", reference), Argument("dt", 0.001)),
-                ),
+                (gains, conditioning, Argument("state", state), seen, Argument("reference", reference), period),
                 ("state", "return"),
-                "One cycle of dt [s]: the motor's target angle [rad].",
+                f"One cycle, to be called every {sample_time:g} s: the motor's target angle [rad].",
                 law.step_kernel,
             ),
         ),

@@ -16,6 +16,7 @@ from bowden.export.code import FunctionBody, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
 from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, rebuilt
 from bowden.export.symbol import KernelTrace, Symbol, exactly
+from bowden.export.truths import with_truths
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def _constants(module: Module, style: Style) -> list[tuple[str, str, str]]:
                 name = macro(module, argument, leaf.name)
                 whole = isinstance(leaf.value, int)
                 text = str(int(leaf.value)) if whole else style.number(leaf.value)
-                said = said_at(argument.example, leaf.path, meanings)
+                said = said_at(argument.example, leaf.path, meanings) or argument.said
                 found[name] = (name, f"({text})" if text.startswith("-") else text, comment(said))
     return list(found.values())
 
@@ -164,18 +165,29 @@ def _signature(module: Module, one: Function, structs: Structs) -> str:
     return f"{returned} {module.prefix}_{one.name}({', '.join(inputs + outputs)})"
 
 
+def written(one: Function) -> tuple[Graph, dict[str, float]]:
+    """The operations of a function as they are written, and the values of the leaves that are constants."""
+    constants = {
+        f"{argument.name}:{leaf.name}": float(leaf.value)
+        for argument in one.arguments
+        for leaf in leaves(argument.example)
+        if argument.constant
+    }
+    return with_truths(settled(traced(one)[0], constants), constants), constants
+
+
 def _function(module: Module, one: Function, style: Style) -> tuple[FunctionBody, str]:
-    graph, found = traced(one)
-    check_graph(one, graph, again=traced(one, again=1)[0])
+    whole, found = traced(one)
+    check_graph(one, whole, again=traced(one, again=1)[0])
     results = (found,) if len(one.results) == 1 else found
-    texts, constants = {}, {}
-    for argument in one.arguments:
-        for leaf in leaves(argument.example):
-            key = f"{argument.name}:{leaf.name}"
-            texts[key] = macro(module, argument, leaf.name) if argument.constant else leaf.access(argument.name)
-            if argument.constant:
-                constants[key] = float(leaf.value)
-    graph = settled(graph, constants)
+    texts = {
+        f"{argument.name}:{leaf.name}": (
+            macro(module, argument, leaf.name) if argument.constant else leaf.access(argument.name)
+        )
+        for argument in one.arguments
+        for leaf in leaves(argument.example)
+    }
+    graph, constants = written(one)
     ends = [(name, leaf) for name, value in zip(one.results, results, strict=True) for leaf in leaves(value)]
     named: dict[int, str] = {}
     for (name, leaf), i in zip(ends, graph.results, strict=True):

@@ -62,7 +62,8 @@ again. Angles are in radians, times in seconds.
 
 ## The loop
 
-At {sample_time * 1e3:g} ms, from a timer's interrupt; `read_…` and `write_…` are yours.
+Every {sample_time * 1e3:g} ms, from a timer's interrupt: the cycle's length is a constant like the gains. `read_…` and
+`write_…` are yours.
 
 ```c
 #include "{name}.h"
@@ -77,8 +78,7 @@ what the law is shown is made of it within `{name}_step`, as in Python. A sample
 most laws, but some remember it: hand on the last good one, as `bowden run` does. The interrupt must be able to use the
 FPU (`CPACR` is set before the first cycle).
 """
-    dt = f"{sample_time!r}{'f' if single else ''}"
-    return page.replace("@NAME@", name).replace("@DT@", dt).replace("@PERIOD@", f"{sample_time!r}")
+    return page.replace("@NAME@", name).replace("@PERIOD@", f"{sample_time!r}")
 
 
 _LOOP = """void timer_interrupt(void)
@@ -90,7 +90,7 @@ _LOOP = """void timer_interrupt(void)
         @NAME@_start(&law, &sample);
         running = 1;
     }
-    write_motor_target(@NAME@_step(&law, &sample, &reference, @DT@));
+    write_motor_target(@NAME@_step(&law, &sample, &reference));
 }
 """
 
@@ -107,7 +107,7 @@ _LOOP_WITH_GATE = """void timer_interrupt(void)
         if (!running) {
             @NAME@_start(&law, &sample);
         }
-        wish = @NAME@_step(&law, &sample, &reference, @DT@);
+        wish = @NAME@_step(&law, &sample, &reference);
     }
     running = moves;
     safety_supervise(&gate, &observed, wish, @PERIOD@, &verdict);

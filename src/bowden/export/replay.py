@@ -9,12 +9,11 @@ COLUMNS = ("joint_seen", "motor_seen", "reference", "reference_velocity", "refer
 """Columns of a recording, named as in the log of a live run: ``bowden log export run.mcap --to csv`` gives one."""
 
 
-def replay_source(law: Law, sample_time: float, *, single: bool = False) -> str:
+def replay_source(law: Law, *, single: bool = False) -> str:
     """The program for a law.
 
     Args:
         law: with its gains.
-        sample_time: length of a cycle of the recorded run [s].
         single: the law's code is in float, and its commands are not expected to be the recorded ones to the bit.
     """
     name = prefix(law)
@@ -25,7 +24,6 @@ def replay_source(law: Law, sample_time: float, *, single: bool = False) -> str:
     return (
         template("replay.c")
         .replace("@NAME@", name)
-        .replace("@DT@", repr(float(sample_time)))
         .replace("@EXACT@", "0" if single else "1")
         .replace("@VALUES@", values)
         .replace("@HEADER@", names)

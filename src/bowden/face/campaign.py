@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shlex
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -141,8 +142,9 @@ def campaign(
     if cluster is not None:
         arguments.text(cluster, "campaign: cluster", "the address of a dask scheduler, or local:N")
     arguments.function(progress, "campaign: progress", arguments.PROGRESS)
-    named = f" --rig {rig}" if isinstance(rig, str | Path) else ""
-    again = "" if isinstance(rig, Rig) else f"bowden campaign {path}{named} --out {folder} --run"
+    named = ["--rig", str(rig)] if isinstance(rig, str | Path) else []
+    words = ["bowden", "campaign", str(path), *named, "--out", str(folder), "--run"]
+    again = "" if isinstance(rig, Rig) else shlex.join(words)
     with given.in_words_of_python():
         loaded = load(path, None if rig is None else given.rig_of(rig, "campaign"))
         output_folder(folder)

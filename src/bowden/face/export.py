@@ -18,7 +18,6 @@ from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
-from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import detector_named
 
 if TYPE_CHECKING:
@@ -135,7 +134,7 @@ def exported(
     law = rig.fitted()
     output_folder(folder, "--to")
     progress("tracing the kernels", 0.0)
-    modules = _modules(law, emg_rate, detector_named(rig.emg.detector), _limits(rig) if safety else None)
+    modules = _modules(rig, law, emg_rate, safety=safety)
     said = _said(name, law, preset, float32=float32, turned=rig.turned)
     texts = _texts(modules, law, rig.sample_time, said, float32=float32)
     _only_ours(folder, set(texts) | {"recording.csv", "replay"})
@@ -148,7 +147,7 @@ def exported(
             (stage / file).write_text(text, encoding="utf-8")
         (stage / "recording.csv").write_text(recording, encoding="utf-8")
     progress("measuring on a Cortex-M4F", 0.8)
-    figures = _figures(folder, modules, recording, rig.sample_time)
+    figures = _figures(folder, modules, recording)
     notes = (*rig.notes, verdict.note, figures if isinstance(figures, str) else "")
     return Exported(
         law=law.name,
@@ -161,7 +160,7 @@ def exported(
     )
 
 
-def _modules(law: Law, emg_rate: float | None, kind: Detector, limits: Limits | None) -> "list[Module]":
+def _modules(rig: Rig, law: Law, emg_rate: float | None, *, safety: bool) -> "list[Module]":
     """The law's module first.
 
     Raises:
@@ -170,11 +169,11 @@ def _modules(law: Law, emg_rate: float | None, kind: Detector, limits: Limits | 
     from bowden.export.law import law_module
     from bowden.export.parts import emg_modules, safety_module
 
-    modules = [law_module(law)]
+    modules = [law_module(law, rig.sample_time)]
     if emg_rate is not None:
-        modules += emg_modules(emg_rate, kind)
-    if limits is not None:
-        modules.append(safety_module(limits))
+        modules += emg_modules(emg_rate, detector_named(rig.emg.detector))
+    if safety:
+        modules.append(safety_module(_limits(rig)))
     names = [module.prefix for module in modules]
     if len(set(names)) < len(names) or names[0] in ("replay", "math", "stdio", "stdlib", "string"):
         raise ParameterError(f"the law {law.name!r} has the name of another file", do="give it another name")
@@ -208,7 +207,7 @@ def _texts(modules: "list[Module]", law: Law, period: float, said: str, *, float
         single = float32 and module.prefix != "safety"  # whose set of faults needs 37 bits
         texts |= files(module, Style(module.prefix, single), said)
     return texts | {
-        "replay.c": replay_source(law, period, single=float32),
+        "replay.c": replay_source(law, single=float32),
         "Makefile": makefile(modules[0].prefix),
         "README.md": readme(modules[0], modules[1:], said, period, single=float32),
     }
@@ -253,7 +252,7 @@ def _recording(rig: Rig, law: Law) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _figures(folder: Path, modules: "list[Module]", recording: str, period: float) -> dict[str, float] | str | None:
+def _figures(folder: Path, modules: "list[Module]", recording: str) -> dict[str, float] | str | None:
     """What the law costs on a Cortex-M4F; or a note where a tool to measure it fails, and None where none is there."""
     from bowden.export import cortex
 
@@ -263,7 +262,7 @@ def _figures(folder: Path, modules: "list[Module]", recording: str, period: floa
     rows = [[float(cell) for cell in line.split(",")[1:7]] for line in recording.splitlines()[1:]]
     texts = {f"{prefix}{end}": (folder / f"{prefix}{end}").read_text(encoding="utf-8") for end in (".h", ".c")}
     try:
-        cost = cortex.measure(prefix, texts, [row[:5] for row in rows], period)
+        cost = cortex.measure(prefix, texts, [row[:5] for row in rows])
     except (OSError, subprocess.SubprocessError, ValueError) as error:  # a compiler without its library, say
         return f"not measured on a Cortex-M4F: {' '.join(str(error).split())[:300]}"
     return {

@@ -12,6 +12,7 @@ all counted in the direction in which the cable pulls, which only a hand can tel
 import hashlib
 import json
 import math
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,8 +35,6 @@ SETTLED = 20
 """Cycles without an angle after which there is none."""
 _OLD = 2
 """Cycles that an angle may be old and still be the one of now."""
-_SCALES = ("motor_counts_per_turn", "motor_direction", "joint_counts_per_turn", "joint_direction")
-"""Of a drive's parameters, what makes angles of its counts."""
 _LEAST_SLOPE = 1e-3
 """Of a cable, where something is divided by it [rad/rad]."""
 _TURNED = "(where the sign is wrong) slack_sign of [limits] or "
@@ -120,13 +119,9 @@ def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, per
 
 
 def _path(rig: Rig) -> Path:
-    """One file for a drive and all that makes angles of its counts; another law or reference asks for no new turn.
-
-    Of a family whose parameters have other names for their scales, all of them count.
-    """
-    drive, needs = rig.drive, rig.drive_needs
-    address = sorted(family_of(drive).address(drive).items())
-    scales = [getattr(drive, one) for one in _SCALES] if all(hasattr(drive, one) for one in _SCALES) else list(drive)
+    """One file for a drive and all that makes angles of its counts; another law or reference asks for no new turn."""
+    drive, needs, family = rig.drive, rig.drive_needs, family_of(rig.drive)
+    address, scales = sorted(family.address(drive).items()), list(family.scales(drive))
     bound = (drive.family, address, scales, needs.gear, needs.spool, rig.supervisor_limits.slack_sign)
     name = hashlib.sha256(repr(bound).encode())
     return state_folder() / f"by-hand-{name.hexdigest()[:16]}.json"
@@ -176,5 +171,5 @@ def require_confirmed(rig: Rig) -> None:
         raise SafetyError(
             "nobody has confirmed an angle on this drive with these scales and directions",
             expected="the joint turned once by hand, without power, beside both encoders",
-            do=f"bowden confirm {rig.origin}",
+            do=shlex.join(["bowden", "confirm", rig.origin]),
         )

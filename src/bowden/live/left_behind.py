@@ -1,7 +1,9 @@
 """What a run leaves when its operator's process is killed, and that whoever of it ends last, or the next run, removes.
 
 Everything that a run makes outside its output folder is named after its operator's process: blocks of shared memory,
-and the folder of the bus that a run with a twin of its own has.
+and the folder of the bus that a run with a twin of its own has. A number alone names no process: another one may have
+it later, and containers that share this memory have it at the same time. So the name has the process' namespace and
+beginning as well, and of another namespace nothing is removed: whether its processes live cannot be seen from here.
 """
 
 import contextlib
@@ -20,13 +22,13 @@ _KINDS = (".ring", ".block", ".intent")
 
 def name_of_this() -> str:
     """A name that nothing else has, and that says whose it is."""
-    return f"bowden-{os.getpid()}-{os.urandom(3).hex()}"
+    return f"bowden-{_owner(os.getpid())}-{os.urandom(3).hex()}"
 
 
 @contextlib.contextmanager
 def bus_of_this() -> Iterator[Path]:
     """A folder for a bus, until the end of the block."""
-    with tempfile.TemporaryDirectory(prefix=f"{TWIN}-{os.getpid()}-") as folder:
+    with tempfile.TemporaryDirectory(prefix=f"{TWIN}-{_owner(os.getpid())}-") as folder:
         yield Path(folder)
 
 
@@ -34,15 +36,35 @@ def sweep() -> None:
     """Remove what runs left whose operator is gone. A process that still has a block open keeps it; a bus on which
     somebody lives is left alone.
     """
-    for path in FOLDER.glob("bowden-*-*.*"):
-        if path.suffix in _KINDS and _gone(path.name.split("-")[1]):
+    for path in FOLDER.glob("bowden-*-*-*.*"):
+        if path.suffix in _KINDS and _gone(*path.name.split("-")[1:3]):
             with contextlib.suppress(OSError):
                 path.unlink()
-    for bus in Path(tempfile.gettempdir()).glob(f"{TWIN}-*-*"):
-        if _gone(bus.name.split("-")[2]) and all(_gone(node.name.split("-")[0]) for node in bus.glob("*.node")):
+    for bus in Path(tempfile.gettempdir()).glob(f"{TWIN}-*-*-*"):
+        nodes = (node.name.split("-")[0] for node in bus.glob("*.node"))
+        if _gone(*bus.name.split("-")[2:4]) and not any(Path(f"/proc/{node}").exists() for node in nodes):
             shutil.rmtree(bus, ignore_errors=True)
 
 
-def _gone(number: str) -> bool:
-    """Whether a process of that number is there no more."""
-    return number.isdigit() and not Path(f"/proc/{number}").exists()
+def _owner(number: int | str) -> str:
+    """A process of this namespace: its number, and namespace and beginning.
+
+    Raises:
+        OSError: it is there no more.
+    """
+    began = Path(f"/proc/{number}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()[19]
+    return f"{number}-{_namespace()}t{began}"
+
+
+def _namespace() -> int:
+    return os.stat("/proc/self/ns/pid").st_ino
+
+
+def _gone(number: str, which: str) -> bool:
+    """Whether a process of that number, namespace and beginning was one of this namespace, and is there no more."""
+    if not number.isdigit() or which.partition("t")[0] != str(_namespace()):
+        return False
+    try:
+        return _owner(number) != f"{number}-{which}"
+    except OSError:
+        return True

@@ -30,6 +30,7 @@ from bowden.rig.emg_setup import EmgRun
 from bowden.rig.given_law import LawFile
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
+from bowden.safety.supervisor import longest_release
 from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_ACCELERATION, TURNED_SPEED
 
 WRONG_WAY = 1.5 * RADIANS
@@ -102,10 +103,10 @@ class Live:
 
     def losses(self) -> str:
         """How soon the power is off when somebody of the run is gone, for whoever starts it."""
-        limits, late = self.limits, self.limits.release_time + self.rig.sample_time
-        said = (
-            f"without this terminal the cable is let out, and the power off within {limits.operator_age + late:.2f} s"
-        )
+        limits, late = self.limits, longest_release(self.limits) + self.rig.sample_time
+        how = f"let down at {limits.lowering / RADIANS:.0f}°/s" if limits.loaded else "let out"
+        what = f"the {'arm' if limits.loaded else 'cable'} is {how}"
+        said = f"without this terminal {what}, and the power off within {limits.operator_age + late:.2f} s"
         if self.emg is None:
             return f"{said} (operator_age_s of [limits])"
         reader, stream = READER_SHARE * limits.emg_age + late, limits.emg_age + late
@@ -121,7 +122,7 @@ class Live:
         checks = Preflight(
             pull_sign=-limits.slack_sign,
             moved=WRONG_WAY,
-            light=limits.released_current,
+            light=limits.released_current if limits.homed else math.inf,
             low=limits.motor_low,
             high=limits.motor_high,
         )

@@ -60,6 +60,7 @@ _PUSH: Mapping[str, str] = {
 SINCE: Mapping[str, float] = {
     "foreign": 0.0,
     "sample_age": 0.0,
+    "supervisor.sums.strained": 0.0,
     "supervisor.sums.undisabled": 0.0,
     "supervisor.decided.joint_then": 0.0,
     **{f"supervisor.anchor.{name}": 0.0 for name in ("unanswered", "current", "travelled", "swung")},

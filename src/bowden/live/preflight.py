@@ -15,6 +15,7 @@ from bowden.core.signals import DriveReading, DriveState
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.safety.limits import Limits
+from bowden.safety.supervisor import longest_release
 
 
 class Preflight(NamedTuple):
@@ -201,18 +202,17 @@ def step(
             return _fail(state, Reason.MOTOR_STILL)
         state = state._replace(far_motor=reading.motor, far_joint=reading.joint)
         return _answer(state._replace(step=float(Step.BACK), since=0.0), wish)
-    if state.current_low == state.current_high:
-        return _fail(state, Reason.CURRENT_STILL)
+    still = state.current_low == state.current_high  # or changed by less than a count, in a motion as small as this
     if settings.pull_sign * state.charge < -2.0 * settings.light * (duration + settings.settle):
         return _fail(state, Reason.SLACK_WRONG_WAY)
     moved = (state.far_joint - state.joint) * settings.pull_sign * settings.slope_sign
-    if moved >= settings.moved:
+    if moved >= settings.moved and not still:
         return _answer(state._replace(step=float(Step.DONE)), state.motor)
     if moved <= -settings.moved:
         return _fail(state, Reason.JOINT_WRONG_WAY)
     larger = 2.0 * state.amplitude
     if larger > settings.largest:
-        return _fail(state, Reason.JOINT_STILL)
+        return _fail(state, Reason.CURRENT_STILL if still else Reason.JOINT_STILL)
     return _answer(state._replace(step=float(Step.OUT), since=0.0, amplitude=larger, charge=0.0), state.motor)
 
 
@@ -251,11 +251,17 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         )
     if limits.joint_high > max(reach) + limits.play or limits.joint_low < min(reach) - limits.play:
         found.append("the joint's range is wider than the motor's can be through slopes and play: it would never act")
+    pay_out = limits.lowering if limits.loaded == 1.0 else limits.pay_out
     if (
-        limits.pay_out >= limits.motor_speed
-        or limits.pay_out * max(abs(limits.slope_low), abs(limits.slope_high)) >= limits.joint_speed
+        pay_out >= limits.motor_speed
+        or pay_out * max(abs(limits.slope_low), abs(limits.slope_high)) >= limits.joint_speed
     ):
-        found.append("pay_out is faster than motor_speed or joint_speed allow: a release would end in R3")
+        found.append("pay_out or lowering is faster than motor_speed or joint_speed allow: a release would end in R3")
+    if limits.loaded == 1.0 and longest_release(limits) > _LONGEST:
+        found.append(
+            f"lowering takes a release {longest_release(limits):.1f} s from the end of the motor's range, and must not "
+            f"take more than {_LONGEST:g} s"
+        )
     if limits.tracking_lag * limits.motor_speed + limits.tracking >= limits.target_reach:
         found.append("tracking is wider than target_reach: a motor that does not follow would be seen too late")
     if limits.target_speed * dt >= limits.target_reach:
@@ -305,6 +311,8 @@ def require(limits: Limits, dt: float, verdict: str) -> None:
         raise SafetyError(f"`bowden check` says {verdict!r}", expected="gains that hold", do="run `bowden tune`")
 
 
+_LONGEST = 5.0
+"""Of a release that lets a load down: whoever is in the suit waits for it [s]."""
 _QUICKEST = 1.0
 """Shortest thermal time constant: `models.drive.thermal.rested` goes in steps of a second, and none is so small [s]."""
 
@@ -312,7 +320,8 @@ _POSITIVE = (
     *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),
     *("acceleration", "servo_frequency", "servo_damping", "tracking", "play", "frozen_travel", "current_peak"),
     *("saturation", "i2t_time", "heartbeat_age", "enable_time", "lateness", "clock_gap", "operator_age"),
-    *("emg_age", "preflight_time", "bridge_time", "release_time", "pay_out", "released_current", "released_time"),
+    *("emg_age", "preflight_time", "bridge_time", "release_time", "pay_out", "lowering", "released_current"),
+    "released_time",
 )
 
 

@@ -42,7 +42,9 @@ _ORPHANED_AFTER = 5 * SECOND
 """Without a row and without a parent: both the loop and the operator's process are gone [ns]."""
 _NICE = 5
 _LEAST = 60.0
-"""For so long a run's log has room on the disk when it begins [s]."""
+"""For so long a run's log has room on the disk when it begins, or for the whole of a shorter run [s]."""
+_BESIDE = 15.0
+"""What arming, preflight, the way to the beginning and the release take beside it, without an operator [s]."""
 
 
 @dataclass
@@ -158,18 +160,21 @@ class Disk:
                 os.fsync(self._handle)
 
 
-def check_room(target: Path, description: Description) -> None:
-    """Refuse a run whose log would end within a minute: before anything moves, and not in mid-motion.
+def check_room(target: Path, description: Description, length: float) -> None:
+    """Refuse a run whose log would end before the run does, or within a minute: before anything moves, and not in
+    mid-motion.
 
     Args:
         target: the file, which need not exist.
         description: of its rows, with the sample time among the settings.
+        length: of the run [s].
 
     Raises:
         OutputError: the disk has no room, or there is no such folder.
     """
     row = Packing(topics(description.columns, description.units)).dtype.itemsize
-    needed = round(_LEAST / float(description.settings["sample_time"])) * row
+    least = min(_LEAST, _BESIDE + length)
+    needed = round(least / float(description.settings["sample_time"])) * row
     try:
         free = shutil.disk_usage(target.parent).free
     except OSError as error:
@@ -177,7 +182,7 @@ def check_room(target: Path, description: Description) -> None:
     if free < needed:
         raise OutputError(
             f"cannot record to {target}: the disk has {free >> 20} MB left",
-            expected=f"{(needed >> 20) + 1} MB, for {_LEAST:g} s of this run",
+            expected=f"{(needed >> 20) + 1} MB, for {least:g} s of this run",
             do="make room there, or choose another place",
         )
 

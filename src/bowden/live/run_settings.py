@@ -99,7 +99,10 @@ def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
         raise LogError(f"the log's settings have no {name} that this version knows: {error}", do=do) from error
 
 
-_SINCE = {name: Limits._field_defaults[name] for name in ("uses_emg", "emg_age")} | {"disable_time": math.inf}
+_SINCE = {
+    **{name: Limits._field_defaults[name] for name in ("uses_emg", "emg_age", "loaded", "lowering", "homed")},
+    **{"pull_gain": 0.0, "pull_doubt": 0.0, "disable_time": math.inf},
+}
 """Limits that older logs do not have, as they were in force then: not at all."""
 
 _LED_SINCE = {"room": math.inf}

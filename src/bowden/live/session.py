@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,7 @@ class Session:
         self._latched: float | None = None
         self.began_latched = False
         """Whether a run before it was latched by what nobody has acknowledged."""
+        self._latching = ThreadPoolExecutor(1)
         self._not_kept, self._keeping = "", threading.Lock()
         self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
@@ -110,7 +112,7 @@ class Session:
         about = description(
             *(live.law, {**settings, **live.settings()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
         )
-        check_room(self.log, about)
+        check_room(self.log, about, len(live.table) * live.rig.sample_time)
         create(self._ring, about)
         shared_memory.create(self._block, control_block.WORDS)
         self.block, self.rows = ControlBlock(self._block), RingReader(self._ring)
@@ -280,14 +282,14 @@ class Session:
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
 
     def _remember_latch(self, row: Row) -> None:
-        """Keep what latched the run, until somebody acknowledges it."""
+        """Keep what latched the run, until somebody acknowledges it, by a thread of its own: a disk may be slow."""
         latched = float(row[AT["faults"]]) if row[AT["mode"]] == Mode.LATCHED else None
         if (latched is None) == (self._latched is None) or not self._remembers:
             return
         if latched is not None:
-            latch_file.write(self.live.rig.drive_parameters, latched)
+            self._latching.submit(latch_file.write, self.live.rig.drive_parameters, latched)
         else:
-            latch_file.acknowledge(self.live.rig.drive_parameters)
+            self._latching.submit(latch_file.acknowledge, self.live.rig.drive_parameters)
         self._latched = latched
 
     @property
@@ -344,6 +346,7 @@ class Session:
             ("mode", standing or "not begun"),
             ("error", self.error),
             ("log", str(self.log)),
+            ("ends", self.live.losses()),
         ]
         return shown.screen(f"Run of {self.live.law.name}", rows)
 
@@ -369,6 +372,7 @@ class Session:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
                 print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)
             self._await_end()
+        self._latching.shutdown()
         if self.emg_process is not None:
             self.emg_process.close()
         if hasattr(self, "_recorder"):
@@ -391,6 +395,7 @@ def own_twin(rig: Rig) -> Iterator[Rig]:
     from bowden.live.twin_process import running_twin
 
     with left_behind.bus_of_this() as folder:
-        print(f"bowden: note: the twin's bus is {folder}: bowden twin {rig.origin} --channel {folder}", file=sys.stderr)
+        asked = shlex.join(["bowden", "twin", rig.origin, "--channel", str(folder)])
+        print(f"bowden: note: the twin's bus is {folder}: {asked}", file=sys.stderr)
         with running_twin(rig, folder, ["--interface", UNIX]) as twin:
             yield rig.on_bus(twin.channel, UNIX)

@@ -1,5 +1,6 @@
 """What a run came to, from its log."""
 
+import shlex
 import sys
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
@@ -116,7 +117,7 @@ def print_summary(found: dict[str, Any]) -> None:
     if found["error"]:
         print(f"ended by an error: {found['error']}")
     whole = found["log_whole"]
-    print(f"Log: {found['log']}  (bowden log {'info' if whole else 'recover'} {found['log']})")
+    print(f"Log: {found['log']}  ({shlex.join(['bowden', 'log', 'info' if whole else 'recover', found['log']])})")
     for path in found["more_logs"]:
         print(f"  and {path}")
     lost = (found["cycles"] or 0) - found["cycles_logged"]

@@ -20,6 +20,7 @@ from bowden.plants.bench import Bench, check_bouc_wen
 from bowden.plants.cable_body import Seen
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.friction_cables import lumped, sliding
+from bowden.plants.scheduled_cable import scheduled
 
 
 class Stack(NamedTuple):
@@ -204,8 +205,8 @@ def identified(name: str, parameters: Mapping[str, float]) -> Cable:
     joint follows in the same direction. It begins at rest, with no hysteresis locked in, not where the log did.
 
     Args:
-        name: ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii`` or ``generalised_play``, or one of
-            `DISTRIBUTED`.
+        name: ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``,
+            ``scheduled``, or one of `DISTRIBUTED`.
         parameters: the model's, by name; SI and radians. What is left out of a distributed one is as its default.
 
     Raises:
@@ -236,6 +237,8 @@ def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> 
         ParameterError: another name, or a parameter that is missing.
     """
     cable = identified(name, parameters)
+    if name == "scheduled" and "bend_low" in parameters:
+        cable = scheduled(parameters, "bend", bench.sheath)
     if name == "bouc_wen":
         return bench._replace(cable=cable.parameters.cable)
     plant = as_cable_plant(bench)._replace(cable=cable)
@@ -373,6 +376,7 @@ _IDENTIFIED: dict[str, Any] = {
     "sliding": _sliding,
     "lumped_coulomb": partial(_lumped, dahl=False),
     "lumped_dahl": partial(_lumped, dahl=True),
+    "scheduled": scheduled,
 }
 
 DISTRIBUTED = ("sliding", "lumped_coulomb", "lumped_dahl")

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from bowden.control.admittance.interaction import Doubt
 from bowden.core.errors import ParameterError
 from bowden.core.units import HERTZ, RADIANS
 from bowden.cycle.one_cycle import Filters
@@ -20,7 +21,7 @@ _LEAST_TRAVEL = 0.1
 follows late and a limb that is held do not explain [rad]."""
 
 
-def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan) -> Limits:
+def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan, suit: Suit | None = None) -> Limits:
     """A rig's limits, with the servo's model, the motor's currents and what is measured from its other parts.
 
     Args:
@@ -28,6 +29,7 @@ def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan)
         bench: of the rig.
         drive: of the rig.
         dead_zone: the widest that its identified cable has, NaN where none is identified [rad].
+        suit: where one is worn.
     """
     travel = max(_LEAST_TRAVEL, dead_zone / DEAD_SHARE)
     return given._replace(
@@ -38,7 +40,27 @@ def limits(given: Limits, bench: Bench, drive: Any, dead_zone: float = math.nan)
         thermal=given.thermal._replace(resistance=bench.motor.resistance),
         measures_current=1.0,
         measures_tension=float(family_of(drive).measures_tension(drive)),
+        loaded=float(suit is not None),
+        homed=float(family_of(drive).homed(drive)),
+        **({} if suit is None else _pull(suit)),
     )
+
+
+def _pull(suit: Suit) -> dict[str, float]:
+    """What a motor's current says at least of the flexor's tension T, whose spool has the radius r:
+
+        T ≥ (η·N·kτ·I − (1 + doubt)·F)/r
+
+    with the gears' loss as if all of the current's torque went through it, friction F of drive, gears and feeder as
+    large as it may be and against the pull, and nothing of the extensor's tension, which pulls the same way. What the
+    motor's inertia takes is no tension: at its largest speed v it is gone after 2·J·v/(η·N·kτ·I), 12 ms on the default
+    suit, which the supervisor waits for and longer.
+    """
+    motor, radius = suit.motor, suit.spool_radius
+    return {
+        "pull_gain": motor.efficiency * motor.gear * motor.torque_constant / radius,
+        "pull_doubt": (1.0 + Doubt().friction) * motor.friction / radius,
+    }
 
 
 def drive_needs(allowed: Limits, bench: Bench, suit: Suit | None = None) -> DriveNeeds:

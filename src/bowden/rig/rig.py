@@ -24,7 +24,9 @@ from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
 from bowden.identify.cable.fit import Fit
-from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
+from bowden.identify.cable.recalibrate import Recalibration, outside
 from bowden.models.cable.bouc_wen import BoucWen, upright
 from bowden.models.cable.sheath import Sheath
 from bowden.models.drive.encoder import Encoder
@@ -71,7 +73,7 @@ if TYPE_CHECKING:
 MOST_CYCLES = 10_000_000
 """A longer run is refused: its record would not fit into the memory of a common computer."""
 
-CableLike = BoucWen | IdentifiedCable | CableModel | Fit
+CableLike = BoucWen | IdentifiedCable | CableModel | Fit | JointFit | Recalibration
 GivenPlant = str | UserPlant | PlantFile | None
 GivenLaw = str | Law | LawFile
 
@@ -608,6 +610,9 @@ class Rig:
         if isinstance(self.cable, IdentifiedCable) and self.cable.best == _LINE:
             where = Path(self.origin).parent / self.cable.file if self.cable.file else "the identified cable"
             notes.append(f"{where} recommends {_LINE!r}; the bench runs the cable's bouc_wen model")
+        if isinstance(self.cable, IdentifiedCable) and self.cable.best == SCHEDULED:
+            own = self.cable.model().parameters
+            notes += outside(own, {name: own[name] for name in ("load", "bend") if name in own})
         if self.turned:
             why = (
                 "the cable's slope is negative" if self.plant is None else "the joint falls as the plant's motor rises"
@@ -617,6 +622,8 @@ class Rig:
         if used < given and abs(given - Limits().frozen_travel) > _WRITTEN:
             known = f"the identified cable explains no more than {used / RADIANS:.3g}, which is used"
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
+        if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
+            notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
         return tuple(notes)
 
     @property
@@ -676,7 +683,8 @@ class Rig:
     @cached_property
     def supervisor_limits(self) -> Limits:
         """All limits of the supervisor, those that follow from other parts too."""
-        return live_parts.limits(self.limits, self.bench, self.drive, _WIDER * self.knowledge.width)
+        dead_zone = _WIDER * self.knowledge.width
+        return live_parts.limits(self.limits, self.bench, self.drive, dead_zone, self.worn)
 
     @cached_property
     def drive_needs(self) -> DriveNeeds:
@@ -750,6 +758,8 @@ def _one_file(one: Any, other: Any) -> bool:
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
     if isinstance(given, Fit):
         given = IdentifiedCable(given.best.name, {name: dict(one.parameters) for name, one in given.models.items()})
+    if isinstance(given, JointFit | Recalibration):
+        given = given.best
     if isinstance(given, CableModel):
         own = {given.name: dict(given.parameters)}
         given = IdentifiedCable(given.name, own | {name: dict(one) for name, one in given.others.items()})

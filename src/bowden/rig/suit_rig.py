@@ -23,11 +23,10 @@ law = "bowden"    # begins with its gains for a suit
 duration_s = 60.0  # [s] a run by a recording ends with it
 
 [limits]
-motor_low_deg = -12.0                # [°] what a release lets out below the straight arm
+motor_low_deg = -12.0                # [°] room for the law below the straight arm
 motor_margin_deg = 8.0               # [°] the drive's integral runs over its target by this in a release
 play_deg = 20.0                      # [°] fabric gives way, and the arm falls behind a cable that is let out
 tracking_deg = 15.0                  # [°] the servo's model knows no friction: gears hold the motor as it turns
-pay_out_deg_per_s = 120.0            # [°/s] the extensor pulls the arm at this speed while the flexor is let out
 thermal_continuous_current_a = 12.0  # [A] the paper's flexion draws 10 A for 25 s, more than its motor's 6 A
 reading_age = 10.0                   # [cycles] a computer shared with others stalls; 2 on a rig
 

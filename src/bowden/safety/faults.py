@@ -68,7 +68,8 @@ class Fault(IntEnum):
     DRIVE_HOT = (2, 2, 0.008, "drive too warm", "its temperature missing or > drive_limit, where measured",
                  "let the drive cool; look at its airflow")
     TENSION_LOST = (1, 2, 0.008, "no tension", "missing or impossible, where measured", "look at the load cell's plug")
-    OVER_TENSION = (3, 3, 0.004, "cable pulls too hard", "tension > tension_high, where measured",
+    OVER_TENSION = (3, 3, 0.004, "cable pulls too hard",
+                    "tension > tension_high, measured, or, on a suit, what its current leaves no doubt of for 50 ms",
                     "look for a caught limb or a jam before all else")
     SLACK = (2, 2, 0.060, "cable slack or torn", "tension < tension_low for 50 ms, where measured",
              "look at the cable; pretension anew")
@@ -86,7 +87,7 @@ class Fault(IntEnum):
                   "look at the bus cable, both terminations and the bit rate")
     LATE = (2, 2, 0.004, "loop too late", "lateness, or the sum of the last ones, > lateness",
             "see what `bowden doctor` says; close other programs")
-    CLOCK = (3, 3, 0.004, "clock stepped", "time between cycles not in 0…clock_gap, or a cycle too early",
+    CLOCK = (2, 2, 0.004, "clock stepped", "time between cycles not in 0…clock_gap, or a cycle too early",
              "see what `bowden doctor` says; was the computer asleep?")
     WISH_LOST = (1, 2, 0.008, "law's target missing or out of range", "motor_low ≤ target ≤ motor_high does not hold",
                  "look at the reference, the gains, the law's state in the log")

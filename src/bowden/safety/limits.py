@@ -100,6 +100,10 @@ class Limits(NamedTuple):
     ] = 0.0
     drive_limit: Annotated[float, Quantity("largest temperature of the drive", "°C", ge=0.0, le=120.0)] = 80.0
     measures_tension: Annotated[float, Quantity("1 where the cable's tension is measured, else 0", key=None)] = 0.0
+    pull_gain: Annotated[
+        float, Quantity("least tension per current that the gears pass on; 0 where it is not known", "N/A", key=None)
+    ] = 0.0
+    pull_doubt: Annotated[float, Quantity("tension that the gears' friction may take", "N", key=None)] = 0.0
     tension_high: Annotated[float, Quantity("largest tension of the cable", "N", ge=0.0, le=2000.0)] = 150.0
     tension_low: Annotated[float, Quantity("below it the cable is slack", "N")] = 2.0
     slack_time: Annotated[float, Quantity("how long it may be slack", "s", ge=0.0, le=1.0)] = 0.05
@@ -145,8 +149,24 @@ class Limits(NamedTuple):
         float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0, le=1.0)
     ] = 0.02
     release_time: Annotated[float, Quantity("R2 at most, power off afterwards", "s", ge=0.0)] = 0.2
-    pay_out: Annotated[float, Quantity("speed at which R2 lets the cable out", "rad/s", ge=0.0, le=2900.0)] = 7.0
+    pay_out: Annotated[
+        float, Quantity("speed at which R2 lets out a cable that no load hangs on", "rad/s", ge=0.0, le=2900.0)
+    ] = 7.0
+    loaded: Annotated[float, Quantity("1 where a load hangs on the cable: a suit that is worn, else 0", key=None)] = 0.0
+    lowering: Annotated[
+        float,
+        Quantity(
+            "speed at which R2 lets a worn suit's arm down, to where the cable is just taut: 250 mm/s of the hand, "
+            "0.35 m from the elbow, is what ISO 10218-1 allows where somebody is in reach",
+            "rad/s",
+            ge=15.0,
+            le=120.0,
+        ),
+    ] = 0.7
     slack_sign: Annotated[float, Quantity("direction of the motor that lets the cable out: −1 or 1")] = -1.0
+    homed: Annotated[
+        float, Quantity("1 where the cable is just taut at zero, 0 where zero is where the limb was found", key=None)
+    ] = 1.0
     released_current: Annotated[
         float,
         Quantity(

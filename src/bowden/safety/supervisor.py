@@ -104,6 +104,7 @@ class Sums(NamedTuple):
     bus_errors: Annotated[float, Quantity("the drive's counter when it was last known")]
     failures: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second")]
     armed: Annotated[float, Quantity("time with power and without a run", "s")]
+    strained: Annotated[float, Quantity("time of a current that leaves no doubt of too much tension", "s")]
     undisabled: Annotated[float, Quantity("time with torque after the power was told off", "s")]
 
 
@@ -175,10 +176,13 @@ ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
 DEAD_SHARE = 0.8  # of `frozen_travel`: the widest dead zone; the rest tells a frozen joint from one that starts late
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
 REST, FURTHER = 0.35, 0.1  # a joint so far to the slack side of its zero, where the cable is just taut, is pulled [rad]
+TAUT = 0.05  # a servo's model so near to zero, where the cable is just taut, has let the load down [rad]
 BIG = 1e6  # what is larger is no number that anything here can mean
 COUNT = len(Fault)
 BIT = Found(**{fault.name: 2.0**fault for fault in Fault})
 AT_ONCE = Found(**{fault.name: float(fault.at_once) for fault in Fault})
+_JOINTS = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY)
+OF_JOINT = Found(**{fault.name: float(fault in _JOINTS) for fault in Fault})  # 1 where its angle is in doubt
 THEN = Found(**{fault.name: float(fault.then) for fault in Fault})
 
 
@@ -195,7 +199,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
         Anchor(motor, joint, 0.0, 0.0, 0.0, 0.0),
-        Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        Sums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         thermal,
         0.0,
     )
@@ -205,6 +209,13 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
 def most_step(limits: Limits, time: float, dt: float) -> float:
     """What the target may change by since the last cycle [rad]; a late loop is given five cycles at most."""
     return limits.target_speed * np.fmax(dt, np.fmin(time, 5.0 * dt))
+
+
+@kernel
+def longest_release(limits: Limits) -> float:
+    """How long R2 may last [s]: with a load, until it would have been let down from the end of the motor's range."""
+    pulled = np.fmax(-limits.slack_sign * limits.motor_low, -limits.slack_sign * limits.motor_high)
+    return limits.release_time + limits.loaded * pulled / limits.lowering
 
 
 class SensedAngles(NamedTuple):
@@ -289,7 +300,8 @@ def look(
     way = limits.slack_sign * joint.value
     pulls = beyond(way, REST) * beyond(way - limits.slack_sign * last.joint_then, FURTHER)
 
-    # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true
+    # current, heat, tension; while the current of a powered motor is unknown, the worst is taken for true, but for a
+    # tension, which is none unless there is no doubt of it
     no_current = limits.measures_current * beyond(np.abs(reading.current), 2.0 * peak)
     known = limits.measures_current * (1.0 - no_current)
     current = sel(known > 0.0, np.abs(reading.current), no_current * powered * peak)
@@ -300,6 +312,8 @@ def look(
     hot = np.fmax(outside(heat.winding, -BIG, limits.winding_limit), outside(heat.housing, -BIG, limits.housing_limit))
     no_tension = limits.measures_tension * outside(reading.tension, -BIG, BIG)
     tension = sel(limits.measures_tension * (1.0 - no_tension) > 0.0, reading.tension, limits.tension_low)
+    pull = sel(known > 0.0, -limits.slack_sign * reading.current * limits.pull_gain - limits.pull_doubt, 0.0)
+    strained = lasting(beyond(pull, limits.tension_high), sums.strained, time)
     slack = lasting(enabled * beyond(-tension, -limits.tension_low), sums.slack, time)
 
     # bus and time: sums that forget
@@ -336,7 +350,7 @@ def look(
         MOTOR_HOT=hot,
         DRIVE_HOT=limits.measures_temperature * outside(reading.temperature, -BIG, limits.drive_limit),
         TENSION_LOST=no_tension,
-        OVER_TENSION=beyond(tension, limits.tension_high),
+        OVER_TENSION=np.fmax(beyond(tension, limits.tension_high), beyond(strained, limits.saturation_time)),
         SLACK=beyond(slack, limits.slack_time),
         HEARTBEAT_LOST=outside(reading.heartbeat_age, 0.0, limits.heartbeat_age),
         NOT_ENABLED=(1.0 - enabled) * beyond(armed, limits.enable_time),
@@ -358,7 +372,7 @@ def look(
         SECOND_MASTER=outside(reading.foreign, 0.0, 0.0),
         EMERGENCY_STOP=pressed,
         CURRENT_STUCK=limits.measures_current * (1.0 - beyond(last.mode, BRIDGING)) * stuck,
-        RELEASE_PULLS=(last.mode == RELEASING) * pulls,
+        RELEASE_PULLS=limits.homed * (last.mode == RELEASING) * pulls,
     )
     return (
         SupervisorState(
@@ -368,7 +382,7 @@ def look(
             motor,
             joint,
             anchor,
-            Sums(overload, saturated, slack, late, errors, failures, armed, undisabled),
+            Sums(overload, saturated, slack, late, errors, failures, armed, strained, undisabled),
             heat,
             age,
         ),
@@ -384,7 +398,7 @@ def supervise(
     """One cycle of `dt` [s]: the law's `wish` [rad], if nothing speaks against it, and power, if nothing forbids it."""
     seen, found, time = look(limits, state, observed, wish, dt)
     last, enabled, motor = state.decided, seen.servo.enabled, seen.motor.value
-    once, eventually, latched, active = 0.0, 0.0, 0.0, 0.0
+    once, eventually, latched, active, doubted = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(COUNT):
         once, eventually = np.fmax(once, found[i] * AT_ONCE[i]), np.fmax(eventually, found[i] * THEN[i])
     powered, releasing = 1.0 - outside(last.mode, PREFLIGHT, RELEASING), last.mode == RELEASING
@@ -399,13 +413,19 @@ def supervise(
     going = sel(reaction > 0.0, BRIDGING, sel(passed > 0.0, RUNNING, PREFLIGHT))
     going = sel((reaction >= 2.0) + (observed.request == STOP) + releasing > 0.0, RELEASING, going)
     released = lasting(going == RELEASING, last.released, time)
+    out = limits.slack_sign
     light = limits.measures_current * (1.0 - beyond(np.abs(observed.reading.current), limits.released_current))
-    eased = lasting(light * releasing, last.eased, time)
-    empty = (released > limits.release_time - 0.5 * dt) + (eased > limits.released_time) + (enabled == 0.0) > 0.0
+    eased = lasting((1.0 - limits.loaded) * light * releasing, last.eased, time)
     for i in range(COUNT):
         kept = np.floor(last.latched / BIT[i]) - 2.0 * np.floor(last.latched / (2.0 * BIT[i]))
         kept = np.fmax(kept, sel((reaction >= 2.0) * (THEN[i] >= 2.0), found[i], 0.0))
         latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
+        doubted = np.fmax(doubted, kept * OF_JOINT[i])
+    # a cable that the joint has left behind carries nothing, if the joint's angle is to be believed
+    slack = (1.0 - doubted) * beyond(out * (limits.slope_high * motor - seen.joint.value), 0.5 * limits.play)
+    carries = limits.loaded * beyond(-out * seen.servo.position, TAUT) * (1.0 - slack)
+    most = sel(carries > 0.0, longest_release(limits), limits.release_time)
+    empty = (released > most - 0.5 * dt) + (eased > limits.released_time) + (enabled == 0.0) > 0.0
     going = sel(releasing * empty, sel(latched > 0.0, LATCHED, STOPPED), going)
     going = sel(reaction >= 3.0, LATCHED, going)
     arms = (observed.request == ARM) * (last.mode == STOPPED) * (active == 0.0)
@@ -413,8 +433,10 @@ def supervise(
     mode = sel(powered > 0.0, going, sel(found.NOT_DISABLED > 0.0, LATCHED, rests))
 
     # the target: without power it follows the motor, so that nothing moves when power comes
-    out = limits.slack_sign
-    paid = out * (np.fmax(out * state.target, out * motor) + limits.pay_out * np.fmin(time, 5.0 * dt))
+    slacker, late = np.fmax(out * state.target, out * motor), np.fmin(time, 5.0 * dt)
+    let = sel(releasing, out * state.target, slacker)  # a load that drags the motor on is braked, and not gone after
+    lowered = np.fmax(let, np.fmin(0.0, let + limits.lowering * late))
+    paid = out * sel(limits.loaded > 0.0, lowered, slacker + limits.pay_out * late)
     led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
     aim = sel(led > 0.0, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, motor)))
     step = most_step(limits, time, dt)

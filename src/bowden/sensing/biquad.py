@@ -1,9 +1,7 @@
-"""Second-order sections, sample by sample, in the portable subset; their coefficients come from SciPy."""
+"""Second-order sections, sample by sample, in the portable subset."""
 
+import math
 from typing import Literal, NamedTuple
-
-import numpy as np
-from numpy.typing import ArrayLike
 
 from bowden.core.kernel import kernel
 
@@ -43,37 +41,39 @@ def biquad(section: Biquad, memory: Memory, value: float) -> tuple[Memory, float
     return Memory(first, section.b2 * value - section.a2 * out), out
 
 
-def section(b: ArrayLike, a: ArrayLike) -> Biquad:
-    """A section from the coefficients that `scipy.signal` gives: numerator and denominator, three numbers each."""
-    numerator, denominator = np.asarray(b, dtype=float), np.asarray(a, dtype=float)
-    return Biquad(*(numerator / denominator[0]).tolist(), *(denominator[1:] / denominator[0]).tolist())
+def _section(b: tuple[float, float, float], a: tuple[float, float, float]) -> Biquad:
+    return Biquad(*(part / a[0] for part in (*b, *a[1:])))
 
 
 def butterworth(cutoff: float, kind: Literal["low", "high"], rate: float) -> Biquad:
-    """A second-order Butterworth filter.
+    """A second-order Butterworth filter: 1 or s² over s² + √2·s + 1, by the bilinear transform, k = tan(π·cutoff/rate).
+
+    The coefficients are those of `scipy.signal.butter`, whose import takes a second.
 
     Args:
         cutoff: −3 dB there [Hz].
         kind: ``low`` or ``high``.
         rate: samples a second [Hz].
     """
-    from scipy import signal
-
-    return section(*signal.butter(2, cutoff, kind, output="ba", fs=rate))
+    k = math.tan(math.pi * cutoff / rate)
+    numerator = (k * k, 2.0 * k * k, k * k) if kind == "low" else (1.0, -2.0, 1.0)
+    bend = math.sqrt(2.0) * k
+    return _section(numerator, (1.0 + bend + k * k, 2.0 * (k * k - 1.0), 1.0 - bend + k * k))
 
 
 def critical_high_pass(cutoff: float, rate: float) -> Biquad:
-    """(s/(s + ω))² by the bilinear transform: no ringing; −6 dB at `cutoff` [Hz]."""
-    from scipy import signal
-
-    omega = 2.0 * np.pi * cutoff
-    return section(*signal.bilinear([1.0, 0.0, 0.0], [1.0, 2.0 * omega, omega * omega], rate))
+    """(s/(s + ω))² by the bilinear transform, s = (1 − z⁻¹)/(1 + z⁻¹)·2·rate: no ringing; −6 dB at `cutoff` [Hz]."""
+    k = math.pi * cutoff / rate
+    return _section((1.0, -2.0, 1.0), ((1.0 + k) ** 2, 2.0 * (k * k - 1.0), (1.0 - k) ** 2))
 
 
 def notch(frequency: float, width: float, rate: float) -> Biquad:
-    """Takes one frequency out; −3 dB at ± `width`/2 from it [Hz]. Frequencies beyond 0.45 of the rate: `PASS`."""
-    from scipy import signal
+    """Takes one frequency out; −3 dB at ± `width`/2 from it [Hz]. Frequencies beyond 0.45 of the rate: `PASS`.
 
+    The coefficients are those of `scipy.signal.iirnotch`.
+    """
     if not 0.0 < frequency < 0.45 * rate:
         return PASS
-    return section(*signal.iirnotch(frequency, frequency / width, fs=rate))
+    middle = -2.0 * math.cos(2.0 * math.pi * frequency / rate)
+    wide = math.tan(math.pi * width / rate)
+    return _section((1.0, middle, 1.0), (1.0 + wide, middle, 1.0 - wide))

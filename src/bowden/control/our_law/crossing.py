@@ -30,6 +30,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 
@@ -163,7 +164,7 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     ahead = told.delay + MIDDLE / pace
     here = told.position + ahead * (speed + 0.5 * ahead * told.acceleration)
     fresh = before.side == 0.0
-    reached = before.side * np.fmax(before.side * here, before.side * before.furthest)
+    reached = before.side * larger(before.side * here, before.side * before.furthest)
     furthest = sel(first, told.position, sel(fresh, before.furthest, reached))
     back = sel(fresh, np.abs(here - furthest), before.side * (furthest - here))
     turns = (back > TURN + TURN_SIGMAS * told.noise) * (1.0 - first) > 0.0
@@ -180,16 +181,16 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     stretch = turns * (1.0 - crossing) * (1.0 - fresh) * far > 0.0
     odd = by * by > ODD * (before.variance + other)
     trust = sel(odd, 0.0, before.variance / (before.variance + other))
-    learned = np.fmax(FLATTEST * loop, np.fmin(STEEPEST * loop, before.inverse + trust * by))
+    learned = larger(smaller(before.inverse + trust * by, STEEPEST * loop), FLATTEST * loop)
     inverse = sel(stretch, learned, before.inverse)
     least, most = WANDERS * loop, UNSURE * loop
     surer = sel(odd, 2.0 * before.variance, (1.0 - trust) * before.variance + least * least)
-    variance = sel(stretch, np.fmin(most * most, surer), before.variance)
+    variance = sel(stretch, smaller(surer, most * most), before.variance)
     change = inverse - before.inverse
     contact = contact - change * joint
 
     # touch, and the width
-    old_side = side * np.fmin(side * joint, side * before.extreme)
+    old_side = side * smaller(side * joint, side * before.extreme)
     extreme = sel(turns, sel(crossing, old_side, joint), sel(crossing, old_side, before.extreme))
     moved = side * (joint - extreme) > TOUCH + TOUCH_SIGMAS * told.noise
     touches = crossing * (1.0 - turns) * moved > 0.0
@@ -197,34 +198,34 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     gone = side * (contact - before.contact)
     late = 1.0 + told.omega * told.lag
     believed = sel(gone < before.width, 1.0, BELIEVED / (late * late))
-    wider = np.fmax(0.0, np.fmin(WIDEST, before.width + believed * (gone - before.width)))
+    wider = larger(smaller(before.width + believed * (gone - before.width), WIDEST), 0.0)
     width = sel(touches, wider, before.width)
-    done = np.fmin(before.width, np.fmax(0.0, gone - SLACK * before.width))
+    done = smaller(larger(gone - SLACK * before.width, 0.0), before.width)
     at_turn = sel(crossing, before.contact, contact - side * done)
     place = sel(touches, contact, sel(turns, at_turn, before.contact))
 
     # hold, and no further than a cable reaches
     behind = side * (joint - told.position) * loop
-    forward = np.fmax(0.0, side * speed) * loop
-    waits = (behind * behind < 2.0 * before.width * forward * told.answer) * (behind > 0.0) * (1.0 - mode) > 0.0
-    kept = asked_before + side * np.fmax(side * (asked - asked_before), -forward * dt)
+    forward = larger(side * speed, 0.0) * loop
+    waits = (behind * behind < 2.0 * before.width * forward * told.answer) * (behind > 0.0) * (mode < CROSS) > 0.0
+    kept = asked_before + side * larger(side * (asked - asked_before), -forward * dt)
     asked = sel(waits, kept, asked)
     answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * told.noise
     answer_contact = sel(answers, contact, before.answer_contact)
-    lowest = np.fmin(asked_before, answer_contact - UNANSWERED)
-    highest = np.fmax(asked_before, answer_contact + UNANSWERED)
-    asked = np.fmax(lowest, np.fmin(highest, asked))  # held back and never drawn along: that would be a loop of its own
+    lowest = smaller(asked_before, answer_contact - UNANSWERED)
+    highest = larger(asked_before, answer_contact + UNANSWERED)
+    asked = larger(smaller(asked, highest), lowest)  # held back and never drawn along: that would be a loop of its own
 
     # jump, and back at a touch
-    left = side * np.fmax(0.0, before.width - sel(crossing, 0.0, done))
-    beyond = side * np.fmax(0.0, np.fmin(WIDEST, side * (asked - contact)))
+    left = side * larger(before.width - sel(crossing, 0.0, done), 0.0)
+    beyond = side * larger(smaller(side * (asked - contact), WIDEST), 0.0)
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt
     lack = before.jump - jump
     damp = before.jump_rate + dt * before.jump_bend
     stiff = pace * (lack + dt * damp)
     pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
-    bend = before.jump_bend + dt * pull / (slower * slower * slower)
+    bend = before.jump_bend + pull * (dt / (slower * slower * slower))
     rate = before.jump_rate + dt * bend
     shift = jump - change * told.position
     return Crossed(

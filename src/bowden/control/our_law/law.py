@@ -40,6 +40,7 @@ from bowden.control.our_law.observer import (
     shifted,
 )
 from bowden.control.our_law.swing import Swing, load_time, no_swing, watched
+from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
 
@@ -89,11 +90,11 @@ def step(
     arrived = arrives(before, delay, gains.lag, time, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
-    joint = known.answer_joint + sel(seen, np.fmax(-most, np.fmin(most, way)), 0.0)
+    joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)
     error = joint - reference.position
     disturbance = sel(seen * (np.abs(way) <= most) > 0.0, error * inverse - arrived.position, -before.asked)
     slow = sel(known.furthest >= UNSEEN, disturbance, before.slow)
-    slow = slow + (disturbance - slow) * dt / (SLOW_PART + dt)
+    slow = slow + (disturbance - slow) * (dt / (SLOW_PART + dt))
     swing = watched(state.swing, disturbance - slow, noise, pace.kappa, dt)
 
     kappa = swing.share * pace.kappa

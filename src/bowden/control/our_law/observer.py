@@ -22,6 +22,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from bowden.control.our_law.gains import BowdenGains
+from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import exp, kernel
 from bowden.core.quantity import Quantity
 
@@ -139,13 +140,13 @@ def corrected(
         dt: cycle [s].
     """
     share = THIRD_POLE * pace.quick * dt
-    x = before.innovation + (disturbance + before.asked - before.innovation) * share / (1.0 + share)
+    x = before.innovation + (disturbance + before.asked - before.innovation) * (share / (1.0 + share))
     most = dt * (pace.stopping + np.abs(speed))
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
-    asked = before.asked - np.fmax(-most, np.fmin(most, step))
+    asked = before.asked - larger(smaller(step, most), -most)
     slower = 1.0 + pace.quick * dt
     pull = pace.quick * pace.quick * (asked - before.sent - dt * before.rate) - 2.0 * pace.quick * before.rate
-    acceleration = pull / (slower * slower)
+    acceleration = pull * (1.0 / (slower * slower))
     rate = before.rate + dt * acceleration
     return Observer(asked, x, before.sent + dt * rate, rate, arrived.position, arrived.rate, slow), acceleration
 

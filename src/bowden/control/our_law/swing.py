@@ -26,6 +26,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 
@@ -96,7 +97,7 @@ def no_swing() -> Swing:
 @kernel
 def of_swing(period: float) -> float:
     """T of the load that makes half-waves of this time [s]."""
-    return SLOWER * period / np.pi
+    return SLOWER / np.pi * period
 
 
 @kernel
@@ -118,11 +119,11 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
     """
     size, least = np.abs(fast), np.fmax(LEAST, SIGMAS * noise)
     turned = fast * before.top < 0.0
-    top = np.fmax(np.abs(before.top), size)
+    top = larger(np.abs(before.top), size)
     in_time = (before.lasts < SLOWEST) * (before.lasts < ALIKE * before.lasted) > 0.0
-    alike = in_time * (before.lasts > before.lasted / ALIKE) > 0.0
+    alike = in_time * (ALIKE * before.lasts > before.lasted) > 0.0
     grows = in_time * (before.last > least) * (top > GROWN * before.last) > 0.0
-    growth = np.fmin(MOST_GROWTH, 1.0 + GROWTH * (top / np.fmax(before.last, least) - 1.0))
+    growth = smaller(1.0 + GROWTH * (top / larger(before.last, least) - 1.0), MOST_GROWTH)
     news = top > BEYOND * before.wearers
     kept = alike * news * (top > least) * (top > KEPT * before.last) > 0.0
     ended = sel(kept, before.counted + sel(grows, growth, 1.0), 0.0)
@@ -134,18 +135,18 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
     suspected = enough * (1.0 - tried) > 0.0
     left = -before.counted - dt / before.period
     ends = tried * (left <= 0.0) > 0.0
-    late = sel(tried * (left <= WATCHED) > 0.0, np.fmax(before.late, size), before.late)
+    late = sel(tried * (left <= WATCHED) > 0.0, larger(before.late, size), before.late)
     theirs = ends * (late > STILL_THERE * before.wearers) > 0.0
     own = ends * (1.0 - theirs) > 0.0
-    period = sel(suspected, np.fmax(sel(soon, before.lasted, before.lasts), 2.0 * dt), before.period)
+    period = sel(suspected, larger(sel(soon, before.lasted, before.lasts), 2.0 * dt), before.period)
     counted = sel(suspected, -TRIED, sel(ends, 0.0, sel(tried, -left, count)))
-    wearers = sel(suspected, np.fmax(before.wearers, top), sel(own, 0.0, before.wearers * (1.0 - dt / FORGOTTEN)))
-    slowed = np.fmin(0.5 * before.share, SLOWED * np.pi / (period * kappa))
-    back = sel(counted < 0.0, before.share, np.fmin(1.0, before.share * (1.0 + dt / RETURN)))
+    wearers = sel(suspected, larger(before.wearers, top), sel(own, 0.0, before.wearers * (1.0 - dt / FORGOTTEN)))
+    slowed = smaller(0.5 * before.share, SLOWED * np.pi / (period * kappa))
+    back = sel(counted < 0.0, before.share, smaller(before.share * (1.0 + dt / RETURN), 1.0))
     return Swing(
         sel(turned, fast, sel(fast < 0.0, -top, top)),
         sel(turned, top, before.last),
-        sel(turned, 0.0, np.fmin(1.0, before.lasts + dt)),
+        sel(turned, 0.0, smaller(before.lasts + dt, 1.0)),
         sel(turned, before.lasts, before.lasted),
         counted,
         sel(suspected, slowed, sel(theirs, 1.0, back)),

@@ -74,7 +74,7 @@ int main(void)
             @NAME@_start(&state, &sample);
         }
         begin = now();
-        command = @NAME@_step(&state, &sample, &reference, (@NAME@_real)@DT@);
+        command = @NAME@_step(&state, &sample, &reference);
         took = (begin - now()) & 0xffffffu;
         commands[k] = (double)command;
         if (k > 0) {

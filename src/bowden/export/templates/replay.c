@@ -2,8 +2,8 @@
  *
  *   replay RECORDING.csv           compares every command with the recorded one; exit code 1 where one is not exact
  *   replay RECORDING.csv --print   prints time, command and state of every cycle instead
- *   replay --binary IN OUT         rows of seven doubles in (start anew, joint, motor, reference, its velocity and
- *                                  acceleration, dt), command and state as doubles out
+ *   replay --binary IN OUT         rows of six doubles in (start anew, joint, motor, reference, its velocity and
+ *                                  acceleration), command and state as doubles out
  *
  * A recording is a CSV file with the columns of a live run's log: `bowden log export RUN.mcap --to csv`.
  */
@@ -15,7 +15,6 @@
 
 #include "@NAME@.h"
 
-#define SAMPLE_TIME @DT@ /* of the recorded run [s] */
 #define EXACT @EXACT@ /* whether every command must be the recorded one, to the bit */
 #define LONGEST_LINE 65536
 #define MOST_COLUMNS 512
@@ -36,7 +35,7 @@ static const char *const NAMES[COLUMNS][3] = {
 
 static char line[LONGEST_LINE];
 
-static double cycle(@NAME@_state *state, int anew, const double *in, double dt)
+static double cycle(@NAME@_state *state, int anew, const double *in)
 {
     const @NAME@_sample sample = {(@NAME@_real)in[0], (@NAME@_real)in[1]};
     const @NAME@_reference reference = {(@NAME@_real)in[2], (@NAME@_real)in[3], (@NAME@_real)in[4]};
@@ -44,7 +43,7 @@ static double cycle(@NAME@_state *state, int anew, const double *in, double dt)
     if (anew) {
         @NAME@_start(state, &sample);
     }
-    return (double)@NAME@_step(state, &sample, &reference, (@NAME@_real)dt);
+    return (double)@NAME@_step(state, &sample, &reference);
 }
 
 static size_t gather(double *values, double command, const @NAME@_state *state)
@@ -66,12 +65,12 @@ static int binary(const char *from, const char *to)
 {
     FILE *in = fopen(from, "rb");
     FILE *out = fopen(to, "wb");
-    double row[7], values[MOST_COLUMNS];
+    double row[6], values[MOST_COLUMNS];
     @NAME@_state state;
     int failed = in == NULL || out == NULL;
 
-    while (!failed && fread(row, sizeof row[0], 7, in) == 7) {
-        const double command = cycle(&state, row[0] != 0.0, row + 1, row[6]);
+    while (!failed && fread(row, sizeof row[0], 6, in) == 6) {
+        const double command = cycle(&state, row[0] != 0.0, row + 1);
         const size_t count = gather(values, command, &state);
         failed = fwrite(values, sizeof values[0], count, out) != count;
     }
@@ -158,7 +157,7 @@ static int table(FILE *in, int print)
         if (!(source >= 2.0)) {
             continue;
         }
-        const double command = cycle(&state, source == 2.0, in_row + JOINT, SAMPLE_TIME);
+        const double command = cycle(&state, source == 2.0, in_row + JOINT);
         const double away = fabs(command - in_row[WISH]);
         differ += !same(command, in_row[WISH]);
         furthest = away > furthest ? away : furthest;

@@ -96,6 +96,10 @@ class DriveFamily:
     """``most_push(parameters, needs)``: largest torque offset that it takes, at the spool [N·m]."""
     measures_tension: Callable[[Any], bool]
     """Whether it tells the cable's tension."""
+    scales: Callable[[Any], Sequence[Any]]
+    """``scales(parameters)``: what makes angles of its counts, for whoever has confirmed them by hand."""
+    homed: Callable[[Any], bool]
+    """Whether its angles count from a place of the rig, and not from where motor and joint are found."""
     simulated: Callable[[Any], bool]
     """Whether nobody but a twin can be at its bus, so that no motor and no limb is."""
     explain: Callable[[int], str]

@@ -18,6 +18,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
+from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import time_lag
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
@@ -94,6 +95,11 @@ class Fit:
         """The recommended model with its uncertainties and errors."""
         return self.models[self.best.name]
 
+    @property
+    def forecast(self) -> Forecast:
+        """The joint's error with the recommended model as feed-forward, and without any."""
+        return forecast(self.log, self.split, self.predicted, self.chosen, self.models["line"])
+
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
 
@@ -143,7 +149,15 @@ class Fit:
         notes = [("note", warning) for warning in self.warnings]
         length = self.log.time[-1] - self.log.time[0]
         log = f"{self.samples} samples, {length:.4g} s, fitted in {self.seconds:.2g} s"
-        return [("log", log), ("parameters", ", ".join(given)), ("others", ", ".join(others)), *notes[:_MOST_NOTES]]
+        ahead = self.forecast
+        left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
+        return [
+            ("log", log),
+            ("parameters", ", ".join(given)),
+            ("others", ", ".join(others)),
+            ("forecast", f"{left} RMS with the model as feed-forward, {without} without"),
+            *notes[:_MOST_NOTES],
+        ]
 
 
 def identify(

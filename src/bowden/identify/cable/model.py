@@ -15,6 +15,7 @@ from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.stack import PrandtlIshlinskii
+from bowden.models.cable import scheduled as scheduling
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.models.cable.capstan import Tendon
 from bowden.plants.cable_plant import Cable
@@ -33,7 +34,9 @@ _PREDICT = {
 
 NAMES = tuple(_PREDICT)
 """Every family's name that is fitted to a log, from the simplest on."""
-KNOWN = (*NAMES, *DISTRIBUTED)
+SCHEDULED = "scheduled"
+"""The model of several logs, whose loop changes with the load or the bend (`bowden.models.cable.scheduled`)."""
+KNOWN = (*NAMES, *DISTRIBUTED, SCHEDULED)
 """Every model that a cable may have."""
 
 _MEANINGS = (
@@ -59,10 +62,24 @@ _MEANINGS = (
     (r"initial_h", "1", "h at the log's start"),
     (r"static_\d+", "rad", "coefficient of the Chebyshev polynomial of that degree in the motor"),
     (r"static_centre", "rad", "motor angle at the middle of the fitted range"),
+    (r"load", "as given", "at which the cable is looked at, in the unit in which it was identified"),
+    (r"load_(low|high)", "as given", "least or largest load among the logs"),
+    (r"bend_(low|high)", "rad", "least or largest bend among the logs"),
+    (r"knot_first", "rad", "motor angle of the first knot"),
+    (r"knot_step", "rad", "motor angle between two knots"),
+    (r"share_\d+", "1/rad", "η of the play of that half-width"),
+    (r"middle_\d+", "rad", "f, the middle of the loop at that knot, at the least load and bend"),
+    (r"middle_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
+    (r"height_\d+", "rad", "g, half the height of the loop at that knot, at the least load and bend"),
+    (r"height_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
     (r"length", "m", "L, of the sheath"),
     (r"stiffness", "N", "EA, of tendon and sheath in series: force per strain"),
     (r"friction", "1", "μ, between tendon and sheath"),
-    (r"bend", "rad", "θ₀, total bend of the sheath when its relative width is 1"),
+    (
+        r"bend",
+        "rad",
+        "total bend: of a tendon, θ₀, when its sheath's relative width is 1; else where the cable is looked at",
+    ),
     (r"motor_radius", "m", "r_m, of the spool"),
     (r"joint_radius", "m", "r_j, of the pulley"),
     (r"spring", "N·m/rad", "stiffness of the spring that pulls the joint back"),
@@ -119,6 +136,9 @@ class CableModel:
         """
         if self.name in DISTRIBUTED:
             return _moved(identified(self.name, self.parameters), motor)
+        if self.name == SCHEDULED:
+            cable, values = _scheduled(self.parameters)
+            return scheduling.joint_angle(np.ascontiguousarray(motor, dtype=np.float64), cable, values)
         if self.name not in _PREDICT:
             raise ParameterError(f"there is no cable model {self.name!r}", expected=f"one of {', '.join(KNOWN)}")
         try:
@@ -213,13 +233,16 @@ class IdentifiedCable:
     def bouc_wen(self) -> BoucWen:
         """The cable as the plain Bouc–Wen model has it, which every identification fits.
 
-        Of a distributed cable that comes without one it is the model with that cable's slope and dead zone.
+        Of a distributed cable that comes without one it is the model with that cable's slope and dead zone; of a
+        scheduled one, that with the slope and the dead zone at its load and bend.
 
         Raises:
             ParameterError: it has none, or one with a slope of zero.
         """
         if self.best in DISTRIBUTED and "bouc_wen" not in self.models:
             return _like(tuple(sorted(self.model().parameters.items())))
+        if self.best == SCHEDULED:
+            return scheduling.bouc_wen_at(*_scheduled(self.model().parameters), self.model("bouc_wen").to_bouc_wen())
         cable = self.model("bouc_wen").to_bouc_wen()
         if cable.slope == 0.0:
             raise ParameterError(
@@ -227,6 +250,13 @@ class IdentifiedCable:
                 do="identify a log in which the joint moves",
             )
         return cable
+
+
+def _scheduled(parameters: Mapping[str, float]) -> tuple[scheduling.ScheduledCable, tuple[float, ...]]:
+    try:
+        return scheduling.cable_of(parameters)
+    except KeyError as error:
+        raise ParameterError(f"cable model {SCHEDULED!r} has no parameter {error.args[0]!r}") from error
 
 
 _BEGUN = ("initial_h", "initial_lag")

@@ -46,6 +46,14 @@ def model_text(fit: Fit, source: str) -> str:
         f"samples = {fit.samples}",
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
     ]
+    left, without, counts = (_number(value * DEGREES) for value in fit.forecast)
+    lines += [
+        "",
+        "[forecast]  # error of the joint on a motion like the log's; the servo is taken to follow at once",
+        f"compensated_rms_deg = {left}  # with the recommended model's inverse as feed-forward",
+        f"uncompensated_rms_deg = {without}  # with a straight line's",
+        f"resolution_rms_deg = {counts}  # of both encoders' counts; 0 where the log shows none",
+    ]
     for name in NAMES:
         lines += _model_lines(name, fit.models[name])
     return "\n".join(lines) + "\n"
@@ -100,6 +108,21 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     return IdentifiedCable(best, found, name or str(file))
 
 
+def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
+    """`load_cable`, and the error of the recommended model on data that it had not seen; NaN where nothing says [rad].
+
+    Raises:
+        ParameterError: see `load_cable`.
+    """
+    cable = load_cable(path, name)
+    models, best = _document(Path(path))
+    for key in ("judged_rms_deg", "test_rms_deg"):
+        value = models[best].get(key)
+        if isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < math.inf:
+            return cable, float(value) / DEGREES
+    return cable, math.nan
+
+
 def cable_text(cable: IdentifiedCable) -> str:
     """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
     lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
@@ -131,7 +154,8 @@ def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
         meaning(key)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise ParameterError(f"{file}: {key} of {name} is {value!r}", expected="a finite number")
-    bounds = {"rate": 0.0, "shape": 0.5, "exponent": 0.0}
+    bounds = {"rate": 0.0, "shape": 0.5, "exponent": 0.0, "knot_step": 0.0}
+    bounds |= {f"{key}_high": parameters[f"{key}_low"] for key in ("load", "bend") if f"{key}_low" in parameters}
     for key, least in bounds.items():
         if key in parameters and not parameters[key] > least:
             raise ParameterError(f"{file}: {key} of {name} is {parameters[key]}", expected=f"a number above {least:g}")

@@ -108,8 +108,10 @@ def find_columns(
     listed = ", ".join(repr(name.strip()) for name in names[:12]) + (", …" if len(names) > 12 else "")
     if missing:
         *first, last = known
-        options = ", ".join(f"--{role}" for role in first) + f" and --{last}"
-        keywords = ", ".join(f"{role}=" for role in first) + f" and {last}="
+        options, keywords = (
+            ", ".join(form.format(role) for role in first) + (" and " if first else "") + form.format(last)
+            for form in ("--{}", "{}=")
+        )
         no_time = missing[0] == "a time column"
         rate = "; of a log without times, give the rows' rate: --rate 1000, or rate= in Python" if no_time else ""
         raise LogError(

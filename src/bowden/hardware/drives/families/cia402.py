@@ -118,6 +118,19 @@ def measures_tension(parameters: DriveParameters) -> bool:
     return parameters.tension_scale != 0.0
 
 
+def scales(parameters: DriveParameters) -> tuple[float, ...]:
+    """Counts a turn and directions of both encoders."""
+    return (
+        *(parameters.motor_counts_per_turn, parameters.motor_direction),
+        *(parameters.joint_counts_per_turn, parameters.joint_direction),
+    )
+
+
+def homed(parameters: DriveParameters) -> bool:
+    """Whether home is where the counts are zero."""
+    return parameters.home == "counts"
+
+
 def simulated(parameters: DriveParameters) -> bool:
     """Whether its bus is one between processes, which no wire leads to."""
     from bowden.hardware.buses.opening import UNIX  # with python-can
@@ -144,6 +157,8 @@ FAMILY = DriveFamily(
     watchdog=watchdog,
     most_push=largest_push,
     measures_tension=measures_tension,
+    scales=scales,
+    homed=homed,
     simulated=simulated,
     explain=emergency_text,
 )

@@ -1,0 +1,72 @@
+"""What a law can make of an identified model: the joint's error with the model's inverse as feed-forward.
+
+A law that commands the motor to where the model has the joint at its reference r leaves
+
+    joint(motor) − r = joint(motor) − model(motor),    motor = model⁻¹(r)
+
+which is the model's own error along that motion. On a motion like the log's it is what the model errs by on the half
+that it has not seen, but for the time spent at each place: the inverse runs through the play at once, where the log's
+motor took its time. At a place where the model's joint moves by dm per dx of the motor, the law spends dm/(c·dx) of the
+log's time (c: slope of the straight line), and there the error counts by so much. Without compensation the motor goes
+to where the straight line has the joint at r, and the line's error is left. Neither counts the servo: it is taken to
+follow at once.
+"""
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.identify.cable.turns import motor_noise, resolution
+from bowden.identify.log.read import Log
+
+if TYPE_CHECKING:
+    from bowden.identify.cable.fit import ModelFit
+
+Array = NDArray[np.float64]
+
+_PLACES = 500
+"""Pieces of the second half, in each of which the motions of motor and model are compared."""
+
+
+class Forecast(NamedTuple):
+    """Root mean square error of the joint on a motion like the log's second half."""
+
+    compensated: float
+    """With the inverse of the recommended model commanded exactly [rad]."""
+    uncompensated: float
+    """With the inverse of the straight line [rad]."""
+    resolution: float
+    """Of both encoders' counts, at the joint: √((slope·motor count)² + (joint count)²)/√12. What is below it neither
+    shows in this log nor can be commanded; zero where the log shows no counts [rad]."""
+
+
+def forecast(log: Log, split: int, predicted: Array, best: "ModelFit", line: "ModelFit") -> Forecast:
+    """See `Forecast`.
+
+    Args:
+        log: what was fitted.
+        split: first sample of the second half.
+        predicted: joint angle of the recommended model (n,) [rad].
+        best: the recommended model.
+        line: the straight line.
+    """
+    slope = abs(line.parameters["slope"])
+    counts = math.hypot(slope * resolution(log.motor), resolution(log.joint))
+    share = _share(log.motor[split:], predicted[split:], log.joint[split:] - predicted[split:], slope)
+    return Forecast(share * best.test_rms, line.test_rms, counts / math.sqrt(12.0))
+
+
+def _share(motor: Array, model: Array, error: Array, slope: float) -> float:
+    """Error along the inverse's motion over that along the log's, both root mean square."""
+    pieces = max(1, min(_PLACES, len(motor) // 4))
+    edges = np.linspace(0, len(motor) - 1, pieces + 1).astype(int)
+    moved, went = (np.abs(np.diff(one[edges])) for one in (model, motor))
+    resting = went <= 4.0 * motor_noise(motor)
+    spent = np.where(resting, 1.0, moved / np.where(resting, 1.0, slope * went)) * np.diff(edges)
+    square = np.add.reduceat(error[:-1] ** 2, edges[:-1]) / np.diff(edges)
+    whole = float(np.diff(edges) @ square) / float(edges[-1])
+    if not (whole > 0.0 and spent.sum() > 0.0):
+        return 1.0
+    return math.sqrt(float(spent @ square) / float(spent.sum()) / whole)

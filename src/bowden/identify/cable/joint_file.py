@@ -1,0 +1,104 @@
+"""model.toml of several logs fitted together, and of a model that was recalibrated."""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from bowden import __version__
+from bowden.core.files import write_text
+from bowden.core.toml_text import quoted
+from bowden.core.units import DEGREES
+from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.model import meaning
+from bowden.identify.cable.recalibrate import Recalibration
+
+
+def write_joint(path: Path | str, fit: JointFit) -> None:
+    """Write the scheduled model, the plain Bouc–Wen one, and how each log was judged.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_text(path, joint_text(fit))
+
+
+def joint_text(fit: JointFit) -> str:
+    """The content of model.toml of several logs."""
+    lines = [
+        f"# The cable of {len(fit.logs)} logs, identified by bowden {__version__}. All angles are in radians.",
+        "# A rig sets the load with load = … under [cable.parameters]. judged_rms_deg is the error to expect of",
+        "# another log of this cable once its offset is known; the model itself was fitted to all logs.",
+        "",
+        f"best = {quoted(fit.best.name)}",
+        f"source = {quoted(', '.join(_line(one.name) for one in fit.logs))}",
+        f"samples = {fit.samples}",
+        *_warnings(fit.warnings),
+        "",
+        f"[models.{fit.best.name}]",
+        *_errors({name: getattr(fit, name) for name in ("train_rms", "test_rms")} | {"judged_rms": fit.judged}),
+        *(f"{name}_unit = {quoted(unit)}" for name, unit in zip(fit.variables, fit.units, strict=True)),
+        "",
+        f"[models.{fit.best.name}.parameters]",
+        *_parameters(fit.best.parameters),
+    ]
+    for name, parameters in fit.best.others.items():
+        lines += ["", f"[models.{name}.parameters]  # of the log in the middle", *_parameters(parameters)]
+    for one in fit.logs:
+        lines += ["", "[[logs]]", f"name = {quoted(_line(one.name))}"]
+        lines += [f"{name} = {value!r}" for name, value in zip(fit.variables, one.values, strict=True)]
+        lines += _errors({name: value for name, value in dataclasses.asdict(one).items() if name.endswith("_rms")})
+    return "\n".join(lines) + "\n"
+
+
+def write_recalibrated(path: Path | str, found: Recalibration, source: str) -> None:
+    """Write a model with its new gain and offset; how good it was judged stays as its first file has it.
+
+    Args:
+        path: of the file.
+        found: what was found.
+        source: the first model's file.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_text(path, recalibrated_text(found, source))
+
+
+def recalibrated_text(found: Recalibration, source: str) -> str:
+    """The content of model.toml of a recalibrated model."""
+    lines = [
+        f"# Gain and offset of {_line(source)} fitted to {_line(found.log.name)} by bowden {__version__}.",
+        "# judged_rms_deg is that of the first model; recalibrated_rms_deg what is left on the new log.",
+        "",
+        f"best = {quoted(found.best.name)}",
+        f"source = {quoted(_line(found.log.name))}",
+        f"recalibrated_from = {quoted(_line(source))}",
+        f"gain = {found.gain!r}  # over that model's",
+        f"samples = {found.samples}",
+        *_warnings(found.warnings),
+    ]
+    for name, parameters in ((found.best.name, found.best.parameters), *found.best.others.items()):
+        lines += ["", f"[models.{name}]"]
+        if name == found.best.name:
+            lines += _errors({"judged_rms": found.judged_rms, "recalibrated_rms": found.after_rms})
+        lines += ["", f"[models.{name}.parameters]", *_parameters(parameters)]
+    return "\n".join(lines) + "\n"
+
+
+def _warnings(warnings: Iterable[str]) -> list[str]:
+    return ["warnings = [" + "".join(f"\n  {quoted(_line(warning))}," for warning in warnings) + "\n]"]
+
+
+def _errors(given: Mapping[str, float]) -> list[str]:
+    """Those errors that there are, in degrees."""
+    return [f"{name}_deg = {value * DEGREES:.6g}" for name, value in given.items() if math.isfinite(value)]
+
+
+def _parameters(parameters: Mapping[str, float]) -> list[str]:
+    said = {name: meaning(name) for name in parameters}
+    return [f"{name} = {float(parameters[name])!r}  # [{unit}] {text}" for name, (unit, text) in said.items()]
+
+
+def _line(text: str) -> str:
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

@@ -1,0 +1,503 @@
+"""Several logs of one cable fitted together, and their model scheduled by the load, the bend, or both.
+
+The model is `bowden.models.cable.scheduled`: one loop of free shape, whose ordinates are polynomials of the scheduling
+variables. Everything in it is linear but the plays' half-widths, which lie on a fixed grid:
+
+1. shares of the plays: non-negative least squares of all logs, each with a static curve of its own;
+2. ordinates of f and g for all logs at once: least squares with a small penalty on their roughness, which fills what no
+   log passed through and gives way to the data anywhere else. Where a branch of the loop would run against the cable's
+   direction the penalty is raised until none does.
+
+Every log counts the same, however long it is. Its first long stroke is simulated and not fitted: what the cable had
+been through before is not known, and forgotten after it.
+
+A log's load is one number, its mean. (The torque of each instant was tried in its place and predicts unseen loads
+worse, since it holds the joint's own friction.)
+
+What is judged: second halves by what was fitted to first halves; each log by the others where another has its load; and
+each load by the others, where two differ from it. The model itself is fitted to all.
+"""
+
+import itertools
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core import shown
+from bowden.core.errors import LogError, ParameterError
+from bowden.core.metrics import rmse
+from bowden.core.units import DEGREES
+from bowden.identify.cable.bouc_wen import BoucWenCable
+from bowden.identify.cable.model import SCHEDULED, CableModel
+from bowden.identify.cable.non_negative import non_negative
+from bowden.identify.cable.part import Progress
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.projection import inverse_of, products
+from bowden.identify.cable.turns import find_turns, motor_noise
+from bowden.identify.log.read import Log
+from bowden.models.cable.prandtl_ishlinskii import plays
+from bowden.models.cable.scheduled import (
+    VARIABLES,
+    ScheduledCable,
+    hats,
+    joint_angle,
+    parameters_of,
+    powers,
+)
+
+Array = NDArray[np.float64]
+
+_NODES, _SEARCHED = 1500, 150
+"""Nodes of a log's path: where it is fitted, and where the plain Bouc–Wen cable is searched for."""
+_KNOTS = 20
+"""Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0032 change by 0.006° at most."""
+_GRID = np.geomspace(2e-3, 0.3, 14)
+"""Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can tell."""
+_EDGE = 0.005
+"""Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
+_STATIC_DEGREE = 8
+"""Of the static curve that each log has of its own while the plays' shares are found."""
+_ROUGH = 1e-3
+"""Penalty on the squared second differences of f and first differences of g, over the mean squared error [–]; between
+1e-4 and 1e-2 nothing changes but what no log passed through."""
+_SCHEDULE_ROUGH = 10.0
+"""The same of what the variables change, over that of the base: a shape changes less than it is [–]."""
+_ALIKE = 0.05
+"""Loads that differ by less than this share of all loads' range are one level [–]."""
+_LEAST_RANGE = 0.02
+"""Loads whose range is smaller than this share of the largest are all equal [–]."""
+_HIGHEST = 2
+"""Highest power of a variable. f bends with the load as a cable's stiffness rises with its tension."""
+
+
+@dataclass(frozen=True)
+class JudgedLog:
+    """How well one of several logs is predicted."""
+
+    name: str
+    """The log's."""
+    values: tuple[float, ...]
+    """Of the scheduling variables, its means."""
+    samples: int
+    """In it."""
+    train_rms: float
+    """Error of the model, which was fitted to this log too [rad]."""
+    test_rms: float
+    """On its second half, of a model fitted to the first halves of all logs [rad]."""
+    same_rms: float
+    """Of a model fitted to all logs but this one; NaN where no other has its load [rad]."""
+    same_offset_rms: float
+    """The same on the second half, once the offset was fitted anew to the first [rad]."""
+    unseen_rms: float
+    """Of a model fitted to the logs of other loads alone; NaN where fewer than two loads are left [rad]."""
+    unseen_offset_rms: float
+    """The same on the second half, once the offset was fitted anew to the first [rad]."""
+
+
+@dataclass(frozen=True, repr=False)
+class JointFit:
+    """What several logs say of one cable."""
+
+    best: CableModel
+    """The scheduled model, at the middle of what was seen; a rig takes it as its cable."""
+    variables: tuple[str, ...]
+    """What it is scheduled by: ``load``, ``bend``, both or nothing."""
+    units: tuple[str, ...]
+    """Of the variables; empty where nothing says it."""
+    logs: tuple[JudgedLog, ...]
+    """In the order in which they were given."""
+    warnings: tuple[str, ...]
+    """What the logs cannot show, and what was mended in them."""
+    seconds: float = field(compare=False)
+    """Time that the identification took [s]."""
+    read: tuple[Log, ...] = field(compare=False)
+    """What was fitted."""
+
+    @property
+    def samples(self) -> int:
+        """In all logs."""
+        return sum(one.samples for one in self.logs)
+
+    @property
+    def train_rms(self) -> float:
+        """Of all logs [rad]."""
+        return _over_logs([one.train_rms for one in self.logs])
+
+    @property
+    def test_rms(self) -> float:
+        """Of all logs' second halves [rad]."""
+        return _over_logs([one.test_rms for one in self.logs])
+
+    @property
+    def judged(self) -> float:
+        """What to expect of another log of this cable once its offset was fitted anew: on unseen loads where those were
+        judged, then on unseen logs, then on second halves [rad]."""
+        for name in ("unseen_offset_rms", "same_offset_rms", "test_rms"):
+            found = [getattr(one, name) for one in self.logs]
+            if np.isfinite(found).any():
+                return _over_logs(found)
+        return float("nan")
+
+    def at(self, **values: float) -> CableModel:
+        """The model at a load, at a bend, or both.
+
+        Raises:
+            ParameterError: it is not scheduled by that.
+        """
+        for name in values:
+            if name not in self.variables:
+                raise ParameterError(
+                    f"the model is scheduled by {', '.join(self.variables) or 'nothing'}, not by {name!r}",
+                    expected="values of its variables",
+                    do="identify logs that differ in it",
+                )
+        return replace(self.best, parameters={**self.best.parameters, **values})
+
+    def __repr__(self) -> str:
+        """One screen: errors of each log, and what to know."""
+        by = " and ".join(self.variables)
+        title = f"Fit of {len(self.logs)} logs{f', scheduled by {by}' if by else ''}"
+        rows = []
+        for one in self.logs:
+            errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
+            said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
+            at = [f"{name} {value:.4g}" for name, value in zip(self.variables, one.values, strict=True)]
+            rows.append((one.name, ", ".join([*at, *said])))
+        return shown.screen(title, [*rows, *(("note", warning) for warning in self.warnings[:4])])
+
+
+class _Moved(NamedTuple):
+    """One log, ready to be fitted."""
+
+    log: Log
+    path: Path
+    weight: Array
+    """Of the nodes, 1 in all; zero on the first long stroke (n,)."""
+    first: NDArray[np.bool_]
+    """Nodes of the first half of what counts (n,)."""
+    lag: Array
+    """motor − zᵢ (n, k) [rad]."""
+    middle: Array
+    """(n, K), see `hats`."""
+    height: Array
+    """(n, K)."""
+    slope: float
+    """Of the line through the log [rad/rad]."""
+    memory: Array
+    """Products of −sign(slope)·lag and joint beside a static curve of the log's own (k + 1, k + 1)."""
+
+
+class _Frame(NamedTuple):
+    """What all logs share."""
+
+    first: float
+    step: float
+    half_widths: Array
+
+
+def identify_loads(
+    logs: Sequence[Log],
+    load: Sequence[float] | None = None,
+    bend: Sequence[float] | None = None,
+    *,
+    units: Sequence[str] = ("", ""),
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> JointFit:
+    """Fit one model to several logs of a cable.
+
+    Args:
+        logs: two or more, read and checked.
+        load: of each log, in any unit; without it the load schedules nothing.
+        bend: of each log [rad], likewise.
+        units: of load and bend, for messages and files.
+        seed: of the plain Bouc–Wen cable's search.
+        progress: called with what is being done and the share of the work that is behind.
+
+    Raises:
+        LogError: logs that do not go together.
+        ParameterError: fewer than two logs, or another number of loads than of logs.
+    """
+    begin = clock.perf_counter()
+    tell = progress or (lambda what, share: None)
+    if len(logs) < 2:
+        raise ParameterError(f"a joint fit of {len(logs)} logs", expected="two logs or more", do="give the others too")
+    tell("following the motors", 0.1)
+    paths = [_path(log, _NODES) for log in logs]
+    frame = _frame(paths)
+    moved = [_prepared(log, path, frame) for log, path in zip(logs, paths, strict=True)]
+    _check_alike(moved)
+    names, values, warnings = _scheduling(logs, {"load": load, "bend": bend}, dict(zip(VARIABLES, units, strict=True)))
+    tell("fitting all logs", 0.3)
+    cable = _fitted(moved, values, frame)
+    tell("judging", 0.5)
+    judged = _judged(moved, values, names, frame, cable)
+    middle = [0.5 * float(low + high) for low, high in zip(cable.low, cable.high, strict=True)]
+    tell("bouc_wen", 0.8)
+    near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
+    plain = BoucWenCable(_path(logs[near], _SEARCHED).first(30), seed).fit(paths[near]).parameters
+    best = CableModel(SCHEDULED, parameters_of(cable, names, middle), others={"bouc_wen": plain})
+    tell("done", 1.0)
+    return JointFit(
+        best=best,
+        variables=tuple(names),
+        units=tuple(dict(zip(VARIABLES, units, strict=True))[name] for name in names),
+        logs=tuple(judged),
+        warnings=(*(f"{log.name}: {said}" for log in logs for said in log.warnings), *warnings),
+        seconds=clock.perf_counter() - begin,
+        read=tuple(logs),
+    )
+
+
+def _path(log: Log, nodes: int) -> Path:
+    noise = motor_noise(log.motor)
+    return build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), nodes)
+
+
+def _frame(paths: Sequence[Path]) -> _Frame:
+    """Knots over the range in which the motors nearly always are."""
+    low, high = (
+        float(pick([np.quantile(_counted(path), edge) for path in paths]))
+        for pick, edge in ((np.min, _EDGE), (np.max, 1.0 - _EDGE))
+    )
+    return _Frame(low, (high - low) / (_KNOTS - 1), _GRID * (high - low))
+
+
+def _counted(path: Path) -> Array:
+    """The motor, each node as often as it has samples."""
+    return np.repeat(path.motor, path.weight.astype(np.intp))
+
+
+def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
+    lengths = np.abs(np.diff(path.turning))
+    begun = int(np.argmax(lengths >= 0.5 * path.span)) + 1
+    weight = np.where(path.stroke < begun, 0.0, path.weight) if begun < path.strokes else path.weight
+    whole = float(weight.sum())
+    if path.strokes < 2 or whole == 0.0:
+        raise LogError(
+            f"{log.name}: the motor does not turn back",
+            expected="a log in which it goes to and fro",
+            do="record six cycles, or leave this log out",
+        )
+    weight = weight / whole
+    first = np.cumsum(weight) <= 0.5
+    lag = path.motor[:, None] - plays(path.motor, frame.half_widths)
+    middle, height = (hats(path.motor, frame.first, frame.step, _KNOTS, outward) for outward in (1.0, 0.0))
+    counted = path.weight > 0.0
+    motor, joint = path.motor[counted], path.joint[counted]
+    slope = float(np.polyfit(motor, joint, 1, w=np.sqrt(path.weight[counted]))[0])
+    moved = _Moved(log, path, weight, first, lag, middle, height, slope, np.empty(0))
+    return _weighted(moved, weight, frame)
+
+
+def _weighted(one: _Moved, weight: Array, frame: _Frame) -> _Moved:
+    """A log whose nodes are weighted otherwise (n,)."""
+    last = frame.first + frame.step * (_KNOTS - 1)
+    place = np.clip((2.0 * one.path.motor - frame.first - last) / (last - frame.first), -1.0, 1.0)
+    static = np.polynomial.chebyshev.chebvander(place, _STATIC_DEGREE)
+    sums = products(np.column_stack([static, -np.sign(one.slope) * one.lag, one.path.joint]), weight)
+    own = static.shape[1]
+    return one._replace(
+        weight=weight, memory=sums[own:, own:] - sums[own:, :own] @ inverse_of(sums[:own, :own]) @ sums[:own, own:]
+    )
+
+
+def _check_alike(moved: Sequence[_Moved]) -> None:
+    """Refuse logs whose joints move in opposite directions: they are of two cables, or of two ways of counting."""
+    for one in moved:
+        if one.slope * moved[0].slope <= 0.0:
+            raise LogError(
+                f"{one.log.name}: the joint moves {one.slope:+.3g} times as far as the motor, in {moved[0].log.name} "
+                f"{moved[0].slope:+.3g} times",
+                expected="one sign in all logs of a cable",
+                do="check the columns, or turn the sign of one",
+            )
+
+
+def _scheduling(
+    logs: Sequence[Log], given: dict[str, Sequence[float] | None], units: dict[str, str]
+) -> tuple[list[str], Array, list[str]]:
+    """The variables that differ among the logs, their values (logs, V), and what is to be said of them."""
+    names, columns, warnings = [], [], []
+    for name, numbers in given.items():
+        if numbers is None:
+            continue
+        if len(numbers) != len(logs):
+            raise ParameterError(
+                f"{len(numbers)} values of the {name} for {len(logs)} logs",
+                expected="one for each log, in their order",
+                do="give them in that order",
+            )
+        values = np.array(numbers, dtype=np.float64)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise ParameterError(
+                f"{logs[int(bad[0])].name}: the {name} is {values[bad[0]]}",
+                expected="a number for every log",
+                do="give its value, or leave the log out",
+            )
+        if not np.ptp(values) > _LEAST_RANGE * float(np.abs(values).max()):
+            warnings.append(
+                f"the {name} is {_said(values.mean(), units[name])} in all logs, so that it schedules nothing: one "
+                f"model was fitted to all; record logs at three values of it or more"
+            )
+            continue
+        count = len(_levels(values))
+        if count == 2:
+            warnings.append(
+                f"the {name} has two values only: the model goes straight between them, and nothing can judge it at a "
+                "third; record one more"
+            )
+        names.append(name)
+        columns.append(values)
+    if not names and not warnings:
+        warnings.append("nothing tells the logs apart (no load, no bend): one model was fitted to all of them")
+    found = np.array(columns).T if columns else np.empty((len(logs), 0))
+    return names, found, warnings
+
+
+def _said(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".strip()
+
+
+def _levels(values: Array) -> list[Array]:
+    """Indices of the values that are one level, from the least on."""
+    order = np.argsort(values, kind="stable")
+    apart = np.diff(values[order]) > _ALIKE * max(float(np.ptp(values)), 1e-300)
+    return list(np.split(order, np.flatnonzero(apart) + 1))
+
+
+def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledCable:
+    """The scheduled cable of some logs at `values` (logs, V)."""
+    degree = np.array([min(_HIGHEST, len(_levels(column)) - 1) for column in values.T], dtype=np.int64)
+    rows = 1 + int(degree.sum())
+    shares = _shares(moved, frame)
+    kept = shares > 0.0
+    empty = np.zeros((rows, _KNOTS))
+    cable = ScheduledCable(
+        frame.first,
+        frame.step,
+        empty,
+        empty,
+        frame.half_widths[kept],
+        shares[kept],
+        values.min(axis=0, initial=np.inf) if len(degree) else np.empty(0),
+        values.max(axis=0, initial=-np.inf) if len(degree) else np.empty(0),
+        degree,
+    )
+    count = 2 * rows * _KNOTS
+    gram, moments = np.zeros((count, count)), np.zeros(count)
+    for one, at in zip(moved, values, strict=True):
+        basis = np.column_stack([one.middle, one.height * (one.lag @ shares)[:, None], one.path.joint])
+        sums = products(basis, one.weight)
+        factors = powers(at.tolist(), cable)
+        turned = np.kron(np.outer(factors, factors), sums[:-1, :-1].reshape(2 * _KNOTS, 2 * _KNOTS))
+        gram += turned
+        moments += np.kron(factors, sums[:-1, -1])
+    roughness = _roughness(rows) * len(moved)
+    sign = np.sign(moved[0].slope)
+    for stiffer in 10.0 ** np.arange(7):  # at most to where f is a straight line and g a constant
+        found = np.linalg.solve(gram + stiffer * roughness, moments).reshape(rows, 2, _KNOTS)
+        cable = cable._replace(middle=found[:, 0].copy(), height=found[:, 1].copy())
+        if _runs_one_way(cable, sign):
+            break
+    return cable
+
+
+def _shares(moved: Sequence[_Moved], frame: _Frame) -> Array:
+    """ηᵢ (k,) [1/rad], by non-negative least squares; each log has a static curve of its own beside the plays."""
+    sums = np.sum([one.memory for one in moved], axis=0)
+    size = np.sqrt(np.maximum(np.diag(sums)[:-1], 1e-300))
+    lower = np.linalg.cholesky(sums[:-1, :-1] / np.outer(size, size) + 1e-11 * np.eye(len(size)))
+    found = non_negative(lower.T, np.asarray(np.linalg.solve(lower, sums[:-1, -1] / size))) / size
+    if not found.any():  # a cable without a loop: any memory will do, and g says that there is none
+        found[0] = 1.0
+    return np.asarray(found / (found @ frame.half_widths))
+
+
+def _roughness(rows: int) -> Array:
+    """The penalty's quadratic form, ordered as the unknowns are: row, then f and g, then knot."""
+    bends = np.diff(np.eye(_KNOTS), 2, axis=0)
+    steps = np.diff(np.eye(_KNOTS), 1, axis=0)
+    own = np.zeros((2 * _KNOTS,) * 2)
+    own[:_KNOTS, :_KNOTS], own[_KNOTS:, _KNOTS:] = bends.T @ bends, steps.T @ steps
+    own += 1e-6 * np.eye(2 * _KNOTS)
+    return np.asarray(_ROUGH * np.kron(np.diag([1.0] + [_SCHEDULE_ROUGH] * (rows - 1)), own))
+
+
+def _runs_one_way(cable: ScheduledCable, sign: float) -> bool:
+    """Whether both branches of the loop go the cable's way at every corner of the scheduling variables."""
+    for corner in itertools.product(*zip(cable.low.tolist(), cable.high.tolist(), strict=True)):
+        weights = powers(corner, cable)
+        middle, height = np.diff(weights @ cable.middle), np.diff(weights @ cable.height)
+        if (sign * middle < np.abs(height)).any():
+            return False
+    return True
+
+
+def _error(one: _Moved, cable: ScheduledCable, values: Array) -> tuple[Array, Array]:
+    """Error of the joint at the log's full rate, and its time, from the end of the first long stroke on [rad], [s]."""
+    counted = one.path.weight > 0.0
+    predicted = joint_angle(one.path.motor, cable, values.tolist())[counted]
+    begin = int(np.searchsorted(one.log.time, one.path.time[np.flatnonzero(one.weight)[0]]))
+    time = one.log.time[begin:]
+    return np.interp(time, one.path.time[counted], predicted) - one.log.joint[begin:], time
+
+
+def _judged(
+    moved: Sequence[_Moved], values: Array, names: Sequence[str], frame: _Frame, cable: ScheduledCable
+) -> list[JudgedLog]:
+    halves = _fitted([_weighted(one, np.where(one.first, one.weight, 0.0), frame) for one in moved], values, frame)
+    level = np.zeros(values.shape, dtype=np.int64)
+    for v, column in enumerate(values.T):
+        for number, members in enumerate(_levels(column)):
+            level[members, v] = number
+    unseen: dict[tuple[int, ...], ScheduledCable | None] = {}
+    found = []
+    for i, (one, at) in enumerate(zip(moved, values, strict=True)):
+        error, _ = _error(one, cable, at)
+        late, _ = _error(one, halves, at)
+        alike = (level == level[i]).all(axis=1)
+        own = tuple(level[i].tolist())
+        if own not in unseen:
+            unseen[own] = _without(moved, values, ~alike, frame) if names else None
+        others = np.arange(len(moved)) != i
+        same = _without(moved, values, others, frame) if alike.sum() > 1 else None
+        found.append(
+            JudgedLog(
+                one.log.name,
+                tuple(at.tolist()),
+                len(one.log.time),
+                rmse(error),
+                rmse(late[len(late) // 2 :]),
+                *_left_out(one, same, at),
+                *_left_out(one, unseen[own], at),
+            )
+        )
+    return found
+
+
+def _without(moved: Sequence[_Moved], values: Array, kept: NDArray[np.bool_], frame: _Frame) -> ScheduledCable | None:
+    """A cable fitted to some of the logs; None where they do not differ in every variable any more."""
+    rest = values[kept]
+    if any(len(_levels(column)) < 2 or np.ptp(column) == 0.0 for column in rest.T):
+        return None
+    return _fitted([one for one, keep in zip(moved, kept, strict=True) if keep], rest, frame)
+
+
+def _left_out(one: _Moved, cable: ScheduledCable | None, values: Array) -> tuple[float, float]:
+    if cable is None:
+        return float("nan"), float("nan")
+    error, _ = _error(one, cable, values)
+    half = len(error) // 2
+    return rmse(error), rmse(error[half:] - error[:half].mean())
+
+
+def _over_logs(errors: Sequence[float]) -> float:
+    """Root mean square over the logs for which there is one."""
+    known = np.array([error for error in errors if np.isfinite(error)])
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")

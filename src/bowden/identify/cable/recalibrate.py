@@ -1,0 +1,274 @@
+"""A known model of a cable fitted to a few seconds of new motion: gain and offset only, and whether the cable changed.
+
+    joint = a·m(motor) + b
+
+m is the joint as the old model has it, from the state in which its loop fits best (the motor may have come from either
+side). Both are told by least squares. Where the motion is too short for a gain, a = 1 stays and only b is fitted: the
+gain's standard error, from leaving out one block after the other (jackknife), must be at most `_VAGUE` of it.
+
+The cable has changed where what is left is clearly more than the old model was judged to leave:
+
+    mean − 2·(standard error of the mean) > (`_WORSE`·judged)² + count²/12
+
+mean and standard error of the squared residual over blocks (strokes, or eight stretches of time where there are fewer),
+judged the error that the model's file states of data that it had not seen, count the new joint encoder's step.
+
+Source: Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Chapter 11, for the jackknife.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core import shown
+from bowden.core.errors import LogError, ParameterError
+from bowden.core.metrics import rmse
+from bowden.core.order import distinct
+from bowden.core.units import DEGREES
+from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.turns import find_turns, motor_noise, resolution
+from bowden.identify.log.read import Log
+from bowden.models.cable.scheduled import VARIABLES
+from bowden.plants.cables import DISTRIBUTED
+
+Array = NDArray[np.float64]
+
+_NODES = 1500
+_CAME_FROM = np.array([0.0, -1.0, -0.3, -0.1, 0.1, 0.3, 1.0])
+"""Where the motor may have come from before the log, beside its first sample, over the log's range [–]."""
+_ARRIVAL = 40
+"""Samples of that way."""
+_BLOCKS = 8
+_VAGUE = 0.02
+"""Largest standard error of a gain that is used, over the gain [–]: over a stroke of 60° it is 0.3° RMS."""
+_WORSE = 1.5
+"""Of the judged error: from where `bowden identify` says of a second half that the cable changed [–]."""
+_BEGUN = ("initial_h", "initial_lag")
+_SCALED = re.compile(r"slope|offset|weight_\d+|hysteresis_gain(_\d+)?|static_\d+|(middle|height)_\d+(_(load|bend)_\d)?")
+"""Parameters in which a model's joint is linear."""
+_SHIFTED = re.compile(r"offset|middle_\d+")
+"""Parameters to which an offset is added."""
+
+
+@dataclass(frozen=True, repr=False)
+class Recalibration:
+    """What a few seconds of motion say of a known model."""
+
+    best: CableModel
+    """The model with its new gain and offset; a rig takes it as its cable."""
+    gain: float
+    """a, over the old model's [–]."""
+    gain_error: float
+    """Its standard error [–]."""
+    offset: float
+    """b, what was added to a·m [rad]."""
+    before_rms: float
+    """Error of the old model on the new log [rad]."""
+    after_rms: float
+    """The same with gain and offset fitted anew [rad]."""
+    judged_rms: float
+    """Error of the old model on data that it had not seen, as its file says; NaN where it does not [rad]."""
+    changed: bool | None
+    """Whether the cable has changed; None where the file does not say how good the model was."""
+    warnings: tuple[str, ...]
+    """What to know, and what to do."""
+    samples: int
+    """In the new log."""
+    log: Log = field(compare=False)
+    """The new log."""
+    predicted: Array = field(compare=False)
+    """Joint angle of the recalibrated model (n,) [rad]."""
+
+    def __repr__(self) -> str:
+        """One screen: gain, offset, errors, verdict."""
+        errors = f"{shown.number(self.before_rms * DEGREES, '°')} before, {shown.number(self.after_rms * DEGREES, '°')}"
+        rows = [
+            ("gain", f"{self.gain:.4f} ± {self.gain_error:.2g}"),
+            ("offset", shown.number(self.offset * DEGREES, "°")),
+            ("RMS", f"{errors} after; judged {shown.number(self.judged_rms * DEGREES, '°')}"),
+            ("verdict", verdict(self)),
+            *(("note", warning) for warning in self.warnings[:4]),
+        ]
+        return shown.screen(f"Recalibration of {self.best.name} on {self.log.name}", rows)
+
+
+def verdict(found: Recalibration) -> str:
+    """What came out, in one sentence."""
+    if found.changed is None:
+        return "the model's file does not say how good it was, so nobody can tell whether the cable has changed"
+    if found.changed:
+        return "the cable has changed: identify it anew"
+    return "the same cable: use the recalibrated model"
+
+
+def recalibrate(
+    log: Log, cable: IdentifiedCable, judged: float = math.nan, values: Mapping[str, float] | None = None
+) -> Recalibration:
+    """Fit gain and offset of a known cable's recommended model to a log, and of its plain Bouc–Wen model too.
+
+    Args:
+        log: seconds of motion with a reversal at least, read and checked.
+        cable: as it was identified.
+        judged: error of its recommended model on data that it had not seen [rad].
+        values: load or bend of the log, of a scheduled model.
+
+    Raises:
+        LogError: no reversal, or a joint that moves the other way: another cable.
+        ParameterError: a model that has no gain, or no such variable.
+    """
+    if cable.best in DISTRIBUTED:
+        raise ParameterError(
+            f"the model {cable.best!r} is not identified from logs and has no gain or offset of its own",
+            expected="a model.toml of `bowden identify`",
+            do="identify the new log",
+        )
+    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, motor_noise(log.motor)), _NODES)
+    if path.strokes < 2:
+        raise LogError(
+            f"{log.name}: the motor does not turn back, so that offset and half the loop cannot be told apart",
+            expected="a stroke to and fro at least",
+            do="record some seconds more",
+        )
+    given, warnings = _placed(cable, values or {})
+    models, found = {}, {}
+    for name, parameters in given.models.items():
+        if name in DISTRIBUTED:
+            continue
+        found[name] = _fit(path, CableModel(name, parameters))
+        models[name] = recalibrated(parameters, *found[name][:2])
+    gain, offset, error, drawn = found[given.best]
+    if not gain > 0.0:
+        raise LogError(
+            f"{log.name}: the joint moves {gain:+.3g} times as far as the model {cable.file or given.best} says",
+            expected="a gain near 1",
+            do="check the columns and which cable it is, or identify this log anew",
+        )
+    counted = path.weight > 0
+    predicted = np.interp(log.time, path.time[counted], (gain * drawn + offset)[counted])
+    before = np.interp(log.time, path.time[counted], drawn[counted]) - log.joint
+    squares = _block_means(log, path, (predicted - log.joint) ** 2)
+    changed = None
+    if math.isfinite(judged):
+        scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))
+        count = resolution(log.joint)
+        changed = bool(squares.mean() - 2.0 * scatter > (_WORSE * judged) ** 2 + count**2 / 12.0)
+    after = rmse(predicted - log.joint)
+    if changed:
+        warnings.append(
+            f"with gain and offset fitted anew {after * DEGREES:.2g}° are left, the model was judged to leave "
+            f"{judged * DEGREES:.2g}°: identify the cable anew (bowden identify NEW.csv)"
+        )
+    if gain == 1.0:
+        warnings.append("the motion is too short or too small to tell a gain: only the offset was fitted anew")
+    best = CableModel(given.best, models[given.best], {k: v for k, v in models.items() if k != given.best})
+    return Recalibration(
+        best=best,
+        gain=gain,
+        gain_error=error,
+        offset=offset,
+        before_rms=rmse(before),
+        after_rms=after,
+        judged_rms=judged,
+        changed=changed,
+        warnings=(*log.warnings, *warnings),
+        samples=len(log.time),
+        log=log,
+        predicted=predicted,
+    )
+
+
+def recalibrated(parameters: Mapping[str, float], gain: float, offset: float) -> dict[str, float]:
+    """The parameters of a model whose joint is gain·joint + offset of the old one's."""
+    found = {name: gain * value if _SCALED.fullmatch(name) else value for name, value in parameters.items()}
+    return {name: value + offset if _SHIFTED.fullmatch(name) else value for name, value in found.items()}
+
+
+def _placed(cable: IdentifiedCable, values: Mapping[str, float]) -> tuple[IdentifiedCable, list[str]]:
+    """The cable at the log's load and bend, and what is to be said of them."""
+    known = [name for name in VARIABLES if f"{name}_low" in cable.model().parameters and cable.best == SCHEDULED]
+    for name in values:
+        if name not in known:
+            raise ParameterError(
+                f"a {name} is given, and {cable.file or 'the model'} is scheduled by {', '.join(known) or 'nothing'}",
+                expected="values of what schedules the model",
+                do=f"leave out {name}",
+            )
+    missing = [name for name in known if name not in values]
+    if missing:
+        raise ParameterError(
+            f"{cable.file or 'the model'} is scheduled by the {missing[0]}, and the log's is not known",
+            expected="its value, or the column that has it",
+            do=f"give {missing[0]} its value or its column",
+        )
+    return cable.with_parameters(values) if values else cable, outside(cable.model().parameters, values)
+
+
+def outside(parameters: Mapping[str, float], values: Mapping[str, float]) -> list[str]:
+    """A warning for each variable whose value lies beyond those that were identified by a tenth of their range."""
+    found = []
+    for name, value in values.items():
+        if f"{name}_low" not in parameters:
+            continue
+        low, high = parameters[f"{name}_low"], parameters[f"{name}_high"]
+        if max(low - value, value - high) > 0.1 * (high - low):
+            found.append(
+                f"the {name} {value:.4g} lies outside those of the logs that the model was identified from "
+                f"({low:.4g} to {high:.4g}): the model goes on straight, at most as far as that range is wide"
+            )
+    return found
+
+
+def _fit(path: Path, model: CableModel) -> tuple[float, float, float, Array]:
+    """Gain, offset [rad], standard error of the gain, and the old model's joint at each node (n,) [rad]."""
+    rested = {name: 0.0 if name in _BEGUN else value for name, value in model.parameters.items()}
+    start, best = CableModel(model.name, rested), None
+    for lag in _CAME_FROM * path.span:
+        arrival = np.linspace(path.motor[0] + lag, path.motor[0], _ARRIVAL)
+        drawn = start.joint_angle(np.concatenate([arrival, path.motor]))[_ARRIVAL:]
+        cost = _solved(drawn, path.joint, path.weight)[2]
+        if best is None or cost < best[0] - 1e-12:
+            best = (cost, drawn)
+        if not any(name in model.parameters for name in (*_BEGUN, "knot_first")):
+            break
+    drawn = np.asarray(best[1] if best else np.empty(0))
+    blocks = _blocks(path)
+    kept = [np.where(blocks == one, 0.0, path.weight) for one in distinct(blocks)]
+    gains = np.array([_solved(drawn, path.joint, weight)[0] for weight in kept])
+    count = len(gains)
+    error = float(np.sqrt((count - 1) / count * np.sum((gains - gains.mean()) ** 2)))
+    gain, offset, _ = _solved(drawn, path.joint, path.weight)
+    if not error <= _VAGUE * abs(gain):
+        gain, offset = 1.0, float(np.average(path.joint - drawn, weights=path.weight))
+    return gain, offset, error, drawn
+
+
+def _solved(drawn: Array, joint: Array, weight: Array) -> tuple[float, float, float]:
+    """a, b [rad] and the weighted sum of squares that they leave [rad²]."""
+    share = weight / weight.sum()
+    centre, height = float(share @ drawn), float(share @ joint)
+    power = float(share @ (drawn - centre) ** 2)
+    gain = float(share @ ((drawn - centre) * (joint - height))) / max(power, 1e-300)
+    rest = joint - height - gain * (drawn - centre)
+    return gain, height - gain * centre, float(weight @ rest**2)
+
+
+def _blocks(path: Path) -> NDArray[np.int64]:
+    """Which block each node is in: its stroke, or its stretch of time where there are fewer strokes than blocks."""
+    if path.strokes >= _BLOCKS:
+        return path.stroke
+    place = np.cumsum(path.weight) / max(float(path.weight.sum()), 1e-300)
+    return np.minimum((_BLOCKS * place).astype(np.int64), _BLOCKS - 1)
+
+
+def _block_means(log: Log, path: Path, squares: Array) -> Array:
+    """Mean square of each block at the log's full rate [rad²]."""
+    blocks = _blocks(path)
+    edges = [int(np.searchsorted(log.time, path.time[blocks >= one].min())) for one in distinct(blocks)]
+    bounds = [0, *edges[1:], len(log.time)]
+    return np.array([float(squares[a:b].mean()) for a, b in pairwise(bounds) if b > a])

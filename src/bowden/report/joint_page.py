@@ -1,0 +1,102 @@
+"""The pages of several logs fitted together, and of a recalibration."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bowden.core.style import COLOURS, legend, new_figure, thin
+from bowden.core.units import DEGREES
+from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.recalibrate import Recalibration, verdict
+from bowden.models.cable.scheduled import cable_of, hats, powers
+from bowden.report.page import Page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_POINTS = 1500
+_SHOWN = ("tab:blue", "tab:green", "tab:red")
+
+
+def joint_page(fit: JointFit) -> Page:
+    """Errors of each log, and the loop at the least, the middle and the largest load."""
+    by = " and ".join(fit.variables) or "nothing: it is one loop for all"
+    page = Page(f"The cable of {len(fit.logs)} logs", f"One model fitted to all of them, scheduled by {by}.")
+    for warning in fit.warnings:
+        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.heading("How well it predicts")
+    page.text(
+        "“Left out” is the error of a model that was fitted to the other logs alone, “load left out” of one fitted to "
+        "other loads alone; “offset” once the offset was fitted to the log's first half, judged on its second."
+    )
+    rows = [
+        [one.name, *(f"{value:.4g}" for value in one.values)]
+        + [_degrees(v) for v in (one.train_rms, one.test_rms, one.same_rms, one.same_offset_rms)]
+        + [_degrees(v) for v in (one.unseen_rms, one.unseen_offset_rms)]
+        for one in fit.logs
+    ]
+    units = [f"{name} [{unit or '–'}]" for name, unit in zip(fit.variables, fit.units, strict=True)]
+    titles = ["fitted", "second half", "left out", "… offset", "load left out", "… offset"]
+    page.table(["log", *units, *titles], rows, "Errors of the joint angle [° RMS]")
+    page.heading("The loop")
+    page.figure(
+        loops_figure(fit),
+        "The loop's two branches without the straight line of the middle one, at the least, the middle and the largest "
+        "load or bend that was seen.",
+    )
+    return page
+
+
+def loops_figure(fit: JointFit) -> "Figure":
+    """Both branches over the motor, at the ends and in the middle of what schedules them."""
+    cable, values = cable_of(fit.best.parameters)
+    count = cable.middle.shape[1]
+    motor = np.linspace(cable.first, cable.first + cable.step * (count - 1), 200)
+    middle, height = (hats(motor, cable.first, cable.step, count, outward) for outward in (1.0, 0.0))
+    ends = [cable.low.tolist(), list(values), cable.high.tolist()] if fit.variables else [[]]
+    line = np.polyfit(motor, middle @ (powers(values, cable) @ cable.middle), 1)
+    figure, (axes,) = new_figure(1, 1, height=3.6)
+    for at, colour in zip(ends, _SHOWN, strict=False):
+        weights = powers(at, cable)
+        curve, half = middle @ (weights @ cable.middle), height @ (weights @ cable.height)
+        label = ", ".join(f"{name} {value:.3g}" for name, value in zip(fit.variables, at, strict=True))
+        for side in (1.0, -1.0):
+            drawn = (curve + side * half - np.polyval(line, motor)) * DEGREES
+            axes.plot(motor * DEGREES, drawn, color=colour, lw=1.2, label=label if label and side > 0.0 else None)
+    axes.set(xlabel="motor [°]", ylabel="joint − straight line [°]")
+    if fit.variables:
+        legend(axes)
+    return figure
+
+
+def recalibration_page(found: Recalibration, source: str) -> Page:
+    """What came out, and what the old and the new model leave."""
+    page = Page(f"{source} on {found.log.name}", f"{verdict(found)[0].upper()}{verdict(found)[1:]}.")
+    for warning in found.warnings:
+        page.notice(warning[0].upper() + warning[1:] + ".")
+    page.table(
+        ["what", "value"],
+        [
+            ["gain", f"{found.gain:.4f} ± {found.gain_error:.2g}"],
+            ["offset [°]", _degrees(found.offset)],
+            ["error before [° RMS]", _degrees(found.before_rms)],
+            ["error after [° RMS]", _degrees(found.after_rms)],
+            ["judged of the old model [° RMS]", _degrees(found.judged_rms)],
+        ],
+        f"Gain and offset of {found.best.name}, fitted anew",
+    )
+    page.figure(residual_figure(found), "What the recalibrated model leaves, over time.")
+    return page
+
+
+def residual_figure(found: Recalibration) -> "Figure":
+    """Joint minus model over time."""
+    figure, (axes,) = new_figure(1, 1, height=2.8)
+    time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
+    axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
+    axes.set(xlabel="time [s]", ylabel="joint − model [°]")
+    return figure
+
+
+def _degrees(value: float) -> str:
+    return f"{value * DEGREES:.3f}" if np.isfinite(value) else "–"

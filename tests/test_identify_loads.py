@@ -1,0 +1,292 @@
+"""Several logs of one cable: what is recovered, what the plant does with it, what is refused; and recalibration."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import bowden
+from bowden.app.main import run
+from bowden.core.errors import BowdenError
+from bowden.core.units import DEGREES
+from bowden.identify.cable.loads import JointFit, identify_loads
+from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.identify.cable.model_file import load_cable, load_judged
+from bowden.identify.cable.recalibrate import recalibrate, recalibrated
+from bowden.identify.log.read import Log, read_log
+from bowden.identify.log.variables import scheduled_by
+from bowden.models.cable.bouc_wen import saturation
+from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of, joint_angle, line_of, parameters_of
+from bowden.models.cable.sheath import Sheath
+from bowden.plants.cable_plant import Cable
+from bowden.plants.scheduled_cable import scheduled
+
+Array = NDArray[np.float64]
+
+TIME = np.arange(1500) / 75.0
+MOTOR = 0.5 * np.sin(1.7 * TIME + 0.2) + 0.02 * np.sin(0.31 * TIME)
+LOADS = (0.1, 0.2, 0.35, 0.5)
+KNOTS = np.linspace(-0.5, 0.5, 9)
+
+
+def true_cable(slope: float = -0.9) -> ScheduledCable:
+    """Offset, slope, height and shape depend on the load; the offset also on its square."""
+    sign = math.copysign(1.0, slope)
+    middle = np.array([slope * KNOTS + 0.03 * KNOTS**2 + 0.4, 0.15 + 0.02 * KNOTS, np.full(9, -0.04)])
+    height = -sign * np.array([0.03 + 0.01 * KNOTS, np.full(9, 0.015), np.zeros(9)])
+    widths = np.array([0.01, 0.05])
+    shares = np.array([0.7 / 0.01, 0.3 / 0.05])
+    low, high = np.array([LOADS[0]]), np.array([LOADS[-1]])
+    return ScheduledCable(-0.5, 0.125, middle, height, widths, shares, low, high, np.array([2]))
+
+
+def log_at(load: float, slope: float = -0.9, noise: float = 2e-4) -> Log:
+    joint = joint_angle(MOTOR, true_cable(slope), [load])
+    joint = joint + noise * np.random.default_rng(int(1000 * load)).standard_normal(len(TIME))
+    return Log(TIME, MOTOR, joint, f"log at {load}", ())
+
+
+@pytest.fixture(scope="module")
+def fit() -> JointFit:
+    return identify_loads([log_at(load) for load in LOADS], LOADS, units=("N·m", ""))
+
+
+def test_a_load_between_those_that_were_seen_is_predicted(fit: JointFit) -> None:
+    expected = joint_angle(MOTOR, true_cable(), [0.27])
+    error = (fit.at(load=0.27).joint_angle(MOTOR) - expected)[300:]
+    assert np.sqrt(np.mean(error**2)) < 6e-4  # the loop's corners lie between knots
+    assert fit.variables == ("load",)
+    assert all(one.unseen_offset_rms < 0.1 / DEGREES for one in fit.logs[1:-1])
+
+
+def test_both_branches_go_one_way_at_every_load_that_was_seen(fit: JointFit) -> None:
+    cable, _ = cable_of(fit.best.parameters)
+    for load in np.linspace(LOADS[0], LOADS[-1], 7):
+        weights = np.array([1.0, s := (load - LOADS[0]) / (LOADS[-1] - LOADS[0]), s * s])
+        middle, height = weights @ cable.middle, weights @ cable.height
+        assert np.all(np.diff(middle + height) < 0.0)
+        assert np.all(np.diff(middle - height) < 0.0)
+
+
+def test_parameters_by_name_are_the_cable() -> None:
+    cable = true_cable()
+    back, values = cable_of(parameters_of(cable, ["load"], [0.3]))
+    assert values == (0.3,)
+    assert all(np.array_equal(one, other) for one, other in zip(cable, back, strict=True))
+
+
+def test_beyond_its_range_a_load_goes_on_straight_and_then_stays() -> None:
+    cable, width = true_cable(), LOADS[-1] - LOADS[0]
+    at = [float(joint_angle(np.zeros(1), cable, [LOADS[-1] + part * width])[0]) for part in (0.0, 0.4, 0.8, 1.0, 3.0)]
+    assert at[2] - at[1] == pytest.approx(at[1] - at[0], rel=1e-9)
+    assert at[4] == at[3]
+
+
+def moved(cable: Cable, motor: Array, widths: Array) -> Array:
+    memory, joints = cable.start(cable.prepared, float(motor[0]), widths[0], 1.0), np.empty(len(motor))
+    for i, after in enumerate(motor.tolist()):
+        memory = cable.advance(cable.prepared, memory, float(motor[max(i - 1, 0)]), after, widths[i], 1.0, 0.01)
+        joints[i] = cable.look(cable.prepared, memory, after, widths[i], 1.0).joint
+    return joints
+
+
+@pytest.mark.parametrize("slope", [-0.9, 0.9])
+def test_the_plant_moves_as_the_model(slope: float) -> None:
+    parameters = parameters_of(true_cable(slope), ["load"], [0.3])
+    expected = CableModel("scheduled", parameters).joint_angle(MOTOR)
+    turned = math.copysign(1.0, slope)
+    assert np.allclose(moved(scheduled(parameters), turned * MOTOR, np.ones(len(TIME))), expected, atol=1e-12)
+
+
+def test_a_load_that_changes_is_moved_by_the_sheath() -> None:
+    parameters = parameters_of(true_cable(), ["load"], [0.3])
+    cable = scheduled(parameters, "load")
+    low, high = (joint_angle(MOTOR, true_cable(), [load]) for load in (LOADS[0], LOADS[-1]))
+    half = len(TIME) // 2
+    joint = moved(cable, -MOTOR, np.where(np.arange(len(TIME)) < half, 1.0, 2.0))
+    assert np.allclose(joint[:half], low[:half], atol=1e-12)
+    assert np.allclose(joint[half:], high[half:], atol=1e-12)
+
+
+def test_a_bend_that_schedules_is_the_sheaths_own() -> None:
+    parameters = parameters_of(true_cable(), ["bend"], [0.3])
+    cable = scheduled(parameters, "bend", Sheath(bend=0.2, gap=1.0))
+    expected = joint_angle(MOTOR, true_cable(), [0.4])
+    assert np.allclose(moved(cable, -MOTOR, np.full(len(TIME), 2.0)), expected, atol=1e-12)
+
+
+def test_laws_are_told_slope_and_dead_zone_at_the_load(fit: JointFit) -> None:
+    rigs = [bowden.Rig(cable=fit.at(load=load)) for load in (LOADS[0], LOADS[-1])]
+    for rig, load in zip(rigs, (LOADS[0], LOADS[-1]), strict=True):
+        slope, _, height = line_of(true_cable(), [load])
+        assert rig.knowledge.slope == pytest.approx(-slope, rel=0.01)
+        assert rig.knowledge.width == pytest.approx(2.0 * abs(height / slope), rel=0.05)
+        assert rig.moved.cable.name == "scheduled"
+    assert rigs[1].knowledge.width > 1.3 * rigs[0].knowledge.width
+    far = bowden.Rig(cable=fit.at(load=2.0))
+    assert any("lies outside" in note for note in far.notes)
+    assert not any("lies outside" in note for note in rigs[0].notes)
+
+
+def test_the_bouc_wen_cable_has_the_loops_height_and_follows_over_its_dead_zone() -> None:
+    found = [bouc_wen_at(true_cable(), [load], bowden.BoucWen()) for load in (LOADS[0], LOADS[-1])]
+    heights = [line_of(true_cable(), [load])[2] for load in (LOADS[0], LOADS[-1])]
+    assert [one.hysteresis_gain * float(saturation(one)) for one in found] == pytest.approx(heights, rel=1e-6)
+    zones = [height / one.slope for one, height in zip(found, heights, strict=True)]
+    assert found[0].rate / found[1].rate == pytest.approx(zones[1] / zones[0], rel=0.01)
+
+
+def test_equal_loads_make_one_model_and_two_loads_are_said() -> None:
+    found = identify_loads([log_at(0.1), log_at(0.1)], [0.1, 0.1])
+    assert found.variables == ()
+    assert any("in all logs, so that it schedules nothing" in said for said in found.warnings)
+    assert not any(name.startswith("load") for name in found.best.parameters)
+    assert any("two values only" in said for said in identify_loads([log_at(0.1), log_at(0.5)], [0.1, 0.5]).warnings)
+
+
+@pytest.mark.parametrize(
+    ("logs", "load", "message"),
+    [
+        ([0.1], [0.1], "a joint fit of 1 logs; expected two logs or more"),
+        ([0.1, 0.2], [0.1], r"1 values of the load for 2 logs; expected one for each"),
+        ([0.1, 0.2], [0.1, math.nan], r"log at 0.2: the load is nan; expected a number"),
+        ([0.1, -0.2], [0.1, 0.2], r"moves \+0.8\d* times as far as the motor, in log at 0.1 -0.8\d* times"),
+    ],
+)
+def test_logs_that_do_not_go_together_are_refused(logs: list[float], load: list[float], message: str) -> None:
+    read = [log_at(abs(one), math.copysign(0.9, -one)) for one in logs]
+    with pytest.raises(BowdenError, match=message):
+        identify_loads(read, load)
+
+
+# recalibration
+
+
+def known(name: str = "play") -> IdentifiedCable:
+    parameters = {"slope": -0.9, "half_width": 0.03, "offset": 0.2, "initial_lag": 0.0}
+    plain = dict(bowden.BoucWen(slope=-0.9, hysteresis_gain=0.03)._asdict()) | {"initial_h": 0.0}
+    return IdentifiedCable(name, {"play": parameters, "bouc_wen": plain})
+
+
+def new_log(gain: float, offset: float, wider: float = 1.0, samples: int = 600) -> Log:
+    model = dict(known().model().parameters) | {"half_width": 0.03 * wider, "initial_lag": -0.02}
+    joint = gain * CableModel("play", model).joint_angle(MOTOR[:samples]) + offset
+    noise = 2e-4 * np.random.default_rng(3).standard_normal(samples)
+    return Log(TIME[:samples], MOTOR[:samples], joint + noise, "new", ())
+
+
+def test_gain_and_offset_come_back_from_seconds_of_motion() -> None:
+    found = recalibrate(new_log(0.97, 0.05), known(), 0.05 / DEGREES)
+    assert found.gain == pytest.approx(0.97, abs=2e-3)
+    assert found.best.parameters["offset"] == pytest.approx(0.97 * 0.2 + 0.05, abs=5e-4)
+    assert found.best.parameters["half_width"] == 0.03
+    assert found.changed is False
+    assert found.after_rms < 0.1 * found.before_rms
+
+
+def test_a_cable_that_has_changed_is_called_so_and_one_without_a_judgement_is_not() -> None:
+    assert recalibrate(new_log(1.0, 0.0, wider=1.6), known(), 0.05 / DEGREES).changed is True
+    assert recalibrate(new_log(1.0, 0.0, wider=1.6), known()).changed is None
+
+
+def test_a_joint_that_moves_the_other_way_or_a_motor_that_does_not_turn_is_refused() -> None:
+    with pytest.raises(BowdenError, match=r"moves -1 times as far as the model play says"):
+        recalibrate(new_log(-1.0, 0.0), known(), 0.01)
+    with pytest.raises(BowdenError, match="does not turn back"):
+        recalibrate(new_log(1.0, 0.0, samples=50), known(), 0.01)
+
+
+def test_a_recalibrated_scheduled_model_is_gain_times_the_old_one_at_every_load(fit: JointFit) -> None:
+    changed = recalibrated(fit.best.parameters, 1.05, 0.1)
+    for load in (0.15, 0.5):
+        old = CableModel("scheduled", {**fit.best.parameters, "load": load}).joint_angle(MOTOR)
+        new = CableModel("scheduled", {**changed, "load": load}).joint_angle(MOTOR)
+        assert np.allclose(new, 1.05 * old + 0.1, atol=1e-12)
+
+
+# on the command line
+
+SCHEMA = json.loads((Path(__file__).parents[1] / "docs" / "json" / "identify.schema.json").read_text())
+
+
+def document(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
+    assert run(["identify", *arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    jsonschema.validate(found, SCHEMA)
+    return found
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, undrawn: None) -> list[str]:
+    """Logs at four loads, the last without a column for it."""
+    monkeypatch.chdir(tmp_path)
+    for i, load in enumerate(LOADS):
+        log = log_at(load)
+        columns = [log.time, log.motor * DEGREES, log.joint * DEGREES, np.full(len(TIME), load)]
+        names = ["time_s", "motor_deg", "joint_deg", "joint_torque_nm"]
+        kept = 3 if i == 3 else 4
+        rows = np.column_stack(columns[:kept])
+        np.savetxt(f"{i}.csv", rows, "%.6f", ",", header=",".join(names[:kept]), comments="")
+    return [f"{i}.csv" for i in range(4)]
+
+
+def test_several_logs_become_a_model_that_a_rig_and_a_recalibration_take(
+    files: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = document(capsys, *files[:3], "--out", "together")
+    assert found["variables"] == {"load": "N·m"}
+    assert [one["load"] for one in found["logs"]] == pytest.approx(LOADS[:3])
+    cable, judged = load_judged("together/model.toml")
+    assert dict(cable.model().parameters) == found["models"]["scheduled"]["parameters"]
+    assert judged * DEGREES == pytest.approx(found["judged_rms_deg"], rel=1e-5)
+    Path("rig.toml").write_text('[cable]\nmodel = "together/model.toml"\n[cable.parameters]\nload = 0.15\n')
+    assert bowden.Rig.read("rig.toml").cable.model().parameters["load"] == 0.15
+    again = document(capsys, files[3], "--model", "together/model.toml", "--load", "0.35", "--out", "new")
+    assert again["gain"] == pytest.approx(1.0, abs=0.05)
+    assert load_cable("new/model.toml").best == "scheduled"
+    assert "loop" in Path("together/identify.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["0.csv", "--load", "0.1"], "--load with one log, which cannot tell what the load changes"),
+        (["0.csv", "3.csv"], "3.csv has no column for the load, others have 'joint_torque_nm'"),
+        (["0.csv", "1.csv", "--load", "0.1"], "1 values of the load for 2 logs"),
+        (["0.csv", "1.csv", "--load", "tension"], "no column 'tension' for the load"),
+        (["0.csv", "1.csv", "--model", "model.toml"], "--model with 2 logs"),
+        (["0.csv", "--model", "none.toml"], "none.toml cannot be read"),
+    ],
+)
+def test_a_wrong_command_line_is_refused_in_one_line(
+    files: list[str], capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert run(["identify", *arguments]) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert not Path("out").exists()
+
+
+# on a real cable
+
+
+@pytest.mark.long
+def test_a_load_of_a_real_cable_that_was_left_out_is_predicted(shared_data: Path) -> None:
+    files = sorted((shared_data / "cable_load").glob("*.csv.gz"))
+    by = scheduled_by("load", files, "joint_torque_nm")
+    assert by is not None
+    found = identify_loads([read_log(file) for file in files], by.values, units=(by.unit, ""))
+    errors = {
+        name: float(np.median([getattr(one, name) for one in found.logs])) * DEGREES
+        for name in ("unseen_rms", "unseen_offset_rms", "same_rms", "same_offset_rms")
+    }
+    assert errors["unseen_rms"] <= 0.35
+    assert errors["unseen_offset_rms"] <= 0.25
+    assert errors["same_offset_rms"] <= 0.15

@@ -1,0 +1,114 @@
+"""A release of an arm that hangs on the suit: let down at a bounded speed until nothing pulls, and never dropped."""
+
+import math
+from typing import NamedTuple
+
+import pytest
+
+from bowden.core.kernel import compiled
+from bowden.core.signals import DriveReading
+from bowden.core.units import DEGREES, RADIANS
+from bowden.live.live_run import live_run
+from bowden.models.drive.thermal import cold
+from bowden.models.suit.arm import Wearer
+from bowden.plants.suit_parts import Suit, prepare_suit
+from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.rig.rig import Rig
+from bowden.rig.settings import SuitSettings
+from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
+
+SUIT = Suit()._replace(motor=Suit().motor._replace(integral=40.0))
+STILL = Bends(math.pi, math.pi)
+LOOSE = SUIT.motor._replace(friction=0.0, efficiency=1.0)
+HEAVY = SUIT.arm._replace(mass=2.0 * SUIT.arm.mass, inertia=2.0 * SUIT.arm.inertia)
+LIMITS, DT = Rig(suit=SuitSettings(worn=True)).supervisor_limits, 1e-3
+
+
+class Let(NamedTuple):
+    """What a release came to."""
+
+    drop: float
+    """Of the joint within 0.2 s [deg]."""
+    lasted: float
+    """[s]"""
+    fastest: float
+    """Largest speed of the joint downwards [deg/s]."""
+    joint: float
+    """Where the power goes off [deg]."""
+    flexor: float
+    """Tension there [N]."""
+    extensor: float
+    """Largest tension until there [N]."""
+    mode: float
+    """At the end."""
+
+
+def let_go(suit: Suit, start: float, *, lost: bool = False, wearer: Wearer | None = None) -> Let:
+    """An operator's stop, or a lost joint angle, at a motor that holds the arm at `start` [deg]."""
+    plant, step, own = prepare_suit(suit), compiled(suit_step), suit.wearer if wearer is None else wearer
+    state = suit_start(plant, start * RADIANS, start * RADIANS, math.pi)
+    for _ in range(3000):
+        state = SuitState(*step(plant, state, start * RADIANS, True, STILL, suit.wearer, DT))
+
+    def reading(lost: bool) -> DriveReading:
+        joint = math.nan if lost else state.joint
+        return DriveReading(
+            *(float(suit_motor(plant, state)), joint, state.spool.current, 20.0, math.nan, 0.0, 0.0, 0.0),
+            *(4.0, 0.0, 0.0, 0.0, 0.0),
+        )
+
+    begun = begin(LIMITS, reading(False), cold(LIMITS.thermal))
+    target = start * RADIANS
+    sees = begun._replace(
+        target=target,
+        decided=begun.decided._replace(mode=float(Mode.RUNNING), passed=1.0, target_before=target),
+        servo=begun.servo._replace(enabled=1.0),
+    )
+    first, early, fastest, most = state.joint, state.joint, 0.0, 0.0
+    for k in range(round(2.0 * longest_release(LIMITS) / DT)):
+        request = Request.STOP if k == 0 and not lost else Request.NONE
+        observed = Observed(reading(lost), 0.0, DT, float(request), 0.0, 1.0, 1.0, 0.0)
+        sees, verdict = supervise(LIMITS, sees, observed, target, DT)
+        if not verdict.power:
+            break
+        state = SuitState(*step(plant, state, verdict.target, True, STILL, own, DT))
+        early = state.joint if k < 200 else early
+        fastest = max(fastest, -state.joint_velocity)
+        most = max(most, state.extensor_pull.joint)
+    told = (first - early) * DEGREES, k * DT, fastest * DEGREES, state.joint * DEGREES
+    return Let(*told, state.flexor_pull.joint, most, verdict.mode)
+
+
+@pytest.mark.parametrize(
+    "suit",
+    [SUIT, SUIT._replace(motor=LOOSE), SUIT._replace(motor=LOOSE, arm=HEAVY)],
+    ids=["default", "gears without friction", "twice the arm, gears without friction"],
+)
+@pytest.mark.parametrize("lost", [False, True], ids=["stop", "joint lost"])
+def test_an_arm_is_let_down_and_not_dropped(suit: Suit, lost: bool) -> None:
+    let = let_go(suit, 60.0, lost=lost)
+    assert let.mode == (Mode.LATCHED if lost else Mode.STOPPED)
+    assert let.drop < 6.0, "0.2 s at `lowering` are 8°"
+    assert let.fastest < 100.0, "a fall of 0.2 s from rest comes to 200°/s"
+    assert 1.0 < let.lasted < longest_release(LIMITS)
+    assert let.joint < 12.0
+    assert let.flexor < suit.pretension
+    assert let.extensor < 2.0 * suit.pretension
+
+
+def test_whoever_starts_a_run_is_told_how_long_it_takes() -> None:
+    suit, bench = (live_run(Rig(suit=SuitSettings(worn=worn))).losses() for worn in (True, False))
+    assert "the arm is let down at 40°/s, and the power off within 3.34 s" in suit
+    assert "the cable is let out, and the power off within 0.48 s" in bench
+
+
+def test_an_arm_that_hangs_is_let_go_of_at_once() -> None:
+    assert let_go(SUIT, 2.0).lasted <= 0.2
+
+
+def test_an_arm_that_its_wearer_holds_up_is_not_pulled_down() -> None:
+    """The cable is slack once the motor is far enough behind; the extensor is not wound up against the wearer."""
+    let = let_go(SUIT, 60.0, wearer=Wearer(stiffness=40.0, damping=2.0, centre=60.0 * RADIANS))
+    assert let.lasted < 0.8
+    assert let.joint > 50.0
+    assert let.extensor < 120.0
