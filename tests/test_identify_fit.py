@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import chebyshev
 from bowden.identify.cable.fit import Fit, identify
@@ -19,6 +20,8 @@ from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
+from bowden.models.cable.generalised_play import Branches
+from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
 
 Array = NDArray[np.float64]
@@ -152,6 +155,23 @@ def test_a_bent_cable_needs_the_static_nonlinearity() -> None:
     assert fit.best.name == "bouc_wen_static"
     assert fit.models[fit.best.name].test_rms < 0.3 * fit.models["bouc_wen"].test_rms
     assert fit.models[fit.best.name].test_rms * DEGREES < 0.015
+
+
+def test_a_finely_bent_loop_needs_free_branches_and_is_no_worse_outward() -> None:
+    """Bends of a tenth of the stroke: drawn inside; on a stroke half as large again as good as the next best."""
+    nodes = np.arange(40)
+    bends, gaps = 0.004 * np.sin(1.3 * nodes), 0.05 + 0.005 * np.cos(0.9 * nodes)
+    low, high = float(MOTOR.min()), float(MOTOR.max())
+    bent = Branches(0.9, bends, gaps, low, high, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1)
+    fit = identify(TIME, MOTOR + noise(1), branched(MOTOR, 0.0, bent) + noise(2))
+    assert fit.best.name == "generalised_play"
+    assert fit.chosen.test_rms < 0.5 * fit.models["bouc_wen_static"].test_rms
+    further, others = 1.5 * MOTOR, ("bouc_wen_static", "prandtl_ishlinskii")
+    truth = branched(further, 0.0, bent)
+    errors = {name: rmse(fit.models[name].model.joint_angle(further) - truth) for name in NAMES}
+    assert errors["generalised_play"] < 1.1 * min(errors[name] for name in others)
+    joint = fit.best.joint_angle(further)
+    assert (np.diff(joint) * np.diff(further) >= -1e-12).all()
 
 
 def test_without_hysteresis_a_line_is_enough() -> None:
