@@ -165,7 +165,7 @@ def test_a_finely_bent_loop_needs_free_branches_and_is_no_worse_outward() -> Non
     bent = Branches(0.9, bends, gaps, low, high, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1)
     fit = identify(TIME, MOTOR + noise(1), branched(MOTOR, 0.0, bent) + noise(2))
     assert fit.best.name == "generalised_play"
-    assert fit.chosen.test_rms < 0.5 * fit.models["bouc_wen_static"].test_rms
+    assert fit.chosen.test_rms < 0.7 * fit.models["bouc_wen_static"].test_rms
     further, others = 1.5 * MOTOR, ("bouc_wen_static", "prandtl_ishlinskii")
     truth = branched(further, 0.0, bent)
     errors = {name: rmse(fit.models[name].model.joint_angle(further) - truth) for name in NAMES}

@@ -47,7 +47,7 @@ def settling(path: Path, rich: Estimate) -> Settling:
     for stroke in range(path.strokes):
         mask = path.stroke == stroke
         blocks.append(products(columns[mask], path.weight[mask]))
-    weights = np.bincount(path.stroke, path.weight, path.strokes)
+    weights = np.bincount(path.stroke, path.weight, path.strokes).astype(np.float64)
     prior = np.zeros((columns.shape[1] - 1,) * 2) if rich.prior is None else rich.prior / weights.sum()
     judged = range(max(_FEWEST, path.strokes // 2), path.strokes)
     if not judged:
@@ -55,9 +55,10 @@ def settling(path: Path, rich: Estimate) -> Settling:
     best, least = Settling(), np.inf
     for half_life in (np.inf, _HALF_LIFE):
         for start in start_ends(path):
-            error = sum(_error(blocks, weights, prior, k, Settling(start, half_life)) for k in judged if k > start)
+            given = Settling(start, half_life)
+            error = float(sum([_error(blocks, weights, prior, k, given) for k in judged if k > start]))
             if error < _OF_USE * least or (best != Settling() and error < least):
-                best, least = Settling(start, half_life), error
+                best, least = given, error
     return best
 
 
