@@ -19,7 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.errors import BowdenError
 from bowden.core.kernel_cache import source_hash
+from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
+from bowden.identify.emg.log import check_signal
 from bowden.identify.emg.score import PAPERS, score, spans
 from bowden.sensing.detectors import DEFAULT, detector_named
 from bowden.sensing.envelope import PLAIN_THRESHOLD
@@ -36,6 +39,7 @@ from emg_draw import (
     Contraction,
     describe,
     draw,
+    draw_calibration,
     draw_rest,
     recording,
     there,
@@ -127,6 +131,39 @@ def ours(name: str) -> Finder:
         return spans(OnsetDetector(case.rate, None, kind).feed(case.values).active, case.rate)
 
     return find
+
+
+class Known:
+    """A detector of the package that knows the wearer, by a calibration that is drawn with each case."""
+
+    def __init__(self, name: str, set_name: str) -> None:
+        self._kind, self._set = detector_named(name), set_name
+        self.refused: list[str] = []
+        """What the calibration said of cases that it refused; they are run without."""
+
+    def __call__(self, case: Case) -> Spans:
+        """What is found."""
+        settings = self._kind.settings
+        if case.contractions:
+            before = draw_calibration(self._set, case)
+            try:
+                found = calibrated(before)
+                settings = self._kind.of_wearer(found.sigma)
+            except BowdenError as error:
+                self.refused.append(f"{case.number}: {error}")
+        return spans(OnsetDetector(case.rate, settings, self._kind).feed(case.values).active, case.rate)
+
+
+def calibrated(case: Case) -> EnvelopeLevels:
+    """Levels of a recording as ``bowden emg calibrate`` measures them.
+
+    Raises:
+        LogError: it is refused.
+    """
+    check_signal("emg", case.values, case.rate, "the recording")
+    found = envelope_levels(case.values, case.rate, mains=case.facts.get("mains_hz", 50.0))
+    check_contraction(found, found.low, "the recording")
+    return found
 
 
 def papers(case: Case) -> Spans:
@@ -319,6 +356,7 @@ def main() -> None:
     parser.add_argument("--set", choices=list(SETS), default="development", dest="set_name")
     parser.add_argument("--detector", default=DEFAULT.name)
     parser.add_argument("--peers", action="store_true", help="the paper's threshold and TKEO, too")
+    parser.add_argument("--wearer", action="store_true", help="the same detector with a wearer's file, too")
     parser.add_argument("--rest", type=float, default=0.0, metavar="HOURS", help="of rest alone, drawn alike")
     parser.add_argument("--recordings", action="store_true", help="those in ../shared/data, too")
     parser.add_argument("--families", action="store_true", help="the table by families, too")
@@ -326,7 +364,9 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
     numbers, name = _numbers(given.numbers), given.set_name
+    known = Known(given.detector, name)
     finders = {given.detector: ours(given.detector)} | (PEERS if given.peers else {})
+    finders |= {f"{given.detector}, wearer known": known} if given.wearer else {}
     stretches = range(numbers.start, numbers.start + math.ceil(3600.0 * given.rest / REST_SECONDS))
     looks = look(name, numbers, f"{', '.join(finders)}; {given.rest:g} h of rest")
     done = list(_progress(play(finders, (draw(name, k) for k in numbers)), len(numbers), "cases"))
@@ -351,6 +391,10 @@ def main() -> None:
             _print(which, told, document["detectors"][which], given.families)
             if given.worst:
                 _list(results, resting)
+    document["refused"] = known.refused
+    if given.wearer and not given.json:
+        print(f"\nCalibrations refused: {len(known.refused)}")
+        print("\n".join(f"- {said}" for said in known.refused))
     if given.json:
         print(json.dumps(_finite(document)))
 

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 SETS = {"development": 1, "validation": 2, "judging": 3}
 """Set → its key, which goes into every draw: no two sets share a seed."""
-_CASES, _RESTS = 18_001, 18_002
+_CASES, _RESTS, _CALIBRATIONS = 18_001, 18_002, 18_003
 """What a number is drawn for."""
 RATES = (500.0, 512.0, 1000.0, 1024.0, 1925.9, 2000.0, 2048.0, 4000.0)
 """Samples a second of the rigs that are drawn [Hz]; few, since loops are compiled for each."""
@@ -197,7 +197,7 @@ def _resting(kind: str, count: int, rate: float, random: np.random.Generator) ->
         return one(np.fft.irfft(np.fft.rfft(random.normal(size=count)) * density, count), rate)
     if kind == "wandering":
         even = one(background(rate, count, random), rate)
-        return modulated(even, rate, random.uniform(0.1, 0.3), _log(random, 0.05, 2.0), random)
+        return modulated(even, rate, random.uniform(0.05, 0.15), _log(random, 0.05, 2.0), random)
     if kind == "few units":
         share = random.uniform(0.2, 0.6)
         skin, units = _resting("skin", count, rate, random), motor_units(rate, count, 3, random)
@@ -307,6 +307,22 @@ def draw(set_name: str, number: int) -> Case:
     _moved(values, phase, plan, most, chosen, rate, random)
     values, factor = _converted(values, most, float(np.max(np.abs(beside))), chosen, facts, random)
     return Case(number, chosen, values, rate, tuple(made), NOISE * factor, facts)
+
+
+def draw_calibration(set_name: str, case: Case) -> Case:
+    """What a wearer records before, with the same rig: four seconds of rest and three of the largest contraction."""
+    random = random_of(set_name, case.number, _CALIBRATIONS)
+    chosen = case.families | {"plateau": "even", "movement": "none", "electrode": "on", "converter": "fine"}
+    plan = (4.0, 7.0, max(one.ratio for one in case.contractions), 0.1, 0.1, 1.0)
+    count = next_fast_len(round(8.0 * case.rate), real=True)
+    size, seen, gone = _profile(np.arange(count) / case.rate, plan, "even", random)
+    facts: dict[str, float] = {}
+    beside, _ = _around(count, chosen, case.rate, facts, random)
+    resting = _resting(chosen["rest"], count, case.rate, random)
+    muscle = resting + size * _contracting(chosen["contraction"], count, case.rate, random)
+    values = case.rest * (muscle + beside / NOISE)
+    only = Contraction(plan[0], plan[1], plan[2], plan[3], seen, gone, True)
+    return Case(case.number, chosen, values, case.rate, (only,), case.rest, facts)
 
 
 def _around(

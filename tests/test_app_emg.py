@@ -18,7 +18,8 @@ from bowden.identify.emg.log import read_emg
 from bowden.rig import wearer_file
 from bowden.sensing.envelope import DEFAULTS
 from bowden.sensing.stream import EnvelopeFilter
-from bowden.sim.emg import background, contractions
+from bowden.sim.emg import NOISE, background, contractions
+from bowden.sim.emg_sources import heart, hum
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -157,9 +158,10 @@ def test_what_no_muscle_makes_is_neither_rest_nor_maximum(name: str, capsys: pyt
     found = document(["emg", "calibrate", str(write("a.csv", artefact(name)))], capsys, "emg_calibrate")
     assert found["mvc"] == pytest.approx(truth["mvc"], rel=0.2)
     assert found["rest"] == pytest.approx(truth["rest"], rel=0.25)
-    assert truth["left_out_s"] < found["left_out_s"] < 5.0
+    assert truth["left_out_s"] - 0.2 < found["left_out_s"] < 5.0, "of a swing or a step the envelope is free"
     assert run(["emg", "calibrate", "a.csv"]) == 0
-    assert f"note: a.csv: {found['left_out_s']:.1f} s of dead electrode" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert found["left_out_s"] < 0.05 or f"note: a.csv: {found['left_out_s']:.1f} s of dead electrode" in said
 
 
 def test_a_calibration_with_too_little_left_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -167,7 +169,7 @@ def test_a_calibration_with_too_little_left_is_one_line(capsys: pytest.CaptureFi
     dead[600:] = np.where(np.arange(7400) % 400 < 200, 0.0, dead[600:])
     assert run(["emg", "calibrate", str(write("a.csv", dead))]) == 2
     said = capsys.readouterr().err
-    assert "a.csv: 0.0 of 8.0 s are free of dead electrodes, movement, mains and clicks; expected at least 1 s" in said
+    assert "of 8.0 s are free of dead electrodes, movement, mains and clicks; expected at least 1 s" in said
     assert not Path("wearer.toml").exists()
 
 
@@ -296,10 +298,11 @@ def test_hum_of_a_wearers_mains_is_taken_out_of_their_envelope(capsys: pytest.Ca
 def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
     assert run(["emg", "calibrate", calm]) == 2
-    assert "expected at least 3 times as much" in capsys.readouterr().err
+    assert "no contraction: the envelope is" in capsys.readouterr().err
+    assert not Path("wearer.toml").exists()
     Path("wearer.toml").write_text('[emg]\nchannel = "a"\nrest = 0.5\nmvc = 0.2\nsource = "b"\n')
     assert run(["emg", "score", str(write("a.csv", signal())), "--wearer", "wearer.toml"]) == 2
-    assert "expected at least 3 times as much" in capsys.readouterr().err
+    assert "expected at least 1.5 times as much" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -371,3 +374,32 @@ def test_labels_that_cannot_be_are_one_line(
     assert said in capsys.readouterr().err
     assert run(["emg", "score", "a.csv", "--shortest-ms", "-1"]) == 2
     assert run(["emg", "score", "nowhere.csv"]) == 2
+
+
+@pytest.mark.parametrize(
+    "name", ["weak", "short rest", "no rest at first", "heart", "drift", "hum", "lifted", "500 Hz"]
+)
+def test_a_recording_that_a_person_would_use_is_calibrated(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """One contraction of ten times rest, or as named: what is beside it is no reason to refuse it."""
+    rate, random = 500.0 if name == "500 Hz" else 1000.0, np.random.default_rng(11)
+    count, size, first, last = round(8.0 * rate), 10.0 * NOISE, 3.0, 6.0
+    if name == "weak":
+        size = 3.0 * NOISE
+    elif name in ("short rest", "no rest at first"):
+        first, last = (0.8, 7.9) if name == "short rest" else (-1.0, 5.0)
+    time = np.arange(count) / rate
+    calm = background(rate, count, random)
+    values = calm + contractions(rate, [(first, last, size)], count, 11)
+    if name == "heart":
+        values += 15.0 * NOISE * heart(rate, count, 1.3, random)
+    elif name == "drift":
+        values += 200.0 * NOISE * np.sin(2.0 * np.pi * 0.4 * time)
+    elif name == "hum":
+        values += 5.0 * NOISE * hum(rate, count, 50.0, 0.2, random)
+    elif name == "lifted":
+        values[(time > 7.0) & (time < 7.5)] = 100.0 * NOISE
+    found = document(["emg", "calibrate", str(write("a.csv", values, rate=rate))], capsys, "emg_calibrate")
+    rest = float(np.mean(np.abs(calm)))
+    assert 0.5 * rest < found["rest"] < (3.0 if name == "hum" else 1.5) * rest
+    assert 0.7 * size < found["mvc"] < 2.0 * size
+    assert 0.0 < found["sigma"] < 2.0 * rest

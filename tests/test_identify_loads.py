@@ -1,5 +1,6 @@
 """Several logs of one cable: what is recovered, what the plant does with it, what is refused; and recalibration."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -149,6 +150,20 @@ def test_equal_loads_make_one_model_and_two_loads_are_said() -> None:
     assert any("two values only" in said for said in identify_loads([log_at(0.1), log_at(0.5)], [0.1, 0.5]).warnings)
 
 
+def test_a_log_with_another_zero_is_named() -> None:
+    logs = [log_at(load) for load in (0.1, 0.1, 0.5, 0.5)]
+    shifted = dataclasses.replace(logs[1], joint=logs[1].joint + 0.1, name="shifted")
+    found = identify_loads([logs[0], shifted, *logs[2:]], [0.1, 0.1, 0.5, 0.5])
+    assert any("shifted by 2.9°" in said and "one zero" in said for said in found.warnings)
+    assert not any("one zero" in said for said in identify_loads(logs, [0.1, 0.1, 0.5, 0.5]).warnings)
+
+
+def test_a_load_and_a_bend_that_change_together_are_refused() -> None:
+    logs = [log_at(load) for load in LOADS]
+    with pytest.raises(BowdenError, match="change together"):
+        identify_loads(logs, LOADS, [2.0 * load for load in LOADS])
+
+
 @pytest.mark.parametrize(
     ("logs", "load", "message"),
     [
@@ -192,6 +207,7 @@ def test_gain_and_offset_come_back_from_seconds_of_motion() -> None:
 def test_a_cable_that_has_changed_is_called_so_and_one_without_a_judgement_is_not() -> None:
     assert recalibrate(new_log(1.0, 0.0, wider=1.6), known(), 0.05 / DEGREES).changed is True
     assert recalibrate(new_log(1.0, 0.0, wider=1.6), known()).changed is None
+    assert recalibrate(new_log(1.0, 0.0), known(), 1e-9).changed is False  # what is left is of no use to anybody
 
 
 def test_a_joint_that_moves_the_other_way_or_a_motor_that_does_not_turn_is_refused() -> None:
@@ -207,6 +223,15 @@ def test_a_recalibrated_scheduled_model_is_gain_times_the_old_one_at_every_load(
         old = CableModel("scheduled", {**fit.best.parameters, "load": load}).joint_angle(MOTOR)
         new = CableModel("scheduled", {**changed, "load": load}).joint_angle(MOTOR)
         assert np.allclose(new, 1.05 * old + 0.1, atol=1e-12)
+
+
+def test_every_family_of_models_can_be_recalibrated() -> None:
+    """Whatever is fitted to a log has gain and offset among its parameters."""
+    found = bowden.identify(TIME, MOTOR, log_at(0.2).joint)
+    for name, fitted in found.models.items():
+        old = fitted.model.joint_angle(MOTOR)
+        new = CableModel(name, recalibrated(fitted.parameters, 1.03, -0.2)).joint_angle(MOTOR)
+        assert np.allclose(new, 1.03 * old - 0.2, atol=1e-9), name
 
 
 # on the command line

@@ -239,6 +239,7 @@ def test_a_motor_may_make_many_turns_where_its_unit_is_known(write: Write) -> No
     turns = 100.0 * MOTOR  # ±8 turns
     log = read_log(write(text(rows(TIME, turns, JOINT))))
     assert log.motor == pytest.approx(turns, abs=1e-6)
+    assert log.warnings[0].startswith("the motor moves 111 times as far as the joint, as before a gear")
     with pytest.raises(LogError, match=r"look like degrees; .*; of a motor of many turns, say rad"):
         read_log(write(text(rows(TIME, turns, JOINT), "t,motor,joint")))
     degrees = text(rows(TIME, 57.3 * np.degrees(MOTOR), np.degrees(JOINT)), "t,motor_deg,joint_deg")

@@ -14,6 +14,7 @@ from bowden.core.errors import LogError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.units import RADIANS
 from bowden.identify.servo.fit import ServoEstimate, identify_servo
+from bowden.identify.servo.log import read_servo_log
 from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -124,6 +125,18 @@ def test_the_command_writes_keys_of_a_rig(folder: Path, capsys: pytest.CaptureFi
     (folder / "rig.toml").write_text((folder / "out/servo/servo.toml").read_text(encoding="utf-8"))
     assert run(["check", "rig.toml", "--law", "uncompensated", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == "holds"
+
+
+def test_a_log_has_times_or_a_rate_and_repeated_times_are_dropped(tmp_path: Path) -> None:
+    time, path = np.arange(300) / 1000.0, tmp_path / "log.csv"
+    late = np.where(np.arange(300) % 10 == 5, time + 1e-3, time)
+    signals = np.sin(9.0 * time), np.sin(9.0 * time - 0.1)
+    for columns, names, rate in (((late, *signals), "time_s,u_rad,motor_rad", None), (signals, "u_rad,motor_rad", 1e3)):
+        np.savetxt(path, np.column_stack(columns), fmt="%.6f", delimiter=",", header=names, comments="")
+        (found, command, _), notes = read_servo_log(path, {}, rate=rate)
+        assert found == pytest.approx(time, abs=1e-9)
+        assert command == pytest.approx(signals[0], abs=0.01)
+        assert bool(notes) == (rate is None)
 
 
 @pytest.mark.parametrize(

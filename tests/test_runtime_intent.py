@@ -133,8 +133,9 @@ def test_a_first_sample_that_is_missing_is_no_jump_from_nothing_to_the_offset() 
 
 def test_a_wearers_rest_is_not_taken_for_a_contraction_after_a_start_that_was_muted() -> None:
     signal = contraction(20.0, [(15.0, 16.0)])
+    sigma = float(OnsetDetector(RATE).feed(signal).rest[10_000])
     signal[:2000] *= 0.1
-    for levels, begins in ((None, 2.0), (Levels(0.008, 0.2), 15.0)):
+    for levels, begins in ((None, 2.0), (Levels(0.008, 0.2, sigma=sigma), 15.0)):
         listener = Listener(RATE, 0, levels=levels)
         heard = [listener.take(chunk, 100.0) for chunk in chunks(signal[:, None], list(range(10, 20_000, 10)))]
         first = next(one.onset for one in heard if one.onset)

@@ -17,7 +17,16 @@ from bowden.models.drive.thermal import Thermal, ThermalState, cold, warm
 from bowden.models.plausible import Followed, beyond, follow, lasting, outside
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Mode, Observed, Request, SupervisorState, Verdict, begin, supervise
+from bowden.safety.supervisor import (
+    Mode,
+    Observed,
+    Request,
+    SupervisorState,
+    Verdict,
+    begin,
+    longest_release,
+    supervise,
+)
 
 DT = 2.0**-10
 TINY = 1e-9
@@ -311,6 +320,12 @@ def test_a_detector_speaks_beyond_its_limit_and_not_at_it(edge: Edge) -> None:
     assert fault in faults(also, {name: bad})
 
 
+def test_a_current_that_is_not_known_means_no_tension() -> None:
+    blind = {"limits.measures_current": 0.0, "limits.measures_tension": 0.0}
+    small = {"limits.tension_high": 0.5, "limits.tension_low": 0.25}
+    assert Fault.OVER_TENSION not in faults({**STRAINED, **LEAN, **blind, **small})
+
+
 DRIVE = {Fault.DRIVE_DROPPED, Fault.DRIVE_FAULT}
 
 
@@ -464,6 +479,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("servo.position", 0.51, {**ARMED, "reading.motor": 0.51}),
     ("servo.speed", 0.0, {**ARMED, "state.servo.speed": 3.0}),
     ("servo.position", AWAY, MOVING),
+    ("servo.position", AWAY, {**MOVING, "reading.sample_age": 2e6}),
     ("servo.speed", SPEED, MOVING),
     ("servo.position", LATER, {**MOVING, "observed.elapsed": 3 * DT, "state.decided.target_before": 0.25}),
     ("decided.target_before", 0.25, {"state.target": 0.25, "law.wish": 0.25}),
@@ -504,6 +520,7 @@ ESTIMATES: list[tuple[str, float, Changes]] = [
     ("decided.passed", 0.0, {**STOPPED, "state.decided.passed": 1.0}),
     ("decided.passed", 0.0, {**LATCHED, "state.decided.passed": 1.0}),
     ("decided.released", DT, R2),
+    ("decided.released", DT, {**R2, "state.sample_age": 2 * DT}),
     ("decided.released", 4 * DT, {**RELEASING, "state.decided.released": DT, "observed.elapsed": 3 * DT}),
     ("decided.released", 0.0, {"state.decided.released": DT}),
     ("decided.eased", 3 * DT, {**RELEASING, "state.decided.eased": 2 * DT, "reading.current": 0.25}),
@@ -619,6 +636,14 @@ def test_a_release_that_begins_is_not_over_whatever_was_counted_before() -> None
     stale = {"state.decided.released": 9.0, "state.decided.eased": 9.0, "reading.current": 0.0}
     assert cycle(stale, {"observed.request": Request.STOP})[1].mode == Mode.RELEASING
     assert cycle(stale, R2)[1].mode == Mode.RELEASING
+
+
+def test_the_longest_release_is_from_the_end_at_which_the_cable_pulls() -> None:
+    loaded = LIMITS._replace(loaded=1.0, lowering=2.0)
+    assert longest_release(LIMITS) == LIMITS.release_time
+    assert longest_release(loaded) == LIMITS.release_time + 1.0
+    assert longest_release(loaded._replace(motor_low=-3.0)) == LIMITS.release_time + 1.0
+    assert longest_release(loaded._replace(slack_sign=1.0)) == LIMITS.release_time + 0.25
 
 
 def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_cable_is_slack() -> None:

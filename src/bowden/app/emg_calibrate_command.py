@@ -62,7 +62,8 @@ def calibrate(
         wearer, left_out = _from_recordings(recording, rest, channel, rate, mains, kind, json)
     wearer_file.write(out, wearer_file.check(wearer, wearer.source))
     if json:
-        document = {"rest": wearer.rest, "mvc": wearer.mvc, "channel": wearer.channel, "left_out_s": left_out}
+        document = {"rest": wearer.rest, "mvc": wearer.mvc, "sigma": wearer.sigma, "channel": wearer.channel}
+        document |= {"left_out_s": left_out}
         print_json(document | {"files": [str(out)]})
         return
     print(f"rest {wearer.rest:.4g}, MVC {wearer.mvc:.4g} (envelopes, in the unit of {wearer.channel}) → {out}")
@@ -78,7 +79,7 @@ def _from_recordings(
     quiet: bool,
 ) -> "tuple[MuscleCalibration, float]":
     """The wearer, and how much was left out [s]."""
-    from bowden.identify.emg.levels import envelope_levels
+    from bowden.identify.emg.levels import check_contraction, envelope_levels
     from bowden.identify.emg.log import read_emg
     from bowden.rig.wearer_file import MuscleCalibration
 
@@ -88,12 +89,14 @@ def _from_recordings(
     levels = envelope_levels(log.values, log.rate, str(recording), mains, kind)
     left_out = _report_left_out(levels.left_out, str(recording), quiet)
     if rest is None:
-        return MuscleCalibration(levels.low, levels.high, log.channel, recording.name, mains), left_out
+        check_contraction(levels, levels.low, str(recording))
+        return MuscleCalibration(levels.low, levels.high, log.channel, recording.name, levels.sigma, mains), left_out
     calm = read_emg(rest, log.channel, rate)
     resting = envelope_levels(calm.values, calm.rate, str(rest), mains, kind)
     left_out += _report_left_out(resting.left_out, str(rest), quiet)
-    wearer = MuscleCalibration(resting.middle, levels.high, log.channel, f"{recording.name} and {rest.name}", mains)
-    return wearer, left_out
+    check_contraction(levels, resting.middle, str(recording))
+    source = f"{recording.name} and {rest.name}"
+    return MuscleCalibration(resting.middle, levels.high, log.channel, source, resting.sigma, mains), left_out
 
 
 def _from_stream(
@@ -103,7 +106,7 @@ def _from_stream(
     from bowden.app.emg_listen import listen
     from bowden.core.errors import ParameterError
     from bowden.hardware.emg.sources import open_source
-    from bowden.identify.emg.levels import envelope_levels
+    from bowden.identify.emg.levels import check_contraction, envelope_levels
     from bowden.rig.wearer_file import MuscleCalibration
 
     if not 2.0 <= lasting <= 60.0:
@@ -128,7 +131,9 @@ def _from_stream(
     contraction = envelope_levels(hard, stream.rate, "the contraction", mains, kind)
     left_out = _report_left_out(rest.left_out, "rest", quiet)
     left_out += _report_left_out(contraction.left_out, "the contraction", quiet)
-    return MuscleCalibration(rest.middle, contraction.high, with_unit(name, stream.unit), source, mains), left_out
+    check_contraction(contraction, rest.middle, "the contraction")
+    of = with_unit(name, stream.unit)
+    return MuscleCalibration(rest.middle, contraction.high, of, source, rest.sigma, mains), left_out
 
 
 def _report_left_out(left_out: float, where: str, quiet: bool) -> float:

@@ -66,7 +66,7 @@ def score(
         log = replace(log, warnings=(*log.warnings, said))
     output_folder(out)
     moved = None if known is None else [(on - log.start, off - log.start) for on, off in known]
-    by = kind.settings if of is None or of.channel != log.channel else kind.of_wearer(of.rest)
+    by = kind.settings if of is None or of.channel != log.channel else kind.of_wearer(of.sigma)
     by = by._replace(shortest=1e-3 * shortest_ms)
     mvc, mains = (None, 0.0) if of is None else (of.mvc, of.mains)
     found = find(log.values, log.rate, moved, mvc, by, mains, kind)

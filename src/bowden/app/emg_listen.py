@@ -54,5 +54,5 @@ def listen(
         missing = int(np.sum(~np.isfinite(received)))
         if missing:
             raise StreamError(f"{missing} of {len(received)} samples of {channel!r} did not come", do="begin anew")
-        check_signal(channel, received, "the stream")
+        check_signal(channel, received, stream.rate, "the stream")
     return received

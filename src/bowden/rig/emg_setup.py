@@ -185,7 +185,8 @@ def _parts(channel: str, unit: str = "") -> tuple[str, str]:
 
 def levels(run: EmgRun) -> Levels | None:
     """The wearer's, for the envelope's share of MVC."""
-    return None if run.wearer is None else Levels(run.wearer.rest, run.wearer.mvc, run.wearer.mains)
+    wearer = run.wearer
+    return None if wearer is None else Levels(wearer.rest, wearer.mvc, wearer.mains, wearer.sigma)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -22,12 +22,14 @@ class MuscleCalibration(NamedTuple):
     """Name of the recording's column, with its unit."""
     source: str
     """Recordings it was measured from."""
+    sigma: float = 0.0
+    """Size of the signal at rest as the detector measures it, in the same unit; 0 where it is not known."""
     mains: float = 50.0
     """What was taken out of the envelopes, and is taken out of those that are compared with them: 50, 60 or 0 [Hz]."""
 
 
-_LEAST_RATIO = 3.0
-"""A contraction is at least so many times rest."""
+_LEAST_RATIO = 1.5
+"""The largest envelope is at least so many times rest's, or there is no share of it to speak of."""
 
 
 def check(wearer: MuscleCalibration, where: str) -> MuscleCalibration:
@@ -36,8 +38,11 @@ def check(wearer: MuscleCalibration, where: str) -> MuscleCalibration:
     Raises:
         ParameterError: an MVC that is not well above rest, or mains that no country has.
     """
-    if not (0.0 <= wearer.rest < math.inf and 0.0 < wearer.mvc < math.inf):
-        raise ParameterError(f"{where}: rest is {wearer.rest:g} and MVC {wearer.mvc:g}", expected="numbers above 0")
+    if not (0.0 <= wearer.rest < math.inf and 0.0 < wearer.mvc < math.inf and 0.0 <= wearer.sigma < math.inf):
+        raise ParameterError(
+            f"{where}: rest is {wearer.rest:g}, MVC {wearer.mvc:g} and sigma {wearer.sigma:g}",
+            expected="numbers above 0",
+        )
     check_mains(wearer.mains, f"{where}: mains_hz")
     if wearer.mvc < _LEAST_RATIO * wearer.rest:
         raise ParameterError(
@@ -72,6 +77,7 @@ def text_of(wearer: MuscleCalibration) -> str:
     return (
         "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
         f"channel = {quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
+        f"sigma = {wearer.sigma:.6g}\n"
         f"source = {quoted(wearer.source)}\nmains_hz = {wearer.mains:g}\n"
     )
 
@@ -84,9 +90,10 @@ def read(path: Path) -> MuscleCalibration:
     """
     try:
         section = read_toml(path)["emg"]
-        rest, mvc, mains = (_number({"mains_hz": 50.0} | section, key) for key in ("rest", "mvc", "mains_hz"))
-        found = MuscleCalibration(rest, mvc, str(section["channel"]), str(section["source"]), mains)
-        unknown = set(section) - {"rest", "mvc", "channel", "source", "mains_hz"}
+        known = {"mains_hz": 50.0, "sigma": 0.0} | section
+        rest, mvc, sigma, mains = (_number(known, key) for key in ("rest", "mvc", "sigma", "mains_hz"))
+        found = MuscleCalibration(rest, mvc, str(section["channel"]), str(section["source"]), sigma, mains)
+        unknown = set(section) - {"rest", "mvc", "sigma", "channel", "source", "mains_hz"}
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}", do="run bowden emg calibrate") from error
     except (KeyError, TypeError, ValueError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors

@@ -46,7 +46,8 @@ class Detector:
     step: Callable[[Any, Any, float], Any]
     rest: Callable[[Any], float]
     of_wearer: Callable[[float], Any]
-    """Settings for a wearer whose envelope at rest is known, in the signal's unit."""
+    """Settings for a wearer of whom `rest` is known, in the signal's unit; 0 where it is not. It must not be the
+    envelope's: that is of another band, and what bounds rest from below would hide weak contractions."""
     slowest: float
     """Smallest rate that it takes [Hz]."""
     safe: float

@@ -24,8 +24,8 @@ MAINS_HZ = (0.0, 50.0, 60.0)
 class EnvelopeSettings(NamedTuple):
     """What the chain takes out and lets through."""
 
-    offset_hz: float = 1.0
-    """Corner of the high-pass; movement of the electrode needs 20 Hz."""
+    offset_hz: float = 20.0
+    """Corner of the high-pass, below which there is movement of electrode and cable (SENIAM: 10 to 20 Hz)."""
     mains_hz: float = 50.0
     """50 or 60, which is taken out with its second and third harmonic; 0 for none."""
     mains_width_hz: float = 2.0

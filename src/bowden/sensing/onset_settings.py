@@ -80,8 +80,8 @@ DEFAULTS = OnsetSettings()
 
 
 def of_wearer(rest: float) -> OnsetSettings:
-    """For a wearer whose envelope at `rest` is known, in the signal's unit: σ is never below half of it.
+    """For a wearer whose σ at `rest` has been measured, in the signal's unit: it is never below 0.7 of that.
 
     So a start that is quieter, as of an amplifier that is muted, makes no contraction of the rest that follows.
     """
-    return DEFAULTS._replace(least=max(0.5 * rest, DEFAULTS.least))
+    return DEFAULTS._replace(least=max(0.7 * rest, DEFAULTS.least))

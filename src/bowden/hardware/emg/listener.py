@@ -31,13 +31,15 @@ class Levels(NamedTuple):
     """Envelope of the maximum contraction, in the same unit."""
     mains: float = CLEANED.mains_hz
     """What is taken out of the envelopes [Hz]."""
+    sigma: float = 0.0
+    """Size of the signal at rest as the detector measures it, in the same unit; 0 where it is not known."""
 
 
 def filters_of(levels: Levels | None, detector: Detector = DEFAULT) -> tuple[Any, EnvelopeSettings]:
     """What a wearer's flexor is heard with: settings of detector and envelope; the defaults without levels."""
     if levels is None:
         return detector.settings, CLEANED
-    return detector.of_wearer(levels.rest), CLEANED._replace(mains_hz=levels.mains)
+    return detector.of_wearer(levels.sigma), CLEANED._replace(mains_hz=levels.mains)
 
 
 def share_of(envelope: Array, levels: Levels | None) -> Array:

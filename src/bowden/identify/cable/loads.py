@@ -70,6 +70,10 @@ _ALIKE = 0.05
 """Loads that differ by less than this share of all loads' range are one level [–]."""
 _LEAST_RANGE = 0.02
 """Loads whose range is smaller than this share of the largest are all equal [–]."""
+_TOGETHER = 0.95
+"""Correlation of load and bend over the logs above which they are refused."""
+_BESIDE = 0.005
+"""A log whose mean error is above that share of the motor's range and half its scatter lies beside the others [–]."""
 _HIGHEST = 2
 """Highest power of a variable. f bends with the load as a cable's stiffness rises with its tension."""
 
@@ -236,6 +240,7 @@ def identify_loads(
     cable = _fitted(moved, values, frame)
     tell("judging", 0.5)
     judged = _judged(moved, values, names, frame, cable)
+    warnings += _beside(moved, values, cable)
     middle = [0.5 * float(low + high) for low, high in zip(cable.low, cable.high, strict=True)]
     tell("bouc_wen", 0.8)
     near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
@@ -354,6 +359,12 @@ def _scheduling(
             )
         names.append(name)
         columns.append(values)
+    if len(columns) == 2 and abs(float(np.corrcoef(columns[0], columns[1])[0, 1])) > _TOGETHER:
+        raise ParameterError(
+            "load and bend change together from log to log, so that nothing can tell which of them does what",
+            expected="logs in which one changes and the other does not",
+            do="record such a log, or schedule by one of them (none for the other)",
+        )
     if not names and not warnings:
         warnings.append("nothing tells the logs apart (no load, no bend): one model was fitted to all of them")
     found = np.array(columns).T if columns else np.empty((len(logs), 0))
@@ -479,6 +490,22 @@ def _judged(
             )
         )
     return found
+
+
+def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> list[str]:
+    """What is to be said of logs that lie beside the others at their load: an encoder that was zeroed anew."""
+    found, least = [], _BESIDE * cable.step * (cable.middle.shape[1] - 1)
+    for one, at in zip(moved, values, strict=True):
+        error, _ = _error(one, cable, at)
+        mean = abs(float(error.mean()))
+        if mean > max(least, 0.5 * float(error.std())):
+            found.append(f"{one.log.name} by {mean * DEGREES:.2g}°")
+    if not found:
+        return []
+    return [
+        f"{', '.join(found[:4])}{', …' if len(found) > 4 else ''} beside the model of all logs: their encoders were "
+        "zeroed anew, or the cable changed; record all with one zero, since it is the offset that a load changes most"
+    ]
 
 
 def _without(moved: Sequence[_Moved], values: Array, kept: NDArray[np.bool_], frame: _Frame) -> ScheduledCable | None:

@@ -67,7 +67,7 @@ _MEANINGS = (
     (r"bend_(low|high)", "rad", "least or largest bend among the logs"),
     (r"knot_first", "rad", "motor angle of the first knot"),
     (r"knot_step", "rad", "motor angle between two knots"),
-    (r"share_\d+", "1/rad", "η of the play of that half-width"),
+    (r"eta_\d+", "1/rad", "η of the play of that half-width"),
     (r"middle_\d+", "rad", "f, the middle of the loop at that knot, at the least load and bend"),
     (r"middle_\d+_(load|bend)_[12]", "rad", "what that power of the scaled load or bend adds to it"),
     (r"height_\d+", "rad", "g, half the height of the loop at that knot, at the least load and bend"),

@@ -8,7 +8,7 @@ gain's standard error, from leaving out one block after the other (jackknife), m
 
 The cable has changed where what is left is clearly more than the old model was judged to leave:
 
-    mean − 2·(standard error of the mean) > (`_WORSE`·judged)² + count²/12
+    mean − 2·(standard error of the mean) > max((`_WORSE`·judged)² + count²/12, `_LEAST`²)
 
 mean and standard error of the squared residual over blocks (strokes, or eight stretches of time where there are fewer),
 judged the error that the model's file states of data that it had not seen, count the new joint encoder's step.
@@ -49,6 +49,8 @@ _VAGUE = 0.02
 """Largest standard error of a gain that is used, over the gain [–]: over a stroke of 60° it is 0.3° RMS."""
 _WORSE = 1.5
 """Of the judged error: from where `bowden identify` says of a second half that the cable changed [–]."""
+_LEAST = 0.05 / DEGREES
+"""What is left below this is no change, however good the model was judged [rad]; the same is said of a second half."""
 _BEGUN = ("initial_h", "initial_lag")
 _SCALED = re.compile(r"slope|offset|weight_\d+|hysteresis_gain(_\d+)?|static_\d+|(middle|height)_\d+(_(load|bend)_\d)?")
 """Parameters in which a model's joint is linear."""
@@ -157,7 +159,8 @@ def recalibrate(
     if math.isfinite(judged):
         scatter = float(np.std(squares, ddof=1)) / math.sqrt(len(squares))
         count = resolution(log.joint)
-        changed = bool(squares.mean() - 2.0 * scatter > (_WORSE * judged) ** 2 + count**2 / 12.0)
+        most = max((_WORSE * judged) ** 2 + count**2 / 12.0, _LEAST**2)
+        changed = bool(squares.mean() - 2.0 * scatter > most)
     after = rmse(predicted - log.joint)
     if changed:
         warnings.append(

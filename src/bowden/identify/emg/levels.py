@@ -10,40 +10,58 @@ from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import EnvelopeSettings
-from bowden.sensing.stream import EnvelopeFilter, OnsetDetector
+from bowden.sensing.stream import Enveloped, EnvelopeFilter, OnsetDetector
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SETTLES = 0.5
-"""An envelope is none before so long after the beginning of its signal [s]."""
-_LEAST, _LEFT = 1.0, 0.4
-"""What must be left of a recording [s], and what share of it [–]."""
+"""An envelope is none before so long after the beginning of its signal, or after what leaves filters ringing [s]."""
+_FILLS = 0.2
+"""Rest is looked for from here on, since what a beginning leaves in filters only adds to it [s]."""
+_LEAST = 1.0
+"""What must be left of a recording [s]."""
 _LONG, _CLOSE = 0.3, 0.05
 """Shorter trouble is what the end of a contraction has, too; with so short a pause it is one trouble [s]."""
-_BEFORE = 0.15
-"""Movement and trouble are told up to so long after their cause [s]."""
+_BEFORE, _AFTER = 0.15, 0.15
+"""Movement and trouble are told up to so long after their cause, and have gone from the envelope so long after [s]."""
+_RINGS = 3.0
+"""What is so many times stronger than the strongest hundredth leaves filters ringing for `SETTLES` [–]."""
 _AROUND, _STANDS_OUT = 0.1, 6.0
 """A sample above so many times the 90 % quantile in so long around it is a click; a muscle has none such [s, –]."""
 _CLICK = 0.02
-"""What is left out before and after it [s]."""
-_MUSCLE_HZ, _MUSCLE = 20.0, 0.7
-"""Of its envelope a muscle leaves at least this share without what is slower than this: 0.77 and more was seen in three
-recordings wherever the envelope is above 30 % of its largest [Hz, –]."""
+"""What is left out before it [s]."""
+_HUMS = 0.6
+"""In a recording that is movement or mains for more than this share there is no telling what rest is [–]."""
+_SWING_HZ, _MUSCLE = 5.0, 0.7
+"""Of the envelope from here on a muscle leaves at least this share to that of the chain, from 20 Hz on: 0.77 and more
+was seen in three recordings wherever the envelope is above 30 % of its largest [Hz, –]."""
 _CALM, _STRONG = 3.0, 0.1
-"""That is asked where the envelope is above so many times the calmest tenth of it and such a share of the strongest
-hundredth; the tail of a contraction is below [–]."""
+"""That is asked where the chain's envelope is above so many times the calmest tenth of it and such a share of the
+strongest hundredth; what is below changes neither level [–]."""
+_CONTRACTION = 2.5
+"""Rest's own strongest quarter second was 2.5 times its calmest half second at most in stretches of six recordings."""
+_CALMEST, _STRONGEST = 0.5, 0.25
+"""The calmest so long is rest, where a recording has less than a tenth of it, and the strongest so long a contraction;
+short contractions last as long [s]."""
 
 
 class EnvelopeLevels(NamedTuple):
     """An envelope's levels, in the signal's unit."""
 
     low: float
-    """A tenth of the time it is below."""
+    """A tenth of the time it is below; or the mean of its calmest half second, where that is less."""
     middle: float
     """Half of the time."""
     high: float
     """Never above."""
+    strongest: float
+    """Mean over its strongest quarter second: the fluctuation of rest has little of it, as it has of `high`."""
+    told: bool
+    """Whether the detector tells a contraction."""
+    sigma: float
+    """Size at rest as the detector measures it: a tenth of the time without contraction and trouble it is below; 0 if
+    there is no such time."""
     left_out: float
     """What was not looked at, beside the first half second [s]."""
 
@@ -57,8 +75,8 @@ def envelope_levels(
 ) -> EnvelopeLevels:
     """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
 
-    Left out are dead electrodes, movement, mains and clicks, with what tells them late and the half second in which an
-    envelope begins anew after them.
+    Left out are dead electrodes, movement, mains and clicks, with what tells them late and the time in which filters
+    ring after them.
 
     Args:
         values: in any unit, finite (n,).
@@ -70,43 +88,88 @@ def envelope_levels(
     Raises:
         LogError: too little is left.
     """
-    begin, parts = round(SETTLES * rate), [np.empty(0)]
     chain = CLEANED._replace(mains_hz=mains)
-    for first, end in _stretches(~_artefacts(values, rate, chain, detector)):
-        parts.append(EnvelopeFilter(rate, chain).feed(values[first:end]).envelope[begin:])
-    envelope = np.concatenate(parts)
-    if len(envelope) < max(_LEAST * rate, _LEFT * len(values)):
+    cleaned = EnvelopeFilter(rate, chain).feed(values)
+    detected = OnsetDetector(rate, None, detector).feed(values)
+    dead = detected.trouble == 1.0
+    begin = round(SETTLES * rate)
+    out = _wider(dead, 0, begin)
+    out[:begin] = True
+    if not out.all():
+        out |= _artefacts(values, rate, cleaned, dead, chain, detector)
+    left = cleaned.envelope[~out]
+    if len(left) < _LEAST * rate:
         raise LogError(
-            f"{where}: {len(envelope) / rate:.1f} of {len(values) / rate:.1f} s are free of dead electrodes, movement, "
+            f"{where}: {len(left) / rate:.1f} of {len(values) / rate:.1f} s are free of dead electrodes, movement, "
             "mains and clicks",
-            expected=f"at least {_LEAST:g} s, and {_LEFT:g} of it",
+            expected=f"at least {_LEAST:g} s",
             do="look at the electrodes, the amplifier's range and --mains, and record again",
         )
-    low, middle, high = (float(level) for level in np.quantile(envelope, (0.1, 0.5, 1.0)))
-    return EnvelopeLevels(low, middle, high, (len(values) - begin - len(envelope)) / rate)
+    low, middle, high = (float(level) for level in np.quantile(left, (0.1, 0.5, 1.0)))
+    off = _wider(dead, 0, begin)
+    off[: round(_FILLS * rate)] = True
+    low = min(low, float(_means(cleaned.envelope, off, _CALMEST, rate).min(initial=low)))
+    strongest = float(_means(cleaned.envelope, out, _STRONGEST, rate).max(initial=middle))
+    told = bool(np.any(detected.active[~out] > 0.5))
+    calm = detected.rest[~out & (detected.active < 0.5) & (detected.trouble == 0.0)]
+    sigma = float(np.quantile(calm, 0.1)) if len(calm) else 0.0
+    return EnvelopeLevels(low, middle, high, strongest, told, sigma, (len(values) - begin - len(left)) / rate)
 
 
-def _artefacts(values: Array, rate: float, chain: EnvelopeSettings, detector: Detector) -> Flags:
-    """Samples of dead electrodes, movement, mains and clicks, each with what is around it (n,)."""
+def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
+    """See that there is a contraction in a recording: that the detector tells one, or that its envelope says so.
+
+    Args:
+        found: its levels.
+        rest: envelope at rest, of the same recording or of another.
+        where: the recording or stream, for messages.
+
+    Raises:
+        LogError: there is none.
+    """
+    if not found.told and found.strongest < _CONTRACTION * rest:
+        raise LogError(
+            f"{where}: no contraction: the envelope is {rest:.4g} at rest and {found.strongest:.4g} in its strongest "
+            f"{_STRONGEST:g} s",
+            expected=f"at least {_CONTRACTION:g} times as much, or one that the detector tells",
+            do="contract as hard as you can in the recording, rest longer or apart (--rest), or look at the electrodes",
+        )
+
+
+def _means(values: Array, out: Flags, lasting: float, rate: float) -> Array:
+    """Means over every stretch so long [s] in which nothing is left out."""
+    window = round(lasting * rate)
+    sums, lacking = (np.concatenate([[0.0], np.cumsum(part)]) for part in (values, out.astype(np.float64)))
+    whole = lacking[window:] - lacking[:-window] < 0.5
+    return ((sums[window:] - sums[:-window]) / window)[whole]
+
+
+def _artefacts(
+    values: Array, rate: float, cleaned: Enveloped, dead: Flags, chain: EnvelopeSettings, detector: Detector
+) -> Flags:
+    """Samples of movement, mains and clicks, each with what is around it (n,)."""
     from scipy.ndimage import percentile_filter
 
-    cleaned = EnvelopeFilter(rate, chain).feed(values)
-    muscle = EnvelopeFilter(rate, chain._replace(offset_hz=_MUSCLE_HZ)).feed(values).envelope
-    dead = OnsetDetector(rate, None, detector).feed(values).trouble == 1.0
-    if dead.all():
-        return dead
-    calm, strong = float(np.quantile(cleaned.envelope[~dead], 0.1)), float(np.quantile(muscle[~dead], 0.99))
+    swung = EnvelopeFilter(rate, chain._replace(offset_hz=_SWING_HZ)).feed(values)
+    calm, strong = (float(level) for level in np.quantile(cleaned.envelope[~dead], (0.1, 0.99)))
     large = cleaned.envelope > max(_CALM * calm, _STRONG * strong)
-    moved = large & (muscle < _MUSCLE * cleaned.envelope)
+    moved = large & (cleaned.envelope < _MUSCLE * swung.envelope)
     odd = OnsetDetector(rate, None, detector).feed(cleaned.signal).trouble == 2.0
     for first, end in _stretches(~odd):
         odd[first:end] |= end - first <= _CLOSE * rate
     for first, end in _stretches(odd):
         odd[first:end] &= end - first >= _LONG * rate
-    size = np.abs(cleaned.signal)
+    size = np.abs(swung.signal)
     click = size > _STANDS_OUT * percentile_filter(size, 90, size=round(_AROUND * rate) | 1)
-    before, beside = round(_BEFORE * rate), round(_CLICK * rate)
-    return _wider(dead | moved | odd, before, 0) | _wider(click, beside, beside)
+    if np.mean(odd[~dead]) > _HUMS:
+        return np.ones(len(values), dtype=bool)
+    before, after = round(_BEFORE * rate), round(_AFTER * rate)
+    found = _wider(moved | odd, before, after) | _wider(click, round(_CLICK * rate), after)
+    rings = np.zeros(len(values), dtype=bool)
+    most = _RINGS * float(np.quantile(size[~dead], 0.99))
+    for first, end in _stretches(found):
+        rings[first:end] = size[first:end].max() > most
+    return found | _wider(rings, 0, round(SETTLES * rate))
 
 
 def _wider(flags: Flags, before: int, after: int) -> Flags:

@@ -33,6 +33,8 @@ _MOST_VOLTS, _MOST = 100.0, 1e12
 """Larger values no amplifier gives: in volts, and as numbers in no known unit, such as counts of a converter."""
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
+_DEAD = 0.02
+"""A value that lasts so long is no signal, as the detectors have it [s]."""
 _COARSE, _SATURATED = 16, 0.5
 """A converter of so few steps is at an end of its range more often; above this share that is clipped, too."""
 
@@ -159,7 +161,7 @@ def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | 
     if len(even) < _SHORTEST * rate:
         raise LogError(f"{path}: {len(even) / rate:.3g} s", expected=f"at least {_SHORTEST:g} s of EMG")
     for name, values in zip(names, columns, strict=True):
-        check_signal(name, values, str(path))
+        check_signal(name, values, rate, str(path))
     units = {suffix[1] if (suffix := _UNIT.search(name)) else "" for name in names}
     unit = units.pop() if len(units) == 1 else ""
     return EmgRecording(np.column_stack(columns), rate, float(even[0]), names, unit, tuple(warnings))
@@ -210,12 +212,16 @@ def largest(unit: str) -> float:
     return _MOST_VOLTS / _VOLTS[unit] if unit in _VOLTS else _MOST
 
 
-def check_signal(name: str, values: Array, where: str) -> None:
+def check_signal(name: str, values: Array, rate: float, where: str) -> None:
     """Refuse a signal that no electrode gives.
+
+    An end of the range that lasts is an electrode that is off for a while, which detector and levels see; a signal that
+    comes back from it within `_DEAD` is clipped.
 
     Args:
         name: of the channel, with its unit at its end where it has one.
         values: finite (n,).
+        rate: samples a second [Hz].
         where: the recording or stream, for messages.
 
     Raises:
@@ -234,7 +240,10 @@ def check_signal(name: str, values: Array, where: str) -> None:
         raise LogError(
             f"{where}: {name} is {low:g} in every sample", do="look at the electrode, its cable and the gain"
         )
-    clipped = float(np.mean((values == low) | (values == high)))
+    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    lengths, held = np.diff(begins, append=len(values)), values[begins]
+    clips = ((held == low) | (held == high)) & (lengths < _DEAD * rate)
+    clipped = float(lengths[clips].sum()) / len(values)
     if clipped > (_CLIPPED if len(np.unique(values)) > _COARSE else _SATURATED):
         raise LogError(
             f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Spans = list[tuple[float, float]]
 """Onset and end of contractions, in order [s]."""
 
-PAPERS = EnvelopeSettings(mains_hz=0.0)
+PAPERS = EnvelopeSettings(offset_hz=1.0, mains_hz=0.0)
 """The paper's chain: offset, rectification, 8 Hz; it names no filter for the mains."""
 EARLY = 0.3
 """A detection may begin so long before the label of its contraction: labels are made by eye [s]."""

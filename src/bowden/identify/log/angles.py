@@ -22,6 +22,8 @@ _MOST_TURNS = 1000.0
 """Of a motor before its gear or spool; a wire winds up on no more."""
 _STROKE = 0.25
 """Share of a signal's range by which no step of a motion goes; a larger one is an outlier or a wrapped angle."""
+_GEARED = 5.0
+"""Motion of the motor over the joint's that no cable has: those are 0.8 to 1.2, slack and play included below 5."""
 _COUNTERS = (2.0**16, 2.0**32)
 """Counts at which counters overflow."""
 _EXPECTED = "deg, rad or counts, or one for the motor and one for the joint: counts,deg"
@@ -201,6 +203,17 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
         far = abs(one.values[worst]) * one.factor > CABLE_LOG_LIMIT
         if far and not (one is motor and _many_turns(motor, joint)):
             raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
+
+
+def geared(motor: Angle, joint: Angle) -> list[str]:
+    """A note where the motor moves so much further than the joint that a gear or a spool must be between them."""
+    ratio = float(np.ptp(motor.radians) / np.ptp(joint.radians))
+    if ratio < _GEARED:
+        return []
+    return [
+        f"the motor moves {ratio:.3g} times as far as the joint, as before a gear: the model holds for this log's "
+        "motor; a rig counts its motor behind the gear, so divide it by the gear's ratio before the model goes into one"
+    ]
 
 
 def _many_turns(motor: Angle, joint: Angle) -> bool:

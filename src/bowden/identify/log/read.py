@@ -14,7 +14,7 @@ from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_parquet, readable
 from bowden.identify.cable import checks
-from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, unwrapped
+from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, geared, unwrapped
 from bowden.identify.log.clock import even_clock, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
@@ -224,6 +224,7 @@ def prepare(
     check_plausible(motor, joint, place)
     if not apart:
         checks.check_same_unit(motor.radians, joint.radians, name)
+    more += geared(motor, joint)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
     checks.check_length(len(even), name)
     return Log(even, motor_at, joint_at, name, (*warnings, *told, *more, *clock, *odd_time(even, motor_at)))

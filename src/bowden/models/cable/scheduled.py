@@ -154,7 +154,7 @@ def cable_of(parameters: Mapping[str, float]) -> tuple[ScheduledCable, tuple[flo
         KeyError: a parameter that is missing.
     """
     count = sum(name.startswith("middle_") and name.count("_") == 1 for name in parameters)
-    plays_of = sum(name.startswith("share_") for name in parameters)
+    plays_of = sum(name.startswith("eta_") for name in parameters)
     variables = [name for name in VARIABLES if f"{name}_low" in parameters]
     degrees = [sum(key.startswith(f"middle_1_{name}_") for key in parameters) for name in variables]
     rows = _rows(variables, degrees)
@@ -164,7 +164,7 @@ def cable_of(parameters: Mapping[str, float]) -> tuple[ScheduledCable, tuple[flo
         middle=np.array([[parameters[f"middle_{k}{row}"] for k in range(1, count + 1)] for row in rows]),
         height=np.array([[parameters[f"height_{k}{row}"] for k in range(1, count + 1)] for row in rows]),
         half_widths=np.array([parameters[f"half_width_{i}"] for i in range(1, plays_of + 1)]),
-        shares=np.array([parameters[f"share_{i}"] for i in range(1, plays_of + 1)]),
+        shares=np.array([parameters[f"eta_{i}"] for i in range(1, plays_of + 1)]),
         low=np.array([parameters[f"{name}_low"] for name in variables]),
         high=np.array([parameters[f"{name}_high"] for name in variables]),
         degree=np.array(degrees, dtype=np.int64),
@@ -183,7 +183,7 @@ def parameters_of(cable: ScheduledCable, variables: Sequence[str], values: Seque
         found |= {name: float(values[v]), f"{name}_low": float(cable.low[v]), f"{name}_high": float(cable.high[v])}
     found |= {"knot_first": float(cable.first), "knot_step": float(cable.step)}
     for i, (width, share) in enumerate(zip(cable.half_widths, cable.shares, strict=True), 1):
-        found |= {f"half_width_{i}": float(width), f"share_{i}": float(share)}
+        found |= {f"half_width_{i}": float(width), f"eta_{i}": float(share)}
     for what, table in (("middle", cable.middle), ("height", cable.height)):
         for row, ordinates in zip(_rows(variables, cable.degree), table, strict=True):
             found |= {f"{what}_{k}{row}": float(value) for k, value in enumerate(ordinates, 1)}
