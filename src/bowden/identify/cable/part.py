@@ -76,9 +76,9 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
     cable = BoucWenCable(searched, seed)
     plain = cable.fit(fine)
     static = BoucWenStatic(richest(fine, plain))
-    families = (Line(), PlayOperator(judged), cable, static, PrandtlIshlinskii(), branches)
+    families: tuple[Family, ...] = (Line(), PlayOperator(judged), cable, static, PrandtlIshlinskii(), branches)
     known = {cable.name: plain, branches.name: free}
-    estimates = {}
+    estimates: dict[str, Estimate] = {}
     for family in families:
         tell(family.name, 0.3 + 0.03 * len(estimates))
         estimates[family.name] = known.get(family.name) or family.fit(fine)
