@@ -99,7 +99,7 @@ def test_the_examples_are_right(example: Path) -> None:
         ("[cable]\nmodel = 'm.toml'\nslope = 1.0", "[cable] has a model and its own slope; expected one or the other"),
         ("[cable]\nmodel = 'none.toml'", "rig.toml: cable.model: "),
         ("[cable]\nmodel = 'none.toml'", "none.toml cannot be read: No such file or directory; check the path"),
-        ("[reference]\nlow_deg = 1", "reference.kind is missing; expected periodic_minimum_jerk, point_to_point"),
+        ("[reference]\ntimes_s = [1]", "reference.kind is missing; expected periodic_minimum_jerk, point_to_point"),
         ("[reference]\nkind = 'chrip'", "reference.kind is 'chrip'; expected chirp (did you mean this?)"),
         ("[reference]\nkind = 'chirp'\nend = 3", "unknown key 'end' in [reference]; expected end_hz (did you mean"),
         ("[reference]\nkind = 'recorded'", "reference.file is missing; add it"),

@@ -15,20 +15,24 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
-from rich.console import Console
+from rich.console import Console, ConsoleDimensions
 
 from bowden.control import LAWS
 from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.parameters import DriveParameters
-from bowden.live import operator, thermal_file
+from bowden.live import operator, stops, thermal_file
 from bowden.live.automatic import automatic
+from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import Damage
 from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
+from bowden.live.stops import told_apart
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
 from bowden.safety.faults import Fault
@@ -202,24 +206,28 @@ def test_readings_are_given_time_to_come_in_however_long_the_loop_took_to_begin(
 def test_a_loop_that_is_late_now_and_then_is_waited_for_and_that_is_said_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    late = [row(time=0.05 * k, faults=2.0**Fault.LATE) for k in range(400)]
+    sums = {"supervisor.sums.late": 0.023}
+    late = [row(time=0.05 * k, faults=2.0**Fault.LATE, **sums) for k in range(400)]
     session = FakeSession([*late, row(time=20.1, mode=float(Mode.PREFLIGHT))])
     steps = automatic(session)  # type: ignore[arg-type]
     for _ in range(405):
         next(steps)
     assert session.asked.count(Request.ARM) >= 400
     said = capsys.readouterr().err
-    assert said.startswith("bowden: note: not armed yet, loop too late: ")
+    assert said.startswith("bowden: note: not armed yet, this computer is too busy, cycles come 23 ms late: ")
     assert said.count("\n") == 1
-    for and_more, seconds in ((0.0, 30.0), (2.0**Fault.MOTOR_STALE, 3.0)):
+    told = ("this computer is too busy", 0.0, 30.0), ("loop too late", 2.0**Fault.MOTOR_STALE, 3.0)
+    for what, and_more, seconds in told:
         session = FakeSession([row(time=0.05 * k, faults=2.0**Fault.LATE + and_more) for k in range(1000)])
-        with pytest.raises(SafetyError, match=r"does not arm EPOS4, node 1; .*loop too late"):
+        with pytest.raises(SafetyError, match=rf"does not arm EPOS4, node 1; .*{what}"):
             for _ in automatic(session):  # type: ignore[arg-type]
                 pass
         assert session.seen == pytest.approx(seconds / 0.05, abs=3)
 
 
-def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -> str:
+def shown(
+    values: dict[str, float], emergency: int = 0, log: str = "run.mcap", came: dict[Fault, float] | None = None
+) -> str:
     ready = {"drive": "EPOS4, node 1"}
     session: Any = SimpleNamespace(
         live=SimpleNamespace(rig=SimpleNamespace(drive=DRIVE)),
@@ -228,6 +236,7 @@ def shown(values: dict[str, float], emergency: int = 0, log: str = "run.mcap") -
         emergency=emergency,
         ready=ready,
         emg_process=None,
+        came=came or {},
     )
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(picture(session, values, auto=False))
@@ -275,6 +284,7 @@ def test_the_name_of_a_log_is_text_and_no_markup() -> None:
 def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     found = {
         **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction", "stalled_ms")),
+        "stops": [],
         "ended_well": False,
         "faults": ["drive in fault"],
         "remedies": ["read the error code"],
@@ -368,3 +378,90 @@ def test_who_has_no_home_begins_cold_and_is_not_stopped_by_it(monkeypatch: pytes
     monkeypatch.setattr(pwd, "getpwuid", nobody)
     assert "home" in thermal_file.write(DRIVE, WARM)
     assert thermal_file.read(DRIVE, LIMITS) == cold(Thermal())
+
+
+def test_faults_are_told_in_the_order_of_time_and_consequences_as_such() -> None:
+    came = {Fault.HEARTBEAT_LOST: 2.0, Fault.JOINT_FROZEN: 1.0}
+    lines = shown(row(mode=float(Mode.LATCHED), faults=sum(2.0**fault for fault in came)), came=came).splitlines()
+    assert lines[1].split()[0] == "fault"
+    assert "joint angle stands still: " in lines[1]
+    assert lines[2].split() == ["follows", "drive", "silent"]
+    at_once = dict.fromkeys((Fault.MOTOR_JUMP, Fault.LATE, Fault.JOINT_OVER_TRAVEL), 1.0)
+    assert told_apart(at_once) == ((*at_once,), ()), "no lateness moves a joint"
+    del at_once[Fault.JOINT_OVER_TRAVEL]
+    assert told_apart(at_once) == ((Fault.LATE,), (Fault.MOTOR_JUMP,)), "a loose plug is not looked for"
+
+
+def log_of(*modes_and_faults: tuple[Mode, int, tuple[Fault, ...]], late: float = 0.0) -> Recording:
+    """A log of 1 kHz with so many rows of a mode and its faults after one another."""
+    parts = [[mode, float(sum(1 << fault for fault in there))] for mode, n, there in modes_and_faults for _ in range(n)]
+    zeros = np.zeros(len(parts))
+    columns = (np.arange(len(parts)) * 1e-3 + 40.465, *np.array(parts).T, zeros, zeros + late, zeros, zeros + 3.0)
+    about = (stops.NEEDED, ("1",) * len(stops.NEEDED), np.arange(len(parts)), np.column_stack(columns))
+    return Recording({}, {}, *about, [], Damage(0, 0, 0))
+
+
+def test_what_stopped_a_run_is_found_in_its_log_though_it_was_acknowledged() -> None:
+    log = log_of(
+        (Mode.RUNNING, 100, ()),
+        (Mode.RELEASING, 50, (Fault.SATURATED,)),
+        (Mode.LATCHED, 50, (Fault.SATURATED, Fault.DRIVE_DROPPED)),
+        (Mode.STOPPED, 50, ()),
+        (Mode.RUNNING, 50, ()),
+        (Mode.RELEASING, 20, ()),
+        (Mode.STOPPED, 20, ()),
+    )
+    (found,) = stops.document(log, LIMITS._asdict(), twin=False)
+    assert found["time_s"] == pytest.approx(0.1)
+    assert (found["causes"], found["consequences"]) == (
+        ["drive at its limit"],
+        ["drive switched off or restarted by itself"],
+    )
+    assert not stops.stops(log_of((Mode.LATCHED, 9, (Fault.LATE,)), (Mode.STOPPED, 9, ()))), "it was of the run before"
+
+
+def test_a_busy_computer_is_said_with_its_figure_and_is_no_fault_of_the_rig() -> None:
+    late = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.LATE, Fault.MOTOR_STALE)), late=0.031)
+    (found,) = stops.document(late, LIMITS._asdict(), twin=False)
+    (line,) = stops.lines(found)
+    assert line.startswith("this computer is too busy: cycles came 31 ms late (20 ms are allowed, lateness_s of ")
+    stale = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.MOTOR_STALE, Fault.JOINT_STALE)))
+    (line,) = stops.lines(stops.document(stale, LIMITS._asdict(), twin=True)[0])
+    assert "answered 3 cycles late (2 are allowed, reading_age of [limits])" in line
+    assert not stops.document(stale, LIMITS._asdict(), twin=False)[0]["too_busy"], "a drive of its own is a rig's"
+
+
+@pytest.mark.parametrize(
+    ("request_", "values", "said"),
+    [
+        (Request.RUN, {"mode": Mode.STOPPED}, "r does nothing now: it is not armed: a first"),
+        (Request.RUN, {"mode": Mode.PREFLIGHT}, "the preflight is not over"),
+        (Request.RUN, {"mode": Mode.PREFLIGHT, "preflight": 1.0}, ""),
+        (Request.ARM, {"mode": Mode.STOPPED, "faults": 2.0**Fault.SLACK}, "a does nothing now: cable slack or torn"),
+        (Request.ARM, {"mode": Mode.LATCHED}, "acknowledged first, with k"),
+        (Request.ACKNOWLEDGE, {"mode": Mode.STOPPED}, "no fault to acknowledge"),
+        (Request.STOP, {"mode": Mode.STOPPED}, ""),
+    ],
+)
+def test_a_key_that_does_nothing_is_answered(request_: Request, values: dict[str, float], said: str) -> None:
+    told = operator.ignored(request_, row(**values))
+    assert (said in told) if said else not told
+
+
+def test_a_terminal_of_another_size_is_cleared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands on it is wrapped otherwise than it was written."""
+    sizes, file = [(80, 25)], io.StringIO()
+    console = Console(file=file, force_terminal=True, width=80, height=25)
+    monkeypatch.setattr("rich._console", console)
+    monkeypatch.setattr(Console, "size", property(lambda _: ConsoleDimensions(*sizes[-1])))
+    monkeypatch.setattr("bowden.live.screen.picture", lambda *_: "picture")
+    cleared: list[int] = []
+
+    def rows() -> Iterator[tuple[dict[str, float], str]]:
+        for width in (80, 80, 40, 40):
+            sizes.append((width, 25))
+            yield row(), ""
+            cleared.append(file.getvalue().count("\x1b[2J"))
+
+    operator._draw(None, False, rows())  # type: ignore[arg-type]
+    assert cleared == [0, 0, 1, 1]

@@ -44,8 +44,16 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
         ("[drive]\ninterface = 'morse'", ["--auto"], "nobody has confirmed an angle on this drive"),
         ("[drive]\nnode_id = 127", ["--auto"], "drive.node_id is 127"),
         ("[limits]\nmotor_low_deg = 120.0", ["--auto"], "limits.motor_low_deg is 120 and motor_high_deg 114.6"),
-        ("[limits]\nthermal_winding_capacity_j_per_k = 0.0", ["--auto"], "thermal.winding_capacity is 0.0"),
-        ("[limits]\npay_out_deg_per_s = 2800.0", ["--auto"], "limits contradict one another"),
+        (
+            "[limits]\nthermal_winding_capacity_j_per_k = 0.0",
+            ["--auto"],
+            "thermal_winding_capacity_j_per_k = 0, and must be a number above 0",
+        ),
+        (
+            "[limits]\npay_out_deg_per_s = 2800.0",
+            ["--auto"],
+            "pay_out_deg_per_s = 2800 is faster than motor_speed_deg_per_s = 859",
+        ),
         ("[live]\njoint_cutoff_hz = 900.0", ["--auto"], "live.joint_cutoff_hz is 900"),
         (
             "[reference]\nkind = 'periodic_minimum_jerk'\nhigh_deg = 70.0\n[limits]\njoint_high_deg = 60.0",
@@ -55,7 +63,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
         ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
         ("[control]\npreset = 'paper'", ["--auto"], "adaptive does not hold"),
         ("", [], "no terminal"),
-        ("", ["--json"], "add --auto"),
+        ("", ["--json"], "with --twin add --auto; where somebody may be at a rig, run it on a terminal"),
         ("", ["--auto", "--law", "none"], "there is no law 'none'"),
         ("", ["--auto", "--duration", "-1"], "expected a duration"),
     ],

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from bowden.app.simulate_command import _of_suit
 from bowden.control import LAWS
 from bowden.core.errors import ParameterError
 from bowden.core.units import RADIANS
@@ -109,3 +110,10 @@ def test_the_page_of_a_run_shows_what_the_suit_pulls(tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert "What the suit pulls" in text
     assert trace.settings["plant"]["arm"]["mass"] == pytest.approx(1.65)
+
+
+def test_a_drive_without_an_integral_is_said() -> None:
+    worn = SuitSettings(worn=True)
+    assert "drive_integral_per_s is 0" in _of_suit(Rig(suit=worn))[0]
+    assert not _of_suit(Rig(suit=worn._replace(drive_integral=40.0)))
+    assert not _of_suit(Rig())

@@ -206,12 +206,17 @@ def test_the_command_prints_one_document(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("rig.toml").write_text("")
-    assert run(["check", "rig.toml", *preset, "--json"]) == 0
+    code = 1 if preset else 0
+    assert run(["check", "rig.toml", *preset, "--json"]) == code
     document = json.loads(capsys.readouterr().out)
     jsonschema.validate(document, json.loads(SCHEMA.read_text()))
     assert document["verdict"] == ("does_not_hold" if preset else "holds")
     assert (document["gain_margin_db"] is None) is bool(preset)
     assert document["limit_cycle"]["confirmed"] is (None if preset else True)
     assert bool(preset) is document["advice"].startswith("set error_gain to ")
-    assert run(["check", "rig.toml", *preset]) == 0
-    assert capsys.readouterr().out.startswith(f"verdict       {document['verdict']}: ")
+    assert run(["check", "rig.toml", *preset]) == code
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"verdict       {document['verdict']}: ")
+    assert "come to rest" not in document["reason"], "where a limit cycle is confirmed"
+    assert ("proven bound  none of use" in printed) is not bool(preset), "a bound of many turns"
+    assert "±none" not in printed

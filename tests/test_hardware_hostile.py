@@ -114,7 +114,7 @@ RUNS: dict[str, Row] = {
     "its emergency stop before arming": Row(Attack(stops=0.001), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
     "inputs that are told no more": Row(Attack(hides_inputs=0.5), (Fault.EMERGENCY_STOP,), drive=STOPPABLE),
     "safe torque off": Row(Attack(stops_itself=0.5), (Fault.EMERGENCY_STOP,)),
-    "a current stuck at nothing": Row(Attack(current_stuck=0.0), (Fault.PREFLIGHT_FAILED,)),
+    "a current stuck at nothing": Row(Attack(current_stuck=0.0), (Fault.CURRENT_STUCK,)),  # in the preflight
     "a current that gets stuck": Row(Attack(current_stuck=1.5), (Fault.CURRENT_STUCK,), cycles=3000),
     "a cable on the other side": Row(Attack(load=-600), (Fault.PREFLIGHT_FAILED,)),
     "a joint encoder that freezes": Row(Attack(joint_stuck=1.5), (Fault.JOINT_FROZEN,)),

@@ -17,6 +17,7 @@ from scipy.io import savemat
 
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
+from bowden.identify.cable import checks
 from bowden.identify.log import text as log_text
 from bowden.identify.log.columns import find_columns, split_name
 from bowden.identify.log.read import read_log
@@ -404,3 +405,16 @@ def test_what_a_log_takes_to_read_grows_with_its_length_and_no_faster(write: Wri
         assert len(log.time) == n
         assert math.isclose(log.time[-1], t[-1])
     assert calls[2] < 1.2 * 10 * calls[1]
+
+
+def test_a_log_whose_columns_are_swapped_is_suspected() -> None:
+    """The far end of a cable lags, whichever way it is counted; one without play says nothing."""
+    motor = np.sin(np.linspace(0.0, 40.0, 4000))
+    late = np.empty_like(motor)
+    last = 0.0
+    for i, angle in enumerate(motor):
+        last = late[i] = min(max(last, angle - 0.05), angle + 0.05)
+    for slope in (0.9, -0.9):
+        assert not checks.swapped(motor, slope * late)
+        assert "look swapped" in checks.swapped(slope * late, motor)[0]
+    assert not checks.swapped(motor, 0.9 * motor)

@@ -373,3 +373,25 @@ def test_a_rig_of_another_version_is_read_with_a_remark_or_refused_in_a_line() -
         Rig.unpack(document | {"format": 99})
     with pytest.raises(ParameterError, match="no packed rig"):
         Rig.unpack(b"rubbish")
+
+
+def test_a_section_without_a_kind_is_of_the_first_one_if_its_keys_are(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text("[reference]\nhigh_deg = 50.0\n[scenario.bend]\nbend_deg = 90.0\n")
+    rig = Rig.read(path)
+    assert isinstance(rig.reference, PeriodicMinimumJerk)
+    assert rig.reference.high == pytest.approx(50.0 * RADIANS)
+    assert rig.bend_path(np.zeros(1))[0] == pytest.approx(90.0 * RADIANS)
+
+
+def test_what_was_probably_meant_otherwise_is_said() -> None:
+    small = Rig(reference=PeriodicMinimumJerk(0.0, 1.22 * RADIANS, 10.0))
+    assert "radians? 1.22 rad would be 69.9°" in small.notes[0]
+    assert not Rig().notes
+    assert not Rig(emg=EmgSettings(source="lsl:EMG")).notes
+    still = Rig(reference=PeriodicMinimumJerk(0.0, 0.0, 10.0))
+    assert not still.notes
+
+
+def test_the_defaults_of_a_rig_let_it_run_by_emg() -> None:
+    assert Limits().joint_low < EmgSettings().low < EmgSettings().high < Limits().joint_high

@@ -20,12 +20,14 @@ from mcap_ros2.decoder import DecoderFactory
 
 from bowden.core.errors import BowdenError, LogError
 from bowden.live.events import Changes
+from bowden.live.log_facts import lines
 from bowden.live.mcap_layout import Event, topics
 from bowden.live.mcap_log import MAGIC, LogFile, about, checksum
 from bowden.live.mcap_read import read
 from bowden.live.mcap_reader import Damage
 from bowden.live.mcap_recover import recover
 from bowden.live.ring import Description
+from bowden.safety.faults import Fault
 
 _MANY = tuple(f"supervisor.x{i}" for i in range(40))
 COLUMNS = (
@@ -354,3 +356,38 @@ def test_rows_that_are_missing_are_told() -> None:
     assert "mode: 0" in [event.text for event in events]
     assert after.find(np.array([10]), rows[:1])[0] == []
     assert after.find(np.array([], np.int64), rows[:0])[0] == []
+
+
+def test_a_run_does_not_begin_with_faults_of_a_drive_that_is_not_read_yet() -> None:
+    names = {"faults": [fault.name.lower() for fault in Fault]}
+    about = Description(("time", "faults"), ("s", "1"), {"names": names}, 0)
+    unread = float(1 << Fault.JOINT_LOST | 1 << Fault.MOTOR_STALE)
+    rows = np.array([[40.465, unread + float(1 << Fault.BUS_ERRORS)], [40.466, 0.0]])
+    events, _ = Changes(about).find(np.arange(2), rows)
+    assert events[0].text == "not read yet: joint_lost, motor_stale; fault: bus_errors"
+
+
+def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:
+    about = {
+        "begin_s": 40.465,
+        "start_utc": "",
+        "duration_s": 1.0,
+        "cycles": 9,
+        "missing": 0,
+        "closed": True,
+        "whole": True,
+    }
+    nothing = dict.fromkeys(("law", "rig", "seed", "lateness_s", "run_time_s", "overruns"))
+    stop = {
+        "time_s": 0.9,
+        "causes": ["loop too late"],
+        "remedies": ["see"],
+        "consequences": ["drive silent"],
+        "too_busy": None,
+    }
+    events = [{"time_s": 40.465 + k, "text": f"event {k}"} for k in range(40)]
+    said = list(lines({**about, **nothing, "software": {}, "stops": [stop], "events": events}))
+    assert ("stopped", "0.900 s: loop too late; see") in said
+    assert ("stopped", "0.900 s: as a consequence: drive silent") in said
+    assert [text for name, text in said if name == "event"][-1] == "39.000 s: event 39"
+    assert len(said) < 25

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from bowden.core.signals import DriveReading
 from bowden.core.units import RADIANS
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.live.preflight import REASONS, Preflight, PreflightState, Reason, begin, contradictions, require, step
+from bowden.rig.declaration import items_of
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
 
@@ -179,7 +181,12 @@ def test_default_limits_agree() -> None:
 )
 def test_contradictions_are_named_and_refuse_the_run(wrong: dict[str, float]) -> None:
     limits = Limits()._replace(**wrong)  # type: ignore[arg-type]
-    assert contradictions(limits, DT)
+    found = contradictions(limits, DT)
+    keys = [key for item in items_of(Limits) for key in [item.key] if item.path[0] in wrong]
+    assert all(any(f"{key} = " in one for one in found) for key in keys), (
+        "each is named as rig.toml does, with its value"
+    )
+    assert all(re.search(r" = \S", one) for one in found)
     with pytest.raises(SafetyError, match="contradict"):
         require(limits, DT, "holds")
 

@@ -158,6 +158,10 @@ EDGES: list[Edge] = [
     (Fault.JOINT_LOST, "reading.joint", -6.5, -6.5 - TINY, {}),
     (Fault.JOINT_LOST, "reading.joint", 0.375, NAN, STOPPED),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY, {}),
+    (
+        *(Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 8 * DT, 0.375 + 1 / 64 + 8 * DT + TINY),
+        {"state.decided.mode": Mode.PREFLIGHT, "state.decided.passed": 0.0},
+    ),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 - 1 / 64 - 8 * DT, 0.375 - 1 / 64 - 8 * DT - TINY, {}),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"observed.elapsed": 3 * DT}),
     (Fault.JOINT_JUMP, "reading.joint", 0.375 + 1 / 64 + 24 * DT, 0.4157, {"state.joint.age": 2 * DT}),

@@ -22,7 +22,10 @@ def check(
     preset: Annotated[str | None, typer.Option(help="A named set of gains of that law.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
-    """Say whether a rig's gains hold: margins, limit cycle, chatter, the paper's bounds, and what to change."""
+    """Say whether a rig's gains hold: margins, limit cycle, chatter, the paper's bounds, and what to change.
+
+    Exit code 0 where they hold, with little margin too, 1 where they do not, 2 where that cannot be said.
+    """
     from bowden.design.findings import check_rows
     from bowden.face.check import checked
 
@@ -35,11 +38,13 @@ def check(
     if json:
         about = {"law": found.law, "rig": given.hash}
         print_json(about | _document(found) | {"advice": found.advice, "seconds": seconds()})
-        return
-    for label, text in check_rows(found):
-        if text:
-            print(f"{label:<13} {text}")
-    print(f"({seconds():.1f} s)")
+    else:
+        for label, text in check_rows(found):
+            if text:
+                print(f"{label:<13} {text}")
+        print(f"({seconds():.1f} s)")
+    if found.verdict == "does_not_hold":
+        raise typer.Exit(1)
 
 
 def _document(found: "Check") -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from dataclasses import replace
 from enum import StrEnum
 from glob import escape
 from pathlib import Path
@@ -120,8 +121,11 @@ def plot(
     if target.absolute() == file.absolute():
         raise OutputError(f"{target} is the log itself", do="choose another name with --out")
     found = read(file)
-    events = [(event.time, event.text) for event in found.events]
-    write_log(target, found.trace(), events, facts(found), f"Run {file.name}")
+    said, trace = facts(found), found.trace()
+    begin = said["begin_s"] or 0.0  # the column time begins with the command, which compiles first
+    trace = replace(trace, columns={**trace.columns, "time": trace.columns["time"] - begin})
+    events = [(event.time - begin, event.text) for event in found.events]
+    write_log(target, trace, events, said, f"Run {file.name}")
     if json:
         print_json({"files": [str(target)], "seconds": seconds()})
         return

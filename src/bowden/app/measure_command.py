@@ -71,7 +71,7 @@ def measure(
         print(f"Next: bowden identify {first}, and bowden identify-servo {second}")
 
 
-_KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "preflight", "emergencies", "error")
+_KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "stops", "preflight", "emergencies", "error")
 """What the JSON document tells of the run, beside its files."""
 
 

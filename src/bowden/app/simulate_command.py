@@ -56,7 +56,7 @@ def simulate(
         files = _write(traces, out, f"Simulation of {rig.name}", csv=csv)
     if interrupted:
         raise InterruptedPartway(f"{', '.join(traces)} (of {len(laws)} laws) done and written to {out}")
-    for note in found.notes:
+    for note in (*found.notes, *_of_suit(setup)):
         print(f"bowden: note: {note}", file=sys.stderr)
     if json:
         runs = [
@@ -71,6 +71,14 @@ def simulate(
             if found_torque := _interaction(setup, trace):
                 print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
+
+
+def _of_suit(rig: "Rig") -> list[str]:
+    """What is said of a suit whose drive does not follow its target in gears with friction."""
+    if rig.worn is None or rig.worn.motor.integral > 0.0 or rig.pushing is not None:
+        return []
+    less = "friction in the gears then leaves any law degrees of error; bowden init --suit has 40"
+    return [f"suit.drive_integral_per_s is 0: {less}"]
 
 
 def _interaction(rig: "Rig", trace: "Trace") -> dict[str, float | None] | None:

@@ -111,7 +111,7 @@ class Check:
     @property
     def swing(self) -> float | None:
         """Half of the joint's span while the reference rests, at the worse bend [rad]."""
-        return None if any(t.swing is None for t in self.trials) else max(t.swing or 0.0 for t in self.trials)
+        return _swing(self.trials)
 
     @property
     def peak(self) -> float | None:
@@ -121,9 +121,7 @@ class Check:
     @property
     def cycle_confirmed(self) -> bool | None:
         """Whether the trials swing at rest by at least a quarter of what is predicted; None without a prediction."""
-        if self.cycle is None or self.swing is None:
-            return None
-        return self.swing > 0.25 * self.cycle.amplitude
+        return _confirmed(self.cycle, self.swing)
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw phase margin over gain margin of every linear loop; little of either is shaded.
@@ -200,7 +198,12 @@ def check(
         reserve = _stands_delay_of_servo(bench, law, worst.bend, stroke, seed)
     elif bounded and _severity(worst) >= 1.0:
         reserve = _reserve(bench, law, points, worst.bend, stroke, seed)
+    cycle = None if linear.leaves_out else _predicted_cycle(bench, law, ends, estimates, stroke)
     verdict, reason = _judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not linear.leaves_out)
+    if verdict == "holds" and _confirmed(cycle, _swing(trials)):
+        reason = (
+            "every linear loop has its margins, and the trials stay bounded, in a limit cycle within the cable's play"
+        )
     bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
     if law.proven is not None and not linear.leaves_out:
         found = transmission(bench, ends[1], stroke)
@@ -211,7 +214,7 @@ def check(
         reason=reason,
         points=tuple(points),
         worst=worst,
-        cycle=None if linear.leaves_out else _predicted_cycle(bench, law, ends, estimates, stroke),
+        cycle=cycle,
         trials=trials,
         reserve=reserve,
         chatters=chatters and not refuted,
@@ -236,6 +239,16 @@ def _tried(
         if not estimates[-1] or not all(trial.bounded for trial in trials):
             break
     return trials, estimates
+
+
+def _swing(trials: Sequence[Trial]) -> float | None:
+    """Half of the joint's span while the reference rests, at the worse bend [rad]; None where a trial ran away."""
+    return None if any(t.swing is None for t in trials) else max(t.swing or 0.0 for t in trials)
+
+
+def _confirmed(cycle: LimitCycle | None, swing: float | None) -> bool | None:
+    """See `Check.cycle_confirmed`."""
+    return None if cycle is None or swing is None else swing > 0.25 * cycle.amplitude
 
 
 def _rests(apart: Trial) -> bool:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from bowden.design.check import Check
     from bowden.design.tune import Tuning
 
+_WIDEST = math.pi
+"""No joint of a limb moves so far [rad]."""
 _SAID = {True: "confirmed in simulation", False: "refuted in simulation", None: "nothing to confirm"}
 
 
@@ -34,15 +36,19 @@ def check_rows(found: "Check") -> list[tuple[str, str]]:
         ("at rest", "" if swing is None else f"±{swing * DEGREES:.3g}° at the joint in simulation"),
         ("chatter", f"{ripple * DEGREES:.3g}° of command for one count of the encoder" if ripple else ""),
         ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
-        (
-            "proven bound",
-            ""
-            if found.ultimate_error is None
-            else f"{found.ultimate_error * DEGREES:.3g}° (the paper's Lyapunov bound)",
-        ),
+        ("proven bound", _proven(found.ultimate_error)),
         ("limits", found.leaves_out),
         ("advice", found.advice),
     ]
+
+
+def _proven(bound: float | None) -> str:
+    """The bound of a law's own proof; one that is wider than any joint moves says nothing, and no figure of it does."""
+    if bound is None:
+        return ""
+    if bound > _WIDEST:
+        return "none of use: the paper's Lyapunov bound is wider here than any joint moves"
+    return f"{bound * DEGREES:.3g}° (the paper's Lyapunov bound)"
 
 
 def tuning_rows(tuning: "Tuning") -> list[tuple[str, str]]:

@@ -86,6 +86,7 @@ def run(
 def _badly(session: "Session") -> list[str]:
     """What ended a run that did not end as asked; nothing of one that did."""
     from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
+    from bowden.live.stops import told_apart
     from bowden.live.summary import STALLED
     from bowden.safety import faults
     from bowden.safety.supervisor import Mode
@@ -96,7 +97,10 @@ def _badly(session: "Session") -> list[str]:
         return []
     stalled = 1e3 * ended.get("stalled", 0.0)
     found = [*filter(None, [TORQUE_LEFT[left], STALLED.format(stalled) if stalled else ""])]
-    found += [f"{fault.meaning}; {fault.remedy}" for fault in faults.of(ended.get("faults", 0))]
+    came = session.came or dict.fromkeys(faults.of(ended.get("faults", 0)), 0.0)
+    causes, consequences = told_apart(came)
+    found += [f"{fault.meaning}; {fault.remedy}" for fault in causes]
+    found += [f"as a consequence: {', '.join(fault.meaning for fault in consequences)}"] if consequences else []
     return [f"the run was ended: {'; '.join([*found, *filter(None, [ended.get('reason'), session.error])])}"]
 
 

@@ -60,6 +60,9 @@ def automatic(session: Watched) -> Iterator[bool]:
             if row["faults"] and row["mode"] == Mode.STOPPED and waited > _PATIENCE:
                 found = list(faults.of(row["faults"]))
                 listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in found)
+                if found == [Fault.LATE]:
+                    late = 1e3 * max(row["lateness"], row["supervisor.sums.late"])
+                    listed = f"this computer is too busy, cycles come {late:.0f} ms late: {Fault.LATE.remedy}"
                 if found != [Fault.LATE] or waited > _LATE_PATIENCE:
                     do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
                     raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)

@@ -13,6 +13,8 @@ WATCHED = ("mode", "reaction", "power", "source", "preflight_reason")
 """Columns that hold the number of a state."""
 FAULTS = "faults"
 """Column that holds a set of faults, fault i as the bit 2^i."""
+UNREAD = frozenset({"joint_lost", "joint_stale", "motor_lost", "motor_stale", "current_lost"})
+"""Faults of a run's first row that say no more than that its drive has not been read yet."""
 EMERGENCY = "emergency"
 """Column that holds the error code of the drive in the cycle in which it comes, otherwise 0."""
 
@@ -69,7 +71,10 @@ class Changes:
     def _faults(self, old: float, new: float) -> str:
         names = self._names.get(FAULTS, ())
         was, now = _bits(old), _bits(new)
-        parts = [f"fault: {_name(bit, names)}" for bit in sorted(now - was)]
+        came = [_name(bit, names) for bit in sorted(now - was)]
+        unread = [name for name in came if np.isnan(old) and name in UNREAD]
+        parts = [f"not read yet: {', '.join(unread)}"] * bool(unread)
+        parts += [f"fault: {name}" for name in came if name not in unread]
         parts += [f"fault gone: {_name(bit, names)}" for bit in sorted(was - now)]
         return "; ".join(parts)
 

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.live import stops
 from bowden.live.log_rig import hash_of
 from bowden.live.mcap_read import Recording
 
-NEEDED = ("time", "lateness", "run_time", "overruns")
+NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", *stops.NEEDED)),)
 """Columns of the log that are looked at."""
 
-_MOST_EVENTS = 12  # printed; the JSON document has them all
+_MOST_EVENTS = 12  # printed, half of them from the end; the JSON document has them all
 
 
 def facts(found: Recording) -> dict[str, Any]:
@@ -30,6 +31,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "missing": found.missing,
         "damage": found.damage._asdict(),
         "duration_s": float(known[-1] - known[0]) if len(known) > 1 else 0.0,
+        "begin_s": float(known[0]) if len(known) else None,
         "sample_time_s": float(np.median(steps)) if len(steps) else None,
         "start_utc": datetime.fromtimestamp(int(found.about["start_utc_ns"]) // 10**9, UTC).isoformat(),
         "law": settings.get("law"),
@@ -38,6 +40,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "lateness_s": _percentiles(found, "lateness"),
         "run_time_s": _percentiles(found, "run_time"),
         "overruns": _overruns(found),
+        "stops": stops.document(found, settings.get("limits", {}), twin=False),
         "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
@@ -83,6 +86,8 @@ def _number(value: float) -> float | None:
 def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """The facts as pairs of texts."""
     yield "begun", document["start_utc"]
+    if document["begin_s"]:
+        yield "first cycle", f"{document['begin_s']:.3f} s later, by the column time; counted from here on below"
     yield "duration", f"{document['duration_s']:.3f} s, {document['cycles']} cycles"
     yield "missing", f"{document['missing']} cycles" if document["missing"] else "nothing"
     yield "closed properly", "yes" if document["closed"] else "no"
@@ -98,9 +103,14 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if document["overruns"] is not None:
         yield "overruns", str(document["overruns"])
     yield "software", ", ".join(document["software"].values())
-    events = document["events"]
-    for event in events[:_MOST_EVENTS]:
-        time = "" if event["time_s"] is None else f"{event['time_s']:.3f} s: "
-        yield "event", f"{time}{event['text']}"
-    if len(events) > _MOST_EVENTS:
-        yield "", f"and {len(events) - _MOST_EVENTS} more events"
+    for stop in document["stops"]:
+        for line in stops.lines(stop):
+            yield "stopped", f"{stop['time_s']:.3f} s: {line}"
+    events, begin = document["events"], document["begin_s"] or 0.0
+    left_out = len(events) - _MOST_EVENTS
+    for number, event in enumerate(events):
+        if left_out > 0 and number == _MOST_EVENTS // 2:
+            yield "", f"… {left_out} more events, all of them with --json …"
+        if left_out <= 0 or not _MOST_EVENTS // 2 <= number < len(events) - _MOST_EVENTS // 2:
+            time = "" if event["time_s"] is None else f"{event['time_s'] - begin:.3f} s: "
+            yield "event", f"{time}{event['text']}"

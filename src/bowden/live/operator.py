@@ -10,14 +10,17 @@ import threading
 import tty
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from bowden.core.errors import ParameterError
 from bowden.live.automatic import automatic
-from bowden.safety.supervisor import Request
+from bowden.safety import faults
+from bowden.safety.supervisor import Mode, Request
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
+
+Handed = TypeVar("Handed")
 
 STANDS_STILL = 5.0
 """A loop that has done no cycle for so long does none any more; the drive has long taken its torque off [s]."""
@@ -29,6 +32,7 @@ _REMEMBER = 100
 """Looks between two times that the motor's warmth is kept."""
 _PRIORITY = 1
 """Of SCHED_RR, the lowest there is [–]."""
+_LETTERS = {Request.ARM: "a", Request.RUN: "r", Request.ACKNOWLEDGE: "k"}
 _KEYS = {"a": Request.ARM, "r": Request.RUN, "s": Request.STOP, " ": Request.STOP, "k": Request.ACKNOWLEDGE}
 
 
@@ -40,7 +44,8 @@ def refuse_without_keys(auto: bool, json: bool) -> None:
     """
     if not auto and (json or not sys.stdin.isatty()):
         why = "--json leaves no room for a screen" if json else "there is no terminal to take keys from"
-        raise ParameterError(why, do="add --auto, which arms and runs by itself")
+        do = "with --twin add --auto; where somebody may be at a rig, run it on a terminal, whose keys arm and stop it"
+        raise ParameterError(why, do=do)
 
 
 class Ending:
@@ -99,7 +104,7 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
         contextlib.closing(_Ends(session)),
     ):
         steps = automatic(session) if auto else None
-        looks = 0
+        looks, told, pressed_in = 0, "", -1.0
         while session.running and not ending.asked:
             session.beat()
             row = session.last()
@@ -107,18 +112,40 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
                 print(f"bowden: note: the loop has stood still for {session.still:.0f} s", file=sys.stderr)
                 return
             if row is not None:
-                show(row)
+                if row["mode"] != pressed_in:
+                    told = ""
+                show(row, told)
                 if steps is not None and next(steps, None) is None:
                     return
             pressed = key()
             if pressed == "q":
                 return
             if pressed in _KEYS:
+                told, pressed_in = ignored(_KEYS[pressed], row), -1.0 if row is None else row["mode"]
                 session.ask(_KEYS[pressed])
             looks += 1
             if looks % _REMEMBER == 0 and row is not None:
                 keep(row)
             session.wait(0.5 * _LOOK if auto else 0.0)
+
+
+def ignored(request: Request, row: dict[str, float] | None) -> str:
+    """Why a key does nothing in this state; empty where it does something, or nothing is known."""
+    if row is None or request == Request.STOP:
+        return ""
+    mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
+    why = ""
+    if request == Request.ACKNOWLEDGE:
+        why = "" if mode == Mode.LATCHED or shown else "there is no fault to acknowledge"
+    elif mode in (Mode.LATCHED, Mode.RELEASING):
+        why = "a fault is to be acknowledged first, with k" if mode == Mode.LATCHED else "the cable is being let out"
+    elif request == Request.ARM:
+        why = "it is armed" if mode != Mode.STOPPED else ", ".join(fault.meaning for fault in shown)
+    elif mode == Mode.STOPPED:
+        why = "it is not armed: a first"
+    elif mode == Mode.PREFLIGHT and row["preflight"] <= 0.0:
+        why = "the preflight has failed" if row["preflight"] else "the preflight is not over"
+    return f"{_LETTERS[request]} does nothing now: {why}" if why else ""
 
 
 @contextlib.contextmanager
@@ -180,10 +207,14 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
     it is written to by a thread of its own, and what comes meanwhile is left out but for the newest.
     """
     if quiet or not sys.stdout.isatty():
-        yield lambda row: None
+        yield lambda row, told: None
         return
-    with _apart(lambda rows: _draw(session, auto, rows)) as show:
-        yield show
+
+    def draw(pairs: Iterator[tuple[dict[str, float], str]]) -> None:
+        _draw(session, auto, pairs)
+
+    with _apart(draw) as show:
+        yield lambda row, told: show((row, told))
 
 
 @contextlib.contextmanager
@@ -199,20 +230,20 @@ def _keeping(session: "Session") -> Iterator[Callable[[dict[str, float]], None]]
 
 
 @contextlib.contextmanager
-def _apart(work: Callable[[Iterator[dict[str, float]]], None]) -> Iterator[Callable[[dict[str, float]], None]]:
-    """A function that hands a row to a thread of its own, which may wait for as long as it likes.
+def _apart(work: Callable[[Iterator[Handed]], None]) -> Iterator[Callable[[Handed], None]]:
+    """A function that hands something to a thread of its own, which may wait for as long as it likes.
 
     Args:
-        work: what the thread does with the rows; of those that come while it is busy it sees the newest.
+        work: what the thread does with what is handed; of what comes while it is busy it sees the newest.
     """
-    newest: list[dict[str, float]] = []
+    newest: list[Handed] = []
     come, over = threading.Event(), threading.Event()
 
-    def hand(row: dict[str, float]) -> None:
+    def hand(row: Handed) -> None:
         newest[:] = [row]
         come.set()
 
-    def rows() -> Iterator[dict[str, float]]:
+    def rows() -> Iterator[Handed]:
         while come.wait() and not over.is_set():
             come.clear()
             yield newest[0]
@@ -227,7 +258,7 @@ def _apart(work: Callable[[Iterator[dict[str, float]]], None]) -> Iterator[Calla
         thread.join(_CLEARED)
 
 
-def _draw(session: "Session", auto: bool, rows: Iterator[dict[str, float]]) -> None:
+def _draw(session: "Session", auto: bool, shown: Iterator[tuple[dict[str, float], str]]) -> None:
     from rich.live import Live
 
     from bowden.live.screen import picture
@@ -235,5 +266,9 @@ def _draw(session: "Session", auto: bool, rows: Iterator[dict[str, float]]) -> N
     # nothing else that is printed may go through it: it would wait for this thread
     live = Live(auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False)
     with contextlib.suppress(OSError), live:  # the terminal may be gone
-        for row in rows:
-            live.update(picture(session, row, auto), refresh=True)
+        size = live.console.size
+        for row, told in shown:
+            if live.console.size != size:  # a terminal that is another one now wraps what stands on it
+                size = live.console.size
+                live.console.clear()
+            live.update(picture(session, row, auto, told), refresh=True)

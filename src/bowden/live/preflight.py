@@ -6,6 +6,7 @@ the cable's load, which no cable has in the direction in which it is let out.
 """
 
 from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from bowden.core.errors import SafetyError
 from bowden.core.signals import DriveReading, DriveState
 from bowden.core.units import DEGREES, RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_share
+from bowden.rig.declaration import at, in_file, items_of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import longest_release
 
@@ -223,74 +225,120 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         limits: the supervisor's.
         dt: cycle time [s].
     """
+    written = partial(_written, limits)
     reaction = limits.bridge_time + 2.0 * dt
     brake = limits.motor_speed * reaction
     found = [
-        (f"{name} is {value!r}, and must be a number above 0")
+        (f"{written(name)}, and must be a number above 0")
         for name, value in limits._asdict().items()
         if name in _POSITIVE and not 0.0 < value < np.inf
     ]
     found += [
-        f"thermal.{name} is {value!r}, and must be a number above 0"
+        f"{written(f'thermal.{name}')}, and must be a number above 0"
         for name, value in limits.thermal._asdict().items()
         if name != "ambient" and not 0.0 < value < np.inf
     ]
     if not limits.motor_low < limits.motor_high:
-        found.append("motor_low is not below motor_high")
+        found.append(f"{written('motor_low')} is not below {written('motor_high')}")
     if not limits.joint_low < limits.joint_high:
-        found.append("joint_low is not below joint_high")
+        found.append(f"{written('joint_low')} is not below {written('joint_high')}")
     if not limits.slope_low <= limits.slope_high:
-        found.append("slope_low is above slope_high")
+        found.append(f"{written('slope_low')} is above {written('slope_high')}")
     if found:
         return found
     ends = (limits.motor_low, limits.motor_high)
     reach = [slope * motor for slope in (limits.slope_low, limits.slope_high) for motor in ends]
     if max(map(abs, (*ends, limits.joint_low, limits.joint_high))) + brake > limits.sensor_span:
         found.append(
-            f"an angle at its limit, and {brake * DEGREES:.0f}° in {reaction * 1e3:.0f} ms, is beyond sensor_span"
+            f"an angle at its limit ({written('motor_low', 'motor_high', 'joint_low', 'joint_high')}), and "
+            f"{brake * DEGREES:.0f}° in {reaction * 1e3:.0f} ms, is beyond {written('sensor_span')}"
         )
     if limits.joint_high > max(reach) + limits.play or limits.joint_low < min(reach) - limits.play:
-        found.append("the joint's range is wider than the motor's can be through slopes and play: it would never act")
+        low, high = (min(reach) - limits.play) * DEGREES, (max(reach) + limits.play) * DEGREES
+        found.append(
+            f"{written('joint_low', 'joint_high')} would never act: through slopes and play "
+            f"({written('slope_low', 'slope_high', 'play')}) the motor ({written('motor_low', 'motor_high')}) brings "
+            f"the joint no further than {low:.4g}° to {high:.4g}°"
+        )
     pay_out = limits.lowering if limits.loaded == 1.0 else limits.pay_out
     if (
         pay_out >= limits.motor_speed
         or pay_out * max(abs(limits.slope_low), abs(limits.slope_high)) >= limits.joint_speed
     ):
-        found.append("pay_out or lowering is faster than motor_speed or joint_speed allow: a release would end in R3")
+        speed = written("lowering" if limits.loaded == 1.0 else "pay_out")
+        found.append(
+            f"{speed} is faster than {written('motor_speed')} or, by {written('slope_high')}, {written('joint_speed')} "
+            "allow: a release would end in R3"
+        )
     if limits.loaded == 1.0 and longest_release(limits) > _LONGEST:
         found.append(
-            f"lowering takes a release {longest_release(limits):.1f} s from the end of the motor's range, and must not "
-            f"take more than {_LONGEST:g} s"
+            f"{written('lowering')} takes a release {longest_release(limits):.1f} s from the end of the motor's range, "
+            f"and must not take more than {_LONGEST:g} s"
         )
     if limits.tracking_lag * limits.motor_speed + limits.tracking >= limits.target_reach:
-        found.append("tracking is wider than target_reach: a motor that does not follow would be seen too late")
+        widest = (limits.tracking_lag * limits.motor_speed + limits.tracking) * DEGREES
+        found.append(
+            f"{written('tracking', 'tracking_lag')} let the motor be {widest:.4g}° off at {written('motor_speed')}, "
+            f"{written('target_reach')} less: a motor that does not follow would be seen too late"
+        )
     if limits.target_speed * dt >= limits.target_reach:
-        found.append("target_speed allows more than target_reach in one cycle")
+        found.append(
+            f"{written('target_speed')} allows more in one cycle of {1e3 * dt:g} ms than {written('target_reach')}"
+        )
     if limits.heartbeat_age < 2.0 * dt or limits.reading_age * dt > 0.01:
-        found.append("heartbeat_age is below two cycles, or reading_age above 10 ms")
+        found.append(
+            f"{written('heartbeat_age')} is below two cycles of {1e3 * dt:g} ms, or {written('reading_age')} is above "
+            "10 ms"
+        )
     if limits.bridge_time > 0.005:
-        found.append("bridge_time is above 5 ms")
+        found.append(f"{written('bridge_time')} is above 0.005")
     if limits.release_time > 0.2:
-        found.append("release_time is above 200 ms")
+        found.append(f"{written('release_time')} is above 0.2")
     if limits.lateness + limits.bridge_time > limits.heartbeat_age:
-        found.append("lateness is longer than the drive's own watch over the loop (heartbeat_age) lets a cycle be")
+        found.append(
+            f"{written('lateness')} and {written('bridge_time')} are longer together than the drive's own watch over "
+            f"the loop lets a cycle be, {written('heartbeat_age')}"
+        )
     if limits.thermal.continuous_current >= limits.current_peak:
-        found.append("continuous_current is not below current_peak")
+        found.append(f"{written('thermal.continuous_current')} is not below {written('current_peak')}")
     if not limits.thermal.ambient < limits.housing_limit < limits.winding_limit:
-        found.append("housing_limit is not between ambient and winding_limit")
+        found.append(
+            f"{written('housing_limit')} is not between {written('thermal.ambient')} and {written('winding_limit')}"
+        )
     if limits.thermal.winding_capacity * limits.thermal.winding_to_housing < _QUICKEST:
-        found.append(f"the winding would cool within {_QUICKEST:g} s: capacity × thermal resistance is too small")
+        parts = written("thermal.winding_capacity", "thermal.winding_to_housing")
+        found.append(f"the winding would cool within {_QUICKEST:g} s: {parts} are too small together")
     if limits.slack_sign not in (-1.0, 1.0):
-        found.append("slack_sign is neither −1 nor 1")
+        found.append(f"{written('slack_sign')} is neither −1 nor 1")
     out, back = (limits.motor_low, limits.motor_high)[:: 1 if limits.slack_sign < 0.0 else -1]
     if abs(out) > abs(back):
         found.append(
-            "slack_sign lets the cable out towards the far end of the motor's range, which is where it pulls, being "
-            "just taut at zero"
+            f"{written('slack_sign')} lets the cable out towards the far end of the motor's range "
+            f"({written('motor_low', 'motor_high')}), which is where it pulls, being just taut at zero"
         )
     measured = {name: value for name, value in limits._asdict().items() if name.startswith(("measures_", "uses_"))}
-    found += [f"{name} is {value:g}, neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
+    found += [f"{written(name)} is neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
     return found
+
+
+_ELSEWHERE = {"current_peak": "motor.current_limit_a"}
+"""What another section of rig.toml says."""
+
+
+def _written(limits: Limits, *names: str) -> str:
+    """Limits as they stand in rig.toml, by its keys and in its units.
+
+    Args:
+        limits: the supervisor's.
+        names: of their fields, of the thermal model with ``thermal.``.
+    """
+    items = {".".join(item.path): item for item in items_of(Limits)}
+    said = []
+    for name in names:
+        value = at(limits, tuple(name.split(".")))
+        key = items[name].key if name in items else _ELSEWHERE.get(name, name)
+        said.append(f"{key} = {in_file(value, items[name].quantity) if name in items else value:.6g}")
+    return ", ".join(said)
 
 
 def require(limits: Limits, dt: float, verdict: str) -> None:

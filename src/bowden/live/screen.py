@@ -11,6 +11,7 @@ from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
+from bowden.live.stops import told_apart
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
@@ -34,23 +35,26 @@ _NEXT = {
 }
 
 
-def picture(session: "Session", row: dict[str, float], auto: bool) -> Table:
-    """One picture of a run from its newest row."""
+def picture(session: "Session", row: dict[str, float], auto: bool, told: str = "") -> Table:
+    """One picture of a run from its newest row; `told` is what a key did not do."""
     mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
     said = "" if auto else _next(mode, row["preflight"], shown)
     table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {said}")
-    for fault in shown:  # all that must be seen stands above: a low terminal cuts the end off
+    causes, consequences = told_apart({fault: session.came.get(fault, row["time"]) for fault in shown})
+    for fault in causes:  # all that must be seen stands above: a low terminal cuts the end off
         table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
+    if consequences:
+        table.add_row("[red]follows[/red]", ", ".join(fault.meaning for fault in consequences))
     if not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
         explain = family_of(session.live.rig.drive).explain
         code = explain(session.emergency) if session.emergency else session.ready["drive"]
         table.add_row("[red]drive[/red]", escape(code))
     if row["preflight_reason"]:
         table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])
-    table.add_row("keys", "Ctrl-C to end" if auto else _KEYS)
+    table.add_row("keys", "Ctrl-C to end" if auto else f"{_KEYS}{f'  [yellow]{told}[/yellow]' if told else ''}")
     table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     if session.emg_process is not None:

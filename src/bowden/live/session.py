@@ -17,6 +17,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bowden.core import shared_memory, shown
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError
@@ -34,9 +37,11 @@ from bowden.live.ring import FOLDER, RingReader, Row, create
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT, description
 from bowden.live.run_settings import run_settings
+from bowden.live.stops import onsets
 from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
 
 _START = 900.0
@@ -77,6 +82,8 @@ class Session:
         self.emergency = 0
         """Error code of the drive's last emergency; 0 where there was none."""
         self._last: Row | None = None
+        self.came: dict[Fault, float] = {}
+        """When the faults that are there came [s], in that order, as far as `last` has looked."""
         self._latched: float | None = None
         self.began_latched = False
         """Whether a run before it was latched by what nobody has acknowledged."""
@@ -236,6 +243,11 @@ class Session:
             raise OutputError(self._recorder.stderr.read().strip().removeprefix("bowden: "))
 
     @property
+    def on_twin(self) -> bool:
+        """Whether the drive is a twin of this command's own."""
+        return not self._remembers
+
+    @property
     def recorder(self) -> int:
         """A `RecorderState`."""
         return self.rows.recorder.state(self.clock.now())
@@ -273,6 +285,7 @@ class Session:
         if len(rows):
             self._last = rows[-1]
             self._scenario.see(rows)
+            self._see_faults(rows)
             codes = rows[:, AT["emergency"]]
             self.emergency = int(next((code for code in codes[::-1] if code > 0.0), self.emergency))
             self._remember_latch(self._last)
@@ -280,6 +293,14 @@ class Session:
         if len(rows):
             self._came = self.clock.now()
         return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+
+    def _see_faults(self, rows: NDArray[np.float64]) -> None:
+        """Keep since when there are which faults."""
+        bits = rows[:, AT["faults"]]
+        clear = np.flatnonzero(bits == 0.0)
+        begin = int(clear[-1]) + 1 if len(clear) else 0
+        before = {} if len(clear) else self.came
+        self.came = {**before, **onsets(bits[begin:], rows[begin:, AT["time"]]), **before}
 
     def _remember_latch(self, row: Row) -> None:
         """Keep what latched the run, until somebody acknowledges it, by a thread of its own: a disk may be slow."""

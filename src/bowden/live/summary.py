@@ -12,7 +12,7 @@ from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
-from bowden.live import emg_summary, push_summary
+from bowden.live import emg_summary, push_summary, stops
 from bowden.live.lateness import figures
 from bowden.live.mcap_read import Recording, read
 from bowden.safety import faults
@@ -27,7 +27,8 @@ def document(session: "Session") -> dict[str, Any]:
     emg, emg_process = session.live.emg, session.emg_process
     pushing = session.live.pushing
     more = (*(() if emg_process is None else emg_summary.NEEDED), *(() if pushing is None else push_summary.NEEDED))
-    log = _joined([read(path, tuple(dict.fromkeys((*_NEEDED, *more)))) for path in session.logs if path.exists()])
+    needed = tuple(dict.fromkeys((*_NEEDED, *stops.NEEDED, *more)))
+    log = _joined([read(path, needed) for path in session.logs if path.exists()])
     led = log["source"] >= WishSource.LAW_BEGINS
     error = (log["joint"] - log["reference"])[led]
     error = error[np.isfinite(error)]
@@ -43,6 +44,7 @@ def document(session: "Session") -> dict[str, Any]:
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
         "stalled_ms": round(1e3 * ended.get("stalled", 0.0), 3) or None,
+        "stops": stops.document(log, session.live.limits._asdict(), twin=session.on_twin),
         "preflight": ended.get("reason") or None,
         "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
         "torque": TorqueLeft(ended["torque"] if ended else TorqueLeft.UNKNOWN).name.lower(),
@@ -76,6 +78,24 @@ def _joined(logs: list[Recording]) -> Recording:
 STALLED = "this computer stalled for {:.0f} ms, which is no fault of the rig: see what bowden doctor says"
 """Why a run was ended that nothing else was wrong with; a drive whose host is silent for longer than its watch over it
 lasts takes its torque off itself."""
+
+
+def _print_stops(found: dict[str, Any]) -> None:
+    """What stopped the run, in the order of time, then what its log does not show."""
+    said: set[str] = set()
+    for number, stop in enumerate(found["stops"], 1):
+        last = number == len(found["stops"]) and not found["ended_well"]
+        how = "ended" if last else "stopped"
+        for line in stops.lines(stop):
+            print(f"{how} by a fault at {stop['time_s']:.3f} s: {line}")
+        said |= {*stop["causes"], *stop["consequences"]}
+    if found["stalled_ms"] and not any(stop["too_busy"] for stop in found["stops"]):
+        print(STALLED.format(found["stalled_ms"]))
+    for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
+        if meaning not in said:
+            print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+
+
 _NEEDED = ("source", "joint", "reference", "lateness", "run_time", "emergency")
 """Columns of the log that the figures come from."""
 
@@ -104,10 +124,7 @@ def print_summary(found: dict[str, Any]) -> None:
         emg_summary.print_figures(found["emg"])
     if found["interaction"]:
         push_summary.print_figures(found["interaction"])
-    if found["stalled_ms"]:
-        print(STALLED.format(found["stalled_ms"]))
-    for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
-        print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
+    _print_stops(found)
     if found["torque"] != "off":
         print(TORQUE_LEFT[TorqueLeft[found["torque"].upper()]])
     for text in found["emergencies"]:

@@ -1,6 +1,7 @@
 """A rig: one frozen value with everything that a run needs."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,7 +20,7 @@ from bowden.core.part import signed
 from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import axes_for, fragment, screen
 from bowden.core.style import new_figure
-from bowden.core.units import RADIANS
+from bowden.core.units import DEGREES, RADIANS
 from bowden.cycle.one_cycle import Filters
 from bowden.hardware.drives.family import DriveNeeds, family_of
 from bowden.hardware.realtime import Settings
@@ -624,7 +625,22 @@ class Rig:
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
         if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
             notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
+        if self.worn is None or not self.admittance.enabled:
+            notes += self._like_radians()
         return tuple(notes)
+
+    def _like_radians(self) -> list[str]:
+        """What is said of a reference that is so small that it was probably meant in radians."""
+        if self.emg.source is not None:
+            what, ends = "emg.low_deg and high_deg", (self.emg.low, self.emg.high)
+        else:
+            path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
+            what, ends = "the reference", (float(path.min()), float(path.max()))
+        furthest = max(map(abs, ends)) / RADIANS
+        if ends[0] == ends[1] or furthest > math.pi:
+            return []
+        meant = f"radians? {furthest:.3g} rad would be {furthest * DEGREES:.3g}°"
+        return [f"{what} goes no further than {furthest:.3g}°, less than a cable's dead zone; {meant}"]
 
     @property
     def law_name(self) -> str:
@@ -731,6 +747,8 @@ class Rig:
         return live_parts.filters(self.live, self.sample_time)
 
 
+_LOOKED_AT, _INSTANTS = 60.0, 601
+"""Of a reference: for how long it is looked at [s], and how often."""
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 _WRITTEN = 1e-3

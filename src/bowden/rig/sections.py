@@ -4,11 +4,11 @@ Everything else about the file (the commented default, ``docs/rig.md``, the JSON
 from the values' own declarations (`bowden.core.quantity`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, WrapValidator, create_model
+from pydantic import BeforeValidator, Field, WrapValidator, create_model
 from pydantic_core import PydanticCustomError
 
 from bowden.control.reference import Chirp, Multisine, PeriodicMinimumJerk, PointToPoint
@@ -211,7 +211,18 @@ def _one_of(kinds: Mapping[str, type[Section]]) -> Any:
     union: Any = first
     for other in others:
         union = union | other
-    return Annotated[union, Field(discriminator="kind")]
+    return Annotated[union, Field(discriminator="kind"), BeforeValidator(_of_first_kind(kinds))]
+
+
+def _of_first_kind(kinds: Mapping[str, type[Section]]) -> Callable[[Any], Any]:
+    """Takes a section without a kind as one of the first, where all of its keys are keys of that."""
+    name, section = next(iter(kinds.items()))
+
+    def named(given: Any) -> Any:
+        plain = isinstance(given, Mapping) and "kind" not in given and given.keys() <= section.model_fields.keys()
+        return {"kind": name, **given} if plain else given
+
+    return named
 
 
 _CableSection = section_of(

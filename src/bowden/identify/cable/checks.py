@@ -10,6 +10,9 @@ from bowden.core.units import DEGREES
 
 Array = NDArray[np.float64]
 
+_LEADS = 0.005
+"""Of the loop that `swapped` looks at: a quarter of the least that a recorded cable shows [–]."""
+
 FEWEST_SAMPLES = 50
 """Below this a loop cannot be told from noise."""
 
@@ -53,6 +56,26 @@ def check_same_unit(motor: Array, joint: Array, where: str) -> None:
                 expected="both in one unit",
                 do="convert one of them; with a gear between them give each unit (--unit deg,deg, unit='deg,deg')",
             )
+
+
+def swapped(motor: Array, joint: Array) -> list[str]:
+    """A warning where motor and joint look swapped: a cable's far end lags, and so its loop is gone round one way.
+
+    What is looked at is ½∮(m·dj − j·dm), over the motor's travel and the joint's range: 0.019 to 0.052 on 24 recordings
+    of cables, and nothing on one without play.
+
+    Args:
+        motor: (n,) [rad].
+        joint: (n,) [rad].
+    """
+    m, j = motor - motor.mean(), joint - joint.mean()
+    area = 0.5 * float(np.sum(m[:-1] * np.diff(j) - j[:-1] * np.diff(m)) * np.sign(np.sum(m * j)))
+    if area >= -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j)):
+        return []
+    return [
+        "the joint turns round before the motor does, as a cable's near end would: motor and joint look swapped "
+        "(--motor and --joint, motor= and joint= in Python)"
+    ]
 
 
 def check_length(samples: int, where: str) -> None:

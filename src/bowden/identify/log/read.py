@@ -80,7 +80,7 @@ def read_log(
     units, file = angle_units(unit, counts_per_turn), Path(path)
     checked_rate(rate, time)
     given = {"time": time, "motor": motor, "joint": joint}
-    raw, warnings = _from_the_first_reading(read_columns(file, given, optional=() if rate is None else ("time",)))
+    raw, warnings = from_the_first_reading(read_columns(file, given, optional=() if rate is None else ("time",)))
     for role, values in raw.values.items():
         if role != "time" or rate is None:
             checks.check_finite(raw.columns[role].name, values, raw.place)
@@ -185,9 +185,9 @@ def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list
     return raw.values["time"] * FACTORS[unit], []
 
 
-def _from_the_first_reading(raw: RawLog) -> tuple[RawLog, list[str]]:
+def from_the_first_reading(raw: RawLog) -> tuple[RawLog, list[str]]:
     """The log without the rows at its beginning in which no angle had been read yet, as that of a live run has them."""
-    there = np.isfinite(raw.values["motor"]) & np.isfinite(raw.values["joint"])
+    there = np.all([np.isfinite(values) for role, values in raw.values.items() if role != "time"], axis=0)
     first = int(there.argmax()) if there.any() else 0
     if first == 0:
         return raw, []
@@ -227,4 +227,5 @@ def prepare(
     more += geared(motor, joint)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
     checks.check_length(len(even), name)
-    return Log(even, motor_at, joint_at, name, (*warnings, *told, *more, *clock, *odd_time(even, motor_at)))
+    swapped = checks.swapped(motor_at, joint_at)
+    return Log(even, motor_at, joint_at, name, (*warnings, *told, *more, *clock, *odd_time(even, motor_at), *swapped))

@@ -10,7 +10,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.identify.cable.checks import check_finite, check_length
 from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, LogColumn
-from bowden.identify.log.read import checked_rate, read_columns, seconds_of
+from bowden.identify.log.read import checked_rate, from_the_first_reading, read_columns, seconds_of
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def read_servo_log(
     if unit not in (None, "deg", "rad"):
         raise ParameterError(f"--unit is {unit!r}", expected="deg or rad")
     checked_rate(rate, given.get("time"))
-    raw = read_columns(path, given, _SERVO, () if rate is None else ("time",))
+    raw, left_out = from_the_first_reading(read_columns(path, given, _SERVO, () if rate is None else ("time",)))
     factors = {role: _factor(raw.columns[role], unit, path) for role in ("command", "motor")}
     check_length(len(raw.values["motor"]), str(path))
     time, notes = seconds_of(raw, rate, path)
@@ -51,7 +51,7 @@ def read_servo_log(
     check_finite("time", time, raw.place)
     angles = [raw.values[role] * factor for role, factor in factors.items()]
     even, (command, motor), warnings = even_clock(time - time[0], angles, raw.place)
-    return (even, command, motor), [*notes, *warnings]
+    return (even, command, motor), [*left_out, *notes, *warnings]
 
 
 def _factor(column: LogColumn, unit: str | None, path: Path) -> float:
