@@ -1,23 +1,34 @@
-"""Onset and end of a muscle's contraction in surface EMG: a causal detector that one can trust, any sample rate.
+"""Onset and end of a muscle's contraction in surface EMG: a causal likelihood ratio, in any unit at any sample rate.
 
-Four questions to each sample, in the band above 60 Hz:
+The band from 40 to 400 Hz is looked at in three ways: as it is, and less itself one mains period ago, of 50 and of
+60 Hz. Hum is missing in one of the latter, a muscle's noise in none; so all three must say what follows.
 
-1. **Is it large?** |band| above 3 σ, where σ is the size of the signal at rest. It is measured in the first half second
-   of a signal without trouble, and again after half a second without any, or when hum that has stayed is gone: an
-   electrode that comes back need not be as it was. σ follows the median of |band| slowly, and hardly at all during a
-   contraction; after one, what the signal has calmed down to counts as rest. While little of rest has been seen, σ
-   grows quicker in a contraction, so that a start that was too quiet is got over, and afterwards returns.
-2. **Is it new?** Mains hum repeats itself 20 ms later, or 16.7 ms. What is left of the band after subtracting itself
-   one period ago must be large too: hum of any shape passes for one period when it begins, and not when it ends.
-3. **Is it broadband?** A contraction has more than a hundredth of its power above 20 Hz in that rest; movement of
-   electrodes and cables, and hum, have not. It must hold its own against the peak of a swing above 5 Hz as well, which
-   fades with a tenth of a second: between two of its peaks a swing may look like any noise.
-4. **Is it alive?** A signal that repeats one value for 20 ms is clipped, or its electrode is off; so is one that hardly
-   moves for most of the time between its largest steps, as hum does that is clipped.
+**What can be there without a contraction** is one power, the null:
 
-Time with four times yes is evidence; other time takes some of it away again (a cumulative sum, Page 1954). A click or
-the step of an electrode rings for less than the 30 ms that are needed. The second threshold, for the end, is lower:
-2 σ, or a tenth of what the contraction had, missed for 150 ms. Thresholds on amplitude and on time are Bonato's (1998).
+    v₀ = exp(m + z·√(s² + w²·exp(−2n/T))) + λ₁·P + λ₂·B + λ₃·W² + (λ₄·A)²
+
+m and s are level and spread of the log of power at rest, averaged over 0.1 s, learned over the n seconds of rest seen;
+w is how far a rest of which nothing is known may be off. P and B, powers above 20 Hz and in the band, and W, the recent
+peak of what is faster than 5 Hz, leak a known share into what is new in the band, be they movement or mains; A is the
+size of the contraction that lasts or has just ended, which leaves a tail.
+
+**Evidence.** Noise of bandwidth B whose power r = x²/v₀ rises by ρ² gains log likelihood against rest,
+
+    Λ ← max(0, Λ + B·dt·((1 − 1/ρ²)·min(r, K) − log ρ²))
+
+which is Page's cumulative sum (1954) with a ratio bounded as Huber's (1965): no click weighs more than its time.
+An onset is Λ ≥ h. h follows from how rarely rest may pass for a contraction, and K from the least time that one takes:
+B·((1 − 1/ρ²)·K − log ρ²)·brief = h. There are two such sums, of r averaged over 5 ms, for strong contractions, and over
+0.1 s, for weak ones, whose spikes are far apart. The end is the same sum with signs turned and half of log ρ².
+
+**Rest** is learned as a mean with forgetting, of what is below v₀·ρ²·log ρ²/(ρ² − 1) while there is little evidence, in
+steps of at most z standard deviations upward; more than that only at a share of the speed, and in a contraction too, so
+that a step of rest is got over. What is quieter is learned at once: it cannot be a contraction. Nothing is learned from
+a signal that leaks explain, or that is dead. Where an electrode was off, or mains are gone that covered the signal,
+it starts anew.
+
+A signal is dead that repeats one value for 20 ms, and one on its rails hardly moves for most of the time between its
+largest steps, as hum does that is clipped.
 """
 
 import math
@@ -25,36 +36,74 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bowden.core.kernel import kernel, sel
-from bowden.sensing.biquad import EMPTY, Biquad, Memory, biquad, butterworth, critical_high_pass
+from bowden.core.kernel import exp, kernel, log, sel
+from bowden.sensing.biquad import EMPTY, PASS, Biquad, Memory, biquad, butterworth, critical_high_pass
 from bowden.sensing.detector import Detector
 from bowden.sensing.onset_settings import DEFAULTS, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
 
 MAINS = (50.0, 60.0)
 """[Hz]; both are looked for."""
+_SHORT, _LONG, _POWER = 0.005, 0.1, 0.015
+"""Time constants of the averages for strong and for weak contractions, and of powers [s]."""
+_STEP, _SWING = 0.03, 0.1
+"""In which the largest step, and movement's peak, fade [s]."""
+_SIZE, _TAIL = 2.0, 0.2
+"""In which a contraction's size fades while it lasts, and when it has ended [s]."""
+_SETTLES = 0.05
+"""Filters and the memory of a period fill in this time [s]."""
+_LOOKS = 10.0
+"""So often in a second rest has a chance to pass for a contraction: once in `_LONG` [Hz]."""
+_SPIKY = 3.0
+"""Single samples count up to so many times K in the average over 5 ms: noise has them [–]."""
+
+
+class Ways(NamedTuple):
+    """A number for each way in which the band is looked at."""
+
+    plain: float
+    fifty: float
+    sixty: float
+
+
+NONE = Ways(0.0, 0.0, 0.0)
 
 
 class Onset(NamedTuple):
     """The detector at one rate; `prepare_onset` makes it. Times are in samples or per sample."""
 
     band: Biquad
+    top: Biquad
     wide: Biquad
     swing: Biquad
     delay: tuple[int, int]
     """Whole samples of one mains period, for each of `MAINS`."""
-    between: tuple[float, float]
-    """The rest of it."""
+    between: tuple[tuple[float, float, float, float], ...]
+    """Weights of the samples from one before that to two after."""
     dt: float
-    grow: float
-    grow_early: float
-    grow_active: float
-    grow_unsure: float
-    stay: float
+    short: float
+    long: float
     power: float
-    mean: float
-    peak: float
-    size: float
+    stay: float
+    step: float
     swung: float
+    size: float
+    tail: float
+    enough: float
+    """h [–]."""
+    rested: float
+    """Evidence of rest that ends a contraction [–]."""
+    most: float
+    """K [–]."""
+    gain: float
+    """Evidence of one sample, for each unit of r [–]."""
+    drift: float
+    """Evidence that one sample takes away [–]."""
+    even: float
+    """r that leaves the evidence as it is [–]."""
+    gain_of_end: float
+    drift_of_end: float
+    floor: float
+    """m is never less."""
     settings: OnsetSettings
 
 
@@ -65,73 +114,159 @@ class OnsetState(NamedTuple):
     raw: float
     inner: Memory
     outer: Memory
+    top: Memory
     wide: Memory
     slow: Memory
     past: tuple[float, ...]
     """The band's last samples, the newest first, over the longest mains period."""
-    hum: float
-    """Power above 20 Hz of movement and mains, averaged over a second of rest."""
-    mains_seen: float
-    """Share of that second with such trouble."""
-    leap: float
+    power: float
+    """Above 20 Hz, in the signal's unit squared, as all powers."""
+    loud: float
+    """Power in the band."""
+    new: float
+    """Least power of the three ways."""
+    swing: float
+    """Square of the movement's recent peak."""
+    step: float
     """Recent largest step from one sample to the next."""
     stuck: float
     """Share of recent samples without a step."""
-    age: float
-    """Rest that has been seen since the signal began [samples]."""
-    rest: float
-    """σ, in the signal's unit."""
-    before: float
-    """σ when the last contraction began, in the signal's unit."""
-    peak: float
-    swing: float
-    """Square of the movement's recent peak."""
-    power: float
-    new: float
-    mean: float
-    calm: float
-    size: float
     flat: float
-    odd: float
+    """How long the value has been the same [s]."""
+    covered: float
+    """Share of recent rest that was covered by mains."""
+    mains: float
+    """Their power, averaged alike."""
+    short: Ways
+    """r, averaged over 5 ms."""
+    long: Ways
+    """r, averaged over 0.1 s."""
+    powers: Ways
+    """x², averaged over 0.1 s."""
+    level: float
+    """m."""
+    spread: float
+    """s²."""
+    seen: float
+    """n; below 0 while filters fill [s]."""
+    null: float
+    """v₀."""
+    size: float
+    """A²."""
+    strong: Ways
+    """Λ of `short`."""
+    weak: Ways
+    """Λ of `long`."""
     evidence: float
-    quiet: float
-    hold: float
+    """Λ on which all three ways agree, the larger of strong and weak."""
+    calm: float
+    """Evidence of rest."""
     active: float
     """1 in a contraction, told or not."""
     held: float
     """How long it has lasted [s]."""
+    rest: float
+    """σ, in the signal's unit."""
 
 
 def prepare_onset(rate: float, settings: OnsetSettings = DEFAULTS) -> Onset:
     """The detector for `rate` samples a second [Hz], which must be from `SLOWEST` to `QUICKEST`."""
     assert SLOWEST <= rate <= QUICKEST
-    dt, periods = 1.0 / rate, [rate / mains for mains in MAINS]
+    by, dt, periods = settings, 1.0 / rate, [rate / mains for mains in MAINS]
     whole = [math.floor(period) for period in periods]
+    enough = math.log(by.hours * 3600.0 * _LOOKS)
+    share, drift = 1.0 - by.ratio**-2, 2.0 * math.log(by.ratio)
     return Onset(
-        critical_high_pass(settings.band_hz, rate),
-        butterworth(settings.wide_hz, "high", rate),
-        butterworth(settings.swing_hz, "high", rate),
-        (whole[0], whole[1]),
-        (periods[0] - whole[0], periods[1] - whole[1]),
-        dt,
-        math.exp(dt / settings.rest_time),
-        math.exp(dt / settings.early_time),
-        math.exp(dt / settings.active_time),
-        math.exp(dt / settings.unsure_time),
-        1.0 - math.exp(-dt / settings.stays),
-        1.0 - math.exp(-dt / 0.015),
-        1.0 - math.exp(-dt / 0.05),
-        math.exp(-dt / 0.03),
-        math.exp(-dt / 2.0),
-        math.exp(-dt / 0.1),
-        settings,
+        band=critical_high_pass(by.band_hz, rate),
+        top=butterworth(by.top_hz, "low", rate) if by.top_hz < 0.4 * rate else PASS,
+        wide=butterworth(by.wide_hz, "high", rate),
+        swing=butterworth(by.swing_hz, "high", rate),
+        delay=(whole[0], whole[1]),
+        between=(_cubic(periods[0] - whole[0]), _cubic(periods[1] - whole[1])),
+        dt=dt,
+        short=1.0 - math.exp(-dt / _SHORT),
+        long=1.0 - math.exp(-dt / _LONG),
+        power=1.0 - math.exp(-dt / _POWER),
+        stay=1.0 - math.exp(-dt / by.stays),
+        step=math.exp(-dt / _STEP),
+        swung=math.exp(-dt / _SWING),
+        size=math.exp(-dt / _SIZE),
+        tail=math.exp(-dt / _TAIL),
+        enough=enough,
+        rested=by.quiet * by.bandwidth * 0.5 * drift,
+        most=(enough / (by.bandwidth * by.brief) + drift) / share,
+        gain=by.bandwidth * dt * share,
+        drift=by.bandwidth * dt * drift,
+        even=drift / share,
+        gain_of_end=by.bandwidth * dt * (1.0 - 1.0 / by.ratio),
+        drift_of_end=by.bandwidth * dt * 0.5 * drift,
+        floor=2.0 * math.log(by.least),
+        settings=by,
+    )
+
+
+def _cubic(part: float) -> tuple[float, float, float, float]:
+    """Lagrange's weights of samples at −1, 0, 1 and 2 for the value at `part` between 0 and 1."""
+    return (
+        -part * (part - 1.0) * (part - 2.0) / 6.0,
+        (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+        -(part + 1.0) * part * (part - 2.0) / 2.0,
+        (part + 1.0) * part * (part - 1.0) / 6.0,
     )
 
 
 def onset_start(onset: Onset, first: float) -> OnsetState:
     """Before the `first` sample, which may be NaN."""
-    memories = (EMPTY, EMPTY, EMPTY, EMPTY)
-    return OnsetState(first, math.nan, *memories, (0.0,) * (max(onset.delay) + 1), *([0.0] * 21))
+    by, past, o = onset.settings, (0.0,) * (max(onset.delay) + 2), 0.0
+    filters = (EMPTY, EMPTY, EMPTY, EMPTY, EMPTY)
+    known = (onset.floor, by.spread * by.spread, -_SETTLES)
+    signal, evidence = (o, o, o, o, o, o, o, o, o), (o, o, o, o)
+    averages = (NONE, NONE, NONE)
+    return OnsetState(
+        first, math.nan, *filters, past, *signal, *averages, *known, o, o, NONE, NONE, *evidence, by.least
+    )
+
+
+@kernel
+def _before(past: tuple[float, ...], whole: int, weights: tuple[float, float, float, float]) -> float:
+    """The band one mains period ago, between samples."""
+    return (
+        weights[0] * past[whole - 2]
+        + weights[1] * past[whole - 1]
+        + weights[2] * past[whole]
+        + weights[3] * past[whole + 1]
+    )
+
+
+@kernel
+def _averaged(before: Ways, values: Ways, most: float, share: float) -> Ways:
+    """One sample into an average of each way, with values up to `most`."""
+    return Ways(
+        before.plain + share * (np.fmin(values.plain, most) - before.plain),
+        before.fifty + share * (np.fmin(values.fifty, most) - before.fifty),
+        before.sixty + share * (np.fmin(values.sixty, most) - before.sixty),
+    )
+
+
+@kernel
+def _bounded(values: Ways, most: float) -> Ways:
+    return Ways(np.fmin(values.plain, most), np.fmin(values.fifty, most), np.fmin(values.sixty, most))
+
+
+@kernel
+def _least(values: Ways) -> float:
+    return np.fmin(values.plain, np.fmin(values.fifty, values.sixty))
+
+
+@kernel
+def _summed(onset: Onset, before: Ways, ratio: Ways, most: float) -> Ways:
+    """Λ of each way, up to `most`."""
+    bounded = _bounded(ratio, onset.most)
+    return Ways(
+        np.fmin(most, np.fmax(0.0, before.plain + onset.gain * bounded.plain - onset.drift)),
+        np.fmin(most, np.fmax(0.0, before.fifty + onset.gain * bounded.fifty - onset.drift)),
+        np.fmin(most, np.fmax(0.0, before.sixty + onset.gain * bounded.sixty - onset.drift)),
+    )
 
 
 @kernel
@@ -148,77 +283,80 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     origin = sel(np.abs(state.origin) < np.inf, state.origin, raw)
     x = sel(np.abs(raw) < np.inf, raw - origin, 0.0)
     inner, half = biquad(onset.band, state.inner, x)
-    outer, band = biquad(onset.band, state.outer, half)
+    outer, above = biquad(onset.band, state.outer, half)
+    top, band = biquad(onset.top, state.top, above)
     wide, all_of_it = biquad(onset.wide, state.wide, x)
     slow, movement = biquad(onset.swing, state.slow, x)
 
-    # what of the band is new, with a size of its own in place of twice its power
-    past, left = state.past, np.inf
-    for i in range(2):
-        whole, part = onset.delay[i], onset.between[i]
-        left = np.fmin(left, np.abs(band - (1.0 - part) * past[whole - 1] - part * past[whole]))
-    left = left / np.sqrt(2.0)
-    size = np.fmin(np.abs(band), left)
-    peak = np.fmax(np.abs(band), state.peak * onset.peak)
+    # the band, and what of it is new
+    past, started = state.past, state.seen > 0.0
+    fifty = band - _before(past, onset.delay[0], onset.between[0])
+    sixty = band - _before(past, onset.delay[1], onset.between[1])
+    square = Ways(band * band, 0.5 * fifty * fifty, 0.5 * sixty * sixty)
     power = state.power + onset.power * (all_of_it * all_of_it - state.power)
+    loud = state.loud + onset.power * (square.plain - state.loud)
+    new = state.new + onset.power * (_least(square) - state.new)
     swing = np.fmax(movement * movement, state.swing * onset.swung)
-    new = state.new + onset.power * (size * size - state.new)
+    powers = _averaged(state.powers, square, sel(started, onset.most * state.null, np.inf), onset.long)
 
     # what is wrong
-    upper = by.high * state.rest
     step = sel(np.abs(state.raw) < np.inf, np.abs(raw - state.raw), 0.0)
-    leap = np.fmax(step, state.leap * onset.peak)
-    stuck = state.stuck + onset.power * (sel(step <= by.still * leap, 1.0, 0.0) - state.stuck)
+    largest = np.fmax(step, state.step * onset.step)
+    stuck = state.stuck + onset.power * (sel(step <= by.still * largest, 1.0, 0.0) - state.stuck)
     flat = sel(here * (raw != state.raw) > 0.0, 0.0, state.flat + dt)
-    railed = (stuck > by.stuck) * (power > by.steps * leap * leap)  # rest of half a count has small steps, but rarely
+    dead = flat > by.flat
+    railed = (stuck > by.stuck) * (power > by.steps * largest * largest)  # rest of half a count has small steps
+    usual = state.rest * state.rest
     narrow = (new < by.broad * power) + (new < by.moved * swing) + railed > 0.0
-    odd = sel(narrow * (power > upper * upper) > 0.0, state.odd + dt, 0.0)
-    trouble = sel(flat > by.flat, 1.0, sel(odd > 0.0, 2.0, 0.0))
-
-    # what rest is like: hum that stays belongs to it until it is gone
-    idle = state.active < 0.5
-    rate = sel(idle * (trouble != 1.0) > 0.0, onset.stay, 0.0)
-    mains = (trouble == 2.0) * (power > by.level * swing)  # what swings slowly is movement, which does not stay
-    mains_seen = state.mains_seen + rate * (sel(mains, 1.0, 0.0) - state.mains_seen)
-    hum = state.hum + rate * (sel(trouble == 2.0, power, 0.0) - state.hum)
-    usual = mains_seen > 0.5
-    seen = (trouble == 0.0) + (trouble == 2.0) * usual > 0.0
-    off = flat > sel(state.age * dt < by.settle, by.off, by.settle)
-    again = off + idle * usual * (power < by.gone * hum) > 0.0
-    age = sel(again, 0.0, sel(idle * seen > 0.0, state.age + 1.0, state.age))
-    mains_seen, hum = sel(again, 0.0, mains_seen), sel(again, 0.0, hum)
+    trouble = sel(dead, 1.0, sel(narrow * (power > 9.0 * usual) > 0.0, 2.0, 0.0))
 
     # rest
-    settling = age * dt < by.settle
-    measured = age - np.floor(by.wait / dt)
-    average = state.rest + (1.6 * size - state.rest) / np.fmax(measured, 1.0)
-    following = sel(age * dt < by.early, onset.grow_early, onset.grow)
-    factor = sel(idle, following, sel(age * dt < by.unsure, onset.grow_unsure, onset.grow_active))
-    factor = sel(size > 0.6 * state.rest, factor, 1.0 / factor)
-    calm_enough = (state.active > 0.5) + (state.evidence < 0.25 * by.evidence) > 0.0
-    followed = sel(calm_enough, state.rest * factor, state.rest)
-    rest = sel(settling, sel(measured > 0.5, average, state.rest), followed)
-    rest = np.fmax(sel(seen, rest, state.rest), by.least)
-    upper = by.high * rest
+    idle, alive = state.active < 0.5, 1.0 - dead
+    beside = by.repeats * loud + by.broad * power + by.moved * swing + by.share * by.share * state.size
+    seen = np.fmax(state.seen, 0.0)
+    deviation = np.sqrt(state.spread + by.unknown * by.unknown * exp(-seen / by.learnt))
+    there = np.fmax(_least(powers), by.least * by.least)
+    off = log(there) - state.level
+    off = sel(off > 0.0, np.fmax(0.0, off - log(1.0 + beside / usual)), off)
+    lid, count = by.sure * deviation, seen + _LONG
+    hidden = beside > there
+    calm = sel(there < onset.even * state.null, sel(state.evidence < 0.25 * onset.enough, 1.0, 0.0), by.doubt)
+    calm = calm * idle * alive
+    upward = sel(idle, calm * (1.0 - hidden) * np.fmin(off, lid), by.doubt * alive * off) / count
+    downward = sel(off < -lid, alive * off / np.fmin(count, by.falls), idle * alive * off / count)
+    level = sel(started, state.level + dt * sel(off < 0.0, downward, upward), sel(dead, state.level, log(there)))
+    level = np.fmax(level, onset.floor)
+    varied = sel(state.seen > 1.0, calm * (1.0 - hidden) * dt / (count + by.weight), 0.0)
+    spread = state.spread + varied * (np.fmin(off * off, lid * lid) - state.spread)
+
+    # mains that covered it and are gone, an electrode that was off: another rest
+    rate = sel(idle * alive > 0.0, onset.stay, 0.0)
+    by_mains = hidden * (power > by.level * swing)  # what swings slowly is movement
+    covered = state.covered + rate * (sel(by_mains, 1.0, 0.0) - state.covered)
+    mains = state.mains + rate * (sel(hidden, power, 0.0) - state.mains)
+    gone = idle * (covered > 0.5) * (power < by.gone * mains) > 0.0
+    covered, mains = sel(gone, 0.0, covered), sel(gone, 0.0, mains)
+    known = sel(idle, np.fmin(state.seen + calm * dt, by.memory), state.seen * (1.0 - dt / by.forget))
+    known = sel(gone + (flat > by.off) > 0.0, -_SETTLES, known)
 
     # evidence for an onset, and for an end
-    mean = state.mean + onset.mean * (1.25 * size - state.mean)
-    most = sel(state.active > 0.5, np.fmax(mean, state.size * onset.size), state.size)
-    there = power > sel(usual, 0.5 * hum, -1.0)  # a contraction does not take from the power that stays
-    yes = (size > upper) * (left > by.new * peak) * there > 0.0
-    evidence = np.fmin(2.0 * by.evidence, np.fmax(0.0, state.evidence + sel(yes, dt, -by.doubt * dt)))
-    hold = np.fmax(0.0, state.hold - dt)
-    evidence = sel((trouble > 0.5) + (hold > 0.0) + settling > 0.0, 0.0, evidence)
-    loud = size > np.fmax(by.low * rest, 2.0 * by.share * most)
-    quiet = np.fmax(0.0, state.quiet + sel(loud, -2.0 * dt, dt))
-    calm = sel(quiet > 0.0, np.fmin(state.calm, mean), mean)
+    null = exp(level + lid) + beside
+    ratio = Ways(square.plain / null, square.fifty / null, square.sixty / null)
+    short = _averaged(state.short, ratio, _SPIKY * onset.most, onset.short)
+    long = _averaged(state.long, ratio, onset.most, onset.long)
+    most = sel(dead + railed + (largest <= 0.0) > 0.0, 0.0, 2.0 * onset.enough)
+    strong = _summed(onset, state.strong, short, most)
+    weak = _summed(onset, state.weak, long, most)
+    evidence = np.fmax(_least(strong), _least(weak))
+    quiet = onset.drift_of_end - onset.gain_of_end * np.fmin(_least(short), onset.most)
+    rested = np.fmax(0.0, state.calm + quiet)
+    begins = idle * (evidence >= onset.enough) > 0.0
+    ends = (1.0 - idle) * ((rested > onset.rested) + dead > 0.0) > 0.0
 
-    begins = (state.active < 0.5) * (evidence >= by.evidence) > 0.0
-    ends = (state.active > 0.5) * ((quiet > by.quiet) + (odd > by.trouble) + (flat > by.flat) > 0.0) > 0.0
-    rested = (state.hold > 0.0) * (hold == 0.0) * seen > 0.0
-    before = sel(begins, rest, state.before)
-    rest = sel(rested, np.fmax(before, calm), rest)
     active = sel(begins, 1.0, sel(ends, 0.0, state.active))
+    known = sel(ends, np.fmin(known, by.learnt), known)
+    forgets, left = sel(ends + dead + railed > 0.0, 1.0, np.inf), sel(ends, 0.0, np.inf)
+    size = sel(active > 0.5, np.fmax(new, state.size * onset.size), state.size * onset.tail)
     held = sel(active > 0.5, state.held + dt, 0.0)
     reported = sel((active > 0.5) * (held > by.shortest) > 0.0, 1.0, 0.0)
     after = OnsetState(
@@ -226,30 +364,34 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
         raw,
         inner,
         outer,
+        top,
         wide,
         slow,
         (band,) + past[:-1],  # noqa: RUF005 - Numba takes no star in a tuple
-        hum,
-        mains_seen,
-        leap,
-        stuck,
-        age,
-        rest,
-        before,
-        peak,
-        swing,
         power,
+        loud,
         new,
-        mean,
-        calm,
-        sel(begins, mean, most),
+        swing,
+        largest,
+        stuck,
         flat,
-        odd,
-        sel(ends, 0.0, evidence),
-        sel(begins, 0.0, quiet),
-        sel(ends, by.refractory, hold),
+        covered,
+        mains,
+        _bounded(short, forgets),
+        _bounded(long, forgets),
+        _bounded(powers, forgets * null),
+        level,
+        spread,
+        known,
+        null,
+        size,
+        _bounded(strong, left),
+        _bounded(weak, left),
+        np.fmin(evidence, left),
+        sel(begins, 0.0, rested),
         active,
         held,
+        exp(0.5 * level),
     )
     return after, reported, trouble
 
@@ -271,5 +413,5 @@ ONSET = Detector(
     slowest=SLOWEST,
     safe=SAFE,
     quickest=QUICKEST,
-    source="this project; thresholds on amplitude and time after Bonato (1998), evidence after Page (1954)",
+    source="this project; the cumulative sum of Page (1954) with the bounded ratio of Huber (1965)",
 )

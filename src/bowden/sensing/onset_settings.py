@@ -3,75 +3,80 @@
 from typing import NamedTuple
 
 SLOWEST, SAFE, QUICKEST = 400.0, 900.0, 5000.0
-"""Rates that the detector takes, from `SLOWEST` to `QUICKEST` [Hz]. Below `SAFE` 30 ms have so few samples that an open
-input may pass for a contraction: good for a recording, but nothing is moved by it."""
+"""Rates that the detector takes, from `SLOWEST` to `QUICKEST` [Hz]. Below `SAFE` hum's harmonics have few samples to a
+period, so that an open input may pass for a contraction: good for a recording, but nothing is moved by it."""
 
 
 class OnsetSettings(NamedTuple):
-    """What the detector goes by: one set for all signals."""
+    """What the detector goes by: one set for all signals.
 
-    band_hz: float = 60.0
-    """Corner of the twofold high-pass."""
+    Four are what is asked of it (`ratio`, `hours`, `brief`, `quiet`), from which the thresholds follow; the others say
+    what rest and what is beside the muscle are like.
+    """
+
+    ratio: float = 1.8
+    """Contractions are told from so many times the largest that rest is taken for [–]."""
+    hours: float = 10.0
+    """Rest alone passes for a contraction once in so long [h]."""
+    brief: float = 0.05
+    """Nothing that lasts less is an onset, however large: a click's ringing, and twice the 20 ms of hum that begins and
+    ends [s]."""
+    quiet: float = 0.2
+    """Rest of less does not end a contraction [s]."""
+    bandwidth: float = 100.0
+    """Of a muscle's spectrum: so many independent pairs of samples there are in a second [Hz]."""
+    band_hz: float = 40.0
+    """Lower end of the band: the corner of a twofold high-pass [Hz]."""
+    top_hz: float = 400.0
+    """Upper end of the band, where the rate has it; a muscle has little beyond [Hz]."""
     wide_hz: float = 20.0
-    """Lower end of the signal whose power the band is compared with."""
-    high: float = 3.0
-    """Onset: so many σ."""
-    low: float = 2.0
-    """End: below so many σ."""
-    share: float = 0.1
-    """End: or below this share of the contraction's size, twice its mean."""
+    """Lower end of all that is not slow: muscle, mains, and the quick part of movement [Hz]."""
     swing_hz: float = 5.0
-    """Lower end of the movement whose peak the band is compared with."""
+    """Lower end of movement [Hz]."""
+    sure: float = 1.5
+    """Rest is taken for at most its level and so many standard deviations [–]."""
+    unknown: float = 1.4
+    """Standard deviation of the log of rest's power, of which nothing has been seen yet: a factor of two in size."""
+    learnt: float = 1.5
+    """By e² less of that in so much rest; after a contraction, rest is as well known as after so long [s]."""
+    spread: float = 0.2
+    """Standard deviation of the log of power, averaged over 0.1 s, of noise as wide as the band."""
+    weight: float = 3.0
+    """That counts as much as so much of rest that is seen [s]."""
+    memory: float = 12.0
+    """Rest older than this does not count [s]."""
+    falls: float = 0.3
+    """Time constant of a level that was taken for too high: a muscle that contracted from the start [s]."""
+    doubt: float = 0.15
+    """What is larger than rest is learnt so much slower: it may be a contraction [–]."""
+    forget: float = 30.0
+    """Time constant in which a contraction makes one forget how rest was [s]."""
+    share: float = 0.1
+    """Size of what a contraction leaves when it has ended, over its own [–]."""
     moved: float = 0.001
-    """Least share of that peak's square that must be new and in the band."""
-    evidence: float = 0.03
-    """Time with four times yes that makes an onset [s]."""
-    doubt: float = 0.2
-    """Share of the other time that is taken from the evidence [–]."""
-    quiet: float = 0.15
-    """Time below the lower threshold that makes an end [s]."""
-    refractory: float = 0.15
-    """After an end, no onset [s]."""
-    new: float = 0.15
-    """Least share of the band's recent peak that must be new."""
+    """Power in the band of movement, over the square of its recent peak [–]."""
     broad: float = 0.01
-    """Least share of the power that must be new and in the band."""
+    """Power in the band of movement and mains, over that above `wide_hz` [–]."""
+    repeats: float = 0.03
+    """Power of hum that is left after subtracting what was one period ago, over that in the band [–]."""
+    level: float = 0.1
+    """Least share of the movement's squared peak that the power of mains has; a slow swing has less [–]."""
+    stays: float = 1.0
+    """Time constant of the share of time that mains cover; above half of it the input is another when they go [s]."""
+    gone: float = 0.25
+    """Below this share of their power mains have gone [–]."""
     flat: float = 0.02
     """A value that lasts so long is no signal [s]."""
-    trouble: float = 0.15
-    """Trouble that ends a contraction [s]."""
+    off: float = 0.5
+    """A value that lasts so long is an electrode that is off: rest is measured anew [s]."""
     still: float = 0.05
     """A step from one sample to the next that is less than this share of the recent largest is none [–]."""
     stuck: float = 0.6
     """Share of samples without a step that is too much [–]."""
     steps: float = 0.1
     """As long as the power is more than this share of that step's square [–]."""
-    off: float = 0.15
-    """A value that lasts so long while rest is measured is an electrode that is off [s]."""
-    settle: float = 0.5
-    """From the start, in which rest is measured; time without a signal does not count [s]."""
-    wait: float = 0.05
-    """The first part of that, in which filters and the memory of a period fill [s]."""
-    stays: float = 1.0
-    """Time constant of the share of time in trouble, above half of which trouble is what rest is like [s]."""
-    level: float = 0.1
-    """Least share of the movement's squared peak that the power of mains has; a slow swing has less [–]."""
-    gone: float = 0.25
-    """Below this share of its power, trouble that had stayed is gone [–]."""
-    unsure: float = 10.0
-    """Rest that has been seen for less than this is not yet known [s]."""
-    unsure_time: float = 5.0
-    """Time constant of σ in a contraction until then [s]."""
     least: float = 1e-12
     """σ is never less, in the signal's unit; see `of_wearer`."""
-    rest_time: float = 2.0
-    """Time constant of σ at rest [s]."""
-    early: float = 4.0
-    """Rest that has been seen for less than this may have been a contraction [s]."""
-    early_time: float = 0.5
-    """Time constant of σ at rest until then [s]."""
-    active_time: float = 60.0
-    """Time constant of σ in a contraction [s]."""
     shortest: float = 0.0
     """Contractions shorter than this are not told, and all others so much later [s]."""
 
