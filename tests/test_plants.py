@@ -158,12 +158,12 @@ def test_a_joint_that_runs_off_is_not_stable_though_it_ends() -> None:
 
 
 def test_a_rig_simulates_the_model_that_identification_recommends(shared_data: Path) -> None:
-    """On the half of a real log that no fit has seen: the rig's plant is as good as the recommended model says."""
+    """On a real log's second half the rig's plant is no worse than the recommended model is said to be."""
     log = read_log(shared_data / "cable" / "L_Pitch_1_000.csv.gz")
     fit = identify_log(log)
     rig = Rig(cable=fit)
     assert isinstance(rig.moved, CablePlant)
-    assert rig.moved.cable.name == "bouc_wen_static"
+    assert rig.moved.cable.name == fit.best.name == "generalised_play"
 
     def error(plant: CablePlant) -> float:
         """RMS in degrees of its cable under the log's own motor, which runs backwards."""
@@ -175,8 +175,8 @@ def test_a_rig_simulates_the_model_that_identification_recommends(shared_data: P
         half = len(joints) // 2
         return float(np.degrees(np.sqrt(np.mean((np.array(joints) - log.joint)[half:] ** 2))))
 
-    assert error(rig.moved) == pytest.approx(0.078, abs=0.003)
-    assert error(round_its_cable(rig.bench)) == pytest.approx(0.139, abs=0.005)
+    assert error(rig.moved) < 1.05 * np.degrees(fit.chosen.test_rms) < 0.1
+    assert error(round_its_cable(rig.bench)) < 1.05 * np.degrees(fit.models["bouc_wen"].test_rms)
     trace = simulate(rig.moved, rig.fitted("bowden"), rig.trajectory, duration=5.0, initial_motor=rig.start_motor)
-    assert trace.settings["plant"]["cable"]["kind"] == "bouc_wen_static"
+    assert trace.settings["plant"]["cable"]["kind"] == "generalised_play"
     assert trace["joint"][0] == pytest.approx(rig.begin, abs=1e-9)

@@ -183,13 +183,20 @@ MODELS = {
     "bouc_wen_static": {**PLAIN, **STATIC, "initial_h": 0.0},
     "prandtl_ishlinskii": {"slope": -0.3, "half_width_1": 0.04, "half_width_2": 0.1, "weight_1": -0.4}
     | {"weight_2": -0.2, "offset": 0.4, "initial_lag": 0.0},
+    "generalised_play": {"slope": -0.9, "offset": 0.4, "first_node": -0.6, "last_node": 0.4, "initial_lag": 0.0}
+    | {"bend_1": 0.0, "bend_2": 0.02, "bend_3": -0.01, "gap_1": 0.02, "gap_2": 0.04, "gap_3": 0.03}
+    | {"reach_1": 0.5, "reach_2": 1.5, "share_1": 0.5, "share_2": 0.5},
 }
 
 
 def forwards(name: str) -> dict[str, float]:
     """The same cable written with the motor counted the other way, so that its slope is positive."""
     turn = {"slope", "hysteresis_gain", "static_3", "static_centre", "weight_1", "weight_2"}
-    return {key: -value if key in turn else value for key, value in MODELS[name].items()}
+    swap = {"bend_1": "bend_3", "bend_3": "bend_1", "gap_1": "gap_3", "gap_3": "gap_1"}
+    ends = {"first_node": -0.4, "last_node": 0.6} if name == "generalised_play" else {}
+    return {
+        key: -value if key in turn else MODELS[name][swap.get(key, key)] for key, value in MODELS[name].items()
+    } | ends
 
 
 @pytest.mark.parametrize("name", list(MODELS))

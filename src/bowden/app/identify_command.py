@@ -64,8 +64,9 @@ def identify(
 ) -> None:
     """Fit cable models to a log's first half, judge them on the second, and say which one to use and why.
 
-    Five models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, and a
-    Prandtl-Ishlinskii stack. The folder gets model.toml, with every parameter and its uncertainty, and a page.
+    Six models are fitted: a straight line, the play operator, Bouc-Wen, Bouc-Wen with a static nonlinearity, a
+    Prandtl-Ishlinskii stack, and a generalised play between free branches. The folder gets model.toml, with every
+    parameter and its uncertainty, and a page.
 
     Several logs are fitted together: one loop whose offset, slope, width and shape follow the logs' load, their bend or
     both. With --model nothing is identified but gain and offset of a known cable, from seconds of motion.
@@ -196,7 +197,7 @@ def _print_table(fit: "Fit") -> None:
         count = sum(not math.isnan(value) for value in fitted.uncertainty.values())
         table.add_row(f"{name} *" if name == fit.best.name else name, str(count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
-    print("* recommended: the simplest whose error on left-out strokes is not clearly larger than the best's")
+    print("* recommended: the simplest whose error on left-out stretches is not clearly larger than the best's")
     left, without, counts = (value * DEGREES for value in fit.forecast)
     bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
     print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")

@@ -11,6 +11,7 @@ from bowden.core.units import DEGREES
 from bowden.design.league_cells import LeaguePlant
 from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.log.read import Log, read_log
+from bowden.models.cable.generalised_play import Branches
 from bowden.models.cable.sheath import Sheath
 from bowden.plants.cable_plant import Cable, CablePlant
 from bowden.plants.cables import Bent, Stack, identified
@@ -87,6 +88,9 @@ def _shifted(cable: Cable, motor: float, joint: float) -> Cable:
     if isinstance(prepared, Stack):
         offset = prepared.offset + cable.slope * motor - joint
         return replace(cable, prepared=prepared._replace(offset=offset))
+    if isinstance(prepared, Branches):
+        offset, ends = prepared.offset + cable.slope * motor - joint, (prepared.low - motor, prepared.high - motor)
+        return replace(cable, prepared=prepared._replace(offset=offset, low=ends[0], high=ends[1]))
     assert isinstance(prepared, Bent)  # `identified` makes no others
     offset = prepared.cable.offset + cable.slope * motor - joint
     return replace(

@@ -28,7 +28,7 @@ def identify(
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Fit:
-    """Fit five families of cable models to the first half of a log, and judge them on the second.
+    """Fit six families of cable models to the first half of a log, and judge them on the second.
 
     Args:
         log: the path of a CSV, gzipped CSV, MATLAB or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].

@@ -1,4 +1,4 @@
-"""Cables for `CablePlant`: play, a stack of plays, Bouc–Wen with static terms, and each by its model's name."""
+"""Cables for `CablePlant`: plays, alone, in a stack and between bent branches, Bouc–Wen, and each by its name."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -14,6 +14,7 @@ from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable, saturation, upright
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
 from bowden.models.cable.capstan import Tendon
+from bowden.models.cable.generalised_play import Branches, joined, mean_branch, push_slots
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.plants.bench import Bench, check_bouc_wen
 from bowden.plants.cable_body import Seen
@@ -65,6 +66,27 @@ def stack_look(cable: Stack, memory: Slots, motor: float, width: float, slope_fa
     for i in range(memory.z.size):
         joint += cable.weights[i] * memory.z[i]
     return Seen(slope_factor * joint + cable.offset, np.nan, np.nan)
+
+
+@kernel
+def branches_start(cable: Branches, motor: float, width: float, slope_factor: float) -> Slots:
+    """Every z in the middle between the branches."""
+    return Slots(np.full(cable.reaches.size, mean_branch(motor, cable)))
+
+
+@kernel
+def branches_advance(
+    cable: Branches, memory: Slots, before: float, after: float, width: float, slope_factor: float, dt: float
+) -> Slots:
+    """Every z pushed by the branches, `width` times as far apart; in place."""
+    push_slots(memory.z, after, width, cable)
+    return memory
+
+
+@kernel
+def branches_look(cable: Branches, memory: Slots, motor: float, width: float, slope_factor: float) -> Seen:
+    """See `bowden.models.cable.generalised_play`."""
+    return Seen(joined(memory.z, motor, slope_factor, cable), np.nan, np.nan)
 
 
 class Bent(NamedTuple):
@@ -137,6 +159,23 @@ def stack(slope: float, half_widths: Sequence[float], weights: Sequence[float], 
     return Cable("prandtl_ishlinskii", cable, cable, stack_start, stack_advance, stack_look, whole)
 
 
+def generalised_play(cable: Branches) -> Cable:
+    """A stack of plays between two bent branches.
+
+    Raises:
+        ParameterError: lengths that do not match, a range that is none, or a gap, a reach or a share below 0.
+    """
+    sizes = cable.reaches.shape == cable.shares.shape and min(cable.bends.size, cable.gaps.size) >= 2
+    least = min(float(values.min(initial=0.0)) for values in (cable.gaps, cable.reaches, cable.shares))
+    if not (sizes and least >= 0.0 and cable.high > cable.low):
+        raise ParameterError(
+            f"generalised play: {cable}",
+            expected="two bends and gaps or more, as many reaches as shares, none of these but bends below 0, "
+            "and the last node above the first",
+        )
+    return Cable("generalised_play", cable, cable, branches_start, branches_advance, branches_look, cable.slope)
+
+
 class BoucWenParameters(NamedTuple):
     """What a Bouc–Wen cable of this file is made of."""
 
@@ -166,8 +205,8 @@ def identified(name: str, parameters: Mapping[str, float]) -> Cable:
     joint follows in the same direction. It begins at rest, with no hysteresis locked in, not where the log did.
 
     Args:
-        name: ``play``, ``bouc_wen``, ``bouc_wen_static`` or ``prandtl_ishlinskii``, ``scheduled``, or one of
-            `DISTRIBUTED`.
+        name: ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``,
+            ``scheduled``, or one of `DISTRIBUTED`.
         parameters: the model's, by name; SI and radians. What is left out of a distributed one is as its default.
 
     Raises:
@@ -248,6 +287,27 @@ def _stack(given: Mapping[str, float]) -> Cable:
     return stack(sign * given["slope"], widths, [sign * weight for weight in weights], given["offset"])
 
 
+def branches_of(given: Mapping[str, float]) -> Branches:
+    """The generalised play of reported parameters, by name; as it was recorded, not turned round.
+
+    Raises:
+        KeyError: one is missing.
+    """
+    bends, gaps, reaches, shares = (
+        np.array(_numbered(given, name), dtype=np.float64) for name in ("bend_", "gap_", "reach_", "share_")
+    )
+    ends = float(given["first_node"]), float(given["last_node"])
+    return Branches(float(given["slope"]), bends, gaps, *ends, reaches, shares, float(given["offset"]))
+
+
+def _generalised(given: Mapping[str, float]) -> Cable:
+    cable = branches_of(given)
+    if cable.slope < 0.0:  # the motor counted the other way: the nodes come in the other order
+        bends, gaps = cable.bends[::-1].copy(), cable.gaps[::-1].copy()
+        cable = cable._replace(slope=-cable.slope, bends=bends, gaps=gaps, low=-cable.high, high=-cable.low)
+    return generalised_play(cable)
+
+
 def _bouc_wen(given: Mapping[str, float]) -> Cable:
     cable = BoucWen(**{field: given[field] for field in BoucWen._fields})
     turned = -1.0 if cable.slope < 0.0 else 1.0
@@ -312,6 +372,7 @@ _IDENTIFIED: dict[str, Any] = {
     "bouc_wen": _bouc_wen,
     "bouc_wen_static": _bouc_wen,
     "prandtl_ishlinskii": _stack,
+    "generalised_play": _generalised,
     "sliding": _sliding,
     "lumped_coulomb": partial(_lumped, dahl=False),
     "lumped_dahl": partial(_lumped, dahl=True),

@@ -29,6 +29,7 @@ TITLES = {
     "bouc_wen": "Bouc–Wen",
     "bouc_wen_static": "Bouc–Wen with a static nonlinearity",
     "prandtl_ishlinskii": "Prandtl–Ishlinskii stack",
+    "generalised_play": "generalised play between free branches",
 }
 """Name of a model → what it is called in a sentence."""
 
@@ -63,7 +64,8 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     duration = log.time[-1] - log.time[0]
     page = Page(
         f"The cable of {log.name}",
-        f"{fit.samples} samples, {duration:.4g} s. Models are fitted to the first half and judged on the second.",
+        f"{fit.samples} samples, {duration:.4g} s. Models are fitted to the first half, judged on the second, "
+        "and fitted anew to the whole. Errors and curves are those of the first fit, parameters those of the last.",
     )
     page.heading("Which model to use")
     page.text("{why}", why=recommendation(fit))
@@ -102,21 +104,22 @@ def recommendation(fit: Fit) -> str:
     """One plain paragraph: which model, how good, and why it and no other."""
     best = fit.chosen
     lowest = min(fit.models, key=lambda name: fit.models[name].left_out_rms)
+    unseen = "it was not fitted to" if fit.chosen_on_whole else "nothing was fitted to or chosen by"
     text = (
-        f"Use the model {fit.best.name} ({TITLES[fit.best.name]}): on the second half of the log, which nothing was "
-        f"fitted to or chosen by, it predicts the joint within {best.test_rms * DEGREES:.2g}° RMS. "
+        f"Use the model {fit.best.name} ({TITLES[fit.best.name]}): on the second half of the log, which "
+        f"{unseen}, it predicts the joint within {best.test_rms * DEGREES:.2g}° RMS. "
     )
     if lowest == fit.best.name:
         others = [name for name in fit.models if name != fit.best.name]
         second = min(others, key=lambda name: fit.models[name].left_out_rms)
         text += (
-            f"It was chosen in the first half: on strokes that were left out of the fit it errs by "
+            f"It was chosen on stretches that were left out of the fit: there it errs by "
             f"{best.left_out_rms * DEGREES:.2g}°, the next best ({second}) by "
             f"{fit.models[second].left_out_rms * DEGREES:.2g}°."
         )
     else:
         text += (
-            f"It was chosen in the first half, on strokes that were left out of the fit: {lowest} errs a little less "
+            f"It was chosen on stretches that were left out of the fit: {lowest} errs a little less "
             f"there ({fit.models[lowest].left_out_rms * DEGREES:.3g}° against {best.left_out_rms * DEGREES:.3g}°), but "
             "not clearly, and the simpler model is taken."
         )
@@ -149,9 +152,9 @@ def _models_table(page: Page, fit: Fit) -> None:
         for name, fitted in fit.models.items()
     ]
     page.table(
-        ["model", "parameters", "first half [° RMS]", "left-out strokes [° RMS]", "second half [° RMS]"],
+        ["model", "parameters", "first half [° RMS]", "left-out stretches [° RMS]", "second half [° RMS]"],
         rows,
-        "Errors of the joint angle. The choice rests on the left-out strokes; the second half only judges it.",
+        "Errors of the joint angle. The choice rests on the left-out stretches; the second half only judges it.",
         ["best" if name == fit.best.name else "" for name in fit.models],
     )
 
@@ -159,9 +162,15 @@ def _models_table(page: Page, fit: Fit) -> None:
 def _parameter_table(page: Page, name: str, fitted: ModelFit) -> None:
     rows = []
     for key, value in fitted.parameters.items():
+        if key.startswith(_NODES):
+            continue
         unit, text = meaning(key)
         rows.append([key, f"{value:.5g}", _spread(fitted.uncertainty[key]), unit, text])
     page.table(["parameter", "value", "±", "unit", "meaning"], rows, f"{name}: {TITLES[name]}")
+
+
+_NODES = ("bend_", "gap_")
+"""Parameters that are points of a curve: the loop shows them, and model.toml has them."""
 
 
 def _spread(uncertainty: float) -> str:

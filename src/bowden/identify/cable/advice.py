@@ -19,6 +19,15 @@ _SLOW = 0.5 / DEGREES
 """Below this peak speed friction makes most cables stick and slip [rad/s]; a rule of thumb."""
 
 
+FOLLOWS = 0.5
+"""Least correlation with the motor of a joint that follows it; below it nothing but a line is recommended."""
+
+
+def following(log: Log, split: int) -> float:
+    """Size of the correlation between joint and motor before the sample `split` [–]."""
+    return abs(float(np.corrcoef(log.motor[:split], log.joint[:split])[0, 1]))
+
+
 def advise(
     log: Log,
     split: int,
@@ -39,8 +48,8 @@ def advise(
         best: the recommended model.
         lag: of the joint [s], and the share of the best model's squared residual that it explains.
     """
-    correlation = abs(float(np.corrcoef(log.motor[:split], log.joint[:split])[0, 1]))
-    if correlation < 0.5:
+    correlation = following(log, split)
+    if correlation < FOLLOWS:
         return [
             f"the joint does not follow the motor (correlation {correlation:.2f}), nothing here can be relied on: "
             "check the columns, the units, and whether the two were recorded on one clock; or the motion is too small "
@@ -60,13 +69,14 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
     found = []
     if path.strokes < 2:
         found.append(
-            "the motor does not reverse in the first half, so no hysteresis shows and the line is all that can be "
-            "recommended: move faster or record longer, six cycles or more"
+            "the motor does not reverse in the first half, so no hysteresis shows there and its errors in the second "
+            "half say nothing: move faster or record longer, six cycles or more"
         )
     elif path.strokes < 6:
         found.append(
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to tell a loop "
-            "from what happens once: record at least six cycles"
+            f"from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least six "
+            "cycles"
         )
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]

@@ -12,7 +12,7 @@ from bowden.identify.cable.bouc_wen import SEARCHED, degrees_of, fit_terms, simu
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import products
-from bowden.identify.cable.validation import folds, simplest_of_the_best, start_ends
+from bowden.identify.cable.validation import folds, simplest_of_the_best
 
 _RICHEST = (7, 2)
 _CHOICES = [(static, heights) for static in (2, 3, 5, 7) for heights in (0, 1, 2)]
@@ -45,25 +45,18 @@ def richest(path: Path, plain: Estimate) -> Estimate:
     return fit_terms(path, plain.theta, *_RICHEST, rough=True)
 
 
-def settled(path: Path, rich: Estimate) -> int:
-    """How many strokes at the start are better left out of the fit, h held; `rich` was fitted to all of them."""
-    errors = {start: _judge(path, rich, start, [_RICHEST])[_RICHEST] for start in start_ends(path)}
-    chosen: int = simplest_of_the_best(errors, {start: start for start in errors})
-    return chosen
-
-
 def _choose(path: Path, rich: Estimate) -> tuple[int, int]:
     """The degrees that predict left-out strokes, h held."""
-    errors = _judge(path, rich, 0, _CHOICES)
+    errors = _judge(path, rich, _CHOICES)
     chosen: tuple[int, int] = simplest_of_the_best(errors, {choice: sum(choice) for choice in errors})
     return chosen
 
 
-def _judge(path: Path, rich: Estimate, start: int, choices: list[tuple[int, int]]) -> dict[tuple[int, int], Array]:
-    """For each choice of degrees the mean squared error of each block (folds,), fitted without it and the start."""
+def _judge(path: Path, rich: Estimate, choices: list[tuple[int, int]]) -> dict[tuple[int, int], Array]:
+    """For each choice of degrees the mean squared error of each fold (folds,), fitted without it."""
     names = [name for name in rich.slopes if name not in SEARCHED]
     columns = np.stack([*(rich.slopes[name] for name in names), path.joint], axis=1)
-    total = products(columns, np.where(path.stroke >= start, path.weight, 0.0))
+    total = products(columns, path.weight)
     masks = folds(path)
     blocks = [products(columns[mask], path.weight[mask]) for mask in masks]
     counts = [float(path.weight[mask].sum()) for mask in masks]

@@ -26,6 +26,11 @@ class Estimate:
     """Where the search ended, in the family's own coordinates (k,)."""
     variance: dict[str, float] = field(default_factory=dict)
     """What a parameter's variance gets from the path itself being known with noise only, by name."""
+    prior: Array | None = None
+    """What the fitted coordinates cost, beside the squared error, as a quadratic form (k, k); none of most families."""
+    combined: Mapping[str, Array] = field(default_factory=dict)
+    """Parameters that are weighted sums of the fitted coordinates: name → weights (k,), in the order of `slopes`, which
+    then names the coordinates; empty where the coordinates are parameters themselves."""
 
 
 class Family(Protocol):
@@ -41,7 +46,7 @@ class Family(Protocol):
         ...
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
-        """The best member for the path (perhaps with other weights), searched from `near`."""
+        """The best member for the path (perhaps another part of the log, or other weights), searched from `near`."""
         ...
 
     def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:

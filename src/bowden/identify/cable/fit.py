@@ -1,8 +1,12 @@
-"""From three signals to a recommended model: each family fitted to a log's first half and judged on its second."""
+"""From three signals to a recommended model: each family fitted to a log's first half and judged on its second.
+
+What is reported of a model, and what a rig takes, was fitted anew to the whole log; its errors are those of the same
+family fitted to the first half, since nothing is left to judge the other on.
+"""
 
 import math
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -14,19 +18,14 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable import advice
-from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.bouc_wen_static import BoucWenStatic, richest, settled
-from bowden.identify.cable.family import Estimate, Family
 from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import time_lag
-from bowden.identify.cable.line import Line
 from bowden.identify.cable.model import CableModel
+from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.play import PlayOperator
-from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.cable.uncertainty import standard_errors
-from bowden.identify.cable.validation import folds, held_out_errors, simplest_of_the_best, without_start
+from bowden.identify.cable.validation import simplest_of_the_best
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, checked_rate, prepare
 
@@ -34,14 +33,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
-"""What is being done now, and the share of the work that is behind."""
 
-_FINE, _JUDGED, _SEARCHED = 2500, 600, 150
-"""Nodes of the path on which models are fitted, compared with one another, and searched for globally."""
-
-_SEARCHED_STROKES = 30
-"""The global search needs no more of a long log; the gradient stage sees all of it."""
+_TOLD = 4
+"""Strokes from which on the first half tells families apart; with fewer of them the whole log does."""
 
 
 @dataclass(frozen=True)
@@ -49,16 +43,17 @@ class ModelFit:
     """One family's best member."""
 
     model: CableModel
-    """The model itself: its parameters, and the joint angle that it predicts."""
+    """The model itself, fitted to the whole log: its parameters, and the joint angle that it predicts."""
     uncertainty: Mapping[str, float]
     """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where it is a
     setting that was not fitted."""
     train_rms: float
-    """Error on what was fitted of the first half, at the log's full rate [rad]."""
+    """Error on what was fitted of the first half, of the family fitted to it, at the log's full rate [rad]."""
     test_rms: float
-    """Error on the second half, which no decision has seen [rad]."""
+    """Error on the second half of the family fitted to the first [rad]. No decision has seen it, but for a first half
+    of fewer than four strokes, where the whole log says which family is recommended."""
     left_out_rms: float
-    """Error on strokes of the first half that were left out in turn; the recommendation rests on it [rad]."""
+    """Error on stretches of strokes that were left out in turn; the recommendation rests on it [rad]."""
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -75,7 +70,7 @@ class Fit:
     """What a log says about its cable."""
 
     models: Mapping[str, ModelFit]
-    """``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``."""
+    """``line``, ``play``, ``bouc_wen``, ``bouc_wen_static``, ``prandtl_ishlinskii``, ``generalised_play``."""
     best: CableModel
     """The recommended model; ``best.name`` says which it is, and a rig takes it as its cable."""
     warnings: tuple[str, ...]
@@ -86,10 +81,12 @@ class Fit:
     """Time that the identification took [s]."""
     split: int
     """First sample of the second half."""
+    chosen_on_whole: bool
+    """Whether the whole log says which family is recommended, its first half having fewer than four strokes."""
     fitted_from: int
     """First sample that was fitted; above zero where the cable was still settling."""
     predicted: Array = field(compare=False)
-    """Joint angle of the recommended model, simulated straight through the log (n,) [rad]."""
+    """Joint angle of the recommended family, fitted to the first half, simulated through the whole log (n,) [rad]."""
     log: Log = field(compare=False)
     """What was fitted."""
 
@@ -175,7 +172,7 @@ def identify(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit every family of cable models to a log's first half and judge it on the second.
+    """Fit every family of cable models to a log's first half, judge it on the second, and fit it anew to the whole.
 
     Args:
         time: (n,) increasing and even [s]; None where a rate is given.
@@ -226,51 +223,38 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     noise = motor_noise(log.motor[:split])
     _check_motion(log, "motor", log.motor[:split], "check its column, or record a larger motion from the start")
     _check_motion(log, "joint", log.joint[:split], "check its column, its encoder and the cable")
-    turns = find_turns(log.motor[:split], noise)
-    half = log.time[:split], log.motor[:split], log.joint[:split], turns
-    paths = [build_path(*half, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED)]
-    paths[2] = paths[2].first(_SEARCHED_STROKES)
-    tell("bouc_wen, searched globally", 0.1)
-    plain = BoucWenCable(paths[2], seed).fit(paths[0])
-    rich = richest(paths[0], plain)
-    start = settled(paths[0], rich)
-    fine, judged, searched = (without_start(path, start) for path in paths)
-    cable = BoucWenCable(searched, seed)
-    if start:
-        tell("bouc_wen, without the start", 0.3)
-        plain = cable.fit(fine)
-        rich = richest(fine, plain)
-    families: list[Family] = [Line(), PlayOperator(judged), cable, BoucWenStatic(rich), PrandtlIshlinskii()]
-    estimates: dict[str, Estimate] = {}
-    for family in families:
-        tell(family.name, 0.4 + 0.07 * len(estimates))
-        estimates[family.name] = plain if family is cable else family.fit(fine)
+    half = fit_part(log, split, noise, seed, tell)
+    few = half.fine.strokes < _TOLD
+    tell("fitting the whole log", 0.6)
+    whole = (
+        fit_part(log, len(log.time), noise, seed, lambda what, share: None) if few else refit_whole(log, noise, half)
+    )
+    seen = whole if few else half
+    tell("comparing on left-out stretches", 0.7)
+    errors = seen.left_out_errors()
+    shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
+    offered = errors if shown_by_log else {"line": errors["line"]}
+    best: str = simplest_of_the_best(offered, {name: len(seen.estimates[name].slopes) for name in offered})
 
-    tell("comparing on left-out strokes", 0.8)
-    masks = folds(judged)
-    errors = {family.name: held_out_errors(family, judged, estimates[family.name], masks) for family in families}
-    offered = errors if fine.strokes > 1 else {"line": errors["line"]}  # without a reversal no hysteresis was seen
-    best: str = simplest_of_the_best(offered, {name: len(estimates[name].slopes) for name in offered})
-
+    fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
-    whole = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
+    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
     models: dict[str, ModelFit] = {}
     predicted = np.empty(0)
-    for done, family in enumerate(families):
+    for done, family in enumerate(half.families):
         tell("judging on the second half", 0.9 + 0.02 * done)
-        estimate = estimates[family.name]
-        model = CableModel(family.name, estimate.parameters)
-        joint = follow(model, whole, log.time)
+        final = whole.estimates[family.name]
+        joint = follow(CableModel(family.name, half.estimates[family.name].parameters), path, log.time)
         predicted = joint if family.name == best else predicted
         error = joint - log.joint
         models[family.name] = ModelFit(
-            model=model,
-            uncertainty=standard_errors(fine, estimate, family),
+            model=CableModel(family.name, final.parameters),
+            uncertainty=standard_errors(whole.fine, final, family),
             train_rms=rmse(error[fitted_from:split]),
             test_rms=rmse(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
-    warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, estimates[best]))
+    warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, half.estimates[best]))
     tell("done", 1.0)
     return Fit(
         models=models,
@@ -282,6 +266,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         samples=len(log.time),
         seconds=clock.perf_counter() - begin,
         split=split,
+        chosen_on_whole=few,
         fitted_from=fitted_from,
         predicted=predicted,
         log=log,

@@ -32,9 +32,9 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
-from bowden.identify.cable.fit import Progress
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
+from bowden.identify.cable.part import Progress
 from bowden.identify.cable.path import Path, build_path
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.cable.turns import find_turns, motor_noise

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import number
 from bowden.core.errors import ParameterError, near
 from bowden.identify.cable.bouc_wen import cable_of, simulate
+from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.stack import PrandtlIshlinskii
@@ -28,6 +29,7 @@ _PREDICT = {
     "bouc_wen": simulate,
     "bouc_wen_static": simulate,
     "prandtl_ishlinskii": PrandtlIshlinskii().predict,
+    "generalised_play": GeneralisedPlay().predict,
 }
 
 NAMES = tuple(_PREDICT)
@@ -46,6 +48,11 @@ _MEANINGS = (
     (r"offset", "rad", "joint angle at motor angle 0 without hysteresis"),
     (r"half_width(_\d+)?", "rad", "half the motor's travel lost at a reversal"),
     (r"weight_\d+", "rad/rad", "share of the play of that half-width"),
+    (r"bend_\d+", "rad", "distance of the mean of both branches from the straight line at that node"),
+    (r"gap_\d+", "rad", "half the distance between the branches at that node, in joint angle"),
+    (r"reach_\d+", "1", "half the slot of that play over the gap"),
+    (r"share_\d+", "1", "of the joint's motion that that play makes"),
+    (r"(first|last)_node", "rad", "motor angle of that node; the others lie evenly between them"),
     (r"initial_lag", "rad", "where the play stood beside the motor at the log's start"),
     (r"hysteresis_gain", "rad", "αh: joint motion per unit of h"),
     (r"hysteresis_gain_\d+", "rad", "the same, for the Chebyshev polynomial of that degree in the motor"),

@@ -38,9 +38,9 @@ def model_text(fit: Fit, source: str) -> str:
     lines = [
         f"# The cable of {_one_line(source)}, identified by bowden {__version__}. All angles are in radians.",
         "# Each value is followed by its unit, one standard deviation of it, and what it is. The models were fitted to",
-        "# the log's first half; test_rms_deg is their error on the second half, which no decision has seen.",
+        "# the whole log; test_rms_deg is the error on the second half of the same families fitted to the first.",
         "",
-        "# Recommended: the simplest model whose error on strokes left out of the fit is not clearly above the least.",
+        "# Recommended: the simplest whose error on stretches left out of the fit is not clearly above the least.",
         f"best = {quoted(fit.best.name)}",
         f"source = {quoted(_one_line(source))}",
         f"samples = {fit.samples}",

@@ -61,7 +61,7 @@ class PlayOperator:
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`."""
-        return self._search(path, near.theta, rough=True)
+        return self._search(path, near.theta)
 
     def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
         """See `Family.predict`."""
@@ -70,9 +70,9 @@ class PlayOperator:
         slots = plays(history, np.array([parameters["half_width"]]))
         return np.asarray(parameters["slope"] * slots[1:, 0] + parameters["offset"])
 
-    def _search(self, path: Path, start: Array, rough: bool = False) -> Estimate:
+    def _search(self, path: Path, start: Array) -> Estimate:
         low, high = np.array([0.0, -1.0]), np.array([0.5 * path.span, 1.0])
-        found = minimise(lambda theta: self._basis(path, theta), path.joint, path.weight, start, low, high, rough)
+        found = minimise(lambda theta: self._basis(path, theta), path.joint, path.weight, start, low, high)
         width, side = found.theta
         basis = self._basis(path, found.theta)[0]
         z = play_sensitivities(path.motor, width, side * width)
@@ -92,7 +92,7 @@ class PlayOperator:
             },
             fitted=basis @ found.linear,
             theta=found.theta,
-            variance={"initial_lag": path.start_error**2},
+            variance={"initial_lag": path.start_error**2, "half_width": path.reversal_error**2},
         )
 
     def _basis(self, path: Path, theta: Array) -> tuple[Array, Array]:

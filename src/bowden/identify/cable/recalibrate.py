@@ -52,7 +52,9 @@ _WORSE = 1.5
 _LEAST = 0.05 / DEGREES
 """What is left below this is no change, however good the model was judged [rad]; the same is said of a second half."""
 _BEGUN = ("initial_h", "initial_lag")
-_SCALED = re.compile(r"slope|offset|weight_\d+|hysteresis_gain(_\d+)?|static_\d+|(middle|height)_\d+(_(load|bend)_\d)?")
+_SCALED = re.compile(
+    r"slope|offset|(weight|bend|gap)_\d+|hysteresis_gain(_\d+)?|static_\d+|(middle|height)_\d+(_(load|bend)_\d)?"
+)
 """Parameters in which a model's joint is linear."""
 _SHIFTED = re.compile(r"offset|middle_\d+")
 """Parameters to which an offset is added."""

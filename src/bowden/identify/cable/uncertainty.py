@@ -19,6 +19,8 @@ _BLOCKS = 24
 
 def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str, float]:
     """One standard deviation of every parameter; infinite where the data do not show it, NaN for a setting."""
+    if estimate.combined:
+        return _combined_errors(path, estimate)
     names = list(estimate.slopes)
     jacobian = np.stack([estimate.slopes[name] for name in names], axis=1)
     size = np.sqrt(np.einsum("n,np->p", path.weight, jacobian**2))
@@ -41,6 +43,17 @@ def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str,
     return errors
 
 
+def _combined_errors(path: Path, estimate: Estimate) -> dict[str, float]:
+    """Of parameters that are sums of penalised coordinates, (H + S)⁻¹·M·(H + S)⁻¹ with the penalty S."""
+    jacobian = np.stack(list(estimate.slopes.values()), axis=1)
+    inverse = inverse_of(products(jacobian, path.weight) + (0.0 if estimate.prior is None else estimate.prior))
+    covariance = inverse @ _score_covariance(path, jacobian, path.joint - estimate.fitted) @ inverse
+    errors = dict.fromkeys(estimate.parameters, np.nan)
+    for name, row in estimate.combined.items():
+        errors[name] = float(np.sqrt(max(float(row @ covariance @ row), 0.0)))
+    return errors
+
+
 def _score_covariance(path: Path, jacobian: Array, residual: Array) -> Array:
     count = jacobian.shape[1]
     blocks = max(_BLOCKS, 2 * count)
@@ -56,11 +69,9 @@ def _reversal_changes(path: Path, estimate: Estimate, family: Family) -> list[Ar
     outward = np.sign(path.motor[turns] - path.motor[turns - 1])
     found = []
     for side in (1.0, -1.0):
-        values = path.motor[turns[outward == side]]
-        if not len(values) or path.reversal_error == 0.0:
+        if not (outward == side).any() or path.reversal_error == 0.0:
             continue
-        together = float(np.ptp(values)) < 10.0 * path.reversal_error
-        error = path.reversal_error * (1.0 if together else 1.0 / np.sqrt(len(values)))
+        error = path.reversal_error  # what the tops of a motion have in common, several amplitudes do not mend
         motor = path.motor.copy()
         motor[turns[outward == side]] += side * error
         base = family.predict(estimate.parameters, path.motor)

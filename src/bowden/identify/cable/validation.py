@@ -1,16 +1,17 @@
 """Which model to recommend, decided inside the fitted part of the log.
 
-The fitted part is cut into blocks of following strokes. Each block is left out in turn (its nodes lose their weight;
-the model is still simulated straight through it), the family is fitted to the rest, and judged on the block. Of two
-models that differ by less than the scatter of their difference the one with fewer parameters is taken, so that a richer
-model must earn its place.
+Every stroke is cut into stretches of a twentieth of the motor's range, and the stretches are dealt out to five folds,
+in turn along a stroke and shifted from one stroke to the next. Each fold is left out in turn (its nodes lose their
+weight; the model is still simulated straight through them), the family is fitted to the rest, and judged on the fold. A
+model so has to predict a stretch from those beside it and from the same stretch of other strokes, and not, as where
+whole strokes of a short log are left out, a branch from which nothing is left. Of two models that differ by less than
+the scatter of their difference the one with fewer parameters is taken, so that a richer model must earn its place; but
+never one whose error is a tenth above the least.
 
-A cable settles: on its first strokes after a rest it often runs beside the loop on which it stays afterwards. What
-matters is how a model predicts what comes later, so the start of the log is fitted but never judged; and if leaving it
-out of the fit predicts the later strokes better, by the same rule, it is left out.
+The start of a log is never judged, where enough is left without it: a cable settles (`bowden.identify.cable.settling`).
 
 Source: Hastie, Tibshirani and Friedman, *The Elements of Statistical Learning*, 2009, Section 7.10 (one-standard-error
-rule).
+rule); Roberts et al., Ecography 40(8), 2017 (blocks in cross-validation of what is correlated).
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,11 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.order import distinct
 from bowden.identify.cable.family import Array, Estimate, Family
 from bowden.identify.cable.path import Path
 
-_FOLDS = 5
+_FOLDS, _STRETCHES = 5, 20
+_TENTH = 1.1**2 - 1.0
+"""Of the squared error, what a tenth of the error is."""
 
 
 def start_ends(path: Path) -> list[int]:
@@ -37,24 +39,13 @@ def start_ends(path: Path) -> list[int]:
 
 
 def folds(path: Path) -> list[NDArray[np.bool_]]:
-    """Masks (n,) of the nodes judged together: following strokes, or stretches where there are too few strokes."""
-    start = start_ends(path)[-1]
-    judged = (path.weight > 0) & (path.stroke >= start)
-    strokes = distinct(path.stroke[judged])
-    if len(strokes) >= 4:
-        return [
-            (path.stroke >= group[0]) & (path.stroke <= group[-1]) & judged
-            for group in np.array_split(strokes, min(_FOLDS, len(strokes)))
-        ]
-    found = [np.zeros(len(path.stroke), dtype=np.bool_) for _ in range(_FOLDS)]
-    for mask, block in zip(found, np.array_split(np.flatnonzero(judged), _FOLDS), strict=True):
-        mask[block] = True
-    return found
-
-
-def without_start(path: Path, strokes: int) -> Path:
-    """The path with its first strokes simulated, but not fitted."""
-    return path.with_weight(np.where(path.stroke < strokes, 0.0, path.weight))
+    """Masks (n,) of the nodes judged together."""
+    judged = (path.weight > 0) & (path.stroke >= start_ends(path)[-1])
+    place = (path.motor - np.min(path.turning)) / max(path.span, 1e-300)
+    stretch = np.clip(_STRETCHES * place, 0, _STRETCHES - 1).astype(np.int64)
+    dealt = (stretch + 2 * path.stroke + path.stroke // 2) % _FOLDS  # both directions shift from cycle to cycle
+    found = [judged & (dealt == fold) for fold in range(_FOLDS)]
+    return [mask for mask in found if mask.any()]
 
 
 def held_out_errors(family: Family, path: Path, near: Estimate, masks: Sequence[NDArray[np.bool_]]) -> Array:
@@ -72,7 +63,8 @@ def simplest_of_the_best(errors: Mapping[Any, Array], complexity: Mapping[Any, i
     """The key with the fewest parameters whose error is not clearly above the smallest.
 
     Clearly: the mean over the blocks of its difference to the best is more than one standard error of that mean, and
-    more than a twentieth of the smallest error, below which a difference is of no use.
+    more than a twentieth of the smallest error, below which a difference is of no use; or more than a tenth in the root
+    mean square, whatever the scatter.
 
     >>> best, near, far = np.array([1.0, 2.0, 3.0]), np.array([1.2, 1.9, 3.1]), np.array([2.0, 3.1, 4.0])
     >>> simplest_of_the_best({"c": best, "b": near, "a": far}, {"a": 1, "b": 2, "c": 3})
@@ -82,6 +74,7 @@ def simplest_of_the_best(errors: Mapping[Any, Array], complexity: Mapping[Any, i
     for key in sorted(errors, key=lambda key: complexity[key]):
         above = errors[key] - errors[best]
         scatter = float(np.std(above, ddof=1)) / np.sqrt(len(above)) if len(above) > 1 else 0.0
-        if float(np.mean(above)) <= max(scatter, 0.05 * float(np.mean(errors[best]))):
+        least = float(np.mean(errors[best]))
+        if float(np.mean(above)) <= min(max(scatter, 0.05 * least), _TENTH * least):
             return key
     return best

@@ -1,0 +1,206 @@
+"""The generalised play fitted to a path: two free branches, smooth as far as the log shows them to be.
+
+Which plays there are, and how wide, comes of a Prandtl–Ishlinskii stack round a bent line, fitted with weights of one
+sign. With them held the joint is linear in the branches' nodes, as long as each play is in contact where it was: a few
+rounds settle that. The branches are drawn to a straight mean and a constant gap,
+
+    Σ w·(joint − model)² + W·(λₐ·Σ(Δ²a)² + λ_b·Σ(Δb)²),    W = Σ w
+
+with λ chosen by stretches of the strokes left out in turn. Where a branch would go against the motor, or the gap below
+zero, λ grows until it does not: the limit is the stack itself.
+
+Source: Eilers and Marx, Statistical Science 11(2), 1996 (penalised splines).
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.identify.cable.family import Array, Estimate
+from bowden.identify.cable.non_negative import non_negative
+from bowden.identify.cable.path import Path
+from bowden.identify.cable.projection import products
+from bowden.identify.cable.validation import folds
+from bowden.models.cable.generalised_play import Branches, design_of, joint_angle
+from bowden.models.cable.prandtl_ishlinskii import plays
+from bowden.plants.cables import branches_of
+
+_NODES = 40
+"""Of each of the two curves; a cable's loop has bends of some 4 % of its stroke, which these draw to a tenth."""
+_FINEST, _WIDTHS = 2e-3, 10
+"""The narrowest play offered, over the motor's range, and how many."""
+_WIDEST = {True: 0.3, False: 0.12}
+"""The widest; a narrower one where the loop was not turned into at both ends: a wide play may then be a bend."""
+_LAGS = 0.25 * np.array([-1.0, -0.3, -0.1, 0.0, 0.1, 0.3, 1.0])
+"""Where the motor may have come from, over its range."""
+_DEGREE = 8
+"""Of the bent line round which the plays are found."""
+_STRENGTHS = 10.0 ** np.array([-5.5, -4.0, -2.5, -1.0, 2.0])
+"""λ tried, for either curve."""
+_ROUNDS = 3
+
+
+class _Memory(NamedTuple):
+    """Which plays there are."""
+
+    lag: float
+    slope: float
+    gap: float
+    shares: Array
+    reaches: Array
+
+
+class GeneralisedPlay:
+    """Two curves of 40 nodes, and up to ten plays between them."""
+
+    name = "generalised_play"
+
+    def fit(self, path: Path) -> Estimate:
+        """See `Family.fit`."""
+        memory = _memory(path, _LAGS * path.span)
+        cable = _straight(path, memory)
+        strengths = (float(_STRENGTHS[2]),) * 2
+        for done in range(_ROUNDS):
+            columns = np.column_stack([design_of(path.motor, memory.lag, cable), path.joint])
+            if done == 1:
+                strengths = _strengths(path, columns)
+            cable, strengths = _solved(path, columns, cable, strengths)
+        return _estimate(path, memory.lag, cable, strengths)
+
+    def refit(self, path: Path, near: Estimate) -> Estimate:
+        """See `Family.refit`; the plays stay, and so does where each is in contact."""
+        lag, of_mean, of_gap = (float(value) for value in near.theta)
+        cable = branches_of(near.parameters)
+        columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
+        cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
+        return _estimate(path, lag, cable, strengths)
+
+    def predict(self, parameters: Mapping[str, float], motor: Array) -> Array:
+        """See `Family.predict`."""
+        return joint_angle(motor, parameters["initial_lag"], branches_of(parameters))
+
+
+def _memory(path: Path, lags: Array) -> _Memory:
+    """The plays of a stack round a bent line that fit best, the motor having come from one of the `lags` [rad]."""
+    low, high = _range(path)
+    u = np.clip((2.0 * path.motor - low - high) / (high - low), -1.0, 1.0)
+    bent = np.delete(np.polynomial.chebyshev.chebvander(u, _DEGREE), 1, axis=1)
+    widths = path.span * np.geomspace(_FINEST, _WIDEST[path.strokes > 3], _WIDTHS)
+    best: tuple[float, float, Array] | None = None
+    free = bent.shape[1]
+    for lag in lags:
+        slots = plays(np.concatenate([[path.motor[0] + lag], path.motor]), widths)[1:]
+        sums = products(np.column_stack([bent, path.motor, slots, path.joint]), path.weight)
+        inverse = np.linalg.pinv(sums[:free, :free], rcond=1e-12, hermitian=True)
+        rest = sums[free:, free:] - sums[free:, :free] @ inverse @ sums[:free, free:]
+        gram, moments = rest[:-1, :-1], rest[:-1, -1]
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+        root = np.sqrt(np.maximum(values, 1e-10 * values[-1]))
+        sign = 1.0 if sums[free, -1] * path.weight.sum() >= sums[0, free] * sums[0, -1] else -1.0
+        weights = non_negative(root[:, None] * vectors.T, sign * (vectors.T @ (moments / size)) / root) / size
+        cost = float(rest[-1, -1] - 2.0 * sign * weights @ moments + weights @ gram @ weights)
+        if best is None or cost < best[0]:
+            best = cost, float(lag), sign * weights
+    assert best is not None
+    _, lag, weights = best
+    slope = float(weights.sum())
+    kept = np.abs(weights[1:]) > 1e-6 * abs(slope)
+    gap = float(np.abs(weights[1:])[kept] @ widths[kept])
+    if not gap > 0.0:
+        return _Memory(lag, slope, 0.0, np.zeros(1), np.ones(1))
+    return _Memory(lag, slope, gap, weights[1:][kept] / slope, widths[kept] * abs(slope) / gap)
+
+
+def _range(path: Path) -> tuple[float, float]:
+    """Lowest and highest motor angle that was fitted [rad]."""
+    fitted = path.motor[path.weight > 0]
+    return float(fitted.min()), float(fitted.max())
+
+
+def _straight(path: Path, memory: _Memory) -> Branches:
+    gaps = np.full(_NODES, memory.gap)
+    return Branches(memory.slope, np.zeros(_NODES), gaps, *_range(path), memory.reaches, memory.shares, 0.0)
+
+
+def _penalty(strengths: tuple[float, float], weight: float) -> Array:
+    """S (2k, 2k): cᵀSc is what the nodes c of both curves cost."""
+    second, first = np.diff(np.eye(_NODES), 2, axis=0), np.diff(np.eye(_NODES), axis=0)
+    found = np.zeros((2 * _NODES, 2 * _NODES))
+    found[:_NODES, :_NODES] = strengths[0] * weight * (second.T @ second)
+    found[_NODES:, _NODES:] = strengths[1] * weight * (first.T @ first)
+    return found
+
+
+def _strengths(path: Path, columns: Array) -> tuple[float, float]:
+    """λₐ and λ_b with the least error on left-out stretches."""
+    blocks = [products(columns[mask], path.weight[mask]) for mask in folds(path)]
+    total, weight = np.sum(blocks, axis=0), float(path.weight.sum())
+    best, found = np.inf, (float(_STRENGTHS[-1]),) * 2
+    for of_mean in _STRENGTHS:
+        for of_gap in _STRENGTHS:
+            strengths = float(of_mean), float(of_gap)
+            penalty = _penalty(strengths, weight)
+            error = 0.0
+            for block in blocks:
+                nodes = _nodes(total - block, penalty)
+                error += float(block[-1, -1] - 2.0 * nodes @ block[:-1, -1] + nodes @ block[:-1, :-1] @ nodes)
+            if error < best:
+                best, found = error, strengths
+    return found
+
+
+def _nodes(sums: Array, penalty: Array) -> Array:
+    """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
+    gram = sums[:-1, :-1] + penalty
+    small = 1e-12 * float(np.trace(gram)) / len(gram)  # a gap that no play has is not determined
+    return np.asarray(np.linalg.solve(gram + small * np.eye(len(gram)), sums[:-1, -1]))
+
+
+def _solved(
+    path: Path, columns: Array, cable: Branches, strengths: tuple[float, float]
+) -> tuple[Branches, tuple[float, float]]:
+    """The best branches of a design and the λ that they took to rise, both, with the motor."""
+    sums, weight = products(columns, path.weight), float(path.weight.sum())
+    for _ in range(16):
+        nodes = _nodes(sums, _penalty(strengths, weight))
+        mean, gaps = nodes[:_NODES], nodes[_NODES:]
+        steps = np.diff(mean) * (1.0 if mean[-1] >= mean[0] else -1.0)
+        if (gaps >= 0.0).all() and (steps >= np.abs(np.diff(gaps))).all():
+            break
+        strengths = 10.0 * strengths[0], 10.0 * strengths[1]
+    slope, offset = _line(cable.low, cable.high) @ mean
+    place = np.linspace(cable.low, cable.high, _NODES)
+    bends = mean - slope * place - offset
+    return cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=np.maximum(gaps, 0.0)), strengths
+
+
+def _line(low: float, high: float) -> Array:
+    """What makes slope and offset of the mean's nodes (2, k): their least-squares line."""
+    place = np.linspace(low, high, _NODES)
+    return np.asarray(np.linalg.pinv(np.column_stack([place, np.ones(_NODES)])))
+
+
+def _estimate(path: Path, lag: float, cable: Branches, strengths: tuple[float, float]) -> Estimate:
+    columns = design_of(path.motor, lag, cable)
+    line = _line(cable.low, cable.high)
+    place = np.linspace(cable.low, cable.high, _NODES)
+    of_bends = np.eye(_NODES) - np.column_stack([place, np.ones(_NODES)]) @ line
+    zeros = np.zeros(_NODES)
+    combined = {"slope": np.concatenate([line[0], zeros]), "offset": np.concatenate([line[1], zeros])}
+    combined |= {f"bend_{k}": np.concatenate([row, zeros]) for k, row in enumerate(of_bends, 1)}
+    combined |= {f"gap_{k}": row for k, row in enumerate(np.eye(2 * _NODES)[_NODES:], 1)}
+    parameters = {"slope": cable.slope, "offset": cable.offset}
+    for name, values in (("reach", cable.reaches), ("share", cable.shares), ("bend", cable.bends), ("gap", cable.gaps)):
+        parameters |= {f"{name}_{k}": float(value) for k, value in enumerate(values, 1)}
+    parameters |= {"first_node": cable.low, "last_node": cable.high, "initial_lag": lag}
+    names = [f"mean_{k}" for k in range(1, _NODES + 1)] + [f"gap_{k}" for k in range(1, _NODES + 1)]
+    return Estimate(
+        parameters=parameters,
+        slopes=dict(zip(names, columns.T, strict=True)),
+        fitted=joint_angle(path.motor, lag, cable),
+        theta=np.array([lag, *strengths]),
+        prior=_penalty(strengths, float(path.weight.sum())),
+        combined=combined,
+    )

@@ -1,0 +1,97 @@
+"""Every family fitted to one part of a log."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.identify.cable.bouc_wen import BoucWenCable
+from bowden.identify.cable.bouc_wen_static import BoucWenStatic, richest
+from bowden.identify.cable.family import Estimate, Family
+from bowden.identify.cable.generalised import GeneralisedPlay
+from bowden.identify.cable.line import Line
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.play import PlayOperator
+from bowden.identify.cable.settling import Settling, settling
+from bowden.identify.cable.stack import PrandtlIshlinskii
+from bowden.identify.cable.turns import find_turns
+from bowden.identify.cable.validation import folds, held_out_errors
+from bowden.identify.log.read import Log
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+"""What is being done now, and the share of the work that is behind."""
+
+_FINE, _JUDGED, _SEARCHED = 2500, 600, 150
+"""Nodes of the path on which models are fitted, compared with one another, and searched for globally."""
+
+_SEARCHED_STROKES = 30
+"""The global search needs no more of a long log; the gradient stage sees all of it."""
+
+
+@dataclass(frozen=True)
+class FittedPart:
+    """The beginning of a log, up to some sample, with every family's best member."""
+
+    fine: Path
+    """On which they were fitted, weighted as the cable's settling asks."""
+    judged: Path
+    """The same, thinned, on which they are compared."""
+    settling: Settling
+    families: tuple[Family, ...]
+    """From the simplest on."""
+    estimates: dict[str, Estimate]
+    """By the family's name."""
+
+    def left_out_errors(self) -> dict[str, Array]:
+        """Mean squared error of every family on each fold (folds,), fitted without it [rad²]."""
+        masks = folds(self.judged)
+        return {
+            family.name: held_out_errors(family, self.judged, self.estimates[family.name], masks)
+            for family in self.families
+        }
+
+
+def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> FittedPart:
+    """Every family, searched globally.
+
+    Args:
+        log: all of it.
+        stop: how many of its samples are fitted.
+        noise: of the motor's readings [rad].
+        seed: of the global search.
+        tell: is told how far it is.
+    """
+    fine, judged, searched = (_path(log, stop, noise, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED))
+    branches = GeneralisedPlay()
+    tell(branches.name, 0.1)
+    free = branches.fit(fine)
+    weighting = settling(fine, free)
+    searched = searched.first(_SEARCHED_STROKES)
+    if weighting != Settling():
+        fine, judged, searched = (weighting.weighted(path) for path in (fine, judged, searched))
+        free = branches.fit(fine)
+    tell("bouc_wen, searched globally", 0.2)
+    cable = BoucWenCable(searched, seed)
+    plain = cable.fit(fine)
+    static = BoucWenStatic(richest(fine, plain))
+    families: tuple[Family, ...] = (Line(), PlayOperator(judged), cable, static, PrandtlIshlinskii(), branches)
+    known = {cable.name: plain, branches.name: free}
+    estimates: dict[str, Estimate] = {}
+    for family in families:
+        tell(family.name, 0.3 + 0.03 * len(estimates))
+        estimates[family.name] = known.get(family.name) or family.fit(fine)
+    return FittedPart(fine, judged, weighting, families, estimates)
+
+
+def refit_whole(log: Log, noise: float, half: FittedPart) -> FittedPart:
+    """Every family fitted to the whole log, searched from where it was for its first half."""
+    fine, judged = (half.settling.weighted(_path(log, len(log.time), noise, nodes)) for nodes in (_FINE, _JUDGED))
+    estimates = {family.name: family.refit(fine, half.estimates[family.name]) for family in half.families}
+    return FittedPart(fine, judged, half.settling, half.families, estimates)
+
+
+def _path(log: Log, stop: int, noise: float, nodes: int) -> Path:
+    motor = log.motor[:stop]
+    return build_path(log.time[:stop], motor, log.joint[:stop], find_turns(motor, noise), nodes)

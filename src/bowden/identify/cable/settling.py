@@ -1,0 +1,74 @@
+"""How much of a log's beginning still speaks of the cable as it is at the end.
+
+A cable settles: on its first strokes after a rest it often runs beside the loop on which it stays afterwards, and it
+goes on creeping for some cycles. What matters is how a model predicts what comes later. So each of the later strokes is
+predicted from those before it, with all of them, without the first or the second long one, and with weights that halve
+every two strokes towards the past; what predicts best is taken, and nothing is left out or weighted for less than a
+tenth of the error.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bowden.identify.cable.family import Array, Estimate
+from bowden.identify.cable.path import Path
+from bowden.identify.cable.projection import products
+from bowden.identify.cable.validation import start_ends
+
+_HALF_LIFE = 2.0
+"""Strokes, one cycle, within which a weight halves."""
+_FEWEST = 4
+"""Strokes from which the next one is predicted."""
+_OF_USE = 0.9**2
+"""Share of the squared error that may stay where something is left out or weighted."""
+
+
+class Settling(NamedTuple):
+    """Which strokes are fitted, and how they are weighted."""
+
+    start: int = 0
+    """Strokes at the start that are left out."""
+    half_life: float = np.inf
+    """Strokes within which the weight halves towards the past."""
+
+    def weighted(self, path: Path) -> Path:
+        """The path with its start and its past weighted so."""
+        if self == Settling():
+            return path
+        shares = np.where(path.stroke < self.start, 0.0, 0.5 ** ((path.stroke[-1] - path.stroke) / self.half_life))
+        return path.with_weight(path.weight * shares)
+
+
+def settling(path: Path, rich: Estimate) -> Settling:
+    """What predicts later strokes best; `rich` is linear in its coordinates and was fitted to all of the path."""
+    columns = np.column_stack([*rich.slopes.values(), path.joint])
+    blocks = []
+    for stroke in range(path.strokes):
+        mask = path.stroke == stroke
+        blocks.append(products(columns[mask], path.weight[mask]))
+    weights = np.bincount(path.stroke, path.weight, path.strokes).astype(np.float64)
+    prior = np.zeros((columns.shape[1] - 1,) * 2) if rich.prior is None else rich.prior / weights.sum()
+    judged = range(max(_FEWEST, path.strokes // 2), path.strokes)
+    if not judged:
+        return Settling()
+    best, least = Settling(), np.inf
+    for half_life in (np.inf, _HALF_LIFE):
+        for start in start_ends(path):
+            given = Settling(start, half_life)
+            error = float(sum([_error(blocks, weights, prior, k, given) for k in judged if k > start]))
+            if error < _OF_USE * least or (best != Settling() and error < least):
+                best, least = given, error
+    return best
+
+
+def _error(blocks: list[Array], weights: Array, prior: Array, stroke: int, given: Settling) -> float:
+    """Squared error on a stroke of what those before it say."""
+    before = np.arange(given.start, stroke)
+    shares = 0.5 ** ((stroke - 1 - before) / given.half_life)
+    sums = np.einsum("s,sab->ab", shares, np.array([blocks[s] for s in before]))
+    gram = sums[:-1, :-1] + float(shares @ weights[before]) * prior
+    small = 1e-12 * float(np.trace(gram)) / len(gram)
+    nodes = np.linalg.solve(gram + small * np.eye(len(gram)), sums[:-1, -1])
+    judged = blocks[stroke]
+    return float(judged[-1, -1] - 2.0 * nodes @ judged[:-1, -1] + nodes @ judged[:-1, :-1] @ nodes)
