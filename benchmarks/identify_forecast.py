@@ -28,6 +28,8 @@ from bowden.identify.log.read import read_log
 from bowden.plants.cable_plant import Cable
 from bowden.plants.cables import identified
 
+TITLE = "The forecast of an identification"
+
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2] / "shared" / "data" / "cable"
 NODES = 1200
@@ -144,7 +146,7 @@ def main() -> None:
     rows = [found(path) for path in sorted(DATA.glob("*.csv.gz"))]
     section = text(rows)
     print(section)
-    results.write("The forecast of an identification", section)
+    results.write(TITLE, section)
 
 
 if __name__ == "__main__":

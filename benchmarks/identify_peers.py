@@ -34,6 +34,8 @@ from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.path import build_path
 from bowden.identify.cable.turns import find_turns, motor_noise, reversals
 
+TITLE = "Identification against others"
+
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2] / "shared" / "data" / "cable"
 
@@ -355,7 +357,7 @@ def main() -> None:
     found = {name: Figures(**there[name]) for name in METHODS if name in there}
     print(text(found))
     if len(found) == len(METHODS):
-        results.write("Identification against others", text(found))
+        results.write(TITLE, text(found))
 
 
 if __name__ == "__main__":
