@@ -82,7 +82,7 @@ def test_a_plant_is_checked(kind: str) -> None:
     assert found.gain_margin_db is not None
 
 
-@each(RIGS, "own")
+@each(RIGS)
 @pytest.mark.usefixtures("small_search")
 def test_a_plant_is_tuned_for(kind: str) -> None:
     rig = short(kind)

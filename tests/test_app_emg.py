@@ -117,7 +117,7 @@ def test_a_wearer_of_another_channel_and_a_dead_electrode_are_told(capsys: pytes
         assert "nothing can be detected in 1.1 s" in said.out
 
 
-@pytest.mark.parametrize("hum", [0.0, 0.1])
+@pytest.mark.parametrize("hum", [0.0, pytest.param(0.1, marks=pytest.mark.long)])
 def test_the_recording_of_a_wearer_goes_from_rest_to_all_of_their_maximum_as_the_loop_hears_it(hum: float) -> None:
     values = signal() + hum * np.sin(2.0 * np.pi * 50.0 * np.arange(8000) / 1000.0)
     assert run(["emg", "calibrate", str(write("a.csv", values))]) == 0

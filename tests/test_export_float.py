@@ -88,7 +88,10 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Law:
     return Law("exported", Which(0.0), start, step, "")
 
 
-@pytest.mark.parametrize("name", LAWS)
+USUAL = ("uncompensated", "observer", "adaptive", "bowden")
+
+
+@pytest.mark.parametrize("name", [n if n in USUAL else pytest.param(n, marks=pytest.mark.long) for n in LAWS])
 def test_rmse_in_float_is_that_in_double(name: str, exported: Law) -> None:
     bench, motion = paper.bench(), paper.minimum_jerk()
     double = simulate(bench, LAWS[name], motion, duration=DURATION).metrics().rmse_deg

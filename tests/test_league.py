@@ -87,6 +87,7 @@ def test_a_cell_is_what_a_trace_of_its_run_shows_to_the_last_bit(plant: str, nam
     assert one.errors.tolist() == [part.max() for part in np.array_split(errors, league.STRETCHES)]
 
 
+@pytest.mark.long
 def test_on_a_cable_that_loses_nothing_no_compensation_has_a_chatter_near_one() -> None:
     from bowden.plants.cables import stack
 

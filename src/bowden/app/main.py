@@ -91,6 +91,7 @@ def _fail(message: str, code: int) -> int:
 
 def main() -> None:
     """Entry point of the command ``bowden``."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads would wait for one another
     gc.set_threshold(100_000, 20, 20)  # an eighth of the start would be searches for garbage in what is just imported
     sys.stdout, sys.stderr = (one or open(os.devnull, "w") for one in (sys.stdout, sys.stderr))  # noqa: SIM115  # closed
     for output in (sys.stdout, sys.stderr):
