@@ -87,7 +87,6 @@ _BESIDE: list[bool] = []
 def _answer(prepare: Callable[[], Any], work: Callable[[Any, Any], Any], asked: int, answering: int) -> None:
     """What the other process does; it ends here. An interruption is the parent's, which ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     _BESIDE.append(True)
     try:
         with open(asked, "rb") as question, open(answering, "wb") as answer:
