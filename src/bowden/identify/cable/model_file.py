@@ -73,7 +73,7 @@ def _model_lines(name: str, fitted: ModelFit) -> list[str]:
         lines.append(f"{key} = {float(value)!r}  # [{unit}] {_spread(fitted.uncertainty[key])}; {text}")
     lines += [
         "",
-        f"[models.{name}.uncertainty]  # one standard deviation; inf: the log does not show it; what is not here has none",
+        f"[models.{name}.uncertainty]  # one standard deviation; inf: the log does not show it; not here: none stated",
     ]
     return lines + [f"{key} = {_number(value)}" for key, value in fitted.uncertainty.items() if not math.isnan(value)]
 
