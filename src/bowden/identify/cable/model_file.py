@@ -15,6 +15,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
+from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
 
 
@@ -108,7 +109,9 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
         if wanted not in models or wanted not in KNOWN:
             raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
     found = {one: _checked(file, one, table) for one, table in models.items() if one in KNOWN}
-    return IdentifiedCable(best, found, name or str(file))
+    said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
+    units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
+    return IdentifiedCable(best, found, name or str(file), units=units)
 
 
 def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
