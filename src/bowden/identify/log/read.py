@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +98,11 @@ def checked_rate(rate: Any, time: object = None) -> None:
     """
     if rate is None:
         return
-    if isinstance(rate, bool) or not isinstance(rate, Real) or not 0.0 < rate < math.inf:
+    if (
+        isinstance(rate, bool)
+        or not isinstance(rate, int | float | np.integer | np.floating)
+        or not 0.0 < rate < math.inf
+    ):
         raise ParameterError(
             f"the rate is {said(rate)}", expected="rows a second, a number above 0", do="give such a number"
         )
