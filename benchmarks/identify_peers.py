@@ -11,6 +11,7 @@ Needs scikit-learn and torch: ``pip install --editable '.[bench]'``.
 """
 
 import argparse
+import importlib.util
 import json
 import time as clock
 from collections.abc import Callable, Iterable
@@ -18,11 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from sklearn.ensemble import HistGradientBoostingRegressor
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 import bowden
 import results
@@ -167,32 +164,45 @@ def table(seen: Array, residual: Array) -> Fitted:
 
 def boosting(seen: Array, residual: Array) -> Fitted:
     """scikit-learn's gradient boosting of histograms, its defaults."""
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
     return HistGradientBoostingRegressor(random_state=0).fit(seen, residual).predict
 
 
 def gaussian_process(seen: Array, residual: Array) -> Fitted:
     """Radial basis with a length of each feature, and noise; by marginal likelihood from scikit-learn's defaults."""
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
     few = np.linspace(0, len(seen) - 1, min(POINTS, len(seen))).astype(int)
     kernel = ConstantKernel() * RBF(np.ones(seen.shape[1])) + WhiteKernel()
     return GaussianProcessRegressor(kernel, random_state=0).fit(seen[few], residual[few]).predict
 
 
-class Recurrent(torch.nn.Module):
+def recurrent() -> Any:
     """An LSTM over the history, and a linear layer on its last output."""
+    import torch
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.cell, self.last = torch.nn.LSTM(1, UNITS, batch_first=True), torch.nn.Linear(UNITS, 1)
-
-    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+    class Recurrent(torch.nn.Module):  # type: ignore[misc, unused-ignore]
         """(n, TAPS) → (n, 1)."""
-        return self.last(self.cell(seen[:, :, None])[0][:, -1])
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.cell, self.last = torch.nn.LSTM(1, UNITS, batch_first=True), torch.nn.Linear(UNITS, 1)
+
+        def forward(self, seen: Any) -> Any:
+            """The joint's residual at the end of each history."""
+            return self.last(self.cell(seen[:, :, None])[0][:, -1])
+
+    return Recurrent()
 
 
 def network(make: Callable[[], Any]) -> Callable[[Array, Array], Fitted]:
     """A network on the history, by Adam on the mean square."""
 
     def fit(seen: Array, residual: Array) -> Fitted:
+        import torch
+
         torch.manual_seed(0)
         torch.set_num_threads(1)
         net = make()
@@ -215,7 +225,8 @@ def network(make: Callable[[], Any]) -> Callable[[Array, Array], Fitted]:
 
 def feedforward() -> Any:
     """Two hidden layers."""
-    layers = torch.nn
+    from torch import nn as layers
+
     return layers.Sequential(
         layers.Linear(TAPS, UNITS), layers.ReLU(), layers.Linear(UNITS, UNITS), layers.ReLU(), layers.Linear(UNITS, 1)
     )
@@ -227,8 +238,12 @@ METHODS: dict[str, tuple[str, Callable[[Part, Part], Learned]]] = {
     "boosting": ("gradient boosting on motor and reversals", peer(memory, boosting)),
     "gp": ("Gaussian process on the same", peer(memory, gaussian_process)),
     "fnn": ("feed-forward network on a history", peer(history, network(feedforward))),
-    "lstm": ("LSTM on the same history", peer(history, network(Recurrent))),
+    "lstm": ("LSTM on the same history", peer(history, network(recurrent))),
 }
+
+
+NEEDS = {"boosting": "sklearn", "gp": "sklearn", "fnn": "torch", "lstm": "torch"}
+"""Method → what it is made with, beside what bowden itself needs."""
 
 
 def recording(path: Path) -> Part:
@@ -349,6 +364,10 @@ def main() -> None:
     chosen = parser.parse_args().methods
     logs = {path.name.split(".")[0]: recording(path) for path in sorted(DATA.glob("*.csv.gz"))}
     there = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
+    wanted = {NEEDS[name] for name in chosen if name in NEEDS}
+    missing = sorted(one for one in wanted if importlib.util.find_spec(one) is None)
+    if missing:
+        raise SystemExit(f"{' and '.join(missing)} missing: pip install --editable '.[bench]', or name other methods")
     for name in chosen:
         there[name] = figures(METHODS[name][1], logs)._asdict()
         print(f"{name}: {degrees(there[name]['halves'])}", flush=True)

@@ -271,6 +271,6 @@ def rows(rounds: int = 5) -> tuple[list[Row], list[str]]:
         whole = identify(log.time, log.motor, log.joint)
         notes.append(
             f"{log.name} ({len(log.time)} samples): on the fitted half ours {target * DEGREES:.4f}°, "
-            f"{'; '.join(said)}; all five families with their comparison (`identify`) took {whole.seconds:.2f} s."
+            f"{'; '.join(said)}; all families with their comparison (`identify`) took {whole.seconds:.2f} s."
         )
     return found, notes

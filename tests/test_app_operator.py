@@ -423,12 +423,33 @@ def test_what_stopped_a_run_is_found_in_its_log_though_it_was_acknowledged() -> 
 def test_a_busy_computer_is_said_with_its_figure_and_is_no_fault_of_the_rig() -> None:
     late = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.LATE, Fault.MOTOR_STALE)), late=0.031)
     (found,) = stops.document(late, LIMITS._asdict(), twin=False)
-    (line,) = stops.lines(found)
+    line, beside = stops.lines(found)
+    assert beside == f"with it came: {Fault.MOTOR_STALE.meaning}; {Fault.MOTOR_STALE.remedy}"
     assert line.startswith("this computer is too busy: cycles came 31 ms late (20 ms are allowed, lateness_s of ")
     stale = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.MOTOR_STALE, Fault.JOINT_STALE)))
     (line,) = stops.lines(stops.document(stale, LIMITS._asdict(), twin=True)[0])
     assert "answered 3 cycles late (2 are allowed, reading_age of [limits])" in line
     assert not stops.document(stale, LIMITS._asdict(), twin=False)[0]["too_busy"], "a drive of its own is a rig's"
+    slower = LIMITS._replace(reading_age=3.0)._asdict()
+    assert not stops.document(stale, slower, twin=True)[0]["too_busy"], "3 cycles are allowed: it is something else"
+    assert not stops.document(late, {}, twin=True)[0]["too_busy"], "a log without limits says none"
+
+
+def test_a_computer_that_is_late_after_a_fault_hides_no_fault() -> None:
+    log = log_of(
+        (Mode.RUNNING, 99, ()),
+        (Mode.LATCHED, 200, (Fault.DRIVE_FAULT,)),
+        (Mode.LATCHED, 400, (Fault.DRIVE_FAULT, Fault.LATE)),
+        (Mode.LATCHED, 500, (Fault.DRIVE_FAULT, Fault.LATE, Fault.HEARTBEAT_LOST)),
+    )
+    (found,) = stops.document(log, LIMITS._asdict(), twin=True)
+    assert (found["causes"], found["consequences"]) == ([Fault.DRIVE_FAULT.meaning], [Fault.LATE.meaning])
+    assert next(stops.lines(found)) == f"{Fault.DRIVE_FAULT.meaning}; {Fault.DRIVE_FAULT.remedy}"
+    (found,) = stops.document(
+        log_of((Mode.RUNNING, 9, ()), (Mode.LATCHED, 9, (Fault.CLOCK,))), LIMITS._asdict(), twin=False
+    )
+    assert not found["too_busy"], "no cycle was late"
+    assert list(stops.lines(found)) == [f"{Fault.CLOCK.meaning}; {Fault.CLOCK.remedy}"]
 
 
 @pytest.mark.parametrize(

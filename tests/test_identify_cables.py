@@ -13,7 +13,7 @@ from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.log.read import read_log
 
 MOST_EVALUATIONS = 300
-"""Of all five models of one cable together, each of which goes through the log once, or for a population at once."""
+"""Of all six models of one cable together, each of which goes through the log once, or for a population at once."""
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +50,12 @@ def test_bouc_wen_predicts_the_half_it_has_not_seen(fits: dict[str, tuple[Fit, i
 
 
 def test_the_recommended_model_predicts_it_better(fits: dict[str, tuple[Fit, int]]) -> None:
-    assert statistics.median(errors(fits, None)) <= 0.16
-    assert statistics.median(errors(fits, None)) < 0.7 * statistics.median(errors(fits, "bouc_wen"))
+    assert statistics.median(errors(fits, None)) <= 0.08
+    assert max(errors(fits, None)) <= 0.30
+    assert statistics.median(errors(fits, None)) < 0.5 * statistics.median(errors(fits, "bouc_wen"))
 
 
-def test_all_five_models_together_take_few_evaluations(fits: dict[str, tuple[Fit, int]]) -> None:
+def test_all_six_models_together_take_few_evaluations(fits: dict[str, tuple[Fit, int]]) -> None:
     assert all(50 < count <= MOST_EVALUATIONS for _, count in fits.values())
 
 

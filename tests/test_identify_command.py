@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -207,6 +208,29 @@ def test_a_model_file_that_is_none_is_refused(fit: Fit, tmp_path: Path) -> None:
         said = "cannot be read" if content is None else said
         with pytest.raises(ParameterError, match=said):
             load_cable(path)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "instead", "said"),
+    [
+        (r"share_1 = .*\n", "", "has [0-9]+ reaches and [0-9]+ shares; expected as many of both"),
+        (r"gap_\d+ = .*\n", "", "has 0 gaps; expected 2 or more"),
+        (r"gap_3 = \S+", "gap_3 = -1.0", "gap_3 is -1; expected 0 or more"),
+        (r"last_node = \S+", "last_node = -99.0", "last_node -99; expected the last above the first"),
+    ],
+    ids=["fewer shares", "no gaps", "negative gap", "nodes"],
+)
+def test_branches_that_are_none_are_refused_in_a_line(
+    fit: Fit, tmp_path: Path, pattern: str, instead: str, said: str
+) -> None:
+    head, tail = model_text(fit, "log").split("[models.generalised_play.parameters]")
+    spoilt = re.sub(pattern, instead, tail)
+    assert spoilt != tail
+    path = tmp_path / "model.toml"
+    path.write_text(f"{head}[models.generalised_play.parameters]{spoilt}")
+    with pytest.raises(ParameterError, match=said) as refused:
+        load_cable(path)
+    assert len(str(refused.value).removeprefix(str(path))) < 120
 
 
 def test_a_model_file_that_cannot_be_written(fit: Fit, tmp_path: Path) -> None:

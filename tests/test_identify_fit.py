@@ -11,18 +11,24 @@ from numpy.typing import NDArray
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
+from bowden.identify.cable import settling as settling_module
 from bowden.identify.cable.bouc_wen import chebyshev
+from bowden.identify.cable.family import Estimate
 from bowden.identify.cable.fit import Fit, identify
 from bowden.identify.cable.forecast import forecast
+from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.model import NAMES, CableModel
-from bowden.identify.cable.path import build_path
+from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.settling import Settling, settling
+from bowden.identify.cable.stack import PrandtlIshlinskii
 from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
-from bowden.models.cable.generalised_play import Branches
+from bowden.models.cable.generalised_play import Branches, design_of
 from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
+from bowden.plants.cables import branches_of
 
 Array = NDArray[np.float64]
 
@@ -172,6 +178,139 @@ def test_a_finely_bent_loop_needs_free_branches_and_is_no_worse_outward() -> Non
     assert errors["generalised_play"] < 1.1 * min(errors[name] for name in others)
     joint = fit.best.joint_angle(further)
     assert (np.diff(joint) * np.diff(further) >= -1e-12).all()
+
+
+def test_the_final_model_holds_where_the_second_half_reaches_further() -> None:
+    """Its nodes are laid anew over the whole log, so that it is as good there as on the first half."""
+    nodes, time = np.arange(40), np.arange(0.0, 30.0, 0.01)
+    motor = -np.where(time < 15.0, 0.5, 0.55) * np.cos(4.0 * math.pi / 3.0 * time)
+    bends, gaps = 0.004 * np.sin(1.3 * nodes), 0.05 + 0.005 * np.cos(0.9 * nodes)
+    bent = Branches(0.9, bends, gaps, -0.5, 0.5, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1)
+    branches, paths = GeneralisedPlay(), []
+    for stop in (1500, 3000):
+        path_turns = find_turns(motor[:stop], 1e-9)
+        paths.append(build_path(time[:stop], motor[:stop], branched(motor, 0.0, bent)[:stop], path_turns, 1500))
+    near = branches.fit(paths[0])
+    whole = branches.refit(paths[1], near)
+    assert whole.parameters["last_node"] > 0.54 > 0.51 > near.parameters["last_node"]
+    error = branches.predict(whole.parameters, motor) - branched(motor, 0.0, bent)
+    assert rmse(error[1500:]) * DEGREES < 0.05
+    assert rmse(error) * DEGREES < 0.1
+
+
+def test_the_design_is_the_model_beyond_the_last_node_too() -> None:
+    nodes = np.arange(40)
+    ends = (-0.3, 0.3)
+    cable = Branches(0.9, np.zeros(40), 0.05 + 0.0 * nodes, *ends, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.0)
+    mean, gaps = 0.9 * np.linspace(*ends, 40) + 0.004 * np.sin(1.3 * nodes), 0.05 + 0.005 * np.cos(0.9 * nodes)
+    slope, offset = np.polyfit(np.linspace(*ends, 40), mean, 1)
+    bends = mean - slope * np.linspace(*ends, 40) - offset
+    cable = cable._replace(slope=slope, offset=offset, bends=bends, gaps=gaps)
+    motor = 0.5 * np.sin(np.linspace(0.3, 20.0, 3000))
+    drawn = design_of(motor, 0.4, cable) @ np.concatenate([mean, gaps])
+    assert drawn == pytest.approx(branched(motor, 0.4, cable), abs=1e-12)
+
+
+def test_branches_of_a_cable_without_play_are_its_line() -> None:
+    """Noise bends them against the motor; however far λ has to grow, the line stays."""
+    noisy = np.random.default_rng(0).standard_normal((4, 2000))
+    time = np.arange(0.0, 20.0, 0.01)
+    motor = 0.5 * np.sin(0.8 * math.pi * time)
+    for slope, (of_motor, of_joint) in ((0.9, noisy[:2]), (-0.9, noisy[2:])):
+        seen, joint = motor + 1e-3 * of_motor, slope * motor + 1e-3 * of_joint
+        path = build_path(time, seen, joint, find_turns(seen, 1e-3), 600)
+        found = GeneralisedPlay().fit(path)
+        assert rmse(found.fitted - slope * path.motor) < 1e-3
+
+
+@pytest.mark.parametrize("strengths", [(1e-3, 1e-3), (1e9, 1e9)])
+def test_no_smoothing_lets_a_branch_go_against_the_motor(strengths: tuple[float, float]) -> None:
+    """Joints that turn back in mid-stroke, so that free branches would too; a straight line is what is left."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 20.0, 0.02)
+    motor = 0.5 * np.sin(0.8 * math.pi * time)
+    joint = -0.02 * motor + 0.05 * np.sin(20.0 * motor) + 0.01 * rng.standard_normal(len(time))
+    path = build_path(time, motor, joint, find_turns(motor, 1e-9), 600)
+    near = GeneralisedPlay().fit(path)
+    found = GeneralisedPlay().refit(path, replace(near, theta=np.array([near.theta[0], *strengths])))
+    cable = branches_of(found.parameters)
+    place = np.linspace(cable.low, cable.high, 40)
+    mean = cable.slope * place + cable.bends
+    steps = np.diff(mean) * np.sign(mean[-1] - mean[0])
+    assert (cable.gaps >= 0.0).all()
+    assert (steps >= np.abs(np.diff(cable.gaps)) - 1e-12).all()
+    assert rmse(found.fitted - path.joint) < 1.05 * rmse(path.joint)
+
+
+def test_a_model_that_the_whole_log_spoils_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    refit = PrandtlIshlinskii.refit
+
+    def spoilt(family: PrandtlIshlinskii, path: Path, near: Estimate) -> Estimate:
+        found = refit(family, path, near)
+        return replace(found, parameters={**found.parameters, "offset": found.parameters["offset"] + 0.05})
+
+    monkeypatch.setattr(PrandtlIshlinskii, "refit", spoilt)
+    fit = identify(TIME, MOTOR + noise(1), cable(MOTOR) + noise(2))
+    assert any("stays as it was: prandtl_ishlinskii (" in warning for warning in fit.warnings)
+    stack = fit.models["prandtl_ishlinskii"]
+    whole = stack.model.joint_angle(MOTOR) - cable(MOTOR)
+    assert rmse(whole) < 1.2 * max(stack.test_rms, stack.train_rms)
+
+
+def test_free_branches_state_no_uncertainty(known: Fit) -> None:
+    branches = known.models["generalised_play"]
+    assert all(math.isnan(value) for value in branches.uncertainty.values())
+    assert branches.fitted_count == 80
+
+
+def test_folds_shift_from_cycle_to_cycle() -> None:
+    """A stretch of one direction is left out in five folds in turn."""
+    time = np.arange(0.0, 30.0, 0.01)
+    motor = 0.5 * np.sin(0.8 * math.pi * time)
+    path = build_path(time, motor, motor, find_turns(motor, 1e-9), 3000)
+    masks = folds(path)
+    for direction in (0, 1):
+        for place in (-0.4, 0.01, 0.3):
+            chosen = []
+            for stroke in range(10 + direction, 20, 2):
+                node = np.argmin(np.where(path.stroke == stroke, np.abs(path.motor - place), np.inf))
+                chosen.append(next(fold for fold, mask in enumerate(masks) if mask[node]))
+            assert sorted(chosen) == [0, 1, 2, 3, 4]
+
+
+def test_settling_is_judged_on_the_same_strokes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two short strokes lie before the long ones: what leaves them out is not judged on fewer strokes."""
+    time = np.arange(0.0, 40.0, 0.01)
+    size = np.array([0.15, 0.15, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])[np.minimum((time / 5.0).astype(int), 7)]
+    motor = -size * np.cos(0.4 * math.pi * time)
+    path = build_path(time, motor, 0.9 * motor, find_turns(motor, 1e-9), 600)
+    judged: dict[Settling, list[int]] = {}
+
+    def error(blocks: object, weights: object, prior: object, stroke: int, given: Settling) -> float:
+        judged.setdefault(given, []).append(stroke)
+        return 1.0
+
+    monkeypatch.setattr(settling_module, "_error", error)
+    settling(path, GeneralisedPlay().fit(path))
+    assert len(judged) >= 4
+    assert len({tuple(strokes) for strokes in judged.values()}) == 1
+
+
+def test_one_reversal_offers_no_bent_loop() -> None:
+    time = np.arange(0.0, 10.0, 0.01)
+    motor = 0.5 * np.cos(0.2 * math.pi * time)
+    fit = identify(time, motor, cable(motor) + 0.02 * np.sin(6.0 * motor))
+    assert fit.best.name in ("play", "prandtl_ishlinskii")
+    assert fit.chosen.left_out_rms > fit.models["bouc_wen_static"].left_out_rms
+
+
+@pytest.mark.parametrize(("cycles", "on_whole"), [(2.2, True), (6.0, False)])
+def test_few_strokes_in_the_first_half_let_the_whole_log_choose(cycles: float, on_whole: bool) -> None:
+    time = np.arange(0.0, 20.0, 0.02)
+    motor = 0.5 * np.sin(2.0 * math.pi * cycles * time / 20.0)
+    fit = identify(time, motor, cable(motor))
+    assert fit.chosen_on_whole is on_whole
+    assert any("the whole log chose the model" in warning for warning in fit.warnings) is on_whole
 
 
 def test_without_hysteresis_a_line_is_enough() -> None:

@@ -15,10 +15,12 @@ import bowden
 from bowden.app.main import run
 from bowden.core.errors import BowdenError
 from bowden.core.units import DEGREES
-from bowden.identify.cable.loads import JointFit, identify_loads
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.joint_file import joint_text, recalibrated_text
+from bowden.identify.cable.loads import JointFit, _levels, identify_loads
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.identify.cable.model_file import load_cable, load_judged
-from bowden.identify.cable.recalibrate import recalibrate, recalibrated
+from bowden.identify.cable.recalibrate import recalibrate, recalibrated, verdict
 from bowden.identify.log.read import Log, read_log
 from bowden.identify.log.variables import scheduled_by
 from bowden.models.cable.bouc_wen import saturation
@@ -26,6 +28,7 @@ from bowden.models.cable.scheduled import ScheduledCable, bouc_wen_at, cable_of,
 from bowden.models.cable.sheath import Sheath
 from bowden.plants.cable_plant import Cable
 from bowden.plants.scheduled_cable import scheduled
+from bowden.rig.bends import ConstantBend
 
 Array = NDArray[np.float64]
 
@@ -232,6 +235,91 @@ def test_every_family_of_models_can_be_recalibrated() -> None:
         old = fitted.model.joint_angle(MOTOR)
         new = CableModel(name, recalibrated(fitted.parameters, 1.03, -0.2)).joint_angle(MOTOR)
         assert np.allclose(new, 1.03 * old - 0.2, atol=1e-9), name
+
+
+def swept(half: float, gain: float = 1.0) -> Log:
+    """A play with a bent middle, moved by a stroke of that half-width."""
+    motor = half * np.sin(2.5 * TIME)
+    joint = CableModel("play", known().model().parameters).joint_angle(motor) + 0.02 * np.sin(8.0 * motor)
+    return Log(TIME, motor, gain * joint + 3e-4 * np.random.default_rng(1).standard_normal(len(TIME)), "swept", ())
+
+
+@pytest.fixture(scope="module")
+def narrow() -> Fit:
+    log = swept(0.25)
+    return bowden.identify(log.time, log.motor, log.joint)
+
+
+def test_a_wider_stroke_than_identified_gets_no_verdict(narrow: Fit) -> None:
+    found = bowden.recalibrate(swept(0.5), narrow)
+    assert found.changed is None
+    assert found.beyond == pytest.approx(0.25, abs=0.01)
+    assert "outside the identified stroke" in verdict(found)
+    same = bowden.recalibrate(swept(0.25), narrow)
+    assert (same.changed, same.beyond) == (False, 0.0)
+
+
+def test_a_gain_that_no_recalibration_explains_is_a_change(narrow: Fit) -> None:
+    found = bowden.recalibrate(swept(0.25, 0.5), narrow)
+    assert found.changed is True
+    assert any("further from 1 than a bend or a stretch makes it" in said for said in found.warnings)
+    assert bowden.recalibrate(swept(0.25, 0.9), narrow).changed is False
+
+
+def test_all_families_get_the_gain_and_offset_of_the_best(narrow: Fit) -> None:
+    found = bowden.recalibrate(swept(0.05), narrow)
+    for name, parameters in found.best.others.items():
+        assert dict(parameters) == recalibrated(narrow.models[name].parameters, found.gain, found.offset), name
+
+
+def test_a_gain_of_exactly_one_is_no_gain_that_was_not_fitted() -> None:
+    log = new_log(1.0, 0.0)
+    exact = dataclasses.replace(log, joint=CableModel("play", known().model().parameters).joint_angle(log.motor))
+    found = recalibrate(exact, known(), 0.01)
+    assert found.gain == pytest.approx(1.0, abs=1e-3)
+    assert not any("too short" in said for said in found.warnings)
+
+
+def test_the_unit_of_the_load_is_compared_and_kept(fit: JointFit, tmp_path: Path) -> None:
+    (tmp_path / "model.toml").write_text(joint_text(fit))
+    cable, judged = load_judged(tmp_path / "model.toml")
+    with pytest.raises(BowdenError, match=r"the load is in mN·m, .*model.toml has it in N·m"):
+        recalibrate(log_at(0.2), cable, judged, {"load": 200.0}, {"load": "mN·m"})
+    found = recalibrate(log_at(0.2), cable, judged, {"load": 0.2}, {"load": "N·m"})
+    assert 'load_unit = "N·m"' in recalibrated_text(found, "model.toml")
+
+
+# what the review of several logs found
+
+
+def test_loads_that_lie_close_are_levels_of_their_own() -> None:
+    found = _levels(np.linspace(1.0, 0.0, 25))
+    assert sorted(np.concatenate(found).tolist()) == list(range(25))
+    assert 10 <= len(found) <= 20
+    assert [one.tolist() for one in _levels(np.array([0.0, 1.0, 0.04, 0.97]))] == [[0, 2], [3, 1]]
+
+
+def test_a_sheath_takes_nothing_of_the_offset() -> None:
+    cable = scheduled(parameters_of(true_cable(), ["load"], [0.3]))
+    memory = cable.start(cable.prepared, 0.0, 1.0, 1.0)
+    at = {part: cable.look(cable.prepared, memory, 0.0, 1.0, part).joint for part in (1.0, 0.9)}
+    assert at[0.9] == pytest.approx(at[1.0], abs=1e-12)
+    assert at[1.0] > 0.4
+
+
+def test_a_rig_is_told_of_the_bends_of_its_run() -> None:
+    values = parameters_of(true_cable(0.9), ["bend"], [0.3])
+    plain = dict(bowden.BoucWen()._asdict()) | {"initial_h": 0.0}
+    cable = CableModel("scheduled", values, others={"bouc_wen": plain})
+    bent = bowden.Rig(cable=cable)
+    assert any("the bend 3.142 lies outside" in note for note in bent.notes)
+    assert any("is 180° in this run" in note and "not the 17.19°" in note for note in bent.notes)
+    assert bent.moved.sheath.loss == 0.0
+    within = bowden.Rig(cable=cable, bend=ConstantBend(0.5))
+    assert not any("lies outside" in note for note in within.notes)
+    slope, _, height = line_of(true_cable(0.9), [0.5])
+    assert within.knowledge.slope == pytest.approx(slope, rel=1e-9)
+    assert within.knowledge.width == pytest.approx(2.0 * abs(height / slope), rel=0.05)
 
 
 # on the command line

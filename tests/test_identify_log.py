@@ -19,8 +19,10 @@ from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
 from bowden.identify.cable import checks
 from bowden.identify.log import text as log_text
+from bowden.identify.log.angles import angle_units
+from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import find_columns, split_name
-from bowden.identify.log.read import read_log
+from bowden.identify.log.read import checked_rate, read_log
 
 Array = NDArray[np.float64]
 
@@ -224,6 +226,41 @@ def test_counts_are_angles_once_their_turn_is_known(write: Write, tmp_path: Path
     for bad in [*wrong, {"counts_per_turn": "few"}, {"counts_per_turn": 0}]:
         with pytest.raises(ParameterError, match="counts per turn"):
             read_log(path, **bad)
+
+
+def test_counts_per_turn_alone_leave_named_columns_as_they_are(write: Write) -> None:
+    counted = np.round(MOTOR * 8192.0 / math.tau)
+    log = read_log(write(text(rows(TIME, counted, np.degrees(JOINT)), "time_s,motor_counts,joint_deg")), **TURN)
+    assert log.motor == pytest.approx(MOTOR, abs=1e-3)
+    assert log.joint == pytest.approx(JOINT, abs=1e-6)
+    assert not any("counts" in said for said in log.warnings)
+    both = read_log(write(text(rows(TIME, MOTOR, JOINT), "time_s,motor_rad,joint_rad")), **TURN)
+    assert both.motor == pytest.approx(MOTOR, abs=1e-6)
+    assert any("the counts per turn are not used" in said for said in both.warnings)
+
+
+TURN: dict[str, Any] = {"counts_per_turn": 8192}
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert angle_units("counts", np.array([8192, 4000])) == angle_units("counts", (8192, 4000))
+    assert angle_units("counts", np.int64(8192)) == angle_units("counts", 8192)
+    for rate in (np.int64(100), np.float32(100.0)):
+        checked_rate(rate)
+    with pytest.raises(ParameterError, match="the rate is"):
+        checked_rate(np.bool_(True))
+    with pytest.raises(ParameterError, match="counts per turn"):
+        angle_units("counts", np.full((2, 2), 4000))
+
+
+def test_a_gap_is_one_where_every_row_is_doubled() -> None:
+    time = np.repeat(np.arange(2000) * 0.002, 2)
+    even_clock(time, [time], str)
+    with pytest.raises(LogError, match="time has a gap"):
+        even_clock(time[(time < 1.0) | (time > 1.036)], [np.zeros(0)], str)
+    late = np.delete(time, [0, 2])
+    late = np.sort(np.concatenate([late[(late < 1.001) | (late > 1.003)], np.full(2, 1.004)]))  # of a late tick
+    assert len(even_clock(late, [late], str)[0]) == 2000
 
 
 @pytest.mark.parametrize(("turn", "unit"), [(360.0, "deg"), (math.tau, "rad"), (8192.0, "counts")])

@@ -60,6 +60,23 @@ def test_a_disk_that_takes_nothing_holds_up_no_sign_of_life(monkeypatch: pytest.
     assert latch_file.read(REAL) == FAULTS
 
 
+def test_a_disk_that_takes_nothing_holds_up_no_end(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    takes, ended = threading.Event(), threading.Event()
+    monkeypatch.setattr(os, "fsync", lambda handle: takes.wait(10.0))
+    monkeypatch.setattr("bowden.live.session._END", 0.05)
+    session = session_on(REAL)
+    Session._remember_latch(session, row(Mode.LATCHED, FAULTS))
+    session.emg_process, session._processes = SimpleNamespace(close=ended.set), []
+    session._ring = session._block = tmp_path / "ring"
+    Session.__exit__(session)
+    assert ended.is_set()
+    assert not takes.is_set()
+    assert "is not on the disk after 0.05 s" in capsys.readouterr().err
+    takes.set()
+
+
 def test_it_is_there_from_the_latch_to_the_acknowledgement_whoever_ends_meanwhile() -> None:
     assert latch_file.read(REAL) is None
     session = session_on(REAL)

@@ -18,6 +18,7 @@ from bowden.models.plausible import Followed, beyond, follow, lasting, outside
 from bowden.safety.faults import Fault, of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import (
+    AHEAD,
     Mode,
     Observed,
     Request,
@@ -106,6 +107,7 @@ def motor_at(angle: float, joint: float = NAN) -> Changes:
         "state.anchor.motor": angle,
         "state.joint.value": joint,
         "state.decided.joint_then": joint,
+        "state.decided.motor_then": angle,
         "reading.joint": joint,
     }
 
@@ -657,11 +659,25 @@ def test_a_load_is_let_down_until_the_servo_is_where_the_cable_is_taut_or_the_ca
     upwards = {**lowering, "limits.slack_sign": 1.0, "limits.lowering": 0.5}
     assert cycle(upwards, motor_at(-0.05 - TINY))[1].mode == Mode.RELEASING
     assert cycle(upwards, motor_at(-0.05))[1].mode == Mode.STOPPED
-    ahead = [cycle(lowering, motor_at(0.5, 0.75 + more))[1].mode for more in (0.0, TINY)]
+    then: Changes = {
+        "state.decided.motor_then": 1.0,
+        "state.decided.joint_then": 0.74,
+        "state.decided.ahead": AHEAD,
+    }
+    ahead = [cycle(lowering, motor_at(0.5, 0.75 + more), then)[1].mode for more in (0.0, TINY)]
     assert ahead == [Mode.RELEASING, Mode.STOPPED]
-    ahead = [cycle(upwards, motor_at(-0.25, -0.4375 - more))[1].mode for more in (0.0, TINY)]
+    down: Changes = {**then, "state.decided.motor_then": -1.0, "state.decided.joint_then": -0.74}
+    ahead = [cycle(upwards, motor_at(-0.25, -0.4375 - more), down)[1].mode for more in (0.0, TINY)]
     assert ahead == [Mode.RELEASING, Mode.STOPPED]
-    slack = {**lowering, **motor_at(0.5, 0.8)}
+    slack = {**lowering, **motor_at(0.5, 0.8), **then}
+    assert cycle(slack)[1].mode == Mode.STOPPED
+    for doubtful in (
+        {"state.decided.ahead": AHEAD - DT},
+        {"state.decided.ahead": 0.0, "observed.elapsed": 0.1},  # one sample, however long its cycle
+        {"state.decided.joint_then": 0.8, "limits.joint_still": 0.0},  # a joint that stands still
+        {"state.decided.motor_then": 0.5, "state.decided.joint_then": 0.7},  # it was as wrong before
+    ):
+        assert cycle(slack, doubtful)[1].mode == Mode.RELEASING, doubtful
     of_joint = (Fault.JOINT_LOST, Fault.JOINT_JUMP, Fault.JOINT_STALE, Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY)
     for fault in LATCHABLE:
         mode = cycle(slack, {"state.decided.latched": 2.0**fault})[1].mode
@@ -736,9 +752,19 @@ TARGETS: list[tuple[str, float, Changes]] = [
     ("from the first cycle on", 0.5 - 8 * DT, {**R2, "law.wish": 0.51}),
     ("a load down at its own speed", 0.5 - 2 * DT, {**RELEASING, **LOADED}),
     ("a load from where the motor is", 0.49 - 2 * DT, {**R2, **LOADED, "reading.motor": 0.49}),
-    ("a load that drags the motor on is braked", 0.5 - 2 * DT, {**RELEASING, **LOADED, "reading.motor": 0.49}),
+    (
+        "a load that drags the motor on is braked",
+        0.5 - 2 * DT,
+        {**RELEASING, **LOADED, "state.decided.met": 1.0, "reading.motor": 0.49},
+    ),
+    (
+        "a load from where the motor is, until it has been there",
+        0.49 - 2 * DT,
+        {**RELEASING, **LOADED, "reading.motor": 0.49},
+    ),
     ("a load in a late cycle", 0.5 - 6 * DT, {**RELEASING, **LOADED, "observed.elapsed": 3 * DT}),
-    ("a load in a very late cycle", 0.5 - 10 * DT, {**RELEASING, **LOADED, "observed.elapsed": 9 * DT}),
+    ("a load in a very late cycle", 0.5 - 18 * DT, {**RELEASING, **LOADED, "observed.elapsed": 9 * DT}),
+    ("a load in a stall, for a tenth of a second", 0.3, {**RELEASING, **LOADED, "observed.elapsed": 0.2}),
     ("a load to where the cable is taut", 0.0, {**motor_at(DT), **RELEASING, **LOADED}),
     ("a load no further", -0.25, {**motor_at(-0.25), **RELEASING, **LOADED}),
     ("a load upwards", 2 * DT - 0.25, {**motor_at(-0.25), **SLACKER_UP, **LOADED}),

@@ -1,6 +1,8 @@
 """A release of an arm that hangs on the suit: let down at a bounded speed until nothing pulls, and never dropped."""
 
 import math
+import tomllib
+from collections.abc import Callable
 from typing import NamedTuple
 
 import pytest
@@ -13,8 +15,10 @@ from bowden.models.drive.thermal import cold
 from bowden.models.suit.arm import Wearer
 from bowden.plants.suit_parts import Suit, prepare_suit
 from bowden.plants.suit_plant import Bends, SuitState, suit_motor, suit_start, suit_step
+from bowden.rig import suit_rig
 from bowden.rig.rig import Rig
 from bowden.rig.settings import SuitSettings
+from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Observed, Request, begin, longest_release, supervise
 
 SUIT = Suit()._replace(motor=Suit().motor._replace(integral=40.0))
@@ -22,6 +26,12 @@ STILL = Bends(math.pi, math.pi)
 LOOSE = SUIT.motor._replace(friction=0.0, efficiency=1.0)
 HEAVY = SUIT.arm._replace(mass=2.0 * SUIT.arm.mass, inertia=2.0 * SUIT.arm.inertia)
 LIMITS, DT = Rig(suit=SuitSettings(worn=True)).supervisor_limits, 1e-3
+FRESH = tomllib.loads(suit_rig.TEXT.format(name="rig.toml"))["limits"]
+OF_INIT = LIMITS._replace(
+    **{name[:-4]: value * RADIANS for name, value in FRESH.items() if name.endswith("_deg")}, reading_age=10.0
+)
+"""What `bowden init --suit` writes."""
+CAUGHT = Wearer(stiffness=300.0, damping=5.0, centre=20.0 * RADIANS)
 
 
 class Let(NamedTuple):
@@ -41,42 +51,74 @@ class Let(NamedTuple):
     """Largest tension until there [N]."""
     mode: float
     """At the end."""
+    strained: float
+    """For how long the flexor has more than 60 N [s]."""
 
 
-def let_go(suit: Suit, start: float, *, lost: bool = False, wearer: Wearer | None = None) -> Let:
-    """An operator's stop, or a lost joint angle, at a motor that holds the arm at `start` [deg]."""
-    plant, step, own = prepare_suit(suit), compiled(suit_step), suit.wearer if wearer is None else wearer
+def as_it_is(joint: float, first: float) -> float:
+    return joint
+
+
+def let_go(
+    suit: Suit,
+    start: float,
+    *,
+    lost: bool = False,
+    wearer: Wearer | None = None,
+    held: Wearer | None = None,
+    limits: Limits = LIMITS,
+    shown: Callable[[float, float], float] = as_it_is,
+    cycles: int = 1,
+    lead: float = 0.0,
+) -> Let:
+    """An operator's stop, or a lost joint angle, at a motor that holds the arm at `start` [deg].
+
+    Args:
+        suit: on the arm.
+        start: of the motor's target [deg].
+        lost: whether the joint's angle is.
+        wearer: of the arm from the stop on, None for the suit's own.
+        held: of the arm before it, likewise.
+        limits: of the supervisor.
+        shown: the joint's angle as its encoder shows it, from what it is and was at the stop [rad].
+        cycles: that each cycle of the loop lasts.
+        lead: of the target over the motor, which cannot pull any more, at the stop [deg].
+    """
+    plant, step, own = prepare_suit(suit), compiled(suit_step), wearer or held or suit.wearer
     state = suit_start(plant, start * RADIANS, start * RADIANS, math.pi)
     for _ in range(3000):
-        state = SuitState(*step(plant, state, start * RADIANS, True, STILL, suit.wearer, DT))
+        state = SuitState(*step(plant, state, start * RADIANS, True, STILL, held or suit.wearer, DT))
 
     def reading(lost: bool) -> DriveReading:
-        joint = math.nan if lost else state.joint
+        joint = math.nan if lost else shown(state.joint, first)
         return DriveReading(
             *(float(suit_motor(plant, state)), joint, state.spool.current, 20.0, math.nan, 0.0, 0.0, 0.0),
             *(4.0, 0.0, 0.0, 0.0, 0.0),
         )
 
-    begun = begin(LIMITS, reading(False), cold(LIMITS.thermal))
-    target = start * RADIANS
+    first = early = state.joint
+    begun = begin(limits, reading(False), cold(limits.thermal))
+    target = (start + lead) * RADIANS
     sees = begun._replace(
         target=target,
         decided=begun.decided._replace(mode=float(Mode.RUNNING), passed=1.0, target_before=target),
         servo=begun.servo._replace(enabled=1.0),
     )
-    first, early, fastest, most = state.joint, state.joint, 0.0, 0.0
-    for k in range(round(2.0 * longest_release(LIMITS) / DT)):
+    fastest, most, strained = 0.0, 0.0, 0.0
+    for k in range(round(2.0 * longest_release(limits) / DT / cycles)):
         request = Request.STOP if k == 0 and not lost else Request.NONE
-        observed = Observed(reading(lost), 0.0, DT, float(request), 0.0, 1.0, 1.0, 0.0)
-        sees, verdict = supervise(LIMITS, sees, observed, target, DT)
+        observed = Observed(reading(lost), 0.0, cycles * DT, float(request), 0.0, 1.0, 1.0, 0.0)
+        sees, verdict = supervise(limits, sees, observed, target, DT)
         if not verdict.power:
             break
-        state = SuitState(*step(plant, state, verdict.target, True, STILL, own, DT))
-        early = state.joint if k < 200 else early
+        for _ in range(cycles):
+            state = SuitState(*step(plant, state, verdict.target, True, STILL, own, DT))
+        early = state.joint if k * cycles < 200 else early
         fastest = max(fastest, -state.joint_velocity)
         most = max(most, state.extensor_pull.joint)
-    told = (first - early) * DEGREES, k * DT, fastest * DEGREES, state.joint * DEGREES
-    return Let(*told, state.flexor_pull.joint, most, verdict.mode)
+        strained += cycles * DT * (state.flexor_pull.joint > 60.0)
+    told = (first - early) * DEGREES, k * cycles * DT, fastest * DEGREES, state.joint * DEGREES
+    return Let(*told, state.flexor_pull.joint, most, verdict.mode, strained)
 
 
 @pytest.mark.parametrize(
@@ -112,3 +154,29 @@ def test_an_arm_that_its_wearer_holds_up_is_not_pulled_down() -> None:
     assert let.lasted < 0.8
     assert let.joint > 50.0
     assert let.extensor < 120.0
+
+
+@pytest.mark.parametrize("limits", [LIMITS, OF_INIT], ids=["default", "bowden init --suit"])
+@pytest.mark.parametrize("lead", [0.0, 12.0])
+def test_a_motor_that_cannot_pull_any_more_begins_to_let_go_at_once(limits: Limits, lead: float) -> None:
+    """From its own angle, though the target is beyond it and may only go back in several cycles."""
+    let = let_go(SUIT, 57.0, held=CAUGHT, limits=limits._replace(target_speed=20.0), lead=lead)
+    assert let.strained < 0.8
+    assert let.lasted < 1.5
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [lambda joint, first: first, lambda joint, first: joint + 13.0 * RADIANS],
+    ids=["frozen", "13° too large"],
+)
+def test_a_joint_angle_that_is_wrong_drops_no_arm(shown: Callable[[float, float], float]) -> None:
+    let = let_go(SUIT, 60.0, limits=OF_INIT, shown=shown)
+    assert let.joint < 12.0
+    assert let.lasted > 1.0
+
+
+def test_long_cycles_end_with_the_arm_down() -> None:
+    let = let_go(SUIT, 80.0, limits=OF_INIT._replace(tracking=0.7), cycles=15)
+    assert let.joint < 12.0
+    assert let.lasted < longest_release(OF_INIT)

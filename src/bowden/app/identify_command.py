@@ -1,6 +1,5 @@
 """``bowden identify``: from a log to a model of its cable."""
 
-import math
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -194,8 +193,7 @@ def _print_table(fit: "Fit") -> None:
         table.add_column(title, justify="right", no_wrap=True)
     for name, fitted in fit.models.items():
         errors = (f"{value * DEGREES:.3f}" for value in (fitted.train_rms, fitted.test_rms))
-        count = sum(not math.isnan(value) for value in fitted.uncertainty.values())
-        table.add_row(f"{name} *" if name == fit.best.name else name, str(count), *errors)
+        table.add_row(f"{name} *" if name == fit.best.name else name, str(fitted.fitted_count), *errors)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
     print("* recommended: the simplest whose error on left-out stretches is not clearly larger than the best's")
     left, without, counts = (value * DEGREES for value in fit.forecast)

@@ -76,11 +76,13 @@ def again(file: Path, log: "Log", model: Path, load: str | None, bend: str | Non
     cable, judged = load_judged(model)
     scheduled = cable.model().parameters
     values: dict[str, float] = {}
+    units: dict[str, str] = {}
     for name, given in (("load", load), ("bend", bend)):
         if given is not None or f"{name}_low" in scheduled:
             found = scheduled_by(name, [file], given)
             values |= {name: found.values[0]} if found else {}
-    result = recalibrate(log, cable, judged, values)
+            units |= {name: found.unit} if found else {}
+    result = recalibrate(log, cable, judged, values, units)
     output_folder(out)
     with whole_files(out) as folder:
         (folder / "identify.html").write_text(recalibration_page(result, str(model)).html(), encoding="utf-8")
@@ -158,6 +160,8 @@ def _print_logs(fit: "JointFit") -> None:
         cells = [f"{value:.3f}" if value is not None else "–" for value in errors]
         table.add_row(one.name, *(f"{value:.4g}" for value in one.values), *cells)
     Console(width=None if sys.stdout.isatty() else 100).print(table)
-    print("left out: a model of the other logs; load left out: of other loads; and offset: offset fitted to a half")
+    pair = " (of other pairs of load and bend)" if len(fit.variables) > 1 else ""
+    said = f"load left out: of other loads{pair}; and offset: offset fitted to a half"
+    print(f"left out: a model of the other logs; {said}")
     for warning in fit.warnings:
         print(f"- {warning}")

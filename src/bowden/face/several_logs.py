@@ -118,13 +118,15 @@ def recalibrate(
     cable, judged = _known(model)
     read = _log(log, "recalibrate: log", columns)
     values: dict[str, float] = {}
+    units: dict[str, str] = {}
     for name, given in (("load", load), ("bend", bend)):
         if isinstance(given, str) or (given is None and f"{name}_low" in cable.model().parameters):
             found = _variable(name, given, [log], [read])
             values |= {name: found.values[0]} if found else {}
+            units |= {name: found.unit} if found else {}
         elif given is not None:
             values[name] = arguments.number(given, f"recalibrate: {name}")
-    return recalibrate_log(read, cable, judged, values)
+    return recalibrate_log(read, cable, judged, values, units)
 
 
 def _known(model: Any) -> tuple[IdentifiedCable, float]:
@@ -137,7 +139,8 @@ def _known(model: Any) -> tuple[IdentifiedCable, float]:
         return IdentifiedCable(model.best.name, _named(model.best)), model.chosen.test_rms
     if isinstance(model, JointFit | Recalibration):
         judged = model.judged if isinstance(model, JointFit) else model.judged_rms
-        return IdentifiedCable(model.best.name, _named(model.best)), judged
+        of = dict(zip(model.variables, model.units, strict=True)) if isinstance(model, JointFit) else model.units
+        return IdentifiedCable(model.best.name, _named(model.best), units=of), judged
     raise ParameterError(
         f"recalibrate: model is {arguments.said(model)}",
         expected="a model.toml, or what bowden.identify gives",

@@ -62,7 +62,7 @@ SINCE: Mapping[str, float] = {
     "sample_age": 0.0,
     "supervisor.sums.strained": 0.0,
     "supervisor.sums.undisabled": 0.0,
-    "supervisor.decided.joint_then": 0.0,
+    **{f"supervisor.decided.{name}": 0.0 for name in ("joint_then", "motor_then", "met", "ahead")},
     **{f"supervisor.anchor.{name}": 0.0 for name in ("unanswered", "current", "travelled", "swung")},
     "supervisor.sample_age": 0.0,
 }

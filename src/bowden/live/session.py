@@ -393,7 +393,6 @@ class Session:
                 what = f"how warm the motor is cannot be kept ({self._not_kept})"
                 print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)
             self._await_end()
-        self._latching.shutdown()
         if self.emg_process is not None:
             self.emg_process.close()
         if hasattr(self, "_recorder"):
@@ -407,6 +406,12 @@ class Session:
                     pipe.close()
         self._ring.unlink(missing_ok=True)
         self._block.unlink(missing_ok=True)
+        try:  # last: a disk that takes nothing holds up neither the reader of EMG nor the recorder
+            self._latching.submit(int).result(_END)
+        except TimeoutError:
+            what = f"what latched this run is not on the disk after {_END:g} s"
+            print(f"bowden: note: {what}; the next one may not begin latched", file=sys.stderr)
+        self._latching.shutdown(wait=False)
 
 
 @contextlib.contextmanager

@@ -1,7 +1,8 @@
 """What stopped a run: every stop of it, its faults in the order in which they came, and which follow from others.
 
-A fault that comes in a later cycle than the first, before all are gone again, may follow from it; and a loop that is
-late, or a clock that is stepped, explains what is old, jumps, or is not heard of in the same cycle.
+A fault that comes in a later cycle than the first, at most half a second after the power went off, may follow from it;
+and a loop that is late, or a clock that is stepped, in the first of these cycles explains what is old, jumps, or is not
+heard of in that cycle. What comes later, such as a computer that is busy while everything is latched, explains nothing.
 """
 
 from collections.abc import Iterator, Mapping
@@ -31,8 +32,11 @@ FOLLOWS_LATENESS = _OLD | {
 """What a computer that stalls brings about as well."""
 _STOPPING = sum(1 << fault for fault in Fault if fault.then)
 """Bits of the faults that end a run."""
+_REMEDIES = {fault.meaning: fault.remedy for fault in Fault}
 _LOOKED_BACK = 0.5
 """How long before a stop its computer is judged [s]."""
+_LOOKED_ON = 0.5
+"""How long after the end of power a fault may follow from what ended it [s]."""
 
 
 class Stop(NamedTuple):
@@ -69,6 +73,9 @@ def _stops(log: Recording) -> Iterator[Stop]:
         faulty = np.flatnonzero(bits[off:over])
         if not len(faulty):
             continue  # as asked
+        dark = np.flatnonzero(mode[off:over] == Mode.LATCHED)
+        if len(dark):
+            over = min(over, int(np.searchsorted(time, time[off + dark[0]] + _LOOKED_ON, "right")))
         at = int(off + faulty[0])
         clear = np.flatnonzero((bits[:at] & bits[at]) == 0)
         begin = int(clear[-1]) + 1 if len(clear) else 0
@@ -108,9 +115,9 @@ def told_apart(came: Mapping[Fault, float]) -> tuple[tuple[Fault, ...], tuple[Fa
     came = dict(sorted(came.items(), key=lambda one: one[1]))
     begin = min(came.values(), default=0.0)
     first = [fault for fault, time in came.items() if time == begin]
-    computer = OF_THE_COMPUTER & {*came} if {*first} <= OF_THE_COMPUTER | FOLLOWS_LATENESS else frozenset()
+    computer = OF_THE_COMPUTER & {*first} if {*first} <= OF_THE_COMPUTER | FOLLOWS_LATENESS else frozenset()
     if computer:
-        first = [fault for fault in came if fault in computer]
+        first = [fault for fault in first if fault in computer]
     return tuple(first), tuple(fault for fault in came if fault not in first)
 
 
@@ -135,9 +142,14 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
 
 
 def lines(stop: dict[str, Any]) -> Iterator[str]:
-    """A stop, as `document` has it, for a person: its causes with what to do, and what followed from them."""
+    """A stop, as `document` has it, for a person: its causes with what to do, and what followed from them.
+
+    Beside a busy computer what followed has its remedies too: it may have a cause of its own.
+    """
     if stop["too_busy"]:
         yield stop["too_busy"]
+        for meaning in stop["consequences"]:
+            yield f"with it came: {meaning}; {_REMEDIES[meaning]}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
         yield f"{meaning}; {remedy}"
@@ -154,11 +166,14 @@ def too_busy(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> str:
         twin: whether this computer plays the drive as well, which then answers late.
     """
     do = "close other programs, and see what `bowden doctor` says"
+    lateness, age = limits.get("lateness"), limits.get("reading_age")
     if OF_THE_COMPUTER & {*stop.causes}:
-        allowed = f"{1e3 * limits['lateness']:.3g} ms are allowed, lateness_s of [limits]"
+        if lateness is None or not stop.latest > lateness:
+            return ""  # a clock that is stepped, or the row that was late is not in the log
+        allowed = f"{1e3 * lateness:.3g} ms are allowed, lateness_s of [limits]"
         return f"this computer is too busy: cycles came {1e3 * stop.latest:.0f} ms late ({allowed}); {do}"
-    if not (twin and {*stop.causes} <= _OLD | {Fault.HEARTBEAT_LOST}):
+    if not (twin and {*stop.causes} <= _OLD | {Fault.HEARTBEAT_LOST}) or age is None or not stop.oldest > age:
         return ""
     late = f"the twin, which runs on it too, answered {stop.oldest:.0f} cycles late"
-    allowed = f"{limits['reading_age']:.3g} are allowed, reading_age of [limits]"
+    allowed = f"{age:.3g} are allowed, reading_age of [limits]"
     return f"this computer is too busy: {late} ({allowed}); {do}, or against a twin set reading_age = 10 there"

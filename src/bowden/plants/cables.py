@@ -237,12 +237,14 @@ def plant_of_model(name: str, parameters: Mapping[str, float], bench: Bench) -> 
         ParameterError: another name, or a parameter that is missing.
     """
     cable = identified(name, parameters)
-    if name == "scheduled" and "bend_low" in parameters:
+    bent = name == "scheduled" and "bend_low" in parameters
+    if bent:
         cable = scheduled(parameters, "bend", bench.sheath)
     if name == "bouc_wen":
         return bench._replace(cable=cable.parameters.cable)
     plant = as_cable_plant(bench)._replace(cable=cable)
-    return plant._replace(sheath=bench.sheath._replace(loss=0.0)) if cable.physical else plant
+    # a physical cable computes what its sheath loses, and one scheduled by the bend was measured with it
+    return plant._replace(sheath=bench.sheath._replace(loss=0.0)) if cable.physical or bent else plant
 
 
 def bouc_wen_like(cable: Cable) -> BoucWen:

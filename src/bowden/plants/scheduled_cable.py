@@ -84,7 +84,7 @@ def scheduled_advance(
 def scheduled_look(
     cable: MovedSchedule, memory: ScheduledMemory, motor: float, width: float, slope_factor: float
 ) -> Seen:
-    """joint = slope_factor·f + g·Σ ηᵢ·(motor − zᵢ); a wider loop is as much higher."""
+    """joint = f(0) + slope_factor·(f − f(0)) + g·Σ ηᵢ·(motor − zᵢ); a wider loop is as much higher."""
     for v in range(memory.values.size):
         memory.values[v] = cable.at[v] + cable.per_width[v] * width
     fill_powers(memory.values, cable.cable, memory.powers)
@@ -94,7 +94,10 @@ def scheduled_look(
         behind += one.shares[i] * (motor - memory.z[i])
     middle = straight(motor, one.first, one.step, one.middle, memory.powers, 1.0)
     height = straight(motor, one.first, one.step, one.height, memory.powers, 0.0)
-    return Seen(slope_factor * middle + height * behind, np.nan, np.nan)
+    if slope_factor != 1.0:  # f(0) is the offset, of which a bend takes nothing
+        offset = straight(0.0, one.first, one.step, one.middle, memory.powers, 1.0)
+        middle = offset + slope_factor * (middle - offset)
+    return Seen(middle + height * behind, np.nan, np.nan)
 
 
 def scheduled(parameters: Mapping[str, float], moved: str | None = None, sheath: Sheath | None = None) -> Cable:

@@ -92,7 +92,7 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.heading("Parameters")
     page.text(
         "One standard deviation stands behind each value; it holds for residuals that are correlated over time too. A "
-        "dash marks a setting that was not fitted, ∞ what this log does not show."
+        "dash marks where none is stated, of settings and of generalised_play; ∞ what this log does not show."
     )
     names = [fit.best.name] + [name for name in ("bouc_wen",) if name != fit.best.name]
     for name in names + [name for name in fit.models if name not in names]:
@@ -144,7 +144,7 @@ def _models_table(page: Page, fit: Fit) -> None:
     rows = [
         [
             name,
-            str(sum(not math.isnan(value) for value in fitted.uncertainty.values())),
+            str(fitted.fitted_count),
             f"{fitted.train_rms * DEGREES:.3f}",
             f"{fitted.left_out_rms * DEGREES:.3f}",
             f"{fitted.test_rms * DEGREES:.3f}",

@@ -27,7 +27,8 @@ def joint_page(fit: JointFit) -> Page:
     page.heading("How well it predicts")
     page.text(
         "“Left out” is the error of a model that was fitted to the other logs alone, “load left out” of one fitted to "
-        "other loads alone; “offset” once the offset was fitted to the log's first half, judged on its second."
+        "other loads alone (with load and bend: to all but the logs that have both of them the same); “offset” once "
+        "the offset was fitted to the log's first half, judged on its second."
     )
     rows = [
         [one.name, *(f"{value:.4g}" for value in one.values)]

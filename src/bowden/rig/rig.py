@@ -477,7 +477,19 @@ class Rig:
 
     @property
     def _plain_cable(self) -> BoucWen:
+        if isinstance(self.cable, IdentifiedCable) and self._scheduled_by_bend:
+            begun = self.bend.path(self.sheath, self.duration, self.seed)(np.zeros(1))
+            return self.cable.with_parameters({"bend": float(np.ravel(begun)[0])}).bouc_wen
         return self.cable if isinstance(self.cable, BoucWen) else self.cable.bouc_wen  # type: ignore[union-attr]
+
+    @property
+    def _scheduled_by_bend(self) -> bool:
+        """Whether the scenario's bend is what schedules the cable, and not the bend among its parameters."""
+        return (
+            isinstance(self.cable, IdentifiedCable)
+            and self.cable.best == SCHEDULED
+            and "bend_low" in self.cable.model().parameters
+        )
 
     @property
     def identified(self) -> bool:
@@ -613,7 +625,9 @@ class Rig:
             notes.append(f"{where} recommends {_LINE!r}; the bench runs the cable's bouc_wen model")
         if isinstance(self.cable, IdentifiedCable) and self.cable.best == SCHEDULED:
             own = self.cable.model().parameters
-            notes += outside(own, {name: own[name] for name in ("load", "bend") if name in own})
+            notes += outside(own, {"load": own["load"]} if "load" in own else {})
+        if self._scheduled_by_bend:
+            notes += self._bend_notes()
         if self.turned:
             why = (
                 "the cable's slope is negative" if self.plant is None else "the joint falls as the plant's motor rises"
@@ -630,6 +644,22 @@ class Rig:
         if self.worn is None or not self.admittance.enabled:
             notes += self._like_radians()
         return tuple(notes)
+
+    def _bend_notes(self) -> list[str]:
+        """What is said of the bends of a run whose cable is scheduled by them."""
+        own = self.cable.model().parameters  # type: ignore[union-attr]
+        path = self.bend_path(np.linspace(0.0, self.duration, _INSTANTS))
+        low, high = float(np.min(path)), float(np.max(path))
+        far = low if own["bend_low"] - low > high - own["bend_high"] else high
+        found = outside(own, {"bend": far})
+        if max(abs(low - own["bend"]), abs(high - own["bend"])) > _WRITTEN:
+            seen = f"{low / RADIANS:.4g}°" + (f" to {high / RADIANS:.4g}°" if high - low > _WRITTEN else "")
+            found.append(
+                f"the sheath's bend schedules the cable: it is {seen} in this run (scenario.bend, sheath.bend_deg), "
+                f"and not the {own['bend'] / RADIANS:.4g}° among the cable's parameters; laws are told that "
+                "of the beginning"
+            )
+        return found
 
     def _like_radians(self) -> list[str]:
         """What is said of a reference that is so small that it was probably meant in radians."""

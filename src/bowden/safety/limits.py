@@ -127,7 +127,8 @@ class Limits(NamedTuple):
     operator_age: Annotated[
         float,
         Quantity(
-            "age of the operator's last sign of life; the power is off at most `release_time` later",
+            "age of the operator's last sign of life; the power is off at most `release_time` later, on a suit "
+            "at most 3.1 s later",
             "s",
             ge=0.0,
             le=5.0,
@@ -148,7 +149,15 @@ class Limits(NamedTuple):
     bridge_leak: Annotated[
         float, Quantity("share of good time by which bridged time is forgotten: worse readings stop", ge=0.0, le=1.0)
     ] = 0.02
-    release_time: Annotated[float, Quantity("R2 at most, power off afterwards", "s", ge=0.0)] = 0.2
+    release_time: Annotated[
+        float,
+        Quantity(
+            "R2 at most, power off afterwards; with a worn suit longer by what its arm needs at `lowering`, "
+            "up to 3.1 s in all",
+            "s",
+            ge=0.0,
+        ),
+    ] = 0.2
     pay_out: Annotated[
         float, Quantity("speed at which R2 lets out a cable that no load hangs on", "rad/s", ge=0.0, le=2900.0)
     ] = 7.0

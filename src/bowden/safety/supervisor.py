@@ -67,6 +67,9 @@ class Decided(NamedTuple):
     eased: Annotated[float, Quantity("time in R2 for which the motor has carried nothing", "s")]
     latched: Annotated[float, Quantity("the faults that have to be acknowledged, a sum of 2**fault")]
     joint_then: Annotated[float, Quantity("joint angle when R2 began, or now where it has not", "rad")]
+    motor_then: Annotated[float, Quantity("motor angle when R2 began, or now where it has not", "rad")]
+    met: Annotated[float, Quantity("1 once the target of R2 has been where the motor is, else 0")]
+    ahead: Annotated[float, Quantity("time in R2 for which the joint has been ahead of the cable", "s")]
 
 
 class ModelledServo(NamedTuple):
@@ -176,6 +179,7 @@ ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
 DEAD_SHARE = 0.8  # of `frozen_travel`: the widest dead zone; the rest tells a frozen joint from one that starts late
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
 REST, FURTHER = 0.35, 0.1  # a joint so far to the slack side of its zero, where the cable is just taut, is pulled [rad]
+AHEAD = 0.05  # time for which a joint is ahead of the cable before the cable counts as slack [s]
 TAUT = 0.05  # a servo's model so near to zero, where the cable is just taut, has let the load down [rad]
 BIG = 1e6  # what is larger is no number that anything here can mean
 COUNT = len(Fault)
@@ -194,7 +198,7 @@ def begin(limits: Limits, reading: DriveReading, thermal: ThermalState) -> Super
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, motor))
     return SupervisorState(
         target,
-        Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, 0.0, joint),
+        Decided(STOPPED, 0.0, target, 0.0, 0.0, 0.0, 0.0, joint, motor, 0.0, 0.0),
         ModelledServo(0.0, motor, 0.0, 0.0),
         Followed(motor, 0.0, 0.0),
         Followed(joint, 0.0, 0.0),
@@ -421,9 +425,16 @@ def supervise(
         kept = np.fmax(kept, sel((reaction >= 2.0) * (THEN[i] >= 2.0), found[i], 0.0))
         latched, active = latched + kept * BIT[i], active + np.fmax(kept, found[i]) * BIT[i]
         doubted = np.fmax(doubted, kept * OF_JOINT[i])
-    # a cable that the joint has left behind carries nothing, if the joint's angle is to be believed
-    slack = (1.0 - doubted) * beyond(out * (limits.slope_high * motor - seen.joint.value), 0.5 * limits.play)
-    carries = limits.loaded * beyond(-out * seen.servo.position, TAUT) * (1.0 - slack)
+    # a cable that the joint has left behind since R2 began carries nothing, if the joint's angle is to be believed:
+    # it is not in doubt, it moves, and one that was wrong by as much before says nothing
+    joint, late = seen.joint.value, np.fmin(time, 5.0 * dt)
+    joint_then, motor_then = sel(releasing, last.joint_then, joint), sel(releasing, last.motor_then, motor)
+    leads = out * (limits.slope_high * motor - joint)
+    grown = leads - out * (limits.slope_high * motor_then - joint_then)
+    behind = beyond(leads, 0.5 * limits.play) * beyond(grown, 0.5 * limits.play)
+    moves = beyond(np.abs(joint - joint_then), limits.joint_still)
+    ahead = lasting((1.0 - doubted) * behind * moves * releasing, last.ahead, late)
+    carries = limits.loaded * beyond(-out * seen.servo.position, TAUT) * (1.0 - beyond(ahead, AHEAD))
     most = sel(carries > 0.0, longest_release(limits), limits.release_time)
     empty = (released > most - 0.5 * dt) + (eased > limits.released_time) + (enabled == 0.0) > 0.0
     going = sel(releasing * empty, sel(latched > 0.0, LATCHED, STOPPED), going)
@@ -433,9 +444,10 @@ def supervise(
     mode = sel(powered > 0.0, going, sel(found.NOT_DISABLED > 0.0, LATCHED, rests))
 
     # the target: without power it follows the motor, so that nothing moves when power comes
-    slacker, late = np.fmax(out * state.target, out * motor), np.fmin(time, 5.0 * dt)
-    let = sel(releasing, out * state.target, slacker)  # a load that drags the motor on is braked, and not gone after
-    lowered = np.fmax(let, np.fmin(0.0, let + limits.lowering * late))
+    slacker = np.fmax(out * state.target, out * motor)
+    # once there, a load that drags the motor on is braked, and not gone after
+    let = sel(releasing * last.met > 0.0, out * state.target, slacker)
+    lowered = np.fmax(let, np.fmin(0.0, let + limits.lowering * np.fmin(time, 0.1)))
     paid = out * sel(limits.loaded > 0.0, lowered, slacker + limits.pay_out * late)
     led = enabled * (1.0 - outside(mode, PREFLIGHT, RUNNING))
     aim = sel(led > 0.0, wish, sel(mode == RELEASING, paid, sel(mode == BRIDGING, state.target, motor)))
@@ -444,8 +456,10 @@ def supervise(
     target = np.fmax(limits.motor_low, np.fmin(limits.motor_high, aim))
     idle = (outside(mode, PREFLIGHT, RELEASING) > 0.0) + (mode == RELEASING) * (enabled == 0.0) > 0.0
     reported = sel(mode == LATCHED, 3.0, sel(mode == RELEASING, 2.0, reaction))
-    held, joint_then = sel(mode == STOPPED, 0.0, latched), sel(releasing, last.joint_then, seen.joint.value)
-    decided = Decided(mode, passed, state.target, bridged, released, eased, held, joint_then)
+    held = sel(mode == STOPPED, 0.0, latched)
+    met = (mode == RELEASING) * np.fmax(last.met, 1.0 - beyond(out * motor, out * target))
+    then = joint_then, motor_then, met, ahead
+    decided = Decided(mode, passed, state.target, bridged, released, eased, held, *then)
     return (
         SupervisorState(
             target,

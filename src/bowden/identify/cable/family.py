@@ -19,7 +19,8 @@ class Estimate:
     parameters: dict[str, float]
     """Every parameter by name, in the order in which it is reported; SI and radians."""
     slopes: dict[str, Array]
-    """∂joint/∂parameter at each node (n,), for the parameters that were fitted; the others are settings."""
+    """∂joint/∂parameter at each node (n,), for the parameters that were fitted; the others are settings.
+    Where there is a `prior`, ∂joint/∂coordinate by the coordinate's name."""
     fitted: Array
     """Joint angle of the model at each node (n,) [rad]."""
     theta: Array
@@ -28,9 +29,6 @@ class Estimate:
     """What a parameter's variance gets from the path itself being known with noise only, by name."""
     prior: Array | None = None
     """What the fitted coordinates cost, beside the squared error, as a quadratic form (k, k); none of most families."""
-    combined: Mapping[str, Array] = field(default_factory=dict)
-    """Parameters that are weighted sums of the fitted coordinates: name → weights (k,), in the order of `slopes`, which
-    then names the coordinates; empty where the coordinates are parameters themselves."""
 
 
 class Family(Protocol):

@@ -36,6 +36,11 @@ Array = NDArray[np.float64]
 
 _TOLD = 4
 """Strokes from which on the first half tells families apart; with fewer of them the whole log does."""
+_OUTWARD = ("line", "play", "prandtl_ishlinskii")
+"""What is offered where one reversal was seen: left-out stretches then do not tell how a bent loop goes on."""
+_WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
+"""A model fitted to the whole log is not taken where its error on it is so many times, and so much [rad] above, that of
+the fit to the first half: weights that fade towards the past cost less."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +48,13 @@ class ModelFit:
     """One family's best member."""
 
     model: CableModel
-    """The model itself, fitted to the whole log: its parameters, and the joint angle that it predicts."""
+    """The model itself, fitted to the whole log: its parameters, and the joint angle that it predicts. Where that fit
+    is clearly worse on the log than the one to the first half, it is the latter, and a warning says so."""
     uncertainty: Mapping[str, float]
-    """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where it is a
-    setting that was not fitted."""
+    """One standard deviation of each parameter, in its unit; infinite where the log does not show it, NaN where none is
+    stated: of a setting that was not fitted, and of ``generalised_play``."""
+    fitted_count: int
+    """How many parameters were fitted."""
     train_rms: float
     """Error on what was fitted of the first half, of the family fitted to it, at the log's full rate [rad]."""
     test_rms: float
@@ -233,28 +241,41 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     tell("comparing on left-out stretches", 0.7)
     errors = seen.left_out_errors()
     shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
-    offered = errors if shown_by_log else {"line": errors["line"]}
+    names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
+    offered = {name: errors[name] for name in names}
     best: str = simplest_of_the_best(offered, {name: len(seen.estimates[name].slopes) for name in offered})
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
     path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
     models: dict[str, ModelFit] = {}
-    predicted = np.empty(0)
+    predicted, kept = np.empty(0), []
     for done, family in enumerate(half.families):
         tell("judging on the second half", 0.9 + 0.02 * done)
-        final = whole.estimates[family.name]
         joint = follow(CableModel(family.name, half.estimates[family.name].parameters), path, log.time)
         predicted = joint if family.name == best else predicted
         error = joint - log.joint
+        part, before = whole, rmse(error[fitted_from:])
+        final = follow(CableModel(family.name, whole.estimates[family.name].parameters), path, log.time)
+        after = rmse((final - log.joint)[fitted_from:])
+        if after > _WORSE * before + _SLIGHT:
+            part = half
+            kept.append(f"{family.name} ({after * DEGREES:.2g}° against {before * DEGREES:.2g}°)")
+        estimate = part.estimates[family.name]
         models[family.name] = ModelFit(
-            model=CableModel(family.name, final.parameters),
-            uncertainty=standard_errors(whole.fine, final, family),
+            model=CableModel(family.name, estimate.parameters),
+            uncertainty=standard_errors(part.fine, estimate, family),
+            fitted_count=len(estimate.slopes),
             train_rms=rmse(error[fitted_from:split]),
             test_rms=rmse(error[split:]),
             left_out_rms=math.sqrt(float(np.mean(errors[family.name]))),
         )
     warnings = advice.advise(log, split, fine, fitted_from, models, best, time_lag(fine, half.estimates[best]))
+    if kept:
+        warnings.append(
+            f"fitted to the whole log a model was worse on it than fitted to the first half, and stays as it was: "
+            f"{', '.join(kept)}; its error beyond the first half's range is not known to be small"
+        )
     tell("done", 1.0)
     return Fit(
         models=models,

@@ -7,7 +7,7 @@ rounds settle that. The branches are drawn to a straight mean and a constant gap
     Σ w·(joint − model)² + W·(λₐ·Σ(Δ²a)² + λ_b·Σ(Δb)²),    W = Σ w
 
 with λ chosen by stretches of the strokes left out in turn. Where a branch would go against the motor, or the gap below
-zero, λ grows until it does not: the limit is the stack itself.
+zero, λ grows until it does not; the limit, taken from some λ on, is a straight mean with one gap.
 
 Source: Eilers and Marx, Statistical Science 11(2), 1996 (penalised splines).
 """
@@ -20,9 +20,9 @@ import numpy as np
 from bowden.identify.cable.family import Array, Estimate
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path
-from bowden.identify.cable.projection import products
+from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.cable.validation import folds
-from bowden.models.cable.generalised_play import Branches, design_of, joint_angle
+from bowden.models.cable.generalised_play import Branches, design_of, half_gap, joint_angle, mean_branch
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
 
@@ -38,6 +38,8 @@ _DEGREE = 8
 """Of the bent line round which the plays are found."""
 _STRENGTHS = 10.0 ** np.array([-5.5, -4.0, -2.5, -1.0, 2.0])
 """λ tried, for either curve."""
+_STIFFEST = 1e6
+"""λ from which on the branches are taken to be straight."""
 _ROUNDS = 3
 
 
@@ -59,19 +61,18 @@ class GeneralisedPlay:
     def fit(self, path: Path) -> Estimate:
         """See `Family.fit`."""
         memory = _memory(path, _LAGS * path.span)
-        cable = _straight(path, memory)
-        strengths = (float(_STRENGTHS[2]),) * 2
-        for done in range(_ROUNDS):
-            columns = np.column_stack([design_of(path.motor, memory.lag, cable), path.joint])
-            if done == 1:
-                strengths = _strengths(path, columns)
-            cable, strengths = _solved(path, columns, cable, strengths)
-        return _estimate(path, memory.lag, cable, strengths)
+        return _settled(path, memory.lag, _straight(path, memory))
 
     def refit(self, path: Path, near: Estimate) -> Estimate:
-        """See `Family.refit`; the plays stay, and so does where each is in contact."""
+        """See `Family.refit`; the plays stay, and so does where each is in contact.
+
+        Where the path reaches beyond the nodes they are laid anew over all of it, and λ and the contacts with them.
+        """
         lag, of_mean, of_gap = (float(value) for value in near.theta)
         cable = branches_of(near.parameters)
+        low, high = _range(path)
+        if low < cable.low or high > cable.high:
+            return _settled(path, lag, _laid(cable, min(low, cable.low), max(high, cable.high)))
         columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
         cable, strengths = _solved(path, columns, cable, (of_mean, of_gap))
         return _estimate(path, lag, cable, strengths)
@@ -124,6 +125,32 @@ def _straight(path: Path, memory: _Memory) -> Branches:
     return Branches(memory.slope, np.zeros(_NODES), gaps, *_range(path), memory.reaches, memory.shares, 0.0)
 
 
+def _settled(path: Path, lag: float, cable: Branches) -> Estimate:
+    """The branches and λ in a few rounds, in each of which the plays are in contact where they were before it."""
+    strengths = (float(_STRENGTHS[2]),) * 2
+    for done in range(_ROUNDS):
+        columns = np.column_stack([design_of(path.motor, lag, cable), path.joint])
+        if done == 1:
+            strengths = _strengths(path, columns)
+        cable, strengths = _solved(path, columns, cable, strengths)
+    return _estimate(path, lag, cable, strengths)
+
+
+def _laid(cable: Branches, low: float, high: float) -> Branches:
+    """The same branches with their nodes from `low` to `high` [rad]."""
+    place = np.linspace(low, high, _NODES)
+    mean = np.array([mean_branch(at, cable) + cable.offset for at in place])
+    gaps = np.array([half_gap(at, cable) for at in place])
+    return _through(cable._replace(low=low, high=high), mean, gaps)
+
+
+def _through(cable: Branches, mean: Array, gaps: Array) -> Branches:
+    """The cable with other nodes, its slope and offset those of the mean's line."""
+    slope, offset = _line(cable.low, cable.high) @ mean
+    bends = mean - slope * np.linspace(cable.low, cable.high, _NODES) - offset
+    return cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=gaps)
+
+
 def _penalty(strengths: tuple[float, float], weight: float) -> Array:
     """S (2k, 2k): cᵀSc is what the nodes c of both curves cost."""
     second, first = np.diff(np.eye(_NODES), 2, axis=0), np.diff(np.eye(_NODES), axis=0)
@@ -154,8 +181,10 @@ def _strengths(path: Path, columns: Array) -> tuple[float, float]:
 def _nodes(sums: Array, penalty: Array) -> Array:
     """The nodes (2k,) that solve a penalised Gram matrix, the joint last."""
     gram = sums[:-1, :-1] + penalty
-    small = 1e-12 * float(np.trace(gram)) / len(gram)  # a gap that no play has is not determined
-    return np.asarray(np.linalg.solve(gram + small * np.eye(len(gram)), sums[:-1, -1]))
+    small = 1e-12 * float(np.trace(sums[:-1, :-1])) / len(gram) * np.eye(len(gram))  # of the data: λ may be large
+    if not sums[_NODES:-1, _NODES:-1].any():  # without a play no gap shows
+        small[_NODES:, _NODES:] = np.eye(_NODES)
+    return np.asarray(np.linalg.solve(gram + small, sums[:-1, -1]))
 
 
 def _solved(
@@ -163,17 +192,26 @@ def _solved(
 ) -> tuple[Branches, tuple[float, float]]:
     """The best branches of a design and the λ that they took to rise, both, with the motor."""
     sums, weight = products(columns, path.weight), float(path.weight.sum())
-    for _ in range(16):
+    while max(strengths) < _STIFFEST:
         nodes = _nodes(sums, _penalty(strengths, weight))
         mean, gaps = nodes[:_NODES], nodes[_NODES:]
         steps = np.diff(mean) * (1.0 if mean[-1] >= mean[0] else -1.0)
         if (gaps >= 0.0).all() and (steps >= np.abs(np.diff(gaps))).all():
-            break
+            return _through(cable, mean, gaps), strengths
         strengths = 10.0 * strengths[0], 10.0 * strengths[1]
-    slope, offset = _line(cable.low, cable.high) @ mean
-    place = np.linspace(cable.low, cable.high, _NODES)
-    bends = mean - slope * place - offset
-    return cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=np.maximum(gaps, 0.0)), strengths
+    return _through(cable, *_line_and_gap(sums)), strengths
+
+
+def _line_and_gap(sums: Array) -> tuple[Array, Array]:
+    """The nodes of the best straight mean and of the best constant gap, which is zero where it would be below."""
+    shapes = np.zeros((2 * _NODES, 3))
+    shapes[:_NODES, 0], shapes[:_NODES, 1], shapes[_NODES:, 2] = np.linspace(-1.0, 1.0, _NODES), 1.0, 1.0
+    gram, moments = shapes.T @ sums[:-1, :-1] @ shapes, shapes.T @ sums[:-1, -1]
+    found = inverse_of(gram) @ moments
+    if not found[2] > 0.0:
+        found = np.append(inverse_of(gram[:2, :2]) @ moments[:2], 0.0)
+    nodes = shapes @ found
+    return nodes[:_NODES], nodes[_NODES:]
 
 
 def _line(low: float, high: float) -> Array:
@@ -184,13 +222,6 @@ def _line(low: float, high: float) -> Array:
 
 def _estimate(path: Path, lag: float, cable: Branches, strengths: tuple[float, float]) -> Estimate:
     columns = design_of(path.motor, lag, cable)
-    line = _line(cable.low, cable.high)
-    place = np.linspace(cable.low, cable.high, _NODES)
-    of_bends = np.eye(_NODES) - np.column_stack([place, np.ones(_NODES)]) @ line
-    zeros = np.zeros(_NODES)
-    combined = {"slope": np.concatenate([line[0], zeros]), "offset": np.concatenate([line[1], zeros])}
-    combined |= {f"bend_{k}": np.concatenate([row, zeros]) for k, row in enumerate(of_bends, 1)}
-    combined |= {f"gap_{k}": row for k, row in enumerate(np.eye(2 * _NODES)[_NODES:], 1)}
     parameters = {"slope": cable.slope, "offset": cable.offset}
     for name, values in (("reach", cable.reaches), ("share", cable.shares), ("bend", cable.bends), ("gap", cable.gaps)):
         parameters |= {f"{name}_{k}": float(value) for k, value in enumerate(values, 1)}
@@ -202,5 +233,4 @@ def _estimate(path: Path, lag: float, cable: Branches, strengths: tuple[float, f
         fitted=joint_angle(path.motor, lag, cable),
         theta=np.array([lag, *strengths]),
         prior=_penalty(strengths, float(path.weight.sum())),
-        combined=combined,
     )

@@ -82,6 +82,7 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
         lines += ["", f"[models.{name}]"]
         if name == found.best.name:
             lines += _errors({"judged_rms": found.judged_rms, "recalibrated_rms": found.after_rms})
+            lines += [f"{variable}_unit = {quoted(unit)}" for variable, unit in found.units.items()]
         lines += ["", f"[models.{name}.parameters]", *_parameters(parameters)]
     return "\n".join(lines) + "\n"
 

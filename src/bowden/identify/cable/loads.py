@@ -15,7 +15,8 @@ A log's load is one number, its mean. (The torque of each instant was tried in i
 worse, since it holds the joint's own friction.)
 
 What is judged: second halves by what was fitted to first halves; each log by the others where another has its load; and
-each load by the others, where two differ from it. The model itself is fitted to all.
+each load by the others, where two differ from it. With load and bend it is each pair of them that is left out: logs of
+the same load at another bend stay in the fit. The model itself is fitted to all.
 """
 
 import itertools
@@ -97,7 +98,8 @@ class JudgedLog:
     same_offset_rms: float
     """The same on the second half, once the offset was fitted anew to the first [rad]."""
     unseen_rms: float
-    """Of a model fitted to the logs of other loads alone; NaN where fewer than two loads are left [rad]."""
+    """Of a model fitted to all logs but those of this load, and of this bend where both schedule; NaN where fewer than
+    two values of either are left [rad]."""
     unseen_offset_rms: float
     """The same on the second half, once the offset was fitted anew to the first [rad]."""
 
@@ -376,10 +378,13 @@ def _said(value: float, unit: str) -> str:
 
 
 def _levels(values: Array) -> list[Array]:
-    """Indices of the values that are one level, from the least on."""
+    """Indices of the values that are one level, from the least on; none is further from its level's first than that."""
     order = np.argsort(values, kind="stable")
-    apart = np.diff(values[order]) > _ALIKE * max(float(np.ptp(values)), 1e-300)
-    return list(np.split(order, np.flatnonzero(apart) + 1))
+    widest, begun = _ALIKE * float(np.ptp(values)), [0]
+    for i, value in enumerate(values[order].tolist()):
+        if value - values[order[begun[-1]]] > widest:
+            begun.append(i)
+    return list(np.split(order, begun[1:]))
 
 
 def _fitted(moved: Sequence[_Moved], values: Array, frame: _Frame) -> ScheduledCable:

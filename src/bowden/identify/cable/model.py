@@ -174,6 +174,8 @@ class IdentifiedCable:
     """Where it was read from, as a rig.toml names it."""
     changed: Mapping[str, float] = field(default_factory=dict, compare=False)
     """Parameters of the simulated model that differ from the file's; `models` has them already."""
+    units: Mapping[str, str] = field(default_factory=dict, compare=False)
+    """Of what schedules the recommended model, by name; what nothing says of is not in it."""
 
     @property
     def simulated(self) -> str:

@@ -15,6 +15,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
+from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
 
 
@@ -71,13 +72,16 @@ def _model_lines(name: str, fitted: ModelFit) -> list[str]:
     for key, value in fitted.parameters.items():
         unit, text = meaning(key)
         lines.append(f"{key} = {float(value)!r}  # [{unit}] {_spread(fitted.uncertainty[key])}; {text}")
-    lines += ["", f"[models.{name}.uncertainty]  # one standard deviation; inf: the log does not show it"]
+    lines += [
+        "",
+        f"[models.{name}.uncertainty]  # one standard deviation; inf: the log does not show it; not here: none stated",
+    ]
     return lines + [f"{key} = {_number(value)}" for key, value in fitted.uncertainty.items() if not math.isnan(value)]
 
 
 def _spread(uncertainty: float) -> str:
     if math.isnan(uncertainty):
-        return "set, not fitted"
+        return "no uncertainty stated"
     return "not identifiable from this log" if math.isinf(uncertainty) else f"± {uncertainty:.2g}"
 
 
@@ -105,7 +109,9 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
         if wanted not in models or wanted not in KNOWN:
             raise ParameterError(f"{file} has no model {wanted!r}", expected=f"one of {', '.join(models)}")
     found = {one: _checked(file, one, table) for one, table in models.items() if one in KNOWN}
-    return IdentifiedCable(best, found, name or str(file))
+    said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
+    units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
+    return IdentifiedCable(best, found, name or str(file), units=units)
 
 
 def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
@@ -159,6 +165,25 @@ def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
     for key, least in bounds.items():
         if key in parameters and not parameters[key] > least:
             raise ParameterError(f"{file}: {key} of {name} is {parameters[key]}", expected=f"a number above {least:g}")
+    if name == "generalised_play":
+        _check_branches(file, parameters)
     model = CableModel(name, {key: float(value) for key, value in parameters.items()})
     model.joint_angle(np.zeros(2))  # names what is missing
     return model.parameters
+
+
+def _check_branches(file: Path, given: Mapping[str, float]) -> None:
+    """That the nodes and plays of a generalised play make one."""
+    sizes = {kind: sum(key.startswith(f"{kind}_") for key in given) for kind in ("bend", "gap", "reach", "share")}
+    said, what = f"{file}: generalised_play", f"{sizes['reach']} reaches and {sizes['share']} shares"
+    if sizes["reach"] != sizes["share"]:
+        raise ParameterError(f"{said} has {what}", expected="as many of both")
+    for kind in ("bend", "gap"):
+        if sizes[kind] < 2:
+            raise ParameterError(f"{said} has {sizes[kind]} {kind}s", expected="2 or more")
+    for key, value in given.items():
+        if key.startswith(("gap_", "reach_", "share_")) and value < 0.0:
+            raise ParameterError(f"{said}: {key} is {value:g}", expected="0 or more")
+    low, high = given.get("first_node", -math.inf), given.get("last_node", math.inf)
+    if not high > low:
+        raise ParameterError(f"{said}: first_node {low:g}, last_node {high:g}", expected="the last above the first")

@@ -11,7 +11,11 @@ The cable has changed where what is left is clearly more than the old model was 
     mean − 2·(standard error of the mean) > max((`_WORSE`·judged)² + count²/12, `_LEAST`²)
 
 mean and standard error of the squared residual over blocks (strokes, or eight stretches of time where there are fewer),
-judged the error that the model's file states of data that it had not seen, count the new joint encoder's step.
+judged the error that the model's file states of data that it had not seen, count the new joint encoder's step. It has
+changed as well where a differs from 1 by more than `_GAIN`, as a ratio and beyond two standard errors. Where the motor
+leaves the stroke that was identified there is no verdict: the model says nothing of what is there.
+
+Gain and offset are the recommended model's. The other families describe the same joint, so that theirs are the same.
 
 Source: Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Chapter 11, for the jackknife.
 """
@@ -51,6 +55,12 @@ _WORSE = 1.5
 """Of the judged error: from where `bowden identify` says of a second half that the cable changed [–]."""
 _LEAST = 0.05 / DEGREES
 """What is left below this is no change, however good the model was judged [rad]; the same is said of a second half."""
+_GAIN = 1.2
+"""Largest ratio of a gain to 1, or of 1 to it, that is a recalibration [–]. A sheath bent twice as far takes 16 % of
+the slope (the paper's Fig. 15) and a cable's stretch a few; beyond are another gear, another pulley or a wrong unit."""
+_BEYOND = 0.05
+"""How far the motor may leave the identified stroke on each side, over that stroke [–]: a knot's distance of the
+scheduled model, whose knots leave out the outermost samples."""
 _BEGUN = ("initial_h", "initial_lag")
 _SCALED = re.compile(
     r"slope|offset|(weight|bend|gap)_\d+|hysteresis_gain(_\d+)?|static_\d+|(middle|height)_\d+(_(load|bend)_\d)?"
@@ -79,7 +89,10 @@ class Recalibration:
     judged_rms: float
     """Error of the old model on data that it had not seen, as its file says; NaN where it does not [rad]."""
     changed: bool | None
-    """Whether the cable has changed; None where the file does not say how good the model was."""
+    """Whether the cable has changed; None where the file does not say how good the model was, and where the motor went
+    outside the identified stroke."""
+    beyond: float
+    """How far the motor went outside the identified stroke, 0 within a twentieth of it [rad]."""
     warnings: tuple[str, ...]
     """What to know, and what to do."""
     samples: int
@@ -88,6 +101,8 @@ class Recalibration:
     """The new log."""
     predicted: Array = field(compare=False)
     """Joint angle of the recalibrated model (n,) [rad]."""
+    units: Mapping[str, str] = field(default_factory=dict, compare=False)
+    """Of what schedules the model, by name."""
 
     def __repr__(self) -> str:
         """One screen: gain, offset, errors, verdict."""
@@ -104,6 +119,11 @@ class Recalibration:
 
 def verdict(found: Recalibration) -> str:
     """What came out, in one sentence."""
+    if found.beyond > 0.0:
+        return (
+            f"the motor goes {found.beyond * DEGREES:.3g}° outside the identified stroke, so that nobody can tell "
+            "whether the cable has changed"
+        )
     if found.changed is None:
         return "the model's file does not say how good it was, so nobody can tell whether the cable has changed"
     if found.changed:
@@ -112,19 +132,24 @@ def verdict(found: Recalibration) -> str:
 
 
 def recalibrate(
-    log: Log, cable: IdentifiedCable, judged: float = math.nan, values: Mapping[str, float] | None = None
+    log: Log,
+    cable: IdentifiedCable,
+    judged: float = math.nan,
+    values: Mapping[str, float] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Recalibration:
-    """Fit gain and offset of a known cable's recommended model to a log, and of its plain Bouc–Wen model too.
+    """Fit gain and offset of a known cable's recommended model to a log; all its models get them.
 
     Args:
         log: seconds of motion with a reversal at least, read and checked.
         cable: as it was identified.
         judged: error of its recommended model on data that it had not seen [rad].
         values: load or bend of the log, of a scheduled model.
+        units: of the values; what is left out or empty is not compared with the model's.
 
     Raises:
         LogError: no reversal, or a joint that moves the other way: another cable.
-        ParameterError: a model that has no gain, or no such variable.
+        ParameterError: a model that has no gain, or no such variable, or one in another unit.
     """
     if cable.best in DISTRIBUTED:
         raise ParameterError(
@@ -139,14 +164,14 @@ def recalibrate(
             expected="a stroke to and fro at least",
             do="record some seconds more",
         )
+    _check_units(cable, units or {})
     given, warnings = _placed(cable, values or {})
-    models, found = {}, {}
-    for name, parameters in given.models.items():
-        if name in DISTRIBUTED:
-            continue
-        found[name] = _fit(path, CableModel(name, parameters))
-        models[name] = recalibrated(parameters, *found[name][:2])
-    gain, offset, error, drawn = found[given.best]
+    gain, offset, error, drawn, known = _fit(path, given.model())
+    models = {
+        name: recalibrated(parameters, gain, offset)
+        for name, parameters in given.models.items()
+        if name not in DISTRIBUTED
+    }
     if not gain > 0.0:
         raise LogError(
             f"{log.name}: the joint moves {gain:+.3g} times as far as the model {cable.file or given.best} says",
@@ -163,13 +188,28 @@ def recalibrate(
         count = resolution(log.joint)
         most = max((_WORSE * judged) ** 2 + count**2 / 12.0, _LEAST**2)
         changed = bool(squares.mean() - 2.0 * scatter > most)
-    after = rmse(predicted - log.joint)
-    if changed:
+    after, ratio = rmse(predicted - log.joint), max(gain, 1.0 / gain)
+    far = known and ratio * (1.0 - 2.0 * error / gain) > _GAIN
+    beyond = _outside_stroke(log, given)
+    if beyond > 0.0:
+        changed = None
+        warnings.append(
+            f"the motor goes {beyond * DEGREES:.3g}° outside the identified stroke, where the model was fitted to "
+            "nothing: gain and offset are those of both together; record a motion within it, or identify this log"
+        )
+    elif far:
+        changed = True
+        warnings.append(
+            f"the gain is {gain:.3g}, further from 1 than a bend or a stretch makes it "
+            f"({1.0 / _GAIN:.2g} to {_GAIN:g}): check the units and the gear, or identify the "
+            "cable anew (bowden identify NEW.csv)"
+        )
+    elif changed:
         warnings.append(
             f"with gain and offset fitted anew {after * DEGREES:.2g}° are left, the model was judged to leave "
             f"{judged * DEGREES:.2g}°: identify the cable anew (bowden identify NEW.csv)"
         )
-    if gain == 1.0:
+    if not known:
         warnings.append("the motion is too short or too small to tell a gain: only the offset was fitted anew")
     best = CableModel(given.best, models[given.best], {k: v for k, v in models.items() if k != given.best})
     return Recalibration(
@@ -181,10 +221,12 @@ def recalibrate(
         after_rms=after,
         judged_rms=judged,
         changed=changed,
+        beyond=beyond,
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),
         log=log,
         predicted=predicted,
+        units=cable.units,
     )
 
 
@@ -192,6 +234,40 @@ def recalibrated(parameters: Mapping[str, float], gain: float, offset: float) ->
     """The parameters of a model whose joint is gain·joint + offset of the old one's."""
     found = {name: gain * value if _SCALED.fullmatch(name) else value for name, value in parameters.items()}
     return {name: value + offset if _SHIFTED.fullmatch(name) else value for name, value in found.items()}
+
+
+def _check_units(cable: IdentifiedCable, units: Mapping[str, str]) -> None:
+    for name, unit in units.items():
+        own = cable.units.get(name, "")
+        if unit and own and unit != own:
+            raise ParameterError(
+                f"the {name} is in {unit}, {cable.file or 'the model'} has it in {own}",
+                expected="one unit",
+                do=f"give {name} its value in {own}",
+            )
+
+
+def _outside_stroke(log: Log, cable: IdentifiedCable) -> float:
+    """How far the motor leaves the range that a model of the cable says it was fitted to; 0 where none does [rad]."""
+    ends = [found for one in cable.models.values() if (found := _fitted_range(one)) is not None]
+    if not ends:
+        return 0.0
+    low, high = min(one[0] for one in ends), max(one[1] for one in ends)
+    beyond = float(max(low - log.motor.min(), log.motor.max() - high))
+    return beyond if beyond > _BEYOND * (high - low) else 0.0
+
+
+def _fitted_range(parameters: Mapping[str, float]) -> tuple[float, float] | None:
+    """Ends of the motor's fitted range, of a model that has them among its parameters [rad]."""
+    if "knot_first" in parameters:
+        knots = sum(re.fullmatch(r"middle_\d+", name) is not None for name in parameters)
+        return parameters["knot_first"], parameters["knot_first"] + (knots - 1) * parameters["knot_step"]
+    if "first_node" in parameters:
+        return parameters["first_node"], parameters["last_node"]
+    if "static_centre" in parameters:
+        centre, half = parameters["static_centre"], parameters["static_half_range"]
+        return centre - half, centre + half
+    return None
 
 
 def _placed(cable: IdentifiedCable, values: Mapping[str, float]) -> tuple[IdentifiedCable, list[str]]:
@@ -229,8 +305,9 @@ def outside(parameters: Mapping[str, float], values: Mapping[str, float]) -> lis
     return found
 
 
-def _fit(path: Path, model: CableModel) -> tuple[float, float, float, Array]:
-    """Gain, offset [rad], standard error of the gain, and the old model's joint at each node (n,) [rad]."""
+def _fit(path: Path, model: CableModel) -> tuple[float, float, float, Array, bool]:
+    """Gain, offset [rad], standard error of the gain, the old model's joint at each node (n,) [rad], and whether the
+    motion says a gain; where it does not it is 1."""
     rested = {name: 0.0 if name in _BEGUN else value for name, value in model.parameters.items()}
     start, best = CableModel(model.name, rested), None
     for lag in _CAME_FROM * path.span:
@@ -248,9 +325,10 @@ def _fit(path: Path, model: CableModel) -> tuple[float, float, float, Array]:
     count = len(gains)
     error = float(np.sqrt((count - 1) / count * np.sum((gains - gains.mean()) ** 2)))
     gain, offset, _ = _solved(drawn, path.joint, path.weight)
-    if not error <= _VAGUE * abs(gain):
+    known = error <= _VAGUE * abs(gain)
+    if not known:
         gain, offset = 1.0, float(np.average(path.joint - drawn, weights=path.weight))
-    return gain, offset, error, drawn
+    return gain, offset, error, drawn, known
 
 
 def _solved(drawn: Array, joint: Array, weight: Array) -> tuple[float, float, float]:

@@ -4,7 +4,7 @@ A cable settles: on its first strokes after a rest it often runs beside the loop
 goes on creeping for some cycles. What matters is how a model predicts what comes later. So each of the later strokes is
 predicted from those before it, with all of them, without the first or the second long one, and with weights that halve
 every two strokes towards the past; what predicts best is taken, and nothing is left out or weighted for less than a
-tenth of the error.
+tenth of the error, nor where it makes the strokes of either direction worse. All are judged on the same strokes.
 """
 
 from typing import NamedTuple
@@ -49,15 +49,21 @@ def settling(path: Path, rich: Estimate) -> Settling:
         blocks.append(products(columns[mask], path.weight[mask]))
     weights = np.bincount(path.stroke, path.weight, path.strokes).astype(np.float64)
     prior = np.zeros((columns.shape[1] - 1,) * 2) if rich.prior is None else rich.prior / weights.sum()
-    judged = range(max(_FEWEST, path.strokes // 2), path.strokes)
+    starts = start_ends(path)
+    judged = range(max(_FEWEST, path.strokes // 2, starts[-1] + 1), path.strokes)
     if not judged:
         return Settling()
-    best, least = Settling(), np.inf
+    best, least, plain = Settling(), np.inf, np.full(2, np.inf)
     for half_life in (np.inf, _HALF_LIFE):
-        for start in start_ends(path):
+        for start in starts:
             given = Settling(start, half_life)
-            error = float(sum([_error(blocks, weights, prior, k, given) for k in judged if k > start]))
-            if error < _OF_USE * least or (best != Settling() and error < least):
+            errors = np.array([_error(blocks, weights, prior, k, given) for k in judged])
+            ways = np.array([errors[0::2].sum(), errors[1::2].sum()])
+            if given == Settling():
+                least, plain = float(ways.sum()), ways
+            error = float(ways.sum())
+            helps = error < _OF_USE * least or (best != Settling() and error < least)
+            if helps and (ways <= plain).all():
                 best, least = given, error
     return best
 

@@ -18,9 +18,12 @@ _BLOCKS = 24
 
 
 def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str, float]:
-    """One standard deviation of every parameter; infinite where the data do not show it, NaN for a setting."""
-    if estimate.combined:
-        return _combined_errors(path, estimate)
+    """One standard deviation of every parameter; infinite where the data do not show it, NaN where none is stated.
+
+    None is stated of a setting, nor where smoothing draws the coordinates: its bias is no part of the sandwich.
+    """
+    if estimate.prior is not None:
+        return dict.fromkeys(estimate.parameters, np.nan)
     names = list(estimate.slopes)
     jacobian = np.stack([estimate.slopes[name] for name in names], axis=1)
     size = np.sqrt(np.einsum("n,np->p", path.weight, jacobian**2))
@@ -40,17 +43,6 @@ def standard_errors(path: Path, estimate: Estimate, family: Family) -> dict[str,
     for name, value, hidden in zip(np.array(names)[seen], variance, blind, strict=True):
         if not hidden:
             errors[str(name)] = float(np.sqrt(max(value, 0.0) + estimate.variance.get(str(name), 0.0)))
-    return errors
-
-
-def _combined_errors(path: Path, estimate: Estimate) -> dict[str, float]:
-    """Of parameters that are sums of penalised coordinates, (H + S)⁻¹·M·(H + S)⁻¹ with the penalty S."""
-    jacobian = np.stack(list(estimate.slopes.values()), axis=1)
-    inverse = inverse_of(products(jacobian, path.weight) + (0.0 if estimate.prior is None else estimate.prior))
-    covariance = inverse @ _score_covariance(path, jacobian, path.joint - estimate.fitted) @ inverse
-    errors = dict.fromkeys(estimate.parameters, np.nan)
-    for name, row in estimate.combined.items():
-        errors[name] = float(np.sqrt(max(float(row @ covariance @ row), 0.0)))
     return errors
 
 

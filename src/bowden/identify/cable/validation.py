@@ -43,7 +43,7 @@ def folds(path: Path) -> list[NDArray[np.bool_]]:
     judged = (path.weight > 0) & (path.stroke >= start_ends(path)[-1])
     place = (path.motor - np.min(path.turning)) / max(path.span, 1e-300)
     stretch = np.clip(_STRETCHES * place, 0, _STRETCHES - 1).astype(np.int64)
-    dealt = (stretch + 2 * path.stroke + path.stroke // 2) % _FOLDS  # both directions shift from cycle to cycle
+    dealt = (stretch + 2 * (path.stroke % 2) + path.stroke // 2) % _FOLDS  # both directions shift from cycle to cycle
     found = [judged & (dealt == fold) for fold in range(_FOLDS)]
     return [mask for mask in found if mask.any()]
 

@@ -66,8 +66,8 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
 
     Args:
         unit: ``deg``, ``rad`` or ``counts`` for both sides, or one each: ``counts,deg``; None where the log shall say.
-        counts_per_turn: of both encoders, or one each as a pair or as text: ``8192,4000``. Given alone, both sides are
-            in counts.
+        counts_per_turn: of both encoders, or one each as a pair or as text: ``8192,4000``. Given alone, those sides are
+            in counts whose columns name no unit.
 
     Raises:
         ParameterError: another unit, numbers that no encoder has, or counts beside another unit.
@@ -80,16 +80,14 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
     parts = [part.strip().lower() for part in unit.split(",")] if unit else [None]
     if len(parts) > 2 or any(part not in (None, *UNITS) for part in parts):
         raise ParameterError(f"the unit of the angles is {unit!r}", expected=_EXPECTED, do="give one of them")
-    if unit is None and counts_per_turn is not None:
-        parts = ["counts"]
     counts = _counts(counts_per_turn)
-    if counts and "counts" not in parts:
+    if counts and unit is not None and "counts" not in parts:
         raise ParameterError(
             f"counts per turn are given beside the unit {unit!r}",
             expected="the unit counts",
             do="leave one of them out",
         )
-    if len(counts) == 2 and set(parts) != {"counts"}:
+    if len(counts) == 2 and unit is not None and set(parts) != {"counts"}:
         raise ParameterError(
             f"counts per turn of motor and joint are given beside the unit {unit!r}",
             expected="one number, of the side that counts",
@@ -103,6 +101,8 @@ def angle_units(unit: Any = None, counts_per_turn: Any = None) -> AngleUnits:
 def _counts(given: Any) -> list[float]:
     if given is None:
         return []
+    if isinstance(given, np.ndarray):
+        given = np.atleast_1d(given).tolist()
     parts = given.split(",") if isinstance(given, str) else given if isinstance(given, Sequence) else [given]
     try:
         numbers = [float(part) for part in parts if not isinstance(part, bool)]
@@ -135,6 +135,8 @@ def angles_of(
     warnings: list[str] = []
     for side, other, unit, counts in zip(SIDES, reversed(SIDES), given.unit, given.counts_per_turn, strict=True):
         name, named = columns[side][0], own[side] or own[other]
+        if unit is None and counts is not None and own[side] is None:
+            unit = "counts"
         chosen = unit or named or "rad"
         if unit is not None and own[side] not in (None, unit):
             warnings.append(f"column {name!r} names {own[side]}, but {unit} was given and is taken")
@@ -148,6 +150,9 @@ def angles_of(
             )
         factor = {"deg": RADIANS, "rad": 1.0, "counts": _TURN / (counts or 1.0)}[chosen]
         angles[side] = Angle(name, values[side], chosen, unit is not None or named is not None, factor)
+    if given.counts_per_turn != (None, None) and all(one.unit != "counts" for one in angles.values()):
+        names = " and ".join(columns[side][0] for side in SIDES)
+        warnings.append(f"{names} name their units, so that the counts per turn are not used (unless a unit is given)")
     return angles, warnings
 
 

@@ -32,8 +32,8 @@ def even_clock(
     """Time on the even clock closest to a log's stamps, the signals on that clock, and what is to be said of it.
 
     A row that repeats the stamp before it (a second row within one tick) is dropped. A step within ten rows of k
-    dropped ones may be k ticks longer than usual: rows were late until then, the last of them by so much as to fall
-    into the next one's tick.
+    dropped ones more than are usual may be k ticks longer: rows were late until then, the last of them by so much as to
+    fall into the next one's tick. Where every tick has two rows a dropped one tells of nothing, and k is 1.
 
     Args:
         time: (n,) finite [s].
@@ -96,10 +96,14 @@ def even_clock(
 
 
 def _near(dropped: NDArray[np.intp]) -> NDArray[np.intp]:
-    """How many rows were dropped near each step (m − 1,), of how many were dropped after each kept row (m,)."""
+    """How many rows more than usual were dropped near each step (m − 1,), of how many after each kept row (m,).
+
+    Usual is the median over the log, which is 0 where rows are dropped now and then; 1 is left where any was.
+    """
     sums = np.concatenate([[0], np.cumsum(dropped)])
     rows = np.arange(len(dropped) - 1)
-    return np.asarray(sums[np.minimum(rows + 1 + _LATE, len(dropped))] - sums[np.maximum(rows + 1 - _LATE, 0)])
+    near = sums[np.minimum(rows + 1 + _LATE, len(dropped))] - sums[np.maximum(rows + 1 - _LATE, 0)]
+    return np.asarray(np.maximum(near - int(np.median(near)), np.minimum(near, 1)))
 
 
 def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tuple[NDArray[np.intp], list[str]]:

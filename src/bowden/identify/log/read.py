@@ -98,7 +98,11 @@ def checked_rate(rate: Any, time: object = None) -> None:
     """
     if rate is None:
         return
-    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 < rate < math.inf:
+    if (
+        isinstance(rate, bool)
+        or not isinstance(rate, int | float | np.integer | np.floating)
+        or not 0.0 < rate < math.inf
+    ):
         raise ParameterError(
             f"the rate is {said(rate)}", expected="rows a second, a number above 0", do="give such a number"
         )

@@ -109,10 +109,26 @@ def add_node(row: Array, first: int, count: int, place: float, factor: float) ->
 
 
 @kernel
+def beyond(place: float) -> float:
+    """How far `place` lies outside 0 … 1, with its sign."""
+    return place - max(0.0, min(1.0, place))
+
+
+@kernel
+def add_slope(row: Array, count: int, factor: float) -> None:
+    """Add `factor` times the weights of the slope's nodes: rise from first to last node of their least-squares line."""
+    middle = 0.5 * (count - 1)
+    scale = factor * 12.0 * (count - 1) / (count * (count * count - 1.0))
+    for k in range(count):
+        row[k] += scale * (k - middle)
+
+
+@kernel
 def fill_design(motor: Array, before: float, cable: Branches, slots: Array, design: Array) -> None:
     """∂joint/∂(a at the bends' nodes, b at the gaps' nodes) along a motion (n, k + m), for branches near `cable`'s.
 
-    A z in contact lies on a branch where the motor is; a free one where it last was in contact.
+    A z in contact lies on a branch where the motor is; a free one where it last was in contact. Beyond the last node
+    the mean goes on along the slope, which is that of the nodes' least-squares line, as `mean_branch` has it.
 
     Args:
         motor: (n,) [rad].
@@ -133,6 +149,7 @@ def fill_design(motor: Array, before: float, cable: Branches, slots: Array, desi
         row, here = design[n], (motor[n] - cable.low) / span
         mean, gap = mean_branch(motor[n], cable), half_gap(motor[n], cable)
         add_node(row, 0, count, here, rest)
+        outside = rest * beyond(here)
         for i in range(z.size):
             low, high = mean - cable.reaches[i] * gap, mean + cable.reaches[i] * gap
             if z[i] <= low:
@@ -141,6 +158,9 @@ def fill_design(motor: Array, before: float, cable: Branches, slots: Array, desi
                 z[i], place[i], side[i] = high, here, 1.0
             add_node(row, 0, count, place[i], cable.shares[i])
             add_node(row, count, wide, place[i], cable.shares[i] * side[i] * cable.reaches[i])
+            outside += cable.shares[i] * beyond(place[i])
+        if outside != 0.0:
+            add_slope(row, count, outside)
 
 
 def design_of(motor: Array, lag: float, cable: Branches) -> Array:
