@@ -44,6 +44,13 @@ def rig(folder: Path, keys: str = "", more: str = "") -> Path:
     return path
 
 
+def test_a_wearers_file_of_an_earlier_version_is_told(tmp_path: Path) -> None:
+    path, text = rig(tmp_path, 'source = "lsl:EMG"\nwearer = "anna.toml"'), WEARER.format(channel="b", rest=1, mvc=9)
+    for more, told in (("", 1), ("sigma = 0.4\n", 0)):
+        (tmp_path / "anna.toml").write_text(text + more)
+        assert sum("calibrate anew" in note for note in Rig.read(path).notes) == told
+
+
 def live_of(path: Path, emg: str | None = None) -> Live:
     """The run of a rig, as the command makes it."""
     rig = Rig.read(path)

@@ -224,3 +224,15 @@ def test_reference_reaches_the_command_through_beta_and_the_pid() -> None:
     _, command = law.step(state, Sample(0.0, 0.0), Reference(0.2, 0.5, 0.0), DT)
     lam, kappa = law.gains.error_gain, law.gains.feedback_gain
     assert command == pytest.approx(beta * 0.2 + beta * lam * 0.5 + kappa * (lam * 0.2 + 0.2 * DT))
+
+
+@pytest.mark.parametrize("bad", [0, 1, 2, 3])
+def test_a_reference_that_is_no_number_for_a_cycle_leaves_none_in_our_law(bad: int) -> None:
+    law, broken = LAWS["bowden"], [0.2, 0.0, 0.0]
+    broken = [math.nan] * 3 if bad == 3 else [math.nan if i == bad else x for i, x in enumerate(broken)]
+    state = law.start(Sample(0.1, 0.1))
+    for k in range(40):
+        reference = Reference(*broken) if k == 30 else Reference(0.1 + 0.001 * k, 0.5, 0.0)
+        state, command = law.step(state, Sample(0.1, 0.1), reference, DT)
+        assert math.isfinite(command) or k == 30
+    assert all(math.isfinite(x) for x in flat(state))

@@ -272,6 +272,26 @@ def test_rest_that_is_louder_than_before_becomes_rest() -> None:
     assert detected.active[-20_000:].max() == 0.0
 
 
+@pytest.mark.parametrize("huge", [1e13, 1e100, 1e160, -1e308])
+def test_a_sample_that_no_converter_gives_is_a_missing_one(huge: float) -> None:
+    values = background(1000.0, 12_000, np.random.default_rng(1))
+    values += contractions(1000.0, [(8.0, 9.0, 0.08)], len(values), 1)
+    values[4000] = huge
+    detected = OnsetDetector(1000.0).feed(values)
+    ((on, off),) = spans(detected.active, 1000.0)
+    assert 8.0 < on < 8.15
+    assert 9.0 < off < 9.4
+
+
+@pytest.mark.parametrize("ratio", [6.0, 30.0])
+def test_a_contraction_of_two_minutes_lasts_as_long(ratio: float) -> None:
+    values = background(1000.0, 140_000, np.random.default_rng(4))
+    values += contractions(1000.0, [(15.0, 135.0, ratio * NOISE)], len(values), 4)
+    ((on, off),) = spans(OnsetDetector(1000.0).feed(values).active, 1000.0)
+    assert 15.0 < on < 15.15
+    assert 134.5 < off < 135.5
+
+
 def test_scores_of_detections_that_are_early_late_twice_or_nowhere() -> None:
     labels = [(1.0, 2.0), (4.0, 5.0), (8.0, 9.0)]
     found = [(0.9, 1.2), (1.5, 1.9), (3.0, 4.5), (8.2, 9.5)]

@@ -64,6 +64,8 @@ def score(
             f"{wearer} was measured on {of.channel!r}, and this is {log.channel!r}: is its MVC of this muscle and unit?"
         )
         log = replace(log, warnings=(*log.warnings, said))
+    if of is not None and not of.sigma:
+        log = replace(log, warnings=(*log.warnings, f"{wearer} was {wearer_file.EARLIER}"))
     output_folder(out)
     moved = None if known is None else [(on - log.start, off - log.start) for on, off in known]
     by = kind.settings if of is None or of.channel != log.channel else kind.of_wearer(of.sigma)

@@ -1,4 +1,7 @@
-"""The smaller and the larger of two numbers, by one comparison; ``np.fmin`` and ``np.fmax`` need two for NaN's sake."""
+"""The smaller and the larger of two numbers, by one comparison; ``np.fmin`` and ``np.fmax`` need two for NaN's sake.
+
+A NaN that stands second stays one, where ``np.fmin`` and ``np.fmax`` give the first: a bound must be a number.
+"""
 
 from bowden.core.kernel import kernel, sel
 

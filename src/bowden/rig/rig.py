@@ -40,7 +40,7 @@ from bowden.plants.knowledge_of import knowledge_of
 from bowden.plants.plant import Plant
 from bowden.plants.suit_parts import Suit
 from bowden.plants.user_plant import UserPlant
-from bowden.rig import config, display, emg_motion, emg_setup, given_law, given_plant, packing, toml_text
+from bowden.rig import config, display, emg_motion, emg_setup, given_law, given_plant, packing, toml_text, wearer_file
 from bowden.rig import drive as live_parts
 from bowden.rig.bends import Bend, ConstantBend, RandomBend, ScriptedBend
 from bowden.rig.checked import Gains, checked, checked_number, shown
@@ -639,6 +639,8 @@ class Rig:
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
         if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
             notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
+        if self.emg.levels is not None and not self.emg.levels.sigma:
+            notes.append(f"{self.emg.wearer} was {wearer_file.EARLIER}")
         if self.worn is None or not self.admittance.enabled:
             notes += self._like_radians()
         return tuple(notes)

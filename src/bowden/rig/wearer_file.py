@@ -10,6 +10,9 @@ from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.sensing.envelope import MAINS_HZ
 
+EARLIER = "measured by an earlier version, and keeps no contraction out of rest: run bowden emg calibrate anew"
+"""What is said of a file without `sigma`."""
+
 
 class MuscleCalibration(NamedTuple):
     """One muscle of one wearer, under one pair of electrodes."""

@@ -5,7 +5,7 @@ The band from 40 to 400 Hz is looked at in three ways: as it is, and less itself
 
 **What can be there without a contraction** is one power, the null:
 
-    v₀ = exp(m + z·√(s² + w²·exp(−2n/T))) + λ₁·P + λ₂·B + λ₃·W² + (λ₄·A)²
+    v₀ = exp(m + z·√(s² + w²·exp(−n/T))) + λ₁·P + λ₂·B + λ₃·W² + (λ₄·A)²
 
 m and s are level and spread of the log of power at rest, averaged over 0.1 s, learned over the n seconds of rest seen;
 w is how far a rest of which nothing is known may be off. P and B, powers above 20 Hz and in the band, and W, the recent
@@ -39,7 +39,7 @@ import numpy as np
 from bowden.core.kernel import exp, kernel, log, sel
 from bowden.sensing.biquad import EMPTY, PASS, Biquad, Memory, biquad, butterworth, critical_high_pass
 from bowden.sensing.detector import Detector
-from bowden.sensing.onset_settings import DEFAULTS, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
+from bowden.sensing.onset_settings import DEFAULTS, LARGEST, QUICKEST, SAFE, SLOWEST, OnsetSettings, of_wearer
 
 MAINS = (50.0, 60.0)
 """[Hz]; both are looked for."""
@@ -271,16 +271,16 @@ def _summed(onset: Onset, before: Ways, ratio: Ways, most: float) -> Ways:
 
 @kernel
 def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetState, float, float]:
-    """One sample, in any unit; NaN where it is missing.
+    """One sample, in any unit; NaN, or beyond `LARGEST`, where it is missing.
 
     Returns:
         The state, 1 in a contraction, and what is wrong with the signal: 0 nothing, 1 flat or missing, 2 movement or
         mains.
     """
     by, dt = onset.settings, onset.dt
-    here = np.abs(value) < np.inf
+    here = np.abs(value) <= LARGEST
     raw = sel(here, value, state.raw)
-    origin = sel(np.abs(state.origin) < np.inf, state.origin, raw)
+    origin = sel(np.abs(state.origin) <= LARGEST, state.origin, raw)
     x = sel(np.abs(raw) < np.inf, raw - origin, 0.0)
     inner, half = biquad(onset.band, state.inner, x)
     outer, above = biquad(onset.band, state.outer, half)
@@ -336,7 +336,7 @@ def onset_step(onset: Onset, state: OnsetState, value: float) -> tuple[OnsetStat
     mains = state.mains + rate * (sel(hidden, power, 0.0) - state.mains)
     gone = idle * (covered > 0.5) * (power < by.gone * mains) > 0.0
     covered, mains = sel(gone, 0.0, covered), sel(gone, 0.0, mains)
-    known = sel(idle, np.fmin(state.seen + calm * dt, by.memory), state.seen * (1.0 - dt / by.forget))
+    known = sel(idle, np.fmin(state.seen + calm * dt, by.memory), np.fmax(0.0, state.seen - dt * by.forget))
     known = sel(gone + (flat > by.off) > 0.0, -_SETTLES, known)
 
     # evidence for an onset, and for an end

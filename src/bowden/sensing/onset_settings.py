@@ -6,6 +6,9 @@ SLOWEST, SAFE, QUICKEST = 400.0, 900.0, 5000.0
 """Rates that the detector takes, from `SLOWEST` to `QUICKEST` [Hz]. Below `SAFE` hum's harmonics have few samples to a
 period, so that an open input may pass for a contraction: good for a recording, but nothing is moved by it."""
 
+LARGEST = 1e12
+"""What is larger no converter gives, in whatever unit: it is missing, since its square would outlast all else."""
+
 
 class OnsetSettings(NamedTuple):
     """What the detector goes by: one set for all signals.
@@ -38,7 +41,7 @@ class OnsetSettings(NamedTuple):
     unknown: float = 1.4
     """Standard deviation of the log of rest's power, of which nothing has been seen yet: a factor of two in size."""
     learnt: float = 1.5
-    """By e² less of that in so much rest; after a contraction, rest is as well known as after so long [s]."""
+    """By e less of that variance in so much rest; after a contraction, rest is as well known as after so long [s]."""
     spread: float = 0.2
     """Standard deviation of the log of power, averaged over 0.1 s, of noise as wide as the band."""
     weight: float = 3.0
@@ -49,8 +52,8 @@ class OnsetSettings(NamedTuple):
     """Time constant of a level that was taken for too high: a muscle that contracted from the start [s]."""
     doubt: float = 0.15
     """What is larger than rest is learnt so much slower: it may be a contraction [–]."""
-    forget: float = 30.0
-    """Time constant in which a contraction makes one forget how rest was [s]."""
+    forget: float = 0.05
+    """So much less of rest is known with each second of a contraction: what is well known outlasts minutes [–]."""
     share: float = 0.1
     """Size of what a contraction leaves when it has ended, over its own [–]."""
     moved: float = 0.001

@@ -91,7 +91,8 @@ def step(
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
     joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)
-    error = joint - reference.position
+    there = sel(np.abs(reference.position) <= FURTHEST, reference.position, joint)  # no NaN stays in the state
+    error = joint - there
     disturbance = sel(seen * (np.abs(way) <= most) > 0.0, error * inverse - arrived.position, -before.asked)
     slow = sel(known.furthest >= UNSEEN, disturbance, before.slow)
     slow = slow + (disturbance - slow) * (dt / (SLOW_PART + dt))
@@ -108,7 +109,7 @@ def step(
     told = Known(
         joint,
         motor,
-        reference.position,
+        there,
         reference.velocity,
         reference.acceleration,
         inverse,

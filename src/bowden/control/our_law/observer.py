@@ -136,12 +136,12 @@ def corrected(
         kappa: κ now [1/s].
         pace: what follows from what is told.
         least: innovation that is no news: the noise, or more where the reference rests [rad].
-        speed: of the reference, at the motor [rad/s].
+        speed: of the reference, at the motor; NaN counts as 0, or it would stay in I [rad/s].
         dt: cycle [s].
     """
     share = THIRD_POLE * pace.quick * dt
     x = before.innovation + (disturbance + before.asked - before.innovation) * (share / (1.0 + share))
-    most = dt * (pace.stopping + np.abs(speed))
+    most = dt * (pace.stopping + larger(np.abs(speed), 0.0))
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
     asked = before.asked - larger(smaller(step, most), -most)
     slower = 1.0 + pace.quick * dt

@@ -15,7 +15,7 @@ from bowden.core.table import read_table
 from bowden.identify.cable.checks import check_finite
 from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, split_name
-from bowden.sensing.onset_settings import QUICKEST, SAFE, SLOWEST
+from bowden.sensing.onset_settings import LARGEST, QUICKEST, SAFE, SLOWEST
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ _UNIT = re.compile(r"[_\s(\[]([mµu]?V)[)\]]?$")
 """At the end of a column's name."""
 _VOLTS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6, "uV": 1e-6}
 """Unit → V."""
-_MOST_VOLTS, _MOST = 100.0, 1e12
+_MOST_VOLTS, _MOST = 100.0, LARGEST
 """Larger values no amplifier gives: in volts, and as numbers in no known unit, such as counts of a converter."""
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
