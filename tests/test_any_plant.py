@@ -75,7 +75,7 @@ def test_a_plant_is_simulated(kind: str) -> None:
     assert trace.settings["rig"] == rig.hash
 
 
-@each(RIGS, "turned bench", "own")
+@each(RIGS, "own")
 def test_a_plant_is_checked(kind: str) -> None:
     found = bowden.check(short(kind))
     assert found.verdict in ("holds", "little_margin", "does_not_hold")
@@ -186,7 +186,7 @@ SIDES = {"play": PLAY | {"initial_lag": 0.0}, "bouc_wen": BOUC_WEN | {"initial_h
 @pytest.mark.parametrize(
     ("cable", "key", "wrong"),
     [
-        (IdentifiedCable("play", SIDES), "half_width", "half_wide"),
+        pytest.param(IdentifiedCable("play", SIDES), "half_width", "half_wide", marks=pytest.mark.long),
         pytest.param(RIGS["lumped"]().cable, "friction", "frictoin", marks=pytest.mark.long),
     ],
 )
@@ -231,6 +231,7 @@ def test_tune_takes_a_study_in_python(tmp_path: Path) -> None:
     assert "3 plants of study.toml" in str(found)
 
 
+@pytest.mark.long
 def test_a_law_of_the_leagues_rig_has_the_rigs_gains() -> None:
     rig = Rig(gains={"feedback_gain": 5.0}, delay=3)
     soft, usual = (

@@ -105,7 +105,7 @@ def test_an_unstable_run_has_no_figures() -> None:
     assert np.isnan(one.errors).all()
 
 
-LONG = ("dahl", "slack", "coulomb", "capstan")
+LONG = ("dahl", "slack", "coulomb", "capstan", "play")
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in PLANTS])

@@ -47,7 +47,7 @@ def path_of(plant: CablePlant, reference: Trajectory, duration: float) -> tuple[
     return exact_motor(plant, reference, duration=duration, bend=CONSTANT, initial_motor=plant.resting_motor(0.0))
 
 
-@pytest.mark.parametrize("name", CABLES)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long) if n == "capstan" else n for n in CABLES])
 def test_the_exact_path_puts_the_joint_on_the_reference(name: str) -> None:
     motion = PointToPoint((0.0, 1.0, 2.0, 3.0, 4.0, 5.0), (0.0, 1.2, 1.2, 0.7, 0.9, 0.1))
     path, samples = path_of(CablePlant(CABLES[name]), motion, 5.0)

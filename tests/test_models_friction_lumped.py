@@ -75,7 +75,7 @@ def slow_difference(lumped: LumpedTendon, period: float = 1000.0, steps: int = 2
     return worst
 
 
-@pytest.mark.parametrize("elements", [10, 25])
+@pytest.mark.parametrize("elements", [pytest.param(n, marks=pytest.mark.long) for n in (10, 25)])
 def test_a_slow_motion_is_that_of_the_sliding_tendon(elements: int) -> None:
     """Inertia and damping fall with the speed; the limits of friction, a step late, with the step."""
     lumped = COULOMB._replace(tendon=Tendon(elements=elements))
