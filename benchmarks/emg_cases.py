@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import BowdenError
-from bowden.core.kernel_cache import source_hash
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
 from bowden.identify.emg.log import check_signal
 from bowden.identify.emg.score import PAPERS, score, spans
@@ -44,6 +42,7 @@ from emg_draw import (
     recording,
     there,
 )
+from looks import counted
 
 Array = NDArray[np.float64]
 Spans = list[tuple[float, float]]
@@ -198,21 +197,7 @@ PEERS: dict[str, Finder] = {"paper's threshold": papers, "TKEO, causal": tkeo}
 
 def look(set_name: str, numbers: range, what: str, file: Path = LOOKS) -> int:
     """Write down that a set is looked at, and how often it has been; the development set is not counted."""
-    before = file.read_text(encoding="utf-8") if file.is_file() else ""
-    if set_name == "development":
-        return 0
-    count = before.count(f'set = "{set_name}"') + 1
-    entry = [
-        "[[look]]",
-        f'set = "{set_name}"',
-        f"count = {count}",
-        f'cases = "{numbers.start}:{numbers.stop}"',
-        f"of = {json.dumps(what)}",
-        f'source = "{source_hash()}"',
-        f'time = "{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"',
-    ]
-    file.write_text(before + ("\n" if before else "") + "\n".join(entry) + "\n", encoding="utf-8")
-    return count
+    return counted(file, set_name, {"cases": f"{numbers.start}:{numbers.stop}", "of": what})
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +20,9 @@ import numpy as np
 from bowden.control import LAWS, user_law
 from bowden.control.knowledge import configured
 from bowden.control.law import Law
-from bowden.core.kernel_cache import source_hash
 from bowden.core.units import DEGREES
 from bowden.sim.many import Outcome, simulate_many
+from looks import counted
 from unseen_cells import DURATION, SETS, Cell, case_of, draw
 
 LOOKS = Path(__file__).with_name("unseen_looks.toml")
@@ -162,21 +161,7 @@ def worst(runs: Iterable[Run], law: str, count: int = 10) -> list[dict[str, Any]
 
 def look(set_name: str, numbers: range, laws: Sequence[str], file: Path = LOOKS) -> int:
     """Write down that a set is looked at, and how often it has been; the development set is not counted."""
-    before = file.read_text(encoding="utf-8") if file.is_file() else ""
-    count = before.count(f'set = "{set_name}"') + 1
-    if set_name == "development":
-        return 0
-    entry = [
-        "[[look]]",
-        f'set = "{set_name}"',
-        f"count = {count}",
-        f'cells = "{numbers.start}:{numbers.stop}"',
-        f"laws = {json.dumps(list(laws))}",
-        f'source = "{source_hash()}"',
-        f'time = "{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"',
-    ]
-    file.write_text(before + ("\n" if before else "") + "\n".join(entry) + "\n", encoding="utf-8")
-    return count
+    return counted(file, set_name, {"cells": f"{numbers.start}:{numbers.stop}", "laws": list(laws)})
 
 
 def table(found: Sequence[Standing]) -> str:
