@@ -22,8 +22,8 @@ from bowden.identify.cable.forecast import Forecast, forecast
 from bowden.identify.cable.lag import time_lag
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
-from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.turns import find_turns, motor_noise
+from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.turns import motor_noise
 from bowden.identify.cable.uncertainty import standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
 from bowden.identify.log.angles import SIDES, angle_units, angles_of
@@ -247,7 +247,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0
-    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), len(log.time))
+    path = path_of(log.time, log.motor, log.joint, len(log.time), noise)
     models: dict[str, ModelFit] = {}
     predicted, kept = np.empty(0), []
     for done, family in enumerate(half.families):

@@ -36,9 +36,8 @@ from bowden.identify.cable.bouc_wen import BoucWenCable
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
-from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.projection import inverse_of, products
-from bowden.identify.cable.turns import find_turns, motor_noise
 from bowden.identify.log.read import Log
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.models.cable.scheduled import (
@@ -261,8 +260,7 @@ def identify_loads(
 
 
 def _path(log: Log, nodes: int) -> Path:
-    noise = motor_noise(log.motor)
-    return build_path(log.time, log.motor, log.joint, find_turns(log.motor, noise), nodes)
+    return path_of(log.time, log.motor, log.joint, nodes)
 
 
 def _frame(paths: Sequence[Path]) -> _Frame:

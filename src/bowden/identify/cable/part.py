@@ -11,11 +11,10 @@ from bowden.identify.cable.bouc_wen_static import BoucWenStatic, richest
 from bowden.identify.cable.family import Estimate, Family
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
-from bowden.identify.cable.path import Path, build_path
+from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.play import PlayOperator
 from bowden.identify.cable.settling import Settling, settling
 from bowden.identify.cable.stack import PrandtlIshlinskii
-from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.validation import folds, held_out_errors
 from bowden.identify.log.read import Log
 
@@ -93,5 +92,4 @@ def refit_whole(log: Log, noise: float, half: FittedPart) -> FittedPart:
 
 
 def _path(log: Log, stop: int, noise: float, nodes: int) -> Path:
-    motor = log.motor[:stop]
-    return build_path(log.time[:stop], motor, log.joint[:stop], find_turns(motor, noise), nodes)
+    return path_of(log.time[:stop], log.motor[:stop], log.joint[:stop], nodes, noise)

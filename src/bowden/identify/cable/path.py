@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bowden.core.kernel import kernel, program
 from bowden.core.order import quantile
-from bowden.identify.cable.turns import Turns
+from bowden.identify.cable.turns import Turns, find_turns, motor_noise
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,20 @@ class Path:
     def with_weight(self, weight: Array) -> "Path":
         """The same path, its nodes weighted otherwise (n,)."""
         return replace(self, weight=weight)
+
+
+def path_of(time: Array, motor: Array, joint: Array, nodes: int, noise: float | None = None) -> "Path":
+    """`build_path` between the turns of the motor.
+
+    Args:
+        time: (n,) [s].
+        motor: (n,) [rad].
+        joint: (n,) [rad].
+        nodes: see `build_path`.
+        noise: of the motor's readings [rad]; what it shows itself where it is not given.
+    """
+    turns = find_turns(motor, motor_noise(motor) if noise is None else noise)
+    return build_path(time, motor, joint, turns, nodes)
 
 
 def build_path(time: Array, motor: Array, joint: Array, turns: Turns, nodes: int) -> Path:

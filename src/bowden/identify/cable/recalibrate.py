@@ -35,8 +35,8 @@ from bowden.core.metrics import rmse
 from bowden.core.order import distinct
 from bowden.core.units import DEGREES
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
-from bowden.identify.cable.path import Path, build_path
-from bowden.identify.cable.turns import find_turns, motor_noise, resolution
+from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.turns import resolution
 from bowden.identify.log.read import Log
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
@@ -157,7 +157,7 @@ def recalibrate(
             expected="a model.toml of `bowden identify`",
             do="identify the new log",
         )
-    path = build_path(log.time, log.motor, log.joint, find_turns(log.motor, motor_noise(log.motor)), _NODES)
+    path = path_of(log.time, log.motor, log.joint, _NODES)
     if path.strokes < 2:
         raise LogError(
             f"{log.name}: the motor does not turn back, so that offset and half the loop cannot be told apart",
