@@ -79,24 +79,17 @@ def _from_recordings(
     quiet: bool,
 ) -> "tuple[MuscleCalibration, float]":
     """The wearer, and how much was left out [s]."""
-    from bowden.identify.emg.levels import check_contraction, envelope_levels
+    from bowden.face.emg import calibrated
     from bowden.identify.emg.log import read_emg
-    from bowden.rig.wearer_file import MuscleCalibration
 
     log = read_emg(recording, channel, checked_rate(rate))
     if not quiet:
         warn(log)
-    levels = envelope_levels(log.values, log.rate, str(recording), mains, kind)
-    left_out = _report_left_out(levels.left_out, str(recording), quiet)
-    if rest is None:
-        check_contraction(levels, levels.low, str(recording))
-        return MuscleCalibration(levels.low, levels.high, log.channel, recording.name, levels.sigma, mains), left_out
-    calm = read_emg(rest, log.channel, rate)
-    resting = envelope_levels(calm.values, calm.rate, str(rest), mains, kind)
-    left_out += _report_left_out(resting.left_out, str(rest), quiet)
-    check_contraction(levels, resting.middle, str(recording))
-    source = f"{recording.name} and {rest.name}"
-    return MuscleCalibration(resting.middle, levels.high, log.channel, source, resting.sigma, mains), left_out
+    wearer, left_out = calibrated(log, None if rest is None else read_emg(rest, log.channel, rate), mains, kind)
+    if not quiet:
+        for note in left_out:
+            _tell(f"note: {note}")
+    return wearer, sum(left_out.values())
 
 
 def _from_stream(
@@ -138,8 +131,10 @@ def _from_stream(
 
 def _report_left_out(left_out: float, where: str, quiet: bool) -> float:
     """How much of a recording was left out [s], once that is said."""
+    from bowden.face.emg import note_left_out
+
     if left_out >= 0.05 and not quiet:
-        _tell(f"note: {where}: {left_out:.1f} s of dead electrode, movement, mains or clicks are left out")
+        _tell(f"note: {note_left_out(left_out, where)}")
     return left_out
 
 

@@ -1,6 +1,6 @@
 """`identify` and `read_log`: from a log of a cable to its model."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
+from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.cable.fit import identify as identify_signals
 from bowden.identify.log.read import Log
@@ -26,7 +27,7 @@ def identify(
     rate: float | None = None,
     name: str = "log",
     seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: GivenProgress = None,
 ) -> Fit:
     """Fit six families of cable models to the first half of a log, and judge them on the second.
 
@@ -41,7 +42,7 @@ def identify(
         rate: samples a second, of a log without times [Hz].
         name: of the log, for messages.
         seed: of the global search; with the same seed the result is the same.
-        progress: called with what is being done and the share of the work that is behind.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Returns:
         The fit: ``best``, the recommended model, as a rig takes it; all models with their errors and uncertainties.
@@ -59,8 +60,24 @@ def identify(
     """
     seed = arguments.whole(seed, "identify: seed", 0)
     arguments.text(name, "identify: name", "a name for the log")
-    if progress is not None:
-        arguments.function(progress, "identify: progress", arguments.PROGRESS)
+    with reported(progress, "identify") as report:
+        return _identified(log, motor, joint, time, unit, counts_per_turn, rate, name=name, seed=seed, progress=report)
+
+
+def _identified(
+    log: Any,
+    motor: Any,
+    joint: Any,
+    time: Any,
+    unit: str | None,
+    counts_per_turn: float | Sequence[float] | None,
+    rate: float | None,
+    *,
+    name: str,
+    seed: int,
+    progress: Progress,
+) -> Fit:
+    """`identify`, whatever form the log has."""
     if isinstance(log, str | Path):
         read = read_log(log, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate)
         return identify_log(read, seed, progress)

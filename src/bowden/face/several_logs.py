@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.face.identify import read_log
+from bowden.face.progress import GivenProgress, reported
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit, identify_loads
 from bowden.identify.cable.model import CableModel, IdentifiedCable
@@ -30,7 +31,7 @@ def identify_together(
     load: "str | Sequence[float] | None" = None,
     bend: "str | Sequence[float] | None" = None,
     seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: GivenProgress = None,
     **columns: Any,
 ) -> JointFit:
     """Fit one model to several logs of a cable, scheduled by their load, their bend, or both.
@@ -41,7 +42,7 @@ def identify_together(
             common name where the logs are files. ``"none"`` for no load.
         bend: the same [rad].
         seed: of the search for the plain Bouc–Wen cable.
-        progress: called with what is being done and the share of the work that is behind.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
         **columns: ``time``, ``motor``, ``joint``, ``unit``, ``counts_per_turn`` and ``rate`` of files; see `read_log`.
 
     Returns:
@@ -64,8 +65,6 @@ def identify_together(
     -0.1
     """
     seed = arguments.whole(seed, "identify_together: seed", 0)
-    if progress is not None:
-        arguments.function(progress, "identify_together: progress", arguments.PROGRESS)
     if isinstance(logs, str | Path | Log | Trace) or not isinstance(logs, Sequence):
         raise ParameterError(
             f"identify_together: logs is {arguments.said(logs)}",
@@ -76,7 +75,8 @@ def identify_together(
     by = [_variable(name, given, logs, read) for name, given in (("load", load), ("bend", bend))]
     values = (one.values if one else None for one in by)
     units = [one.unit if one else "" for one in by]
-    fit = identify_loads(read, *values, units=units, seed=seed, progress=progress)
+    with reported(progress, "identify_together") as report:
+        fit = identify_loads(read, *values, units=units, seed=seed, progress=report)
     return dataclasses.replace(fit, warnings=(*fit.warnings, *(one.said for one in by if one and one.said)))
 
 

@@ -43,13 +43,15 @@ def checked(value: Any, kind: type[Value], name: str) -> Value:
     """A NamedTuple or dataclass of a rig, with plain numbers in it.
 
     Args:
-        value: what was given.
+        value: what was given: one, or a mapping of its fields that differ from its defaults.
         kind: what it must be.
         name: of the argument.
 
     Raises:
         ParameterError: it is another thing, or one of its fields is; with the field, what was given and expected.
     """
+    if isinstance(value, Mapping) and hasattr(kind, "_fields"):
+        value = _of_mapping(value, kind, name)
     if not isinstance(value, kind):
         raise ParameterError(
             f"Rig: {name} is {shown(value)}", expected=article(kind.__name__), do=f"make one: {_like(kind)}"
@@ -59,6 +61,25 @@ def checked(value: Any, kind: type[Value], name: str) -> Value:
         return cast(Value, _looked_at(value, wanted, name))
     except TypeError:  # something in it is no number at all
         return cast(Value, _looked_at.__wrapped__(value, wanted, name))
+
+
+def _of_mapping(values: Mapping[str, Any], kind: Any, name: str) -> Any:
+    """A NamedTuple whose fields are named.
+
+    Raises:
+        ParameterError: a field that there is not, or one without a default that is missing.
+    """
+    for field in values:
+        if field not in kind._fields:
+            raise ParameterError(
+                f"Rig: {name} has no {field!r}", expected=near(str(field), kind._fields), do="name one of them"
+            )
+    missing = [field for field in kind._fields if field not in {*kind._field_defaults, *values}]
+    if missing:
+        raise ParameterError(
+            f"Rig: {name} is {shown(dict(values))}", expected=f"a value for {', '.join(missing)} too", do="add it"
+        )
+    return kind(**values)
 
 
 @lru_cache(512)

@@ -354,15 +354,28 @@ class Rig:
             return self if preset is None else self.replace(preset=preset)
         return self.replace(law=given, preset=preset, gains=Gains())
 
-    def with_emg(self, source: str) -> "Rig":
+    def with_emg(self, source: str, wearer: wearer_file.MuscleCalibration | None = None) -> "Rig":
         """The same rig moved by another source of EMG, whose file is found from here.
+
+        Args:
+            source: ``lsl:NAME``, ``trigno:HOST`` or ``file:PATH``.
+            wearer: what `bowden.emg_calibrate` returned, in place of the rig's.
 
         Raises:
             ParameterError: settings that do not fit it.
             StreamError: what names no source.
         """
         arguments.text(source, "Rig.with_emg: source", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
-        return self.replace(emg=emg_setup.found(self.emg, Path(self.origin).parent, source))
+        emg = self.emg
+        if wearer is not None:
+            if not isinstance(wearer, wearer_file.MuscleCalibration):
+                raise ParameterError(
+                    f"Rig.with_emg: wearer is {shown(wearer)}",
+                    expected="what bowden.emg_calibrate returns",
+                    do="call it first",
+                )
+            emg = emg._replace(levels=wearer, wearer=emg.wearer or "wearer.toml")
+        return self.replace(emg=emg_setup.found(emg, Path(self.origin).parent, source))
 
     def offline(self, *, whole: bool = False) -> "Rig":
         """The same rig as a simulation has it: by EMG, the motion of its recording makes the reference.

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bowden.core import arguments
 from bowden.core.bounded import read_toml
 from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
@@ -29,6 +30,15 @@ class MuscleCalibration(NamedTuple):
     """Size of the signal at rest as the detector measures it, in the same unit; 0 where it is not known."""
     mains: float = 50.0
     """What was taken out of the envelopes, and is taken out of those that are compared with them: 50, 60 or 0 [Hz]."""
+
+    def write(self, path: str | Path) -> None:
+        """Write the file that ``[emg] wearer`` of a rig.toml names.
+
+        Raises:
+            ParameterError: what is no path.
+            OutputError: the file cannot be written.
+        """
+        write(arguments.path_of(path, "write: path"), self)
 
 
 _LEAST_RATIO = 1.5

@@ -156,7 +156,7 @@ class Fit:
         ]
         notes = [("note", warning) for warning in self.warnings]
         length = self.log.time[-1] - self.log.time[0]
-        log = f"{self.samples} samples, {length:.4g} s, fitted in {self.seconds:.2g} s"
+        log = f"{self.samples} samples, {length:.4g} s"
         ahead = self.forecast
         left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
         return [

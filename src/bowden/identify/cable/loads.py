@@ -23,7 +23,7 @@ import itertools
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,9 @@ from bowden.models.cable.scheduled import (
     parameters_of,
     powers,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -162,17 +165,48 @@ class JointFit:
                 )
         return replace(self.best, parameters={**self.best.parameters, **values})
 
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw the two branches of the loop without its straight line, at the least, the middle and the largest load.
+
+        Args:
+            axes: matplotlib's; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        from bowden.identify.cable.plot import draw_loads
+
+        drawn = shown.axes_for(axes, 1, 1, 7.0, 3.6)
+        draw_loads(drawn[0], self)
+        return drawn
+
     def __repr__(self) -> str:
         """One screen: errors of each log, and what to know."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        from bowden.core.style import new_figure
+        from bowden.identify.cable.plot import draw_loads
+
+        figure, axes = new_figure(height=3.6)
+        draw_loads(axes[0], self)
+        return shown.fragment(self._title(), self._rows(), figure)
+
+    def _title(self) -> str:
         by = " and ".join(self.variables)
-        title = f"Fit of {len(self.logs)} logs{f', scheduled by {by}' if by else ''}"
+        return f"Fit of {len(self.logs)} logs{f', scheduled by {by}' if by else ''}"
+
+    def _rows(self) -> list[tuple[str, str]]:
         rows = []
         for one in self.logs:
             errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
             said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
             at = [f"{name} {value:.4g}" for name, value in zip(self.variables, one.values, strict=True)]
             rows.append((one.name, ", ".join([*at, *said])))
-        return shown.screen(title, [*rows, *(("note", warning) for warning in self.warnings[:4])])
+        return [*rows, *(("note", warning) for warning in self.warnings[:4])]
 
 
 class _Moved(NamedTuple):

@@ -22,9 +22,10 @@ Source: Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Chapter 
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,9 @@ from bowden.identify.cable.turns import resolution
 from bowden.identify.log.read import Log
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -104,17 +108,48 @@ class Recalibration:
     units: Mapping[str, str] = field(default_factory=dict, compare=False)
     """Of what schedules the model, by name."""
 
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw what the recalibrated model leaves of the joint's angle, over time.
+
+        Args:
+            axes: matplotlib's; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        from bowden.identify.cable.plot import draw_residual
+
+        drawn = shown.axes_for(axes, 1, 1, 7.0, 2.8)
+        draw_residual(drawn[0], self)
+        return drawn
+
     def __repr__(self) -> str:
         """One screen: gain, offset, errors, verdict."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        from bowden.core.style import new_figure
+        from bowden.identify.cable.plot import draw_residual
+
+        figure, axes = new_figure(height=2.8)
+        draw_residual(axes[0], self)
+        return shown.fragment(self._title(), self._rows(), figure)
+
+    def _title(self) -> str:
+        return f"Recalibration of {self.best.name} on {self.log.name}"
+
+    def _rows(self) -> list[tuple[str, str]]:
         errors = f"{shown.number(self.before_rms * DEGREES, '°')} before, {shown.number(self.after_rms * DEGREES, '°')}"
-        rows = [
+        return [
             ("gain", f"{self.gain:.4f} ± {self.gain_error:.2g}"),
             ("offset", shown.number(self.offset * DEGREES, "°")),
             ("RMS", f"{errors} after; judged {shown.number(self.judged_rms * DEGREES, '°')}"),
             ("verdict", verdict(self)),
             *(("note", warning) for warning in self.warnings[:4]),
         ]
-        return shown.screen(f"Recalibration of {self.best.name} on {self.log.name}", rows)
 
 
 def verdict(found: Recalibration) -> str:

@@ -52,6 +52,8 @@ class EmgLog:
     channel: str
     """Name of the column."""
     warnings: tuple[str, ...]
+    name: str = "the recording"
+    """Of the recording, for messages."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,24 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
     warnings = found.warnings
     if channel is None and len(others) > 1:
         warnings = (*warnings, f"{len(others)} channels, {name!r} is taken")
-    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings)
+    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings, str(path))
+
+
+def checked_emg(values: Array, rate: float, channel: str) -> EmgLog:
+    """One channel of samples at an even rate, checked as those of a file are; see `read_emg`.
+
+    Args:
+        values: of the channel, in any unit (n,).
+        rate: samples a second [Hz].
+        channel: its name, with its unit at its end where it has one.
+
+    Raises:
+        LogError: as `read_emg`.
+    """
+    import pyarrow as pa
+
+    found = _recording({channel: pa.array(values)}, (channel,), rate, "the recording")
+    return EmgLog(found.values[:, 0].copy(), found.rate, 0.0, channel, found.warnings)
 
 
 def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None = None) -> EmgRecording:
@@ -107,7 +126,7 @@ def _times(table: dict[str, Any]) -> list[str]:
     return [name for name in table if split_name(name)[0] in TIMES]
 
 
-def _signals(table: dict[str, Any], path: Path) -> list[str]:
+def _signals(table: dict[str, Any], path: str | Path) -> list[str]:
     """Columns that are no times."""
     times = _times(table)
     others = [name for name in table if name not in times]
@@ -116,7 +135,7 @@ def _signals(table: dict[str, Any], path: Path) -> list[str]:
     return others
 
 
-def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | None, path: Path) -> EmgRecording:
+def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | None, path: str | Path) -> EmgRecording:
     def where(sample: int) -> str:
         return f"{path}, row {sample + 1}"
 
@@ -267,7 +286,7 @@ def _read(path: Path) -> dict[str, Any]:
     return dict(zip(names, table.columns, strict=True))
 
 
-def _numbers(table: dict[str, Any], name: str, path: Path) -> Array:
+def _numbers(table: dict[str, Any], name: str, path: str | Path) -> Array:
     """A column, of what pyarrow has read."""
     column = table[name].to_numpy()
     if column.dtype.kind in "fiub":
