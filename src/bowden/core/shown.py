@@ -55,11 +55,12 @@ def screen(title: str, rows: Rows) -> str:
 def fragment(title: str, rows: Rows, figure: "Figure | None" = None) -> str:
     """The same as HTML for a notebook, with a picture below where there is one.
 
-    >>> fragment("a < b", [("verdict", "holds")])
-    '<div><b>a &lt; b</b><table><tr><td>verdict</td><td style="text-align:left">holds</td></tr></table></div>'
+    >>> fragment("a < b", [("verdict", "holds")])  # doctest: +ELLIPSIS
+    '<div><b>a &lt; b</b><table><tr><td style="white-space:nowrap">verdict</td><td style="text-align:left">holds...
     """
+    label_style, text_style = 'style="white-space:nowrap"', 'style="text-align:left"'
     cells = "".join(
-        f'<tr><td>{html.escape(label)}</td><td style="text-align:left">{html.escape(text)}</td></tr>'
+        f"<tr><td {label_style}>{html.escape(label)}</td><td {text_style}>{html.escape(text)}</td></tr>"
         for label, text in rows
         if text
     )

@@ -31,10 +31,10 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
         for part, label in ((slice(0, fit.split), "first half"), (slice(fit.split, None), "second half")):
             colour = COLOURS["data"] if part.start == 0 else COLOURS["joint"]
             shown = thin(motor[part], (log.joint - base)[part] * DEGREES, _POINTS)
-            panel.plot(*shown, color=colour, lw=1.0, label=label)
+            panel.plot(*shown, color=colour, lw=3.0, alpha=0.45, label=label)
         late = slice(fit.split, None)
         drawn = thin(motor[late], (fit.predicted - base)[late] * DEGREES, _POINTS)
-        panel.plot(*drawn, color=COLOURS["model"], lw=1.2, label="model")
+        panel.plot(*drawn, color=COLOURS["model"], lw=1.0, label="model")
         panel.set_xlabel("motor [°]")
     axes[0].set_ylabel("joint [°]")
     if len(axes) > 1:
