@@ -39,19 +39,20 @@ class Gains(Mapping[str, float]):
         return repr(self._values)
 
 
-def checked(value: Any, kind: type[Value], name: str) -> Value:
+def checked(value: Any, kind: type[Value], name: str, default: Any = None) -> Value:
     """A NamedTuple or dataclass of a rig, with plain numbers in it.
 
     Args:
-        value: what was given: one, or a mapping of its fields that differ from its defaults.
+        value: what was given: one, or a mapping of its fields that differ from the default.
         kind: what it must be.
         name: of the argument.
+        default: the rig's.
 
     Raises:
         ParameterError: it is another thing, or one of its fields is; with the field, what was given and expected.
     """
-    if isinstance(value, Mapping) and hasattr(kind, "_fields"):
-        value = _of_mapping(value, kind, name)
+    if isinstance(value, Mapping) and hasattr(default, "_fields"):
+        value = _of_mapping(value, default, name)
     if not isinstance(value, kind):
         raise ParameterError(
             f"Rig: {name} is {shown(value)}", expected=article(kind.__name__), do=f"make one: {_like(kind)}"
@@ -63,23 +64,18 @@ def checked(value: Any, kind: type[Value], name: str) -> Value:
         return cast(Value, _looked_at.__wrapped__(value, wanted, name))
 
 
-def _of_mapping(values: Mapping[str, Any], kind: Any, name: str) -> Any:
-    """A NamedTuple whose fields are named.
+def _of_mapping(values: Mapping[str, Any], default: Any, name: str) -> Any:
+    """A part of which some fields are named; the others are as in the default.
 
     Raises:
-        ParameterError: a field that there is not, or one without a default that is missing.
+        ParameterError: a field that there is not.
     """
     for field in values:
-        if field not in kind._fields:
+        if field not in default._fields:
             raise ParameterError(
-                f"Rig: {name} has no {field!r}", expected=near(str(field), kind._fields), do="name one of them"
+                f"Rig: {name} has no {field!r}", expected=near(str(field), default._fields), do="name one of them"
             )
-    missing = [field for field in kind._fields if field not in {*kind._field_defaults, *values}]
-    if missing:
-        raise ParameterError(
-            f"Rig: {name} is {shown(dict(values))}", expected=f"a value for {', '.join(missing)} too", do="add it"
-        )
-    return kind(**values)
+    return default._replace(**values)
 
 
 @lru_cache(512)

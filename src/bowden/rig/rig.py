@@ -174,7 +174,7 @@ class Rig:
                 value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
                 object.__setattr__(self, one.name, value)
         for name, part in {**PARTS, "drive": self._drive_part()}.items():
-            object.__setattr__(self, name, checked(getattr(self, name), part.kind, name))
+            object.__setattr__(self, name, checked(getattr(self, name), part.kind, name, part.default))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
         if self.plant is not None:
