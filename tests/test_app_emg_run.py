@@ -132,8 +132,8 @@ def test_what_is_no_source_is_one_line_for_every_command(
     path = rig(tmp_path, f"source = '{source}'")
     for command in ("simulate", "check"):
         assert run([command, str(path)]) == 2
-        assert f"{source!r} is no source of EMG; expected lsl:NAME" in capsys.readouterr().err
-    assert f"{source!r} is no source of EMG" in refused(tmp_path, "", source)
+        assert f"{source!r} is not a source of EMG; expected lsl:NAME" in capsys.readouterr().err
+    assert f"{source!r} is not a source of EMG" in refused(tmp_path, "", source)
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
         (
             "[limits]\nthermal_winding_capacity_j_per_k = 0.0",
             ["--auto"],
-            "thermal_winding_capacity_j_per_k = 0, and must be a number above 0",
+            "thermal_winding_capacity_j_per_k = 0, but must be a number above 0",
         ),
         (
             "[limits]\npay_out_deg_per_s = 2800.0",

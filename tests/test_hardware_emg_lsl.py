@@ -151,7 +151,7 @@ def test_streams_that_cannot_be_used_are_one_line(lsl: Any) -> None:
     with pytest.raises(StreamError, match=r"is there, but sends nothing in 0.3 s"):
         LslStream(name, wait=0.3).open()
     second = LslOutlet(name, RATE, ["a"], "mV", "two")
-    with pytest.raises(StreamError, match=r"2 LSL streams are named .*; say which by its source id, lsl:.*#ID"):
+    with pytest.raises(StreamError, match=r"2 LSL streams are named .*; choose one by its source id, lsl:.*#ID"):
         LslStream(name).open()
     with sending(second, np.zeros((4000, 1)), RATE / 2):
         stream = LslStream(name, "two")

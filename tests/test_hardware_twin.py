@@ -204,7 +204,7 @@ def test_no_bus_and_nobody_on_it_are_said_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(DriveError, match="there is no such bus; start bowden twin, run with a twin"):
         CanopenDrive(DriveParameters(channel=str(tmp_path / "none"))).bring_up()
     (tmp_path / "empty").mkdir()
-    with pytest.raises(DriveError, match="nobody is on the bus"):
+    with pytest.raises(DriveError, match="no other device is on the bus"):
         CanopenDrive(DriveParameters(channel=str(tmp_path / "empty"))).bring_up()
 
 
@@ -224,7 +224,7 @@ def test_what_a_killed_twin_leaves_is_no_hindrance(rig: Path, tmp_path: Path) ->
     with running_twin(rig, tmp_path / "b") as running:
         os.kill(running.process.pid, signal.SIGKILL)
         running.process.wait(10.0)
-        with pytest.raises(DriveError, match="nobody is on the bus"):
+        with pytest.raises(DriveError, match="no other device is on the bus"):
             CanopenDrive(DriveParameters(channel=running.channel)).bring_up()
     with running_twin(rig, tmp_path / "b") as running, host(running.channel) as drive:
         assert cycles(drive, 100, Power.OFF)[-1].motor_age < 50

@@ -40,7 +40,7 @@ def calibrate(
 
     MVC is the largest envelope in RECORDING. A recording without a maximum contraction gives its largest one, which
     stands in for MVC. Dead electrodes, movement, mains and clicks are left out. From a stream the wearer
-    is told on standard error when to rest and when to contract.
+    is asked on standard error to rest and to contract.
     """
     from bowden.core.errors import ParameterError
     from bowden.rig import wearer_file
@@ -49,13 +49,13 @@ def calibrate(
     kind = detector_named(detector)
     if (recording is None) == (source is None):
         raise ParameterError(
-            "there are a recording and a --source" if source else "there is no recording and no --source",
+            "both a recording and a --source are given" if source else "neither a recording nor a --source is given",
             expected="one of them",
         )
     wearer_file.check_mains(mains, "--mains")
     if source is not None:
         if rest is not None or rate is not None:
-            raise ParameterError("--rest and --rate are of recordings", do="leave them out with --source")
+            raise ParameterError("--rest and --rate are for recordings", do="leave them out with --source")
         wearer, left_out = _from_stream(source, channel, lasting, mains, kind, json)
     else:
         assert recording is not None
@@ -110,11 +110,11 @@ def _from_stream(
         name = stream.channels[0] if channel is None else channel
         _tell(f"{said}; {name!r} is taken")
         with progress_bar(quiet) as progress:
-            listen(stream, name, _READY, lambda share: progress("make ready", 0.2 * share), check=False)
-            _tell("REST: let the arm lie, and do nothing")
+            listen(stream, name, _READY, lambda share: progress("get ready", 0.2 * share), check=False)
+            _tell("REST: let the arm lie still")
             calm = listen(stream, name, lasting, lambda share: progress("rest", 0.2 + 0.3 * share))
-            _tell("make ready to contract as hard as you can")
-            listen(stream, name, _READY, lambda share: progress("make ready", 0.5 + 0.2 * share), check=False)
+            _tell("get ready to contract as hard as you can")
+            listen(stream, name, _READY, lambda share: progress("get ready", 0.5 + 0.2 * share), check=False)
             _tell("CONTRACT, as hard as you can, and hold")
             hard = listen(stream, name, lasting, lambda share: progress("contract", 0.7 + 0.3 * share))
             _tell("done, let go")

@@ -33,7 +33,7 @@ def score(
     rate: RateOption = None,
     detector: DetectorOption = "onset",
     shortest_ms: Annotated[
-        float, typer.Option(help="Do not tell contractions shorter than this; all others are told so much later.")
+        float, typer.Option(help="Leave out contractions shorter than this; all others are reported this much later.")
     ] = 0.0,
     out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for emg.html.")] = Path(
         "out/emg"
@@ -119,7 +119,7 @@ def _print(found: "Findings", shortest_ms: float, source: str) -> None:
     if shortest_ms:
         rejected = found.score.rejected
         said = f"; {rejected} labelled ones are, and count neither as missed nor as found" if rejected else ""
-        print(f"contractions shorter than {shortest_ms:g} ms are not told{said}")
+        print(f"contractions shorter than {shortest_ms:g} ms are left out{said}")
         print(f"that costs {shortest_ms:g} ms of latency")
 
 

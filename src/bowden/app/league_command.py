@@ -20,7 +20,8 @@ _Names = list[str] | None
 
 def league(
     rig: Annotated[
-        Path | None, typer.Argument(help="A rig (or a log), whose servo and clock all plants have and whose own plays.")
+        Path | None,
+        typer.Argument(help="A rig (or a log): all plants get its servo and clock, and its own plant plays too."),
     ] = None,
     laws: Annotated[_Names, typer.Option(help="Only these laws; commas between them, or repeat the option.")] = None,
     plants: Annotated[_Names, typer.Option(help="Only these plants; FILE.py:NAME is one of your own.")] = None,

@@ -1,4 +1,4 @@
-"""What a rig knows, and the one rule by which a law is told of it.
+"""What a rig knows, and the one rule by which a law gets it.
 
 A rig supplies a `Knowledge`. A law declares in `Law.from_rig` which of it each of its gains takes:
 
@@ -8,8 +8,8 @@ a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. `
 and `configured` puts a law's gains together for a rig:
 
 1. the law's own gains;
-2. what it is told;
-3. the preset: what it changes stays as it has it, what it leaves as the law's own is told;
+2. what it knows of the rig;
+3. the preset: what it changes stays as it has it, what it leaves as the law's own comes from the rig;
 4. the gains that the rig itself gives.
 
 Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that tells laws
@@ -34,7 +34,7 @@ WIDEST = 0.5
 
 
 class Knowledge(NamedTuple):
-    """What is known of a rig; NaN is not known, and is not told."""
+    """What is known of a rig; NaN is not known, and is not passed on."""
 
     servo_frequency: float = math.nan
     """ω, natural frequency of the servo [rad/s]."""
@@ -127,10 +127,10 @@ def preset_of(
 
 
 def informed(law: Law, known: Knowledge) -> Law:
-    """The law with what it and its conditioner take of the knowledge, in place of what it was told before.
+    """The law with what it and its conditioner take of the knowledge, in place of what it knew before.
 
     What was chosen for it stays; what is not known is as the law's own. A value is kept inside the gain's limits. A law
-    that has a gain for the doubt about its first guesses is told `slope`, `width` and `doubt` only where the knowledge
+    that has a gain for the doubt about its first guesses gets `slope`, `width` and `doubt` only where the knowledge
     is in no more doubt.
 
     Raises:
@@ -173,7 +173,7 @@ def _value(law: Law, gain: str, known: Knowledge) -> float:
     except (AttributeError, TypeError) as error:
         names = [*(f for f in Knowledge._fields if f != "cable"), *(_CABLE + f for f in BoucWen._fields)]
         raise ParameterError(
-            f"gain {gain} of law {law.name!r} is told {what!r}",
+            f"gain {gain} of law {law.name!r} takes {what!r} from the rig",
             expected=near(str(what), names),
             do="correct it",
         ) from error

@@ -106,7 +106,7 @@ class Law:
     own: Gains = field(default=None, repr=False)
     """The gains with which the law comes; `gains` where nothing else is given."""
     conditioning: Conditioning = field(default=Conditioning(), repr=False, compare=False)
-    """What the conditioner of its reference is told of a rig; it stands before the law in every loop, and is no part of
+    """What the conditioner of its reference knows of a rig; it stands before the law in every loop, and is no part of
     it."""
     chosen: frozenset[str] = frozenset()
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
@@ -132,21 +132,21 @@ class Law:
             raise ParameterError(
                 f"Law {self.name!r}: gains is {said(self.gains)}",
                 expected="a NamedTuple of numbers",
-                do="make one: class Gains(NamedTuple), and hand over Gains()",
+                do="make one: class Gains(NamedTuple), and pass Gains()",
             )
         for what in ("start_kernel", "step_kernel"):
             if not callable(getattr(self, what)):
                 raise ParameterError(
                     f"Law {self.name!r}: {what} is {said(getattr(self, what))}",
                     expected="a kernel",
-                    do="hand over a function that is marked with @bowden.kernel",
+                    do="pass a function that is marked with @bowden.kernel",
                 )
         if self.own is None:
             object.__setattr__(self, "own", self.gains)
         if not isinstance(self.from_rig, Mapping):
             raise ParameterError(
                 f"from_rig of law {self.name!r} is {said(self.from_rig)}",
-                expected="gain → what it is told of the rig",
+                expected="gain → what it takes from the rig",
                 do='write it as {"slope": "slope"}',
             )
         if self.tunable is None:

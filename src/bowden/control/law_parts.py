@@ -86,7 +86,7 @@ def crossing_rate(known: Knowledge) -> float:
 
 
 LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
-"""What a law is told that has `ahead` take the lag away."""
+"""What a law gets that has `ahead` take the lag away."""
 
 SERVO: Mapping[str, FromRig] = {
     **LAG,
@@ -94,10 +94,10 @@ SERVO: Mapping[str, FromRig] = {
     "natural_frequency": "servo_frequency",
     "damping": "servo_damping",
 }
-"""What a law is told that inverts the servo, of which it has ω and ζ besides."""
+"""What a law gets that inverts the servo, of which it has ω and ζ besides."""
 
 CONTACT: Mapping[str, FromRig] = {**SERVO, "bandwidth": contact_bandwidth}
-"""What a law is told that observes motor − joint/α̂ through a filter of that bandwidth."""
+"""What a law gets that observes motor − joint/α̂ through a filter of that bandwidth."""
 
 LIMITS: Mapping[str, tuple[float, float]] = {
     "velocity_band": (0.0, math.inf),

@@ -81,7 +81,7 @@ class DriveReading(NamedTuple):
     drive_state: float
     """Number of a `DriveState` [–]."""
     emergency: float
-    """Error code that the drive told of its own accord in this cycle, or `EMERGENCY_STOP`; 0 for none [–]."""
+    """Error code that the drive sent by itself in this cycle, or `EMERGENCY_STOP`; 0 for none [–]."""
     bus_errors: float
     """Frames that could not be sent, or bus-off, since the start [–]."""
     foreign: float

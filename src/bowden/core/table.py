@@ -96,7 +96,7 @@ def read_parquet(path: Path, choose: Callable[["pa.Schema"], list[str]] | None =
 
 def _too_many(path: Path, cells: int) -> LogError:
     """The refusal of a table with so many fields."""
-    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="cut it, or thin it out")
+    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="shorten it, or keep fewer rows")
 
 
 def _printable(text: str, most: int = 200) -> str:

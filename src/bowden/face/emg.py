@@ -306,7 +306,7 @@ def _recording(recording: Any, channel: str | None, rate: float | None, function
     values = arguments.signal(recording, f"{function}: recording")
     if rate is None:
         raise ParameterError(
-            f"{function}: the samples have no rate", expected="samples a second", do="give it: rate=1000.0, say"
+            f"{function}: the samples have no rate", expected="samples a second", do="give it: for example rate=1000.0"
         )
     return checked_emg(values, rate, channel or "emg")
 

@@ -106,7 +106,7 @@ def _identified(
             raise ParameterError(
                 f"identify: {what} is missing",
                 expected="a file's path, or three arrays: identify(time, motor, joint)",
-                do="hand it over too" + (", or give rate= in its place" if what == "time" else ""),
+                do="give it too" + (", or give rate= in its place" if what == "time" else ""),
             )
     signals = {what: arguments.signal(value, f"identify: {what}") for what, value in given.items()}
     arguments.one_length(signals, "identify")
@@ -165,6 +165,6 @@ def read_log(
             raise ParameterError(
                 f"{what} of the log {path} is {arguments.said(column)}",
                 expected="the name of a column in the file",
-                do="or hand over arrays alone: identify(time, motor, joint)",
+                do="or give only arrays: identify(time, motor, joint)",
             )
     return read_file(file, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate)

@@ -209,7 +209,7 @@ def _plants(rig: Rig, own: bool, data: Path | None) -> tuple[dict[str, Callable[
 
 
 def _plant_of(rig: Rig, name: str, what: str) -> LeaguePlant:
-    """What a rig moves, as it is told of it."""
+    """What a rig moves, as the league uses it."""
     plant = rig.moved
     return LeaguePlant(
         name,

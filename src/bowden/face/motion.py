@@ -25,7 +25,7 @@ class MinimumJerk:
         """
         values = ", ".join([*map(arguments.said, given), *(f"{name}={value!r}" for name, value in named.items())])
         raise ParameterError(
-            f"MinimumJerk({values}) is no motion",
+            f"MinimumJerk({values}) is not a motion",
             expected="a motion that is periodic, or goes from point to point",
             do="call MinimumJerk.periodic(low, high, period) or MinimumJerk.point_to_point(times, positions)",
         )
@@ -71,5 +71,7 @@ class MinimumJerk:
 
 def _row(values: Any, what: str) -> list[Any]:
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-        raise ParameterError(f"{what} is {arguments.said(values)}", expected="a list of numbers", do="[0.0, 1.0], say")
+        raise ParameterError(
+            f"{what} is {arguments.said(values)}", expected="a list of numbers", do="for example [0.0, 1.0]"
+        )
     return list(values)

@@ -34,7 +34,7 @@ def run(
     The run starts stopped. ``session.complete()`` arms it and comes back when the reference, or a fault, has ended it;
     ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step; each is a sign
     of life, and a run that has none for ``limits.operator_age`` is released and ends. After the block
-    ``session.trace()`` is the record; what ended the run otherwise than as asked is told as a warning. Before anything
+    ``session.trace()`` is the record; if something else ended the run, a warning says what. Before anything
     starts, the law is checked as `bowden.check` does it.
 
     Args:
@@ -67,7 +67,7 @@ def run(
     whole = whole if duration is None else whole.replace(duration=duration)
     twin, force = arguments.flag(twin, "run: twin"), arguments.flag(force, "run: force")
     if channel is not None:
-        arguments.text(channel, "run: channel", 'the name of a bus, "can0" say')
+        arguments.text(channel, "run: channel", 'the name of a bus, such as "can0"')
     if emg is not None:
         arguments.text(emg, "run: emg", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
     folder = arguments.path_of(out, "run: out", "folder")
@@ -127,7 +127,7 @@ def live_session(
     from bowden.live.session import Session, own_twin
 
     live = live_run(rig)
-    if not twin:  # another run's bus is told at once; the drive claims it for good
+    if not twin:  # another run's bus is refused at once; the drive claims it for good
         family_of(rig.drive).claim(rig.drive)()
         require_confirmed(rig)
     with contextlib.ExitStack() as stack:
@@ -139,7 +139,7 @@ def live_session(
                 tell(note)
         require(live.limits, live.rig.sample_time, "little_margin" if force else checked.name or "little_margin")
         if emg_process is not None:
-            emg_process.await_ready()  # a stream that cannot be used is told before anything else is started
+            emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
             live = live_run(stack.enter_context(own_twin(rig)), logged=rig)
         yield stack.enter_context(Session(live, new_log(out, live.law.name), emg_process, remembers=not twin))

@@ -167,7 +167,7 @@ def _log(given: Any, what: str, columns: Mapping[str, Any]) -> Log:
     raise ParameterError(
         f"{what} is {arguments.said(given)}",
         expected="a path, a Log of bowden.read_log, or a Trace",
-        do="hand over arrays as bowden.identify(time, motor, joint)",
+        do="give arrays as bowden.identify(time, motor, joint)",
     )
 
 

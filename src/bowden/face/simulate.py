@@ -22,7 +22,7 @@ class Simulated:
     """What came of some laws on one rig."""
 
     traces: Traces
-    """Name of the law → its run; laws of one name are told apart by a number."""
+    """Name of the law → its run; laws of one name get a number."""
     checked: list[CheckVerdict]
     """What the check made of each law before."""
     notes: tuple[str, ...]

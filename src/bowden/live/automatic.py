@@ -20,7 +20,7 @@ class Watched(Protocol):
 
     ready: dict[str, Any]
     began_latched: bool
-    """Whether a run before it was latched by what nobody has acknowledged."""
+    """Whether a run before it was latched by what has not been acknowledged."""
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns."""
@@ -48,11 +48,11 @@ def automatic(session: Watched) -> Iterator[bool]:
                 break
             if not asked and row["mode"] == Mode.LATCHED:
                 listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
-                last = "the last run ended in a fault that nobody has acknowledged"
+                last = "the last run ended in a fault that has not been acknowledged"
                 what = last if session.began_latched else "the supervisor has latched a fault before this run was armed"
                 raise SafetyError(
                     f"{what}: {listed or 'which is not known'}",
-                    do="mend the cause, and acknowledge it with k in a run without --auto",
+                    do="correct the cause, and acknowledge it with k in a run without --auto",
                 )
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
                 return

@@ -44,18 +44,18 @@ def contradictions(told: float, joint: float, motor: float, limits: Limits) -> l
     """What both encoders say against the angle by which the joint was turned, in sentences; empty if they agree.
 
     Args:
-        told: by which whoever turned it has seen the cable pull the joint [rad].
+        told: how far the cable has pulled the joint, as whoever turned it has read it [rad].
         joint: change of the joint's angle [rad].
         motor: change of the motor's [rad].
         limits: with the cable's slopes and play.
     """
     if not told >= LEAST:
-        return [f"{told * DEGREES:.3g}° is too little to tell a scale by; turn it by {LEAST * DEGREES:g}° or more"]
+        return [f"{told * DEGREES:.3g}° is too little to check a scale; turn it by {LEAST * DEGREES:g}° or more"]
     pull, slack, found = -limits.slack_sign, SHARE * told + READING, []
     joint, motor = pull * joint, pull * motor
     if not abs(joint - told) <= slack:
         found.append(
-            f"the cable has pulled the joint by {told * DEGREES:.3g}°, by its encoder that is {joint * DEGREES:.3g}°: "
+            f"the cable has pulled the joint by {told * DEGREES:.3g}°, but its encoder shows {joint * DEGREES:.3g}°: "
             f"correct joint_counts_per_turn or {_TURNED}joint_direction"
         )
     low, high = told / max(limits.slope_high, _LEAST_SLOPE), (told + limits.play) / max(limits.slope_low, _LEAST_SLOPE)
@@ -74,7 +74,7 @@ def turned(
     """The angle that somebody says to have turned the joint by [rad], and what was read before and after.
 
     Args:
-        drive: brought up; it is told power off in every cycle.
+        drive: brought up; every cycle it is sent power off.
         lines: what was entered since it was asked last; None of nothing yet.
         say: shows a sentence.
         clock: to go by.
@@ -88,13 +88,13 @@ def turned(
     before, _ = _until(drive, lines, clock, period)
     say(
         f"Turn the motor by hand, at its spool or its shaft, so that the cable pulls the joint by {LEAST * DEGREES:g}° "
-        "or more. Read with a goniometer by how much it has gone, type that in degrees, and press Enter."
+        "or more. Measure with a goniometer how far the joint has turned, type that in degrees, and press Enter."
     )
     after, entered = _until(drive, lines, clock, period)
     try:
         told = float(entered.strip().rstrip("°").replace(",", ".")) * RADIANS
     except ValueError:
-        raise SafetyError(f"{entered.strip()!r} is no angle", expected="degrees, such as 45") from None
+        raise SafetyError(f"{entered.strip()!r} is not an angle", expected="degrees, such as 45") from None
     return told, before, after
 
 
@@ -106,12 +106,12 @@ def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, per
         reading = drive.read(now / SECOND)
         drive.write(0.0, Power.OFF, now / SECOND)
         if reading.drive_state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
-            raise DriveError("the drive has torque, though it was told off", do="press the emergency stop")
+            raise DriveError("the drive has torque although it was switched off", do="press the emergency stop")
         angles = ((reading.motor, reading.motor_age), (reading.joint, reading.joint_age))
         there = all(math.isfinite(angle) and age <= _OLD for angle, age in angles)
         missing = 0 if there else missing + 1
         if missing > SETTLED:
-            raise DriveError("the drive sends no angle", do="look at the encoders' plugs and the drive's PDOs")
+            raise DriveError("the drive sends no angle", do="check the encoders' plugs and the drive's PDOs")
         entered = lines() if entered is None else entered
         if entered is not None and not missing:
             return reading, entered
@@ -131,7 +131,7 @@ def confirm(rig: Rig, told: float, joint: float, motor: float) -> Path:
     """Keep that the angles of a rig's drive were confirmed; where it is kept.
 
     Raises:
-        SafetyError: they do not agree with what was told.
+        SafetyError: they do not agree with what was read by hand.
         OutputError: it cannot be kept.
     """
     found = contradictions(told, joint, motor, rig.supervisor_limits)
@@ -169,7 +169,7 @@ def require_confirmed(rig: Rig) -> None:
     """
     if not confirmed(rig):
         raise SafetyError(
-            "nobody has confirmed an angle on this drive with these scales and directions",
-            expected="the joint turned once by hand, without power, beside both encoders",
+            "no angle has been confirmed by hand on this drive with these scales and directions",
+            expected="the joint turned once by hand, without power, and compared with both encoders",
             do=shlex.join(["bowden", "confirm", rig.origin]),
         )

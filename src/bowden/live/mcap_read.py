@@ -97,7 +97,7 @@ def traces(log: LogReader) -> Iterator[Trace]:
 
 def _trace(log: Recording | LogReader, rows: NDArray[np.float64]) -> Trace:
     if not len(rows):
-        raise LogError("the log has no row", do="nothing can be made of it")
+        raise LogError("the log has no row", do="it cannot be used")
     kept = ("columns", "units", "settings", "crc32")
     about = {name: value for name, value in log.about.items() if name not in kept}
     columns = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(log.columns)}

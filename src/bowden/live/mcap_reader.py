@@ -25,7 +25,7 @@ from bowden.live.ring import Description
 
 _HEAD = 9  # of a record: opcode and length
 _CHUNK_HEAD = 40  # of an uncompressed chunk: two times, size, CRC-32, no compression, size
-_DO = "give a log that bowden run wrote"
+_DO = "give a log of bowden run"
 
 
 class Damage(NamedTuple):
@@ -212,7 +212,9 @@ def _about(data: memoryview, path: Path) -> tuple[dict[str, str], int]:
                     break
                 return record.metadata, end
         at = end
-    raise LogError(f"{path} does not say what its rows are: another program's, or its beginning is damaged", do=_DO)
+    raise LogError(
+        f"{path} does not say what its rows are: it is another program's, or its beginning is damaged", do=_DO
+    )
 
 
 def _metadata(data: memoryview) -> Metadata | None:

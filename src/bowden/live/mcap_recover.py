@@ -49,7 +49,7 @@ def recover(path: Path, out: Path, more: Sequence[Path] = ()) -> Recovery:
     logs = sorted((LogReader(one) for one in dict.fromkeys((path, *more))), key=LogReader.first_number)
     for log in logs[1:]:
         if any(log.about.get(key) != logs[0].about.get(key) for key in _OF_A_RUN):
-            raise LogError(f"{path} and {log.path} are of two runs", do="recover each of them by itself")
+            raise LogError(f"{path} and {log.path} are of two runs", do="recover each of them separately")
     with whole_file(out) as part:
         handle = os.open(part, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
         try:

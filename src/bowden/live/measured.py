@@ -45,7 +45,7 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
         done = int(tick[-1] - tick[0]) + 1 if len(rows) else 0
         raise SafetyError(
             f"the motion was stopped after {done} of {len(motor)} cycles",
-            do="let it run to its end; the log so far is kept",
+            do="let it run to its end; the log up to here is kept",
         )
     parts = {"cable.csv": rows[(place >= 0) & (place < servo_from)], "servo.csv": rows[place >= servo_from]}
     return {name: _even(log, part, period) for name, part in parts.items()}

@@ -43,8 +43,10 @@ def refuse_without_keys(auto: bool, json: bool) -> None:
         ParameterError: no terminal, or --json, without --auto.
     """
     if not auto and (json or not sys.stdin.isatty()):
-        why = "--json leaves no room for a screen" if json else "there is no terminal to take keys from"
-        do = "with --twin add --auto; where somebody may be at a rig, run it on a terminal, whose keys arm and stop it"
+        why = "with --json there is no screen" if json else "there is no terminal for the keys"
+        do = (
+            "with --twin add --auto; on a rig, where people may be near, run it in a terminal: its keys arm and stop it"
+        )
         raise ParameterError(why, do=do)
 
 
@@ -109,7 +111,7 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
             session.beat()
             row = session.last()
             if session.still > STANDS_STILL:
-                print(f"bowden: note: the loop has stood still for {session.still:.0f} s", file=sys.stderr)
+                print(f"bowden: note: the loop has not answered for {session.still:.0f} s", file=sys.stderr)
                 return
             if row is not None:
                 if row["mode"] != pressed_in:
@@ -138,13 +140,13 @@ def ignored(request: Request, row: dict[str, float] | None) -> str:
     if request == Request.ACKNOWLEDGE:
         why = "" if mode == Mode.LATCHED or shown else "there is no fault to acknowledge"
     elif mode in (Mode.LATCHED, Mode.RELEASING):
-        why = "a fault is to be acknowledged first, with k" if mode == Mode.LATCHED else "the cable is being let out"
+        why = "acknowledge the fault first, with k" if mode == Mode.LATCHED else "the cable is being let out"
     elif request == Request.ARM:
         why = "it is armed" if mode != Mode.STOPPED else ", ".join(fault.meaning for fault in shown)
     elif mode == Mode.STOPPED:
-        why = "it is not armed: a first"
+        why = "it is not armed: press a first"
     elif mode == Mode.PREFLIGHT and row["preflight"] <= 0.0:
-        why = "the preflight has failed" if row["preflight"] else "the preflight is not over"
+        why = "the preflight has failed" if row["preflight"] else "the preflight has not ended"
     return f"{_LETTERS[request]} does nothing now: {why}" if why else ""
 
 

@@ -31,7 +31,7 @@ _NEXT = {
     Mode.STOPPED: "a to arm: the motor gets power and makes a small motion",
     Mode.PREFLIGHT: "wait for the preflight, then r to run",
     Mode.RUNNING: "s or space to stop",
-    Mode.LATCHED: "mend the cause, then k to acknowledge",
+    Mode.LATCHED: "correct the cause, then k to acknowledge",
 }
 
 
@@ -72,14 +72,14 @@ def picture(session: "Session", row: dict[str, float], auto: bool, told: str = "
 
 
 def _push(row: dict[str, float]) -> str:
-    """The push that makes the reference; none is heard where the law has not got the motor."""
+    """The push that makes the reference; none counts where the law does not have the motor."""
     if row["source"] < WishSource.LAW_BEGINS:
         return "–"
     push, doubt = row["admittance.push.torque"], row["admittance.estimate.doubt"]
     return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
 
 
-_TROUBLE = ("", "flat, missing or repeated: look at electrodes and sender", "movement or mains")
+_TROUBLE = ("", "flat, missing or repeated: check electrodes and sender", "movement or mains")
 
 
 def _emg(row: dict[str, float], unit: str, lost: str) -> str:
@@ -99,7 +99,7 @@ def _emg(row: dict[str, float], unit: str, lost: str) -> str:
 def wearer(run: "EmgRun", row: dict[str, float]) -> str:
     """Whose levels the run goes by; before the law has the motor, also whether the muscle's rest is theirs."""
     if run.wearer is None:
-        return "not known; contractions alone are heard"
+        return "not known; only contractions are detected"
     given, level = run.wearer, row["emg.level"]
     said = f"{run.where}: {given.channel} at rest {given.rest:.3g}, at most {given.mvc:.3g}"
     quiet = row["source"] < WishSource.LAW_BEGINS and not row["emg.flexor"] and not row["emg.trouble"]
@@ -111,7 +111,7 @@ def wearer(run: "EmgRun", row: dict[str, float]) -> str:
 def _next(mode: Mode, preflight: float, shown: list[Fault]) -> str:
     """What the operator may do."""
     if mode == Mode.STOPPED and Fault.DRIVE_FAULT in shown:
-        return "mend the cause, then k to reset the drive"
+        return "correct the cause, then k to reset the drive"
     if mode == Mode.STOPPED and shown:
         return "cannot be armed"
     if mode == Mode.PREFLIGHT and preflight:

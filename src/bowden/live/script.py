@@ -68,7 +68,7 @@ class Script:
 
         Args:
             mode: number of the supervisor's `Mode` after the last cycle.
-            target: what the drive was told then [rad].
+            target: what the drive was sent then [rad].
             reading: what the drive says.
             cycles: periods since the last cycle, more than 1 after an overrun.
         """

@@ -114,7 +114,7 @@ def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
     if get_origin(kind) is tuple:
         if isinstance(value, str) or not hasattr(value, "__iter__"):
             raise ParameterError(
-                f"Rig: {name} is {shown(value)}", expected="several numbers", do="write [0.0, 1.0], say"
+                f"Rig: {name} is {shown(value)}", expected="several numbers", do="for example [0.0, 1.0]"
             )
         found = tuple(checked_number(one, float, quantity, f"{name}[{i}]") for i, one in enumerate(value))
         return value if value == found and isinstance(value, tuple) and all(type(x) is float for x in value) else found

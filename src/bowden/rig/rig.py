@@ -204,7 +204,9 @@ class Rig:
         if self.cable != fields["cable"].default or self.width != fields["width"].default or self.suit.worn:
             other = "a suit" if self.suit.worn else "a cable"
             raise ParameterError(
-                f"{self.origin}: the rig has a plant of its own and {other}", expected="one of them", do="leave one out"
+                f"{self.origin}: the rig has both a plant of its own and {other}",
+                expected="one of them",
+                do="leave one out",
             )
         default = {name: fields[name].default for name in given_plant.PARTS}
         with asked_for_by(f"{self.origin}: the plant"):
@@ -425,7 +427,7 @@ class Rig:
         """The rig as JSON values, contents of files included, as logs keep it.
 
         Raises:
-            ParameterError: a reference, cable or law that is known to this process alone.
+            ParameterError: a reference, cable or law that exists only in this process.
         """
         return packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
 
@@ -669,7 +671,7 @@ class Rig:
             seen = f"{low / RADIANS:.4g}°" + (f" to {high / RADIANS:.4g}°" if high - low > _WRITTEN else "")
             found.append(
                 f"the sheath's bend schedules the cable: it is {seen} in this run (scenario.bend, sheath.bend_deg), "
-                f"and not the {own['bend'] / RADIANS:.4g}° among the cable's parameters; laws are told that "
+                f"and not the {own['bend'] / RADIANS:.4g}° among the cable's parameters; laws get that one, "
                 "of the beginning"
             )
         return found
@@ -694,7 +696,7 @@ class Rig:
 
     @cached_property
     def knowledge(self) -> Knowledge:
-        """What a law is told of the rig."""
+        """What a law knows of the rig."""
         if self.worn is not None:
             return knowledge_of(self.worn)
         return knowledge_of(self.bench if self.plant is None else self.cabled, identified=self.identified)
@@ -702,11 +704,11 @@ class Rig:
     def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:
         """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.
 
-        In this order: the law's own, what it is told, the preset, the rig's own (`bowden.control.knowledge`).
+        In this order: the law's own, what it knows of the rig, the preset, the rig's own (`bowden.control.knowledge`).
 
         Args:
             law: in place of the rig's.
-            known: what the law is told, in place of `knowledge`.
+            known: what the law knows of the rig, in place of `knowledge`.
 
         Raises:
             ParameterError: an unknown law, preset or gain.
@@ -731,7 +733,7 @@ class Rig:
 
     @property
     def chosen_law(self) -> Law:
-        """The rig's law with the preset and the gains that the rig chooses, and told nothing: for other plants.
+        """The rig's law with the preset and the gains that the rig chooses, and no knowledge: for other plants.
 
         Raises:
             ParameterError: a user's file that cannot be used, or an unknown preset or gain.
@@ -889,7 +891,7 @@ def _law(given: Any) -> GivenLaw:
 def _gains(given: Any) -> Gains:
     if not isinstance(given, Mapping):
         raise ParameterError(
-            f"Rig: gains is {shown(given)}", expected="gains by name", do="write {'error_gain': 0.05}, say"
+            f"Rig: gains is {shown(given)}", expected="gains by name", do="for example {'error_gain': 0.05}"
         )
     rule = Quantity("a gain", ge=-1e6, le=1e6)
     return Gains({str(name): checked_number(one, float, rule, f"gains[{name!r}]") for name, one in given.items()})

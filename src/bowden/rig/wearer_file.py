@@ -11,7 +11,7 @@ from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.sensing.envelope import MAINS_HZ
 
-EARLIER = "measured by an earlier version, and keeps no contraction out of rest: run bowden emg calibrate anew"
+EARLIER = "measured by an earlier version, and does not separate contractions from rest: run bowden emg calibrate again"
 """What is said of a file without `sigma`."""
 
 
@@ -121,6 +121,6 @@ def _number(section: dict[str, Any], key: str) -> float:
     value = section[key]
     if isinstance(value, bool) or not isinstance(value, float | int):
         raise TypeError(
-            f"{key} is {quoted(value) if isinstance(value, str) else str(value).lower()}, which is no number"
+            f"{key} is {quoted(value) if isinstance(value, str) else str(value).lower()}, which is not a number"
         )
     return float(value)

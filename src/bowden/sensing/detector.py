@@ -39,8 +39,8 @@ class Detector:
     name: str
     """Its key in `DETECTORS`, as ``[emg] detector`` has it."""
     settings: Any
-    """NamedTuple; its field ``shortest`` is the length below which contractions are not told, and by which all others
-    are told later [s]."""
+    """NamedTuple; its field ``shortest`` is the length below which contractions are left out, and by which all others
+    are reported later [s]."""
     prepare: Callable[[float, Any], Any]
     start: Callable[[Any, float], Any]
     step: Callable[[Any, Any, float], Any]

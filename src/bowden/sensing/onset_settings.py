@@ -18,7 +18,7 @@ class OnsetSettings(NamedTuple):
     """
 
     ratio: float = 1.8
-    """Contractions are told from so many times the largest that rest is taken for [–]."""
+    """Contractions are reported from this many times the largest value of rest on [–]."""
     hours: float = 10.0
     """Rest alone passes for a contraction once in so long [h]."""
     brief: float = 0.05
@@ -71,7 +71,7 @@ class OnsetSettings(NamedTuple):
     flat: float = 0.02
     """A value that lasts so long is no signal [s]."""
     off: float = 0.5
-    """A value that lasts so long is an electrode that is off: rest is measured anew [s]."""
+    """A value that lasts so long is an electrode that is off: rest is measured again [s]."""
     still: float = 0.05
     """A step from one sample to the next that is less than this share of the recent largest is none [–]."""
     stuck: float = 0.6
@@ -81,7 +81,7 @@ class OnsetSettings(NamedTuple):
     least: float = 1e-12
     """σ is never less, in the signal's unit; see `of_wearer`."""
     shortest: float = 0.0
-    """Contractions shorter than this are not told, and all others so much later [s]."""
+    """Contractions shorter than this are left out, and all others are reported this much later [s]."""
 
 
 DEFAULTS = OnsetSettings()

@@ -1,8 +1,8 @@
-"""What is worth knowing of the cable: how wide its dead zone is, where its contact is, and how steep it is.
+"""What matters of the cable: how wide its dead zone is, where its contact is, and how steep it is.
 
 Both angles are measured at the same instant, so that o = motor − joint/a, the contact, is known without any model of
 the servo. While the cable is engaged o stays; after a turn the motor crosses the dead zone, and o moves by its width.
-All is in motor angle; a is the slope as learned, a₀ as told, I and F the observer's correction, asked for and sent.
+All is in motor angle; a is the slope as learned, a₀ as given, I and F the observer's correction, asked for and sent.
 
 - **Width** w, the lower end of what it may be: a measurement below it is believed at once, one above it by a share. A
   jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where
@@ -63,7 +63,7 @@ SLACK = 0.2
 """Share of the width that the motor may have gone without having begun to cross: the slope's error [–]."""
 
 UNSURE = 0.15
-"""Standard deviation of the told slope, as a share of it [–]."""
+"""Standard deviation of the given slope, as a share of it [–]."""
 
 WANDERS = 0.02
 """By how much a slope changes from a stretch to the next, standard deviation [–]."""
@@ -78,7 +78,7 @@ ODD = 9.0
 """Square of an innovation over its variance beyond which it is not believed [–]."""
 
 FLATTEST, STEEPEST = 0.6, 1.7
-"""Bounds of 1/a over the told one [–]."""
+"""Bounds of 1/a over the given one [–]."""
 
 UNANSWERED = 0.6
 """How far the correction goes without any motion of the joint, no further than the widest dead zone: beyond, the cable
@@ -104,7 +104,7 @@ class Crossing(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What a cycle of `crossed` is told."""
+    """What a cycle of `crossed` gets."""
 
     joint: float
     """As measured [rad]."""
@@ -117,7 +117,7 @@ class Known(NamedTuple):
     acceleration: float
     """[rad/s²]"""
     inverse: float
-    """1/a₀, as told [–]."""
+    """1/a₀, as given [–]."""
     noise: float
     """σ [rad]."""
     omega: float
@@ -142,7 +142,7 @@ class Crossed(NamedTuple):
 
 @kernel
 def at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
-    """Nothing is known but what was told."""
+    """Nothing is known but what was given."""
     doubt = UNSURE * inverse
     return Crossing(0.0, UNSEEN, 0.0, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt, joint, contact)
 
@@ -153,7 +153,7 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
 
     Args:
         before: one cycle ago.
-        told: both angles, the reference, and what is told of the rig.
+        told: both angles, the reference, and what is known of the rig.
         asked_before: I one cycle ago [rad].
         asked: I as the observer wants it [rad].
         dt: cycle [s].

@@ -44,7 +44,7 @@ class Overheard(can.Listener):
         self.foreign: int | None = None
         """COB-ID of the first frame that nobody but this host may send; None where none has come."""
         self.booted = False
-        """Whether the node has started anew."""
+        """Whether the node has started again."""
         self.emergencies: list[int] = []
         """Error codes of the node, in their order."""
 
@@ -68,7 +68,7 @@ class Dialogue:
         network: the library's.
         node_id: whom to ask.
         timeout: how long an answer may take [s].
-        heard: what comes beside answers.
+        heard: what comes besides answers.
     """
 
     def __init__(self, network: canopen.Network, node_id: int, timeout: float, heard: Overheard) -> None:
@@ -85,7 +85,7 @@ class Dialogue:
         """An order of NMT.
 
         Raises:
-            DriveError: nobody is on the bus.
+            DriveError: no other device is on the bus.
         """
         self.send(frames.NMT, bytes((order, self._id)))
 
@@ -93,13 +93,14 @@ class Dialogue:
         """A frame.
 
         Raises:
-            DriveError: nobody is on the bus.
+            DriveError: no other device is on the bus.
         """
         try:
             self._network.send_message(cob_id, data)
         except _FAILURES as error:
             raise DriveError(
-                f"nobody is on the bus: {error}", do="switch the drive on, or start bowden twin; see to cable and ends"
+                f"no other device is on the bus: {error}",
+                do="switch the drive on, or start bowden twin; check the cable and its termination",
             ) from error
 
     def answers(self) -> bool:

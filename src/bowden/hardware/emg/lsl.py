@@ -4,7 +4,7 @@ A sample's stamp is the sender's; liblsl's time correction takes it to this comp
 measured once to its monotonic clock; `SampleTimes` takes the jitter out. A silence in the stamps becomes missing
 samples (NaN), at most a second of them. liblsl finds a stream that has died again by its source id.
 
-Nothing on the network says who it is. What can be told apart is: stamps that are none, of the future, or of a time that
+Nothing on the network says who it is. What can be noticed is: stamps that are none, of the future, or of a time that
 is over; a rate that is not kept; a second stream of the name; a stream that comes back from another computer. Such a
 stream is lost, and nothing of it is handed on, until it is in order again.
 """
@@ -45,7 +45,7 @@ _AHEAD = SILENCE
 _BLOCK = 3.0
 """The rate is counted over so much time; what stamps may be late by, `SILENCE`, is less than a tenth of it [s]."""
 _LOOK = 1.0
-"""How often it is looked for a second stream of the name, and what is wrong is said anew [s]."""
+"""How often it is looked for a second stream of the name, and what is wrong is said again [s]."""
 _FORGET = 3.0
 """A stream that has gone is still listed for so long; two that are listed for longer are two [s]."""
 _BUFFER = 10
@@ -156,7 +156,7 @@ class LslStream:
                 raise StreamError(
                     f"no LSL stream {self._said()} in {self._wait:g} s; there "
                     f"{_there(sorted({info.name() for info in there}))}",
-                    do="start its sender, or look at the network (bowden doctor lists streams)",
+                    do="start its sender, or check the network (bowden doctor lists streams)",
                 )
         found = lsl.resolve_bypred(where, 2, _OTHERS) or lsl.resolve_bypred(where, 1, self._wait)
         if len(found) > 1:
@@ -218,7 +218,7 @@ class LslStream:
             raise StreamError(
                 f"the stamps of the LSL stream {self._name!r} are {off:.3g} s off this computer's clock",
                 expected="stamps of LSL's local_clock",
-                do="let its sender stamp with it, or not at all",
+                do="let its sender use that clock for its stamps, or send none",
             )
 
     def read(self, now: float) -> EmgChunk:
@@ -234,7 +234,7 @@ class LslStream:
         try:
             values, stamps = self._inlet.pull_chunk(0.0, max_samples=_MOST, as_numpy=True)
         except self._gone:  # liblsl finds streams again by their source id alone
-            self._lost = f"the sender of {self._name!r} has gone; it has no source id to be found again by"
+            self._lost = f"the sender of {self._name!r} has ended; it has no source id by which it could be found again"
             self._inlet = None
             return []
         with contextlib.suppress(RuntimeError):  # there is none for a moment after a stream has come back
@@ -301,7 +301,7 @@ class LslStream:
         self._two_since = min(self._two_since, now) if len(hosts) > 1 else math.inf
         self._another = ""
         if now - self._two_since > _FORGET:
-            self._another = f"has another one of its name and source beside it, of {shown(hosts)}"
+            self._another = f"shares its name and source with another one, of {shown(hosts)}"
         elif hosts and self._host not in hosts:
             self._another = f"has come back from another computer, {shown(hosts)}"
 

@@ -100,7 +100,7 @@ def replay(
         rate: samples a second [Hz].
         loop: whether it begins again at its end.
         until: whether to end now.
-        progress: told how much was sent [s].
+        progress: called with how much was sent [s].
         wait: whether to begin when somebody reads.
         clock: the pace.
     """

@@ -127,7 +127,8 @@ class TrignoServer:
         except OSError as error:
             self.close()
             raise StreamError(
-                f"cannot listen at {host}:{port}: {error.strerror or error}", do="choose other ports, or end who has it"
+                f"cannot listen at {host}:{port}: {error.strerror or error}",
+                do="choose other ports, or end the program that uses them",
             ) from error
         self._listeners.append(one)
         found = int(one.getsockname()[1])

@@ -1,6 +1,6 @@
 """From three signals to a recommended model: each family fitted to a log's first half and judged on its second.
 
-What is reported of a model, and what a rig takes, was fitted anew to the whole log; its errors are those of the same
+What is reported of a model, and what a rig takes, was fitted again to the whole log; its errors are those of the same
 family fitted to the first half, since nothing is left to judge the other on.
 """
 
@@ -180,7 +180,7 @@ def identify(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit every family of cable models to a log's first half, judge it on the second, and fit it anew to the whole.
+    """Fit every family of cable models to a log's first half, judge it on the second, and fit it again to the whole.
 
     Args:
         time: (n,) increasing and even [s]; None where a rate is given.
@@ -223,7 +223,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     """`identify` for a log that was read and checked.
 
     Raises:
-        LogError: the motor's or the joint's motion cannot be told from its noise.
+        LogError: the motor's or the joint's motion cannot be distinguished from its noise.
     """
     begin = clock.perf_counter()
     tell = progress or (lambda what, share: None)

@@ -98,12 +98,12 @@ class JudgedLog:
     same_rms: float
     """Of a model fitted to all logs but this one; NaN where no other has its load [rad]."""
     same_offset_rms: float
-    """The same on the second half, once the offset was fitted anew to the first [rad]."""
+    """The same on the second half, once the offset was fitted again to the first [rad]."""
     unseen_rms: float
     """Of a model fitted to all logs but those of this load, and of this bend where both schedule; NaN where fewer than
     two values of either are left [rad]."""
     unseen_offset_rms: float
-    """The same on the second half, once the offset was fitted anew to the first [rad]."""
+    """The same on the second half, once the offset was fitted again to the first [rad]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -142,7 +142,7 @@ class JointFit:
 
     @property
     def judged(self) -> float:
-        """What to expect of another log of this cable once its offset was fitted anew: on unseen loads where those were
+        """What to expect of another log of this cable once its offset was refitted: on unseen loads where those were
         judged, then on unseen logs, then on second halves [rad]."""
         for name in ("unseen_offset_rms", "same_offset_rms", "test_rms"):
             found = [getattr(one, name) for one in self.logs]
@@ -319,7 +319,7 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
     if path.strokes < 2 or whole == 0.0:
         raise LogError(
             f"{log.name}: the motor does not turn back",
-            expected="a log in which it goes to and fro",
+            expected="a log in which it goes back and forth",
             do="record six cycles, or leave this log out",
         )
     weight = weight / whole
@@ -395,12 +395,12 @@ def _scheduling(
         columns.append(values)
     if len(columns) == 2 and abs(float(np.corrcoef(columns[0], columns[1])[0, 1])) > _TOGETHER:
         raise ParameterError(
-            "load and bend change together from log to log, so that nothing can tell which of them does what",
+            "load and bend change together from log to log, so that their effects cannot be separated",
             expected="logs in which one changes and the other does not",
             do="record such a log, or schedule by one of them (none for the other)",
         )
     if not names and not warnings:
-        warnings.append("nothing tells the logs apart (no load, no bend): one model was fitted to all of them")
+        warnings.append("the logs do not differ in load or bend: one model was fitted to all of them")
     found = np.array(columns).T if columns else np.empty((len(logs), 0))
     return names, found, warnings
 
@@ -530,7 +530,7 @@ def _judged(
 
 
 def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> list[str]:
-    """What is to be said of logs that lie beside the others at their load: an encoder that was zeroed anew."""
+    """What is to be said of logs that lie beside the others at their load: an encoder that was zeroed again."""
     found, least = [], _BESIDE * cable.step * (cable.middle.shape[1] - 1)
     for one, at in zip(moved, values, strict=True):
         error, _ = _error(one, cable, at)
@@ -541,7 +541,7 @@ def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> li
         return []
     return [
         f"{', '.join(found[:4])}{', …' if len(found) > 4 else ''} beside the model of all logs: their encoders were "
-        "zeroed anew, or the cable changed; record all with one zero, since it is the offset that a load changes most"
+        "zeroed again, or the cable changed; record all with one zero, since it is the offset that a load changes most"
     ]
 
 

@@ -189,7 +189,7 @@ class IdentifiedCable:
         return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
 
     def with_parameters(self, given: Mapping[str, float]) -> "IdentifiedCable":
-        """The same cable with these parameters of the simulated model; other models, which laws are told, stay.
+        """The same cable with these parameters of the simulated model; other models, which laws take, stay.
 
         Args:
             given: by name; SI and radians.

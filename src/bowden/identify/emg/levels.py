@@ -24,7 +24,7 @@ _LEAST = 1.0
 _LONG, _CLOSE = 0.3, 0.05
 """Shorter trouble is what the end of a contraction has, too; with so short a pause it is one trouble [s]."""
 _BEFORE, _AFTER = 0.15, 0.15
-"""Movement and trouble are told up to so long after their cause, and have gone from the envelope so long after [s]."""
+"""Movement and trouble are reported up to this long after their cause, and leave the envelope this long after [s]."""
 _RINGS = 3.0
 """What is so many times stronger than the strongest hundredth leaves filters ringing for `SETTLES` [–]."""
 _AROUND, _STANDS_OUT = 0.1, 6.0
@@ -131,7 +131,7 @@ def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
         raise LogError(
             f"{where}: no contraction: the envelope is {rest:.4g} at rest and {found.strongest:.4g} in its strongest "
             f"{_STRONGEST:g} s",
-            expected=f"at least {_CONTRACTION:g} times as much, or one that the detector tells",
+            expected=f"at least {_CONTRACTION:g} times as much, or a contraction that the detector finds",
             do="contract as hard as you can in the recording, rest longer or apart (--rest), or look at the electrodes",
         )
 

@@ -164,7 +164,7 @@ def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | 
     rate = (len(even) - 1) / float(even[-1] - even[0])
     if declared is not None and not abs(rate / declared - 1.0) <= _RATE_ERROR:
         raise LogError(
-            f"{path}: {declared:g} Hz are declared, and the times in {times[0]!r} are of {rate:.4g} Hz",
+            f"{path}: {declared:g} Hz are declared, but the times in {times[0]!r} are of {rate:.4g} Hz",
             expected=f"the same, within {100 * _RATE_ERROR:g} %",
             do="correct --rate, or the unit of the time (time_s, time_ms)",
         )
@@ -172,7 +172,7 @@ def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | 
         raise LogError(
             f"{path}: {rate:.4g} samples a second",
             expected=f"{SLOWEST:g} to {QUICKEST:g} Hz",
-            do="look at the unit of the time (time_s, time_ms), or resample",
+            do="check the unit of the time (time_s, time_ms), or resample",
         )
     if rate < SAFE:
         slow = f"{rate:.4g} samples a second are few: below {SAFE:g} an open input may pass for a contraction"
@@ -265,7 +265,7 @@ def check_signal(name: str, values: Array, rate: float, where: str) -> None:
     clipped = float(lengths[clips].sum()) / len(values)
     if clipped > (_CLIPPED if len(np.unique(values)) > _COARSE else _SATURATED):
         raise LogError(
-            f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
+            f"{where}: {100 * clipped:.1f} % of {name} are at an end of its range ({low:g} or {high:g})",
             expected=f"at most {100 * _CLIPPED:g} %",
             do="lower the amplifier's gain and record again",
         )
@@ -276,7 +276,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         names = table.column_names
     except UnicodeDecodeError as error:
-        raise LogError(f"{path}: a column's name is no text", expected="UTF-8", do="export it as that") from error
+        raise LogError(f"{path}: a column's name is not text", expected="UTF-8", do="export it as that") from error
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise LogError(f"{path}: two columns are named {twice!r}", expected="a name for each")

@@ -114,7 +114,7 @@ def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tu
     share = f"{len(repeated)} of {len(time)} rows repeat the time stamp of the row before them"
     if len(repeated) > min(_REPEATED * len(time), len(time) - 2):
         raise LogError(
-            f"{where(int(repeated[0]))}: time repeats ({time[repeated[0]]:.9g} s); {share}, which is no clock",
+            f"{where(int(repeated[0]))}: time repeats ({time[repeated[0]]:.9g} s); {share}, which is not a clock",
             expected=f"at most {100 * _REPEATED:g} %, as two rows within each tick have",
             do="record with a finer clock, or leave the times out and give the rows' rate (--rate, or rate= in Python)",
         )

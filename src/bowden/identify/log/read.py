@@ -143,7 +143,7 @@ def read_columns(
         raise LogError(f"{file} does not exist", do="check the path") from error
     except OSError as error:
         raise LogError(
-            f"{file} cannot be read: {error.strerror or error}", do="check the file and its rights"
+            f"{file} cannot be read: {error.strerror or error}", do="check the file and its permissions"
         ) from error
 
 
