@@ -244,7 +244,7 @@ def bad(name: str) -> Path:
     [
         ("nan", "row 1235: emg_mV is nan"),
         ("flat", "0.25 in every sample"),
-        ("clipped", "stand at an end of its range"),
+        ("clipped", "are at an end of its range"),
         ("saturated", "100.0 % of emg_mV are at an end of its range"),
         ("huge", "expected at most 100000 mV, which are 100 V; look at the unit in the column's name"),
         ("volts", "expected at most 100 V, which are 100 V"),

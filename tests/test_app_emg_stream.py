@@ -171,7 +171,7 @@ class Fake:
         (np.ones(200), StreamError, "the stream was lost: it is over; look at its sender"),
         (np.full(600, 0.25), LogError, "the stream: a is 0.25 in every sample"),
         (np.where(np.arange(600) == 99, np.nan, np.arange(600.0)), StreamError, "1 of 500 samples of 'a' did not come"),
-        (np.clip(300.0 * np.sin(0.4 * np.arange(600.0)), -150.0, 150.0), LogError, "stand at an end of its range"),
+        (np.clip(300.0 * np.sin(0.4 * np.arange(600.0)), -150.0, 150.0), LogError, "are at an end of its range"),
     ],
 )
 def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: type[Exception], said: str) -> None:

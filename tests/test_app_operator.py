@@ -459,7 +459,7 @@ def test_a_computer_that_is_late_after_a_fault_hides_no_fault() -> None:
         (Request.RUN, {"mode": Mode.PREFLIGHT}, "the preflight has not ended"),
         (Request.RUN, {"mode": Mode.PREFLIGHT, "preflight": 1.0}, ""),
         (Request.ARM, {"mode": Mode.STOPPED, "faults": 2.0**Fault.SLACK}, "a does nothing now: cable slack or torn"),
-        (Request.ARM, {"mode": Mode.LATCHED}, "acknowledged first, with k"),
+        (Request.ARM, {"mode": Mode.LATCHED}, "acknowledge the fault first, with k"),
         (Request.ACKNOWLEDGE, {"mode": Mode.STOPPED}, "no fault to acknowledge"),
         (Request.STOP, {"mode": Mode.STOPPED}, ""),
     ],

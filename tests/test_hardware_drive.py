@@ -153,7 +153,7 @@ def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     rig.run(5, Power.OFF)
     again = Rig(rig.drive.zeroed(motor=0.25, joint=0.5))
     assert abs(again.drive._drive.motor_home - 0.15) < 1e-3
-    with pytest.raises(DriveError, match="no position yet"):
+    with pytest.raises(DriveError, match="not reported a position yet"):
         Rig().drive.zeroed()
 
 

@@ -25,6 +25,9 @@ from bowden.core.nested import columns, is_named, leaves, name_of, rebuilt
 from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
 
+_FORMER = {"told": "from_rig", "heard": "deadband"}
+"""Field of an earlier version → what it is called now."""
+
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 State = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 FromRig = str | Callable[[Any], float]
@@ -55,7 +58,7 @@ class UltimateBounds(NamedTuple):
 @signed
 @dataclass(frozen=True, repr=False)
 class Law:
-    """A control law with its gains: usable alone, interpreted, with nothing else around it.
+    """A control law with its gains; it can be used alone, without a rig or a simulation.
 
     >>> from bowden.control import LAWS
     >>> law = LAWS["uncompensated"]
@@ -91,8 +94,8 @@ class Law:
     proven: "Callable[[Any, float, float], UltimateBounds | None] | None" = None
     """Gains, the cable's slope [rad/rad] and half its dead zone at the joint [rad] → where the law's own proof lets its
     errors end; None where it says nothing, as of gains for which it does not hold."""
-    heard: float = 0.0
-    """Motion of the joint below which its feedback weighs it less; the linear loop is that of larger motions [rad]."""
+    deadband: float = 0.0
+    """Motion of the joint below which the feedback weighs it less; the linear loop is that of larger motions [rad]."""
     tunable: frozenset[str] | None = None
     """Gains that are a designer's choice, and no fact of the rig: what `tune` moves and `check` advises to change; a
     nested part's name stands for all of it. Of a law that does not say, all that `from_rig` does not tell; never None
@@ -116,7 +119,7 @@ class Law:
         fields = cls.__dataclass_fields__
         for name in named:
             if name not in fields:
-                expected = "from_rig" if name == "told" else near(name, fields)
+                expected = _FORMER[name] if name in _FORMER else near(name, fields)
                 raise ParameterError(f"a law has no {name!r}", expected=expected, do="correct the name")
         return super().__new__(cls)
 
@@ -243,7 +246,7 @@ class Law:
         return replace(self, gains=gains, chosen=self.chosen | {name.partition(".")[0] for name in changes})
 
     def preset(self, name: str) -> "Law":
-        """The same law with a named set of gains in place of all that were chosen before.
+        """The same law with a named set of gains, which replaces all gains that were chosen before.
 
         Gains that the preset leaves as the law's own are not chosen by it: a rig may tell them.
 

@@ -37,7 +37,7 @@ def half_width(known: Knowledge) -> float:
 SERVO_SHARE = 190.0 / 53.58
 """`quiet_bandwidth` over the servo's ω, at most: the default bench's, where chatter stops it (docs/laws.md) [–]."""
 
-HEARD = 0.1 * RADIANS
+COMMAND_NOISE = 0.1 * RADIANS
 """Standard deviation of the command that the encoders alone may make, at most [rad]."""
 
 
@@ -58,7 +58,7 @@ def quiet_bandwidth(known: Knowledge, delay_share: float, noises: Iterable[float
     bound = min(SERVO_SHARE * omega, delay_share / delay if delay > 0.0 else math.inf)
     noise = math.hypot(*(part for part in noises if not math.isnan(part)))
     if noise > 0.0 and not math.isnan(known.sample_time):
-        bound = min(bound, (HEARD / noise * omega**2 / math.sqrt(known.sample_time)) ** 0.4)
+        bound = min(bound, (COMMAND_NOISE / noise * omega**2 / math.sqrt(known.sample_time)) ** 0.4)
     return bound
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Sample(NamedTuple):
-    """What the encoders say at one instant.
+    """What the encoders measure at one instant.
 
     >>> Sample(joint=0.1, motor=0.12).motor
     0.12

@@ -14,7 +14,7 @@ _COLUMNS = ("RMSE", "after 10 s", "peak", "delay", "hysteresis width")
 
 
 class Traces(dict[str, Trace]):
-    """Name → trace; a dictionary that shows itself as a table of its figures of merit, and draws itself.
+    """A dictionary, name → trace, that shows itself as a table of figures of merit and can be drawn.
 
     >>> import numpy as np
     >>> t = np.linspace(0.0, 10.0, 1001)

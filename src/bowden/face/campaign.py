@@ -103,10 +103,10 @@ def campaign(
     cluster: str | None = None,
     progress: GivenProgress = None,
 ) -> Campaign:
-    """Run the laws of a study on plants drawn at random; figures as Parquet, and a page with what they show.
+    """Run the laws of a study on random plants; results as Parquet, and a page that shows them.
 
-    Every run is made of its number alone, so that neither the number of workers nor their order matters. Interrupted
-    or killed, the same call goes on where it was.
+    Each run depends only on its number, so that the number of workers and their order do not matter. After an
+    interruption the same call continues where it stopped.
 
     Args:
         study: the path of a study, a TOML file (docs/campaign.md).

@@ -29,7 +29,7 @@ def identify(
     seed: int = 0,
     progress: GivenProgress = None,
 ) -> Fit:
-    """Fit six families of cable models to the first half of a log, and judge them on the second.
+    """Fit six families of cable models to the first half of a log, and judge them on the second half.
 
     Args:
         log: the path of a CSV, gzipped CSV, MATLAB or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
@@ -41,11 +41,12 @@ def identify(
         counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
         rate: samples a second, of a log without times [Hz].
         name: of the log, for messages.
-        seed: of the global search; with the same seed the result is the same.
+        seed: of the global search; the same seed gives the same result.
         progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Returns:
-        The fit: ``best``, the recommended model, as a rig takes it; all models with their errors and uncertainties.
+        The fit: ``best``, the recommended model, for ``Rig(cable=…)``; ``models``, all models with their errors and
+        uncertainties; ``forecast``; ``warnings``, what the log cannot show.
 
     Raises:
         LogError: a file that cannot be read, or signals that nothing can be fitted to.
@@ -136,7 +137,7 @@ def read_log(
     """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
     Args:
-        path: ``.csv``, ``.csv.gz``, ``.mat`` or ``.parquet``; rows of text may stand above the column names.
+        path: ``.csv``, ``.csv.gz``, ``.mat`` or ``.parquet``; lines of text above the column names are skipped.
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.
@@ -146,10 +147,10 @@ def read_log(
         rate: rows a second, of a log without times [Hz].
 
     Returns:
-        ``time`` [s], ``motor`` and ``joint`` [rad], and what was mended or guessed.
+        ``time`` [s], ``motor`` and ``joint`` [rad]; ``warnings`` say what was corrected or guessed.
 
     Raises:
-        LogError: the file cannot be read, or the log cannot be used; one line that says why and where.
+        LogError: the file cannot be read, or the log cannot be used; the message says why and where.
         ParameterError: arguments of the wrong kind.
 
     >>> import pathlib, tempfile

@@ -81,12 +81,11 @@ def league(
     data: str | Path | None = None,
     progress: GivenProgress = None,
 ) -> League:
-    """Play laws, each with one set of gains, on plants that nobody tuned them for.
+    """Compare laws, each with one set of gains, on plants for which they were not tuned.
 
     Args:
-        rig: a `Rig`, or the path of a rig.toml or of a log: its servo, motor, encoders and clock are those of all
-            plants, its own plant plays as ``rig``, and its law has the gains that the rig gives it. Left out, the
-            paper's bench, which plays as ``bench``.
+        rig: a `Rig`, or the path of a rig.toml or of a log. All plants get its servo, motor, encoders and clock. Its
+            own plant is ``rig``, and its law has the rig's gains. If left out: the paper's bench, as ``bench``.
         laws: keys of `LAWS`, ``FILE.py:NAME`` or `Law`; all of `LAWS` by default, and the rig's.
         plants: names of docs/league.md, ``rig``, or ``FILE.py:NAME`` of your own; all but your own by default.
         scenarios: names of docs/league.md; all by default.

@@ -9,7 +9,7 @@ from bowden.core.errors import ParameterError
 
 
 class MinimumJerk:
-    """Motions of minimum jerk for a rig's reference: periodic, or from point to point; has no values of its own.
+    """Minimum-jerk motions for a rig's reference: `periodic` or `point_to_point`. The class itself is not a motion.
 
     >>> MinimumJerk.periodic(0.0, 1.2, period=4.0)
     PeriodicMinimumJerk(low=0.0, high=1.2, period=4.0)
@@ -32,7 +32,7 @@ class MinimumJerk:
 
     @staticmethod
     def periodic(low: float, high: float, period: float) -> PeriodicMinimumJerk:
-        """From one angle to another in the first half of each period, and back in the second.
+        """From one angle to another in the first half of each period, and back in the second half.
 
         Args:
             low: joint angle at the start [rad].
@@ -51,7 +51,7 @@ class MinimumJerk:
 
     @staticmethod
     def point_to_point(times: Sequence[float], positions: Sequence[float]) -> PointToPoint:
-        """Through way points, at rest in each; with a hold where two following ones are equal.
+        """Through way points, with a stop at each; two equal points in a row make a pause.
 
         Args:
             times: when each is reached, increasing (k,) [s].

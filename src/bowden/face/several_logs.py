@@ -34,20 +34,20 @@ def identify_together(
     progress: GivenProgress = None,
     **columns: Any,
 ) -> JointFit:
-    """Fit one model to several logs of a cable, scheduled by their load, their bend, or both.
+    """Fit one model to several logs of a cable; the model depends on the load, the bend, or both.
 
     Args:
         logs: two or more paths, `Log`s of `read_log` or traces.
-        load: one value for each log in any unit, or the name of a column, whose mean counts; without it a column of a
-            common name where the logs are files. ``"none"`` for no load.
+        load: one value for each log, in any unit; or the name of a column, of which the mean is used. If left out, a
+            column with a common name is looked for in files. ``"none"`` for no load.
         bend: the same [rad].
         seed: of the search for the plain Bouc–Wen cable.
         progress: True for a line that says how far it is, or a function of what is being done and the share done.
         **columns: ``time``, ``motor``, ``joint``, ``unit``, ``counts_per_turn`` and ``rate`` of files; see `read_log`.
 
     Returns:
-        The fit: ``best``, the scheduled model, as a rig takes it, ``at(load=…)``, the same at a load, and how well each
-        log is predicted by the others.
+        The fit: ``best``, the model, for ``Rig(cable=…)``; ``at(load=…)``, the model at a load; and how well the other
+        logs predict each log.
 
     Raises:
         LogError: files that cannot be read, or logs that do not go together.
@@ -88,17 +88,17 @@ def recalibrate(
     bend: "str | float | None" = None,
     **columns: Any,
 ) -> Recalibration:
-    """Fit gain and offset of a known cable's model to seconds of new motion, and say whether the cable has changed.
+    """Fit gain and offset of a known model to a few seconds of new motion, and say whether the cable has changed.
 
     Args:
-        log: a path, a `Log` of `read_log` or a trace, with a reversal at least.
-        model: a model.toml, or what `identify`, `identify_together` or `recalibrate` gave.
-        load: of the log, where the model is scheduled by it; a number, or the name of a column.
+        log: a path, a `Log` of `read_log` or a trace, with at least one reversal.
+        model: a model.toml, or what `identify`, `identify_together` or `recalibrate` returned.
+        load: of the log, if the model depends on it; a number, or the name of a column.
         bend: the same [rad].
         **columns: ``time``, ``motor``, ``joint``, ``unit``, ``counts_per_turn`` and ``rate`` of a file.
 
     Returns:
-        Gain, offset, the errors before and after, ``changed``, and ``best``, the model as a rig takes it.
+        Gain, offset, the errors before and after, ``changed``, and ``best``, the new model, for ``Rig(cable=…)``.
 
     Raises:
         LogError: a file that cannot be read, no reversal, or a joint that moves the other way.

@@ -99,9 +99,9 @@ def simulate(
     seed: int | None = None,
     force: bool = False,
 ) -> Trace | Traces:
-    """Run a law, or several side by side, on a rig's plant, reference and scenario.
+    """Simulate a law, or several laws side by side, on a rig.
 
-    Before anything runs, every law is checked as `bowden.check` does it; one that does not hold is refused.
+    Every law is checked first, as `bowden.check` does it. A law that does not hold is refused.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
@@ -112,7 +112,7 @@ def simulate(
         force: run laws that do not hold, too.
 
     Returns:
-        The trace; of a list, a dictionary of name of the law → its trace, which can be shown and drawn as a whole.
+        The trace. For a list of laws: a dictionary, name of the law → trace, which shows and draws all of them.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.

@@ -88,8 +88,9 @@ _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 class Rig:
     """Everything that a run needs; the default is the bench of the paper. All numbers are in SI and radians.
 
-    What a file names (a cable's model, a recorded motion, a wearer, a law) is read when the rig is made and is part of
-    it, so that what is checked is what runs.
+    Files that it names (a cable's model, a recorded motion, a wearer, a law) are read when the rig is made and are part
+    of it: what is checked is what runs. A part may also be given by those of its fields that differ from the default,
+    ``suit={"worn": True}``.
 
     >>> rig = Rig(servo=Servo(natural_frequency=20.0, damping=0.8, speed_limit=10.0), law="bowden")
     >>> rig.bench.servo.damping
@@ -130,9 +131,9 @@ class Rig:
     gains: Mapping[str, float] = Gains()
     """Gains of that law that differ from its own."""
     reference: Trajectory = REFERENCES["periodic_minimum_jerk"].default
-    """Where the joint shall be, unless EMG or the wearer's push moves it."""
+    """Where the joint should be, unless EMG or the wearer's push moves it."""
     bend: Bend = ConstantBend()  # noqa: RUF009
-    """How the sheath is bent over the run."""
+    """How the sheath is bent during the run."""
     duration: float = _SCENARIO.duration
     """Of a run [s]."""
     seed: int = _SCENARIO.seed
@@ -262,7 +263,7 @@ class Rig:
 
     @classmethod
     def of_tree(cls, tree: Mapping[str, Any], origin: Path, keep: "Rig | None" = None) -> "Rig":
-        """The rig of sections as they stand in a rig.toml.
+        """The rig from the sections of a rig.toml.
 
         Args:
             tree: section → key → value, in the file's units.
@@ -301,7 +302,7 @@ class Rig:
         return toml_text.written(self.tree())
 
     def write(self, path: Path | str) -> None:
-        """Write the rig as a rig.toml, and what it was made of beside it: model, motion, law and wearer.
+        """Write the rig as a rig.toml, and next to it the files that it needs: model, motion, law and wearer.
 
         Raises:
             ParameterError: see `tree`.
@@ -340,7 +341,7 @@ class Rig:
         return dataclasses.replace(self, **changes)
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
-        """The same rig under another law, which takes none of this one's gains; the rig's own where none is given.
+        """The same rig with another law, without the gains of the old one; unchanged if no law is given.
 
         Args:
             law: a name, ``FILE.py:NAME`` or a `Law`.
@@ -380,10 +381,10 @@ class Rig:
         return self.replace(emg=emg_setup.found(emg, Path(self.origin).parent, source))
 
     def offline(self, *, whole: bool = False) -> "Rig":
-        """The same rig as a simulation has it: by EMG, the motion of its recording makes the reference.
+        """The same rig for a simulation: with EMG, the reference is the motion that its recording asks for.
 
-        The run then ends with the recording, unless it is to be of its `whole` duration. Of a live source the reference
-        is the largest motion that it can ask for. The hash stays: it is the same rig.
+        The run then ends with the recording, unless the `whole` duration is wanted. With a live source the reference is
+        the largest motion that it can ask for. The hash stays: it is the same rig.
 
         Raises:
             StreamError: a recording that cannot be used.
@@ -468,7 +469,7 @@ class Rig:
         return fragment(f"Rig {self.hash}", display.rows(self), figure)
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw where the joint shall be over the run and, on second axes, how the sheath is bent.
+        """Draw the reference over the run and, on second axes, how the sheath is bent.
 
         Args:
             axes: matplotlib's, one or two; a new figure is made where they are not given.
@@ -487,7 +488,7 @@ class Rig:
 
     @cached_property
     def turned(self) -> bool:
-        """Whether motor angles are counted the other way round, because the joint falls where the motor rises."""
+        """Whether motor angles are counted the other way round, because the joint falls when the motor rises."""
         return self._plain_cable.slope < 0.0 if self.plant is None else self.own_plant.turned
 
     @property
@@ -508,7 +509,7 @@ class Rig:
 
     @property
     def identified(self) -> bool:
-        """Whether the cable is known from a log, and not written by hand."""
+        """Whether the cable comes from a log, and was not written by hand."""
         return isinstance(self.cable, IdentifiedCable)
 
     @cached_property
@@ -537,7 +538,7 @@ class Rig:
 
     @property
     def own_plant(self) -> UserPlant:
-        """The user's plant with what it says of itself.
+        """The user's plant, with the parts that it defines itself.
 
         Raises:
             ParameterError: the rig has none, or its file cannot be used.

@@ -19,8 +19,8 @@ def settling(gains: BowdenGains) -> float:
     return 20.0
 
 
-HEARD = 0.015
-"""`Law.heard`: six times what counts as no news at rest on the default bench [rad]."""
+DEADBAND = 0.015
+"""`Law.deadband`: six times what counts as no news at rest on the default bench [rad]."""
 
 
 def surely_wide(known: Knowledge) -> float:
@@ -71,7 +71,7 @@ LAW = Law(
     },
     compensates_lag=True,
     settling=settling,
-    heard=HEARD,
+    deadband=DEADBAND,
     tunable=frozenset({"bandwidth", "lag"}),
     limits=LIMITS,
     former=FORMER,

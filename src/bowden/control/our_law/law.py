@@ -106,7 +106,7 @@ def step(
     )
     answer = 1.0 / kappa + 2.0 / pace.quick + delay
     motor = sel(seen, sign * sample.motor, known.contact + joint * known.inverse)
-    told = Known(
+    given = Known(
         joint,
         motor,
         there,
@@ -119,7 +119,7 @@ def step(
         gains.lag + 2.0 * LOAD_DAMPING * time,
         answer,
     )
-    after = crossed(known, told, before.asked, observer.asked, dt)
+    after = crossed(known, given, before.asked, observer.asked, dt)
     observer = shifted(observer, after.asked, after.shift)
     cable = after.crossing
     position = (

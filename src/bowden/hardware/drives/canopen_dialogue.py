@@ -31,7 +31,7 @@ _TRIES = 2
 """Of a question, since a frame may get lost."""
 
 
-class Overheard(can.Listener):
+class BusListener(can.Listener):
     """What has come over the bus beside answers.
 
     Args:
@@ -68,11 +68,11 @@ class Dialogue:
         network: the library's.
         node_id: whom to ask.
         timeout: how long an answer may take [s].
-        heard: what comes besides answers.
+        listener: what comes besides answers.
     """
 
-    def __init__(self, network: canopen.Network, node_id: int, timeout: float, heard: Overheard) -> None:
-        self._network, self.heard = network, heard
+    def __init__(self, network: canopen.Network, node_id: int, timeout: float, listener: BusListener) -> None:
+        self._network, self.listener = network, listener
         self._node = network.add_node(canopen.RemoteNode(node_id, _no_dictionary()))
         self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = timeout, _TRIES
         self._kept: dict[tuple[int, int], tuple[int, int]] = {}
@@ -232,12 +232,12 @@ def dialogue(bus: can.BusABC, node_id: int, host_id: int, timeout: float) -> Ite
         host_id: who we are.
         timeout: how long an answer may take [s].
     """
-    network, heard = canopen.Network(bus), Overheard(node_id, host_id)
-    network.listeners.append(heard)  # type: ignore[arg-type]  # it takes any listener
+    network, listener = canopen.Network(bus), BusListener(node_id, host_id)
+    network.listeners.append(listener)  # type: ignore[arg-type]  # it takes any listener
     network.NOTIFIER_CYCLE = 0.02  # the thread is waited for at the end
     network.connect()
     try:
-        yield Dialogue(network, node_id, timeout, heard)
+        yield Dialogue(network, node_id, timeout, listener)
     finally:
         if network.notifier is not None:
             network.notifier.stop(5.0)

@@ -68,9 +68,9 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
             torque, or the rig's limits are beyond its own.
     """
     with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-        node.waits(LISTENING, lambda: node.heard.foreign is not None)
+        node.waits(LISTENING, lambda: node.listener.foreign is not None)
         _check_alone(node, drive)
-        node.heard.booted = False  # one that has just been switched on
+        node.listener.booted = False  # one that has just been switched on
         if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
             node.command(frames.NMT_PRE_OPERATIONAL)
         _check_profile(node)
@@ -96,7 +96,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
         _start(node)
         _try_watch(node, drive, state)
         _check_alone(node, drive)
-    if node.heard.booted:
+    if node.listener.booted:
         raise DriveError(
             f"{node.name} has restarted during its bring-up",
             expected="a drive that stays on",
@@ -107,7 +107,7 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
 
 def _check_alone(node: Dialogue, drive: DriveParameters) -> None:
     """No other device may send what only a host sends."""
-    cob_id = node.heard.foreign
+    cob_id = node.listener.foreign
     if cob_id is not None:
         who = (
             f"a node {drive.host_id}, which is the number of this computer,"
@@ -137,9 +137,11 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
     """
     if state is DriveState.FAULT and node.read_if_there(0x603F) == HEARTBEAT_LOST:
         return
-    node.heard.emergencies.clear()
+    node.listener.emergencies.clear()
     node.send(frames.HEARTBEAT + drive.host_id, bytes((frames.OPERATIONAL,)))
-    if not node.waits(drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.heard.emergencies):
+    if not node.waits(
+        drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.listener.emergencies
+    ):
         raise DriveError(
             f"{node.name} does not notice that its host is silent",
             expected=f"an emergency 0x{HEARTBEAT_LOST:X} {1e3 * drive.heartbeat_timeout:g} ms after our last heartbeat",

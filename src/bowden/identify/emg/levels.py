@@ -57,8 +57,8 @@ class EnvelopeLevels(NamedTuple):
     """Never above."""
     strongest: float
     """Mean over its strongest quarter second: the fluctuation of rest has little of it, as it has of `high`."""
-    told: bool
-    """Whether the detector tells a contraction."""
+    contraction: bool
+    """Whether the detector finds a contraction."""
     sigma: float
     """Size at rest as the detector measures it: a tenth of the time without contraction and trouble it is below; 0 if
     there is no such time."""
@@ -110,10 +110,10 @@ def envelope_levels(
     off[: round(_FILLS * rate)] = True
     low = min(low, float(_means(cleaned.envelope, off, _CALMEST, rate).min(initial=low)))
     strongest = float(_means(cleaned.envelope, out, _STRONGEST, rate).max(initial=middle))
-    told = bool(np.any(detected.active[~out] > 0.5))
+    contraction = bool(np.any(detected.active[~out] > 0.5))
     calm = detected.rest[~out & (detected.active < 0.5) & (detected.trouble == 0.0)]
     sigma = float(np.quantile(calm, 0.1)) if len(calm) else 0.0
-    return EnvelopeLevels(low, middle, high, strongest, told, sigma, (len(values) - begin - len(left)) / rate)
+    return EnvelopeLevels(low, middle, high, strongest, contraction, sigma, (len(values) - begin - len(left)) / rate)
 
 
 def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
@@ -127,7 +127,7 @@ def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
     Raises:
         LogError: there is none.
     """
-    if not found.told and found.strongest < _CONTRACTION * rest:
+    if not found.contraction and found.strongest < _CONTRACTION * rest:
         raise LogError(
             f"{where}: no contraction: the envelope is {rest:.4g} at rest and {found.strongest:.4g} in its strongest "
             f"{_STRONGEST:g} s",
