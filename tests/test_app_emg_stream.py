@@ -168,7 +168,7 @@ class Fake:
 @pytest.mark.parametrize(
     ("values", "error", "said"),
     [
-        (np.ones(200), StreamError, "the stream was lost: it is over; look at its sender"),
+        (np.ones(200), StreamError, "the stream was lost: it is over; check its sender"),
         (np.full(600, 0.25), LogError, "the stream: a is 0.25 in every sample"),
         (np.where(np.arange(600) == 99, np.nan, np.arange(600.0)), StreamError, "1 of 500 samples of 'a' did not come"),
         (np.clip(300.0 * np.sin(0.4 * np.arange(600.0)), -150.0, 150.0), LogError, "are at an end of its range"),
@@ -182,8 +182,11 @@ def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: t
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["calibrate"], "no recording and no --source; expected one of them"),
-        (["calibrate", "a.csv", "--source", "file:a.csv"], "a recording and a --source; expected one of them"),
+        (["calibrate"], "neither a recording nor a --source is given; expected one of them"),
+        (
+            ["calibrate", "a.csv", "--source", "file:a.csv"],
+            "both a recording and a --source are given; expected one of them",
+        ),
         (["calibrate", "--source", "file:a.csv", "--rest", "a.csv"], "--rest and --rate are for recordings"),
         (["calibrate", "--source", "file:a.csv", "--seconds", "0"], "--seconds is 0; expected a number from 2 to 60"),
         (["calibrate", "--source", "usb:1"], "'usb:1' is not a source of EMG; expected lsl:NAME"),

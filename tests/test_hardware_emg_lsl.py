@@ -219,7 +219,7 @@ def test_names_of_channels_are_checked(lsl: Any, labels: list[str], said: str) -
     "text", ["", "lsl:", "udp:x", "biceps.csv", "trigno:", "trigno:host:x", "trigno:host:1:2:3", "trigno:host:99999"]
 )
 def test_what_names_no_source_is_one_line(text: str) -> None:
-    with pytest.raises(StreamError, match=r"is no source of EMG; expected lsl:NAME.*trigno:HOST.*file:PATH"):
+    with pytest.raises(StreamError, match=r"is not a source of EMG; expected lsl:NAME.*trigno:HOST.*file:PATH"):
         open_source(text)
 
 

@@ -241,7 +241,7 @@ def test_a_helper_on_the_path_is_run_where_it_stands_and_else_from_its_copy(
     with pytest.raises(ValueError, match="far") as caught:
         user_file.run(copied, "law").shared.fail()
     said = str(user_file.mistake(caught.value, path))
-    assert said.startswith(f"{place}, line 8: ValueError: far; this is the rig's copy: correct the file that")
+    assert said.startswith(f"{place}, line 8: ValueError: far; this is the rig's copy: correct the file from which")
 
 
 def test_another_process_needs_none_of_the_files(tmp_path: Path) -> None:

@@ -153,7 +153,7 @@ def estimated(
     theta = sel(span > 1.5 * dt, larger(smooth, dt / span), smooth)
     kept = 1.0 - theta
     miss = given - (position + late * (velocity + 0.5 * late * acceleration))
-    reach = larger(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits so long, or for a value
+    reach = larger(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits this long, or for a value
     most = LEAP * reach * reach
     felt = larger(smaller(miss, most), 0.0 - most) / span
     by_acceleration = kept * kept * kept * felt / span

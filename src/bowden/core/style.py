@@ -89,7 +89,7 @@ def new_figure(
         width: of the whole figure [inch].
         height: of the whole figure [inch].
         share_x: one horizontal axis for each column; only the lowest carries numbers.
-        ticks: so many of each axis are made now, and not when the figure is drawn.
+        ticks: this many of each axis are made now, and not when the figure is drawn.
 
     Returns:
         The figure, and its axes as a flat list, row by row.

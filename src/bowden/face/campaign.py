@@ -235,7 +235,7 @@ def _fill(
 
 
 def _clock_in(wait: float) -> str:
-    """What a clock on the wall shows after so many seconds, for a person who waits."""
+    """What a clock on the wall shows after this many seconds, for a person who waits."""
     there = time.localtime(unix_seconds() + wait)
     return time.strftime("%H:%M:%S" if wait < 600.0 else "%H:%M" if wait < 43_200.0 else "on %d %b, %H:%M", there)
 

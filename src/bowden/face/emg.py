@@ -146,7 +146,7 @@ def emg_score(
         channel: name of the channel; of a file the first one where it is not given.
         rate: samples a second [Hz].
         detector: which one finds the contractions.
-        shortest: leave out contractions that are shorter; all others are then reported so much later [s].
+        shortest: leave out contractions that are shorter; all others are then reported this much later [s].
 
     Returns:
         ``spans``, onset and end of each contraction; ``score`` against the labels; ``plot()``.

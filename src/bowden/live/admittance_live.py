@@ -14,7 +14,7 @@ from bowden.safety.limits import Limits
 from bowden.sim.suit_sources import behind, friction_of
 
 MARGIN = ROOM
-"""The reference stays so far within the range in which the supervisor lets joint and motor be: a wearer's push takes
+"""The reference stays this far within the range in which the supervisor lets joint and motor be: a wearer's push takes
 the joint further than the motor, and a law that feeds the joint back may be led as far beyond that range [rad]."""
 
 REVERSAL = 1.5

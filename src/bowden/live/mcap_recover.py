@@ -27,7 +27,7 @@ class Recovery(NamedTuple):
     missing_seconds: float
     """Those rows' share of the run [s]."""
     tail_seconds: float
-    """At most so much is missing after the last row as well; 0 where the file was closed properly [s]."""
+    """At most this much is missing after the last row as well; 0 where the file was closed properly [s]."""
     damage: Damage
 
 

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 Handed = TypeVar("Handed")
 
 STANDS_STILL = 5.0
-"""A loop that has done no cycle for so long does none any more; the drive has long taken its torque off [s]."""
+"""A loop that has done no cycle for this long does none any more; the drive has long taken its torque off [s]."""
 _LOOK = 0.05
 """Between two looks at the run and at the keys [s]."""
 _CLEARED = 1.0
-"""At the end a terminal is given so long to take the picture away, and a disk to take the motor's warmth [s]."""
+"""At the end a terminal is given this long to take the picture away, and a disk to take the motor's warmth [s]."""
 _REMEMBER = 100
 """Looks between two times that the motor's warmth is kept."""
 _PRIORITY = 1

@@ -42,7 +42,7 @@ _ORPHANED_AFTER = 5 * SECOND
 """Without a row and without a parent: both the loop and the operator's process are gone [ns]."""
 _NICE = 5
 _LEAST = 60.0
-"""For so long a run's log has room on the disk when it begins, or for the whole of a shorter run [s]."""
+"""For this time a run's log has room on the disk when it begins, or for the whole of a shorter run [s]."""
 _BESIDE = 15.0
 """What arming, preflight, the way to the beginning and the release take beside it, without an operator [s]."""
 

@@ -25,7 +25,7 @@ _MOST_ESTIMATES = 6
 _BAR = 20
 """Width of the envelope's bar."""
 _OTHER = 4.0
-"""An envelope so many times that of the wearer's rest, or as many times less, is not theirs: it swings by less."""
+"""An envelope this many times that of the wearer's rest, or as many times less, is not theirs: it swings by less."""
 _KEYS = "a arm · r run · s or space stop · k acknowledge · q quit"
 _NEXT = {
     Mode.STOPPED: "a to arm: the motor gets power and makes a small motion",

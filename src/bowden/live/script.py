@@ -103,7 +103,7 @@ class Script:
     def _values(self, row: int) -> Sequence[float]:
         """Of a row of the table, or what EMG makes of one cycle more.
 
-        After cycles that were skipped a motion by EMG goes on where it was, and ends so much later: nobody has said
+        After cycles that were skipped a motion by EMG goes on where it was, and ends this much later: nobody has said
         when it is to end, and a reference that jumps makes a law jump.
         """
         if self._course is not None:

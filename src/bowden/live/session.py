@@ -47,7 +47,7 @@ from bowden.safety.supervisor import Mode, Request
 _START = 900.0
 """A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
 _ANSWER_WITHIN = 3.0
-"""A wait of so long is explained [s]."""
+"""A wait of this long is explained [s]."""
 _END = 10.0
 """From the wish to end to the process' end [s]."""
 _LOOK = 0.05

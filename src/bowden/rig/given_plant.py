@@ -17,7 +17,7 @@ PARTS = ("sheath", "servo", "motor", "joint_encoder", "motor_encoder", "sample_t
 """What a rig says of any plant, and a plant may say of itself."""
 
 _DIGITS = 1e-12
-"""A number that went through a file's units and back may differ by so much of itself."""
+"""A number that went through a file's units and back may differ by this much of itself."""
 
 
 class PlantFile(NamedTuple):

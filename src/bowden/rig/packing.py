@@ -36,7 +36,7 @@ FORMAT = 1
 MOST_BYTES = 32 << 20
 """A larger rig is not packed: its recorded motion is too long [bytes]."""
 _DIGITS = 12
-"""Numbers that are alike in so many digits make the same hash: degrees to radians and back is not exact."""
+"""Numbers that are alike in this many digits make the same hash: degrees to radians and back is not exact."""
 
 _REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}
 _BEND_TAGS = {part.kind: tag for tag, part in BENDS.items()}

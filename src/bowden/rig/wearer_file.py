@@ -42,7 +42,7 @@ class MuscleCalibration(NamedTuple):
 
 
 _LEAST_RATIO = 1.5
-"""The largest envelope is at least so many times rest's, or there is no share of it to speak of."""
+"""The largest envelope is at least this many times rest's, or there is no share of it to speak of."""
 
 
 def check(wearer: MuscleCalibration, where: str) -> MuscleCalibration:

@@ -54,7 +54,7 @@ _SETTLES = 0.05
 _LOOKS = 10.0
 """So often in a second rest has a chance to pass for a contraction: once in `_LONG` [Hz]."""
 _SPIKY = 3.0
-"""Single samples count up to so many times K in the average over 5 ms: noise has them [–]."""
+"""Single samples count up to this many times K in the average over 5 ms: noise has them [–]."""
 
 
 class Ways(NamedTuple):

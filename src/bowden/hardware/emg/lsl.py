@@ -27,7 +27,7 @@ from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.log import largest
 
 SILENCE = 0.25
-"""A stream that has sent nothing for so long is lost, and a gap in its stamps of more is filled [s]."""
+"""A stream that has sent nothing for this long is lost, and a gap in its stamps of more is filled [s]."""
 _OTHERS = 0.6
 """How long others of the same name are looked for [s]."""
 _ANSWER = 5.0
@@ -37,17 +37,17 @@ _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
 _RATE_ERROR = 0.1
 """How far it may be off."""
 _CORRECTIONS = 5
-"""The median of so many of liblsl's estimates of the sender's clock is taken: a busy computer spoils single ones."""
+"""The median of this many of liblsl's estimates of the sender's clock is taken: a busy computer spoils single ones."""
 _OFF = 10.0
 """Stamps that are further off when the stream is opened are of another clock [s]."""
 _AHEAD = SILENCE
 """Stamps that are further in the future are of no sample that has been taken [s]."""
 _BLOCK = 3.0
-"""The rate is counted over so much time; what stamps may be late by, `SILENCE`, is less than a tenth of it [s]."""
+"""The rate is counted over this time; what stamps may be late by, `SILENCE`, is less than a tenth of it [s]."""
 _LOOK = 1.0
 """How often it is looked for a second stream of the name, and what is wrong is said again [s]."""
 _FORGET = 3.0
-"""A stream that has gone is still listed for so long; two that are listed for longer are two [s]."""
+"""A stream that has gone is still listed for this long; two that are listed for longer are two [s]."""
 _BUFFER = 10
 """What liblsl keeps of samples that are not read [s]."""
 _MOST = 8192

@@ -23,9 +23,9 @@ from bowden.hardware.emg.trigno_protocol import LARGEST, LEAST, Samples
 from bowden.hardware.ports import EmgChunk
 
 SILENCE = 0.25
-"""A server that has sent nothing sensible for so long is lost [s]."""
+"""A server that has sent nothing sensible for this long is lost [s]."""
 _GIVE_UP = 1.0
-"""After so long a loss the connection is made again, and once in so long tried again [s]."""
+"""After a loss of this length the connection is made again, and once in this time tried again [s]."""
 _WAIT = 5.0
 """How long the first samples may take [s]."""
 _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
@@ -33,9 +33,9 @@ _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
 _RATE_ERROR = 0.2
 """How far it may be off; frames of 13.5 ms are counted whole."""
 _BLOCK = 4.0
-"""Later the rate is counted over so much time; frames that are late by half a second are an eighth of it [s]."""
+"""Later the rate is counted over this time; frames that are late by half a second are an eighth of it [s]."""
 _BURST = 0.5
-"""After a silence what was held back comes in so much time, and is not counted [s]."""
+"""After a silence what was held back comes in this time, and is not counted [s]."""
 _BUFFER = 10.0
 """What is kept of samples that are not read [s]."""
 _JUDGED = 500.0

@@ -32,7 +32,7 @@ from bowden.hardware.emg.trigno_protocol import (
 Array = NDArray[np.float64]
 
 _PENDING = 1 << 20
-"""A client that leaves so much unread is let go [bytes]."""
+"""A client that leaves this much unread is let go [bytes]."""
 
 
 class Ports(NamedTuple):

@@ -37,10 +37,10 @@ Array = NDArray[np.float64]
 _TOLD = 4
 """Strokes from which on the first half tells families apart; with fewer of them the whole log does."""
 _OUTWARD = ("line", "play", "prandtl_ishlinskii")
-"""What is offered where one reversal was seen: left-out stretches then do not tell how a bent loop goes on."""
+"""What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
 _WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
-"""A model fitted to the whole log is not taken where its error on it is so many times, and so much [rad] above, that of
-the fit to the first half: weights that fade towards the past cost less."""
+"""A model fitted to the whole log is not taken where its error on it exceeds that of the fit to the first half by this
+factor and by this much [rad]: weights that fade towards the past cost less."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SETTLES = 0.5
-"""An envelope is none before so long after the beginning of its signal, or after what leaves filters ringing [s]."""
+"""An envelope is none before this long after the beginning of its signal, or after what leaves filters ringing [s]."""
 _FILLS = 0.2
 """Rest is looked for from here on, since what a beginning leaves in filters only adds to it [s]."""
 _LEAST = 1.0
@@ -26,9 +26,9 @@ _LONG, _CLOSE = 0.3, 0.05
 _BEFORE, _AFTER = 0.15, 0.15
 """Movement and trouble are reported up to this long after their cause, and leave the envelope this long after [s]."""
 _RINGS = 3.0
-"""What is so many times stronger than the strongest hundredth leaves filters ringing for `SETTLES` [–]."""
+"""What is this many times stronger than the strongest hundredth leaves filters ringing for `SETTLES` [–]."""
 _AROUND, _STANDS_OUT = 0.1, 6.0
-"""A sample above so many times the 90 % quantile in so long around it is a click; a muscle has none such [s, –]."""
+"""A sample above this many times the 90 % quantile in this time around it is a click; a muscle has none such [s, –]."""
 _CLICK = 0.02
 """What is left out before it [s]."""
 _HUMS = 0.6
@@ -37,13 +37,13 @@ _SWING_HZ, _MUSCLE = 5.0, 0.7
 """Of the envelope from here on a muscle leaves at least this share to that of the chain, from 20 Hz on: 0.77 and more
 was seen in three recordings wherever the envelope is above 30 % of its largest [Hz, –]."""
 _CALM, _STRONG = 3.0, 0.1
-"""That is asked where the chain's envelope is above so many times the calmest tenth of it and such a share of the
+"""That is asked where the chain's envelope is above this many times the calmest tenth of it and such a share of the
 strongest hundredth; what is below changes neither level [–]."""
 _CONTRACTION = 2.5
 """Rest's own strongest quarter second was 2.5 times its calmest half second at most in stretches of six recordings."""
 _CALMEST, _STRONGEST = 0.5, 0.25
-"""The calmest so long is rest, where a recording has less than a tenth of it, and the strongest so long a contraction;
-short contractions last as long [s]."""
+"""Lengths of the calmest part, which is rest where a recording has less than a tenth of it, and of the strongest part,
+a contraction; short contractions last as long [s]."""
 
 
 class EnvelopeLevels(NamedTuple):
@@ -137,7 +137,7 @@ def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
 
 
 def _means(values: Array, out: Flags, lasting: float, rate: float) -> Array:
-    """Means over every stretch so long [s] in which nothing is left out."""
+    """Means over every stretch this long [s] in which nothing is left out."""
     window = round(lasting * rate)
     sums, lacking = (np.concatenate([[0.0], np.cumsum(part)]) for part in (values, out.astype(np.float64)))
     whole = lacking[window:] - lacking[:-window] < 0.5
@@ -173,7 +173,7 @@ def _artefacts(
 
 
 def _wider(flags: Flags, before: int, after: int) -> Flags:
-    """Flagged, and so many samples before and after it as well."""
+    """Flagged, and this many samples before and after it as well."""
     found = np.zeros(len(flags), dtype=bool)
     for first, end in _stretches(flags):
         found[max(0, first - before) : end + after] = True

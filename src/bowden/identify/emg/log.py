@@ -34,9 +34,9 @@ _MOST_VOLTS, _MOST = 100.0, LARGEST
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
 _DEAD = 0.02
-"""A value that lasts so long is no signal, as the detectors have it [s]."""
+"""A value that lasts this long is no signal, as the detectors have it [s]."""
 _COARSE, _SATURATED = 16, 0.5
-"""A converter of so few steps is at an end of its range more often; above this share that is clipped, too."""
+"""A converter with this few steps is at an end of its range more often; above this share that is clipped, too."""
 
 
 @dataclass(frozen=True)

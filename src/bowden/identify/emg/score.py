@@ -20,7 +20,7 @@ Spans = list[tuple[float, float]]
 PAPERS = EnvelopeSettings(offset_hz=1.0, mains_hz=0.0)
 """The paper's chain: offset, rectification, 8 Hz; it names no filter for the mains."""
 EARLY = 0.3
-"""A detection may begin so long before the label of its contraction: labels are made by eye [s]."""
+"""A detection may begin this long before the label of its contraction: labels are made by eye [s]."""
 
 
 @dataclass(frozen=True)
