@@ -35,7 +35,7 @@ def league(
     ),
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
-    """Compare laws, each with one set of gains, on plants that nobody tuned them for.
+    """Compare laws, each with one set of gains, on plants for which they were not tuned.
 
     A plant or scenario that needs a recording is left out where the data folder has none. Ctrl-C ends the league with a
     page of what has been played.
@@ -101,7 +101,7 @@ COMMANDS = (
     Command(
         "league",
         league,
-        "Compare control laws on plants that nobody tuned them for.",
+        "Compare control laws on plants for which they were not tuned.",
         (
             "bowden league",
             "bowden league --laws adaptive --laws bowden --plants bench --plants play",

@@ -72,7 +72,7 @@ def measure(
 
 
 _KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "stops", "preflight", "emergencies", "error")
-"""What the JSON document tells of the run, beside its files."""
+"""What the JSON document says of the run, in addition to its files."""
 
 
 def _write(session: "Session", folder: Path) -> list[Path]:

@@ -45,7 +45,7 @@ def twin(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
-    """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
+    """Run a digital twin of the rig's drive until Ctrl-C, or give a running one a fault."""
     given = shortened(_given(rig), duration).on_bus(channel, interface)
     _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):

@@ -1,7 +1,7 @@
 """The reference as a law is shown it: a motion with its derivatives, whatever the source gives.
 
 A law goes by position, velocity and acceleration of its reference. Many a source has only the position, holds it
-between its own ticks, tells a noisy velocity, or lets the set point jump. One conditioner stands between source and
+between its own ticks, gives a noisy velocity, or lets the set point jump. One conditioner stands between source and
 law, for all laws and in every loop. In each cycle it does one of three things.
 
 **Pass.** Where the reference is a motion, that is where it leads on from what was shown last,
@@ -170,7 +170,7 @@ def estimated(
 def condition_step(
     settings: Conditioning, state: Conditioned, reference: Reference, dt: float
 ) -> tuple[Conditioned, Reference]:
-    """One cycle: what the source tells in, what the law is shown out."""
+    """One cycle: in: what the source gives; out: what the law is shown."""
     begun = (state.unchanged >= 0.0) * (np.abs(state.position) < _LARGEST)
     given = Reference(
         number_or(reference.position, state.told),

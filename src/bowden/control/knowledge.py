@@ -4,15 +4,15 @@ A rig supplies a `Knowledge`. A law declares in `Law.from_rig` which of it each 
 
     from_rig={"servo_frequency": "servo_frequency", "slope": "slope", "lead": lag}
 
-a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. `informed` is the only place that tells,
-and `configured` puts a law's gains together for a rig:
+a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. Only `informed` does this, and
+`configured` puts a law's gains together for a rig:
 
 1. the law's own gains;
 2. what it knows of the rig;
 3. the preset: what it changes stays as it has it, what it leaves as the law's own comes from the rig;
 4. the gains that the rig itself gives.
 
-Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that tells laws
+Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that gives laws
 something wrong on purpose changes the `Knowledge`.
 """
 
@@ -145,8 +145,8 @@ def _with_known(law: Law, known: Knowledge) -> Law:
     taken = {gain for gain, what in law.from_rig.items() if what in _GUESSES} if _own_is_better(law, known) else set()
     values = {}
     parts = {name: getattr(known, name) for name in Conditioning._fields}
-    told = law.conditioning._replace(**{name: value for name, value in parts.items() if not math.isnan(value)})
-    law = replace(law, conditioning=told)
+    conditioning = law.conditioning._replace(**{name: value for name, value in parts.items() if not math.isnan(value)})
+    law = replace(law, conditioning=conditioning)
     for gain in law.from_rig:
         value = _value(law, gain, known)
         if gain not in law.chosen and gain not in taken and not math.isnan(value):

@@ -98,7 +98,7 @@ class Law:
     """Motion of the joint below which the feedback weighs it less; the linear loop is that of larger motions [rad]."""
     tunable: frozenset[str] | None = None
     """Gains that are a designer's choice, and no fact of the rig: what `tune` moves and `check` advises to change; a
-    nested part's name stands for all of it. Of a law that does not say, all that `from_rig` does not tell; never None
+    nested part's name stands for all of it. Of a law that does not say, all that `from_rig` does not set; never None
     once the law is made."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
@@ -248,7 +248,7 @@ class Law:
     def preset(self, name: str) -> "Law":
         """The same law with a named set of gains, which replaces all gains that were chosen before.
 
-        Gains that the preset leaves as the law's own are not chosen by it: a rig may tell them.
+        Gains that the preset leaves as the law's own are not chosen by it: a rig may set them.
 
         Raises:
             ParameterError: a name that is not a preset of this law.

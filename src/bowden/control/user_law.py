@@ -170,12 +170,12 @@ def check_law(law: Law, path: Path | None = None) -> None:
     where = user_file.line(law.step_kernel, path)
     try:
         with asked_for_by(str(path)):
-            told = [informed(law, known).gains for known in (Knowledge(), _EXAMPLE)]
+            tried = [informed(law, known).gains for known in (Knowledge(), _EXAMPLE)]
     except ParameterError:
         raise
     except Exception as error:
         raise user_file.mistake(error, path) from error
-    for gains in told:
+    for gains in tried:
         _check_numbers(gains, "gains that come from the rig", str(path), whole=True)
     sample = Sample(0.01, 0.02)
     try:

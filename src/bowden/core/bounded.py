@@ -1,6 +1,6 @@
 """Reading files that a user names: no pipe or device, and of each no more than a bound, packed or unpacked.
 
-Whatever is refused is an `OSError` whose `strerror` says why, so that a caller tells it as it tells a missing file.
+Whatever is refused is an `OSError` whose `strerror` says why, so that a caller reports it as a missing file.
 """
 
 import errno

@@ -158,7 +158,7 @@ def circle(function: FunctionType, parts: Parts) -> tuple[FunctionType, ...]:
 def _function(function: FunctionType, parts: Parts, *, places: bool = True) -> str:
     name = _name(function, places=places)
     if _is_foreign(function):
-        return name  # whose version is told
+        return name  # whose version is known
     replaced = dict(parts)
     attributes = frozenset(name for inner in _codes(function.__code__) for name in inner.co_names)
 

@@ -35,8 +35,8 @@ class Reference(NamedTuple):
 class DriveState(IntEnum):
     """Where a drive stands, whatever its family: the states of CiA 402, and their numbers.
 
-    A family with fewer of them tells those that it has: the supervisor tells apart `OPERATION_ENABLED`, the two of a
-    fault, and all others.
+    A family with fewer of them reports those that it has: the supervisor distinguishes `OPERATION_ENABLED`, the two of
+    a fault, and all others.
     """
 
     NOT_READY_TO_SWITCH_ON = 0

@@ -70,7 +70,7 @@ def readable(path: Path) -> Iterator[None]:
 
 
 def read_parquet(path: Path, choose: Callable[["pa.Schema"], list[str]] | None = None) -> "pa.Table":
-    """Read a Parquet file, or some of its columns, if there is not much more in it than its bytes can tell.
+    """Read a Parquet file, or some of its columns, if there is not much more in it than its bytes can hold.
 
     Args:
         path: of the file.

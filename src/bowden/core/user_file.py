@@ -111,7 +111,7 @@ _ABOUT_ITSELF = (
     "In definition",
     "raised from",
 )
-"""How those lines of Numba's messages begin that tell where it was, not what is wrong."""
+"""How those lines of Numba's messages begin that say where it was, not what is wrong."""
 
 
 def fingerprint(source: bytes) -> str:
@@ -229,7 +229,7 @@ def _imported(source: bytes, package: str) -> set[str]:
     """Names of all modules that a source may import, and of the packages that they are in."""
     try:
         nodes = list(ast.walk(ast.parse(source)))
-    except (SyntaxError, ValueError):  # told when it is run
+    except (SyntaxError, ValueError):  # reported when it is run
         return set()
     names: set[str] = set()
     for node in nodes:

@@ -35,7 +35,7 @@ def automatic(session: Watched) -> Iterator[bool]:
     Raises:
         SafetyError: what speaks against arming does not go.
     """
-    begun, told, asked = None, False, False
+    begun, announced, asked = None, False, False
     for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
         while True:
             row = session.last()
@@ -66,10 +66,10 @@ def automatic(session: Watched) -> Iterator[bool]:
                 if found != [Fault.LATE] or waited > _LATE_PATIENCE:
                     do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
                     raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
-                if not told:
+                if not announced:
                     said = f"not armed yet, {listed}; it is waited for, {_LATE_PATIENCE:g} s at most"
                     print(f"bowden: note: {said}", file=sys.stderr)
-                told = True
+                announced = True
             session.ask(request)
             asked = True
             yield True

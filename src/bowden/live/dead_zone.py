@@ -1,4 +1,4 @@
-"""What the preflight's last motion tells of the cable's dead zone, for the record.
+"""What the preflight's last motion shows of the cable's dead zone, for the record.
 
 The motor goes out until the joint follows and comes back by as much; there the cable crosses its dead zone once:
 

@@ -39,7 +39,7 @@ class Recording:
 
     @property
     def missing(self) -> int:
-        """Rows that the loop wrote and that are not here: before the last one, and after it as far as the log tells."""
+        """Rows that the loop wrote and that are not here: before the last one, and after it as far as the log says."""
         return missing_of(int(self.numbers[-1]) if len(self.numbers) else -1, len(self.numbers), self.closing)
 
     @property

@@ -50,15 +50,15 @@ class Piece(NamedTuple):
 
 
 def missing_of(last: int, count: int, closing: dict[str, str] | None) -> int:
-    """Rows that the loop wrote and that a log does not have: those before its last one, or all that its end tells of.
+    """Rows that the loop wrote and that a log does not have: those before its last one, or all that its end reports.
 
     Args:
         last: number of its last row, -1 of none.
         count: of its rows.
         closing: its last metadata record.
     """
-    told = [(closing or {}).get(name, "0") for name in ("lost", "dropped", "given_up")]
-    return max(last + 1 - count, sum(int(number) for number in told if number.isascii() and number.isdigit()))
+    reported = [(closing or {}).get(name, "0") for name in ("lost", "dropped", "given_up")]
+    return max(last + 1 - count, sum(int(number) for number in reported if number.isascii() and number.isdigit()))
 
 
 class LogReader:
@@ -169,9 +169,9 @@ class LogReader:
         if len(data) <= start or data[0] != Opcode.CHUNK:
             return
         numbers, rows, times, rest = self._packing.unpack(data[start:])
-        told = stamps_of(self._start, rows[:, self._time]) == times
-        if not told.all():
-            n = int(told.argmin())
+        same = stamps_of(self._start, rows[:, self._time]) == times
+        if not same.all():
+            n = int(same.argmin())
             numbers, rows, rest = numbers[:n], rows[:n], rest[len(rest) :]
         if (np.diff(numbers, prepend=self._last) > 0).all():
             self._torn -= start + len(numbers) * self._packing.dtype.itemsize

@@ -79,8 +79,8 @@ def _copy(handle: int, logs: Sequence[LogReader]) -> Recovery:
     end = logs[-1]
     closing = end.closing or {}
     if len(logs) > 1:  # a later recorder has not lost what another one has written
-        told = missing_of(-1, 0, {**closing, "lost": "0"})
-        closing = closing | {"lost": str(max(0, last + 1 - count - told))}
+        reported = missing_of(-1, 0, {**closing, "lost": "0"})
+        closing = closing | {"lost": str(max(0, last + 1 - count - reported))}
     file.finish({**closing, "recovered_from": " ".join(log.path.name for log in logs)})
     missing = missing_of(last, count, closing)
     cycle, tail = float(np.median(steps)) if len(steps) else 0.0, 0.0 if end.closing is not None else TAIL

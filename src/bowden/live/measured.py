@@ -54,7 +54,7 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
 def _places(tick: NDArray[np.int_], wish: Array, running: NDArray[np.bool_], motor: Array) -> NDArray[np.int_] | None:
     """Where in the motion each cycle is, less than 0 on the way to it; None where the motion did not end.
 
-    The wishes themselves tell it: the last cycle is at the end of the motion, or as far behind it as it has skipped.
+    The wishes themselves show it: the last cycle is at the end of the motion, or as far behind it as it has skipped.
     """
     for beyond in range(_MOST_SKIPPED if len(tick) else 0):
         place = tick - tick[-1] + len(motor) - 1 + beyond

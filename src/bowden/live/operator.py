@@ -53,7 +53,7 @@ def refuse_without_keys(auto: bool, json: bool) -> None:
 class Ending:
     """The signals that ask for the end.
 
-    While a run is being put together the first of them interrupts it; from `operate` on each tells the loop itself to
+    While a run is being put together the first of them interrupts it; from `operate` on each asks the loop itself to
     end, whatever this process is at, and is noted, so that nothing cuts an orderly end short.
     """
 
@@ -106,7 +106,7 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
         contextlib.closing(_Ends(session)),
     ):
         steps = automatic(session) if auto else None
-        looks, told, pressed_in = 0, "", -1.0
+        looks, answer, pressed_in = 0, "", -1.0
         while session.running and not ending.asked:
             session.beat()
             row = session.last()
@@ -115,15 +115,15 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
                 return
             if row is not None:
                 if row["mode"] != pressed_in:
-                    told = ""
-                show(row, told)
+                    answer = ""
+                show(row, answer)
                 if steps is not None and next(steps, None) is None:
                     return
             pressed = key()
             if pressed == "q":
                 return
             if pressed in _KEYS:
-                told, pressed_in = ignored(_KEYS[pressed], row), -1.0 if row is None else row["mode"]
+                answer, pressed_in = ignored(_KEYS[pressed], row), -1.0 if row is None else row["mode"]
                 session.ask(_KEYS[pressed])
             looks += 1
             if looks % _REMEMBER == 0 and row is not None:
@@ -209,14 +209,14 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
     it is written to by a thread of its own, and what comes meanwhile is left out but for the newest.
     """
     if quiet or not sys.stdout.isatty():
-        yield lambda row, told: None
+        yield lambda row, answer: None
         return
 
     def draw(pairs: Iterator[tuple[dict[str, float], str]]) -> None:
         _draw(session, auto, pairs)
 
     with _apart(draw) as show:
-        yield lambda row, told: show((row, told))
+        yield lambda row, answer: show((row, answer))
 
 
 @contextlib.contextmanager
@@ -269,8 +269,8 @@ def _draw(session: "Session", auto: bool, shown: Iterator[tuple[dict[str, float]
     live = Live(auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False)
     with contextlib.suppress(OSError), live:  # the terminal may be gone
         size = live.console.size
-        for row, told in shown:
+        for row, answer in shown:
             if live.console.size != size:  # a terminal that is another one now wraps what stands on it
                 size = live.console.size
                 live.console.clear()
-            live.update(picture(session, row, auto, told), refresh=True)
+            live.update(picture(session, row, auto, answer), refresh=True)

@@ -35,8 +35,8 @@ _NEXT = {
 }
 
 
-def picture(session: "Session", row: dict[str, float], auto: bool, told: str = "") -> Table:
-    """One picture of a run from its newest row; `told` is what a key did not do."""
+def picture(session: "Session", row: dict[str, float], auto: bool, answer: str = "") -> Table:
+    """One picture of a run from its newest row; `answer` is why a key did nothing."""
     mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
@@ -54,7 +54,7 @@ def picture(session: "Session", row: dict[str, float], auto: bool, told: str = "
         table.add_row("[red]drive[/red]", escape(code))
     if row["preflight_reason"]:
         table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])
-    table.add_row("keys", "Ctrl-C to end" if auto else f"{_KEYS}{f'  [yellow]{told}[/yellow]' if told else ''}")
+    table.add_row("keys", "Ctrl-C to end" if auto else f"{_KEYS}{f'  [yellow]{answer}[/yellow]' if answer else ''}")
     table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     if session.emg_process is not None:

@@ -55,7 +55,7 @@ class Stop(NamedTuple):
 
 
 def stops(log: Recording) -> list[Stop]:
-    """Every stop of a run by a fault, in their order; empty where there was none, or the log does not tell.
+    """Every stop of a run by a fault, in their order; empty where there was none, or the log does not say.
 
     Args:
         log: of the run, with the columns of `NEEDED`.

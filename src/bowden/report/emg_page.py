@@ -82,8 +82,8 @@ def draw_signal(axes: "Sequence[Axes]", log: EmgLog, labels: Spans | None, found
     threshold = PLAIN_THRESHOLD * found.mvc
     middle.axhline(threshold, color=COLOURS["error"], linewidth=1.0, linestyle="--", label="20 % of MVC")
     rows: list[tuple[str, Sequence[tuple[float, float]], str]] = [
-        ("plain", found.plain, COLOURS["error"]),
-        ("ours", found.found, COLOURS["bowden"]),
+        ("threshold", found.plain, COLOURS["error"]),
+        ("detector", found.found, COLOURS["bowden"]),
         ("trouble", spans(found.detected.trouble, log.rate), COLOURS["limit"]),
     ]
     if labels is not None:

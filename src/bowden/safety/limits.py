@@ -89,7 +89,7 @@ class Limits(NamedTuple):
         float,
         Quantity(
             "largest temperature of the housing: by IEC 60601-1 48 where it is touched for a minute, 43 where it lies "
-            "against skin for ten; more only for one that nobody can touch",
+            "against skin for ten; more only for one that cannot be touched",
             "°C",
             ge=0.0,
             le=85.0,
@@ -166,7 +166,7 @@ class Limits(NamedTuple):
         float,
         Quantity(
             "speed at which R2 lets a worn suit's arm down, to where the cable is just taut: 250 mm/s of the hand, "
-            "0.35 m from the elbow, is what ISO 10218-1 allows where somebody is in reach",
+            "0.35 m from the elbow, is what ISO 10218-1 allows where people are within reach",
             "rad/s",
             ge=15.0,
             le=120.0,

@@ -176,7 +176,9 @@ class Found(NamedTuple):
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
 STOPPED, PREFLIGHT, RUNNING, BRIDGING, RELEASING, LATCHED = (float(mode) for mode in Mode)
 ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
-DEAD_SHARE = 0.8  # of `frozen_travel`: the widest dead zone; the rest tells a frozen joint from one that starts late
+DEAD_SHARE = (
+    0.8  # of `frozen_travel`: the widest dead zone; the rest separates a frozen joint from one that starts late
+)
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
 REST, FURTHER = 0.35, 0.1  # a joint this far to the slack side of zero, where the cable is just taut, is pulled [rad]
 AHEAD = 0.05  # time for which a joint is ahead of the cable before the cable counts as slack [s]

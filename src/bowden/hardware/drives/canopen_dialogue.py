@@ -141,7 +141,7 @@ class Dialogue:
         except canopen.SdoAbortedError as error:
             if error.code in NOT_THERE:
                 return None
-            raise DriveError(f"{self.name} does not tell {index:04X}h:{sub}: {error}") from error
+            raise DriveError(f"{self.name} does not report {index:04X}h:{sub}: {error}") from error
         except _FAILURES as error:
             raise DriveError(f"{self.name} does not answer for {index:04X}h:{sub}: {error}") from error
 
@@ -213,7 +213,7 @@ class Dialogue:
         return sorted(set(self._network.scanner.nodes) - {self._id})
 
     def reaches(self, state: int, patience: int = 3) -> bool:
-        """Whether one of the next heartbeats tells that NMT state."""
+        """Whether one of the next heartbeats has that NMT state."""
         for _ in range(patience):
             with contextlib.suppress(canopen.nmt.NmtError):
                 self._node.nmt.wait_for_heartbeat(self._timeout)

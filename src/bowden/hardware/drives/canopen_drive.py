@@ -29,7 +29,7 @@ CLOSING_CYCLES = 20
 
 MOST_INPUTS_AGE = 10
 """Cycles for which the digital inputs may be missing; after that the emergency stop counts as pressed, by a node that
-tells the rest: one that tells nothing is not there, which its age says."""
+sends the rest: one that sends nothing is not there, which its age shows."""
 MOST_ANGLES_AGE = 5
 """Cycles in which a node that is there has sent both angles."""
 
@@ -126,8 +126,8 @@ class CanopenDrive:
                 self._heartbeat_at = now
                 self._operational = self._operational and state == frames.OPERATIONAL
             elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
-                told = EMERGENCY_STOP if code == SAFE_TORQUE_OFF else float(code)
-                emergency = emergency or told  # of several in a cycle the first is the cause
+                sent = EMERGENCY_STOP if code == SAFE_TORQUE_OFF else float(code)
+                emergency = emergency or sent  # of several in a cycle the first is the cause
             elif cob_id == frames.TPDO3 + node and (inputs := frames.unpack_tpdo3(data)) is not None:
                 self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
             elif cob_id & ~REMOTE in self._ours:

@@ -41,7 +41,7 @@ LISTENING = 1.0
 _SAME_SCALE = 1e-3
 """Two scales that differ by less are the same, but for a rounding [–]."""
 UNCHANGED = 1
-"""1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still tells its state."""
+"""1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still reports its state."""
 
 
 class DriveFindings(NamedTuple):
@@ -219,7 +219,7 @@ def _check_mode(node: Dialogue) -> None:
 
 
 def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
-    """The rig's counts a turn against the drive's own, where it tells them (CiA 402, "factor group").
+    """The rig's counts a turn against the drive's own, where it reports them (CiA 402, "factor group").
 
     Positions must be in the motor encoder's counts: a wrong scale passes everything else that is checked here.
     """
@@ -240,7 +240,7 @@ def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
 
 
 def _check_rated(node: Dialogue, drive: DriveParameters, rated: float) -> None:
-    """Whether thousandths of the `rated` current [A] can tell the rig's: 16 bits must hold its largest, and finely."""
+    """Whether thousandths of the `rated` current [A] can express the rig's: 16 bits must hold its largest finely."""
     most, least = 1e-3 * frames.INT16 * rated, 1e-3 * rated
     if drive.current_limit > 0.0 and not 100.0 * least <= drive.current_limit <= most:
         raise DriveError(

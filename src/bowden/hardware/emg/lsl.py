@@ -31,7 +31,7 @@ SILENCE = 0.25
 _OTHERS = 0.6
 """How long others of the same name are looked for [s]."""
 _ANSWER = 5.0
-"""How long a stream that was found may take to tell of itself and of its clock [s]."""
+"""How long a stream that was found may take to answer about itself and its clock [s]."""
 _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
 """What comes in this time shows whether the rate is what was said; the longer one where it does not at first [s]."""
 _RATE_ERROR = 0.1

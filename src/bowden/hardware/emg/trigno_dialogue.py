@@ -216,7 +216,7 @@ class TrignoDialogue:
         return StreamError(f"{self._address.said()} has closed the connection{said}", do="start it again")
 
     def close(self, stop: bool = False) -> None:
-        """Let go of the server; with `stop` tell it to stop as well. Safe to call twice."""
+        """Let go of the server; with `stop` stop it as well. Safe to call twice."""
         if stop and self._sockets:
             with contextlib.suppress(OSError):
                 self._command.sendall(b"STOP\r\n\r\nQUIT\r\n\r\n")

@@ -139,7 +139,7 @@ class TrignoServer:
         return found
 
     def serve(self, until: Callable[[], bool], progress: Callable[[float], None] = lambda seconds: None) -> None:
-        """Serve clients until `until` says so, asked every few milliseconds; tell how much was played [s]."""
+        """Serve clients until `until` says so, asked every few milliseconds; report how much was played [s]."""
         while not until():
             for key, _ in self._selector.select(self._pause()):
                 if isinstance(key.data, str):

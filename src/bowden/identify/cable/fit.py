@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _TOLD = 4
-"""Strokes from which on the first half tells families apart; with fewer of them the whole log does."""
+"""Strokes from which on the first half decides between families; with fewer of them the whole log does."""
 _OUTWARD = ("line", "play", "prandtl_ishlinskii")
 """What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
 _WORSE, _SLIGHT = 1.3, 0.01 / DEGREES

@@ -59,7 +59,7 @@ _NODES, _SEARCHED = 1500, 150
 _KNOTS = 20
 """Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0032 change by 0.006° at most."""
 _GRID = np.geomspace(2e-3, 0.3, 14)
-"""Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can tell."""
+"""Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can show."""
 _EDGE = 0.005
 """Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
 _STATIC_DEGREE = 8

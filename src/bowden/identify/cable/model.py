@@ -124,7 +124,7 @@ class CableModel:
     parameters: Mapping[str, float]
     """By name; SI and radians."""
     others: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False, repr=False)
-    """The parameters of other models of the same log, by their names: a rig tells laws what ``bouc_wen`` says."""
+    """The parameters of other models of the same log, by their names: laws get from a rig what ``bouc_wen`` says."""
 
     def joint_angle(self, motor: Array) -> Array:
         """Joint angle along a recorded motion of the motor, simulated straight through: (n,) [rad] → (n,) [rad].

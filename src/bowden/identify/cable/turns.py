@@ -126,7 +126,7 @@ def zigzag(motor: Array, threshold: float, found: NDArray[np.int64]) -> int:
             low = k
         if direction >= 0 and motor[high] - motor[k] >= threshold:
             found[count] = high
-            count += direction  # the first swing only tells where the motor sets out to
+            count += direction  # the first swing only shows where the motor sets out to
             direction, high, low = -1, k, k
         elif direction <= 0 and motor[k] - motor[low] >= threshold:
             found[count] = low

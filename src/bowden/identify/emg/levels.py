@@ -75,7 +75,7 @@ def envelope_levels(
 ) -> EnvelopeLevels:
     """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
 
-    Left out are dead electrodes, movement, mains and clicks, with what tells them late and the time in which filters
+    Left out are dead electrodes, movement, mains and clicks, with their late detection and the time in which filters
     ring after them.
 
     Args:
@@ -117,7 +117,7 @@ def envelope_levels(
 
 
 def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
-    """See that there is a contraction in a recording: that the detector tells one, or that its envelope says so.
+    """See that there is a contraction in a recording: that the detector finds one, or that its envelope shows it.
 
     Args:
         found: its levels.

@@ -19,7 +19,7 @@ _GAP = 1.5
 """A step longer than this many medians is a gap, where the others do not scatter as much: a sample may be missing."""
 
 _LATE = 10
-"""Rows within which a dropped one tells of a step that is longer because rows were late, and not missing."""
+"""Rows within which a dropped one stands for a step that is longer because rows were late, and not missing."""
 
 _REPEATED = 0.5
 """Largest share of rows that repeat the stamp before them. Two rows within every tick are half; above it most rows say
@@ -33,7 +33,7 @@ def even_clock(
 
     A row that repeats the stamp before it (a second row within one tick) is dropped. A step within ten rows of k
     dropped ones more than are usual may be k ticks longer: rows were late until then, the last of them by so much as to
-    fall into the next one's tick. Where every tick has two rows a dropped one tells of nothing, and k is 1.
+    fall into the next one's tick. Where every tick has two rows a dropped one means nothing, and k is 1.
 
     Args:
         time: (n,) finite [s].
