@@ -75,8 +75,8 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
     elif path.strokes < 6:
         found.append(
             f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to separate a "
-            f"loop from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least six "
-            "cycles"
+            f"loop from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least "
+            "six cycles"
         )
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]
