@@ -136,6 +136,6 @@ def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it(
     with pytest.raises(SafetyError, match="has not been acknowledged: motor does not follow its model"):
         list(automatic(session))
     session.began_latched = False
-    with pytest.raises(SafetyError, match="latched a fault before this run was armed: motor does not do what"):
+    with pytest.raises(SafetyError, match="latched a fault before this run was armed: motor does not follow its model"):
         list(automatic(session))
     assert not asked
