@@ -426,7 +426,7 @@ def test_a_replay_needs_what_it_compares(rows: np.ndarray, capsys: pytest.Captur
         ("a", {"limits": {"motor_low": 0.0}}, "no limits that this version knows"),
         ("b", {"law": "none_such"}, "there is no law 'none_such'"),
         ("c", {"law": None}, "does not say which law"),
-        ("d", {"gains": {"other": 1.0}}, "gains do not fit"),
+        ("d", {"gains": {"other": 1.0}}, "gains are not those of the law"),
         ("e", {"law": "observer", "gains": {}}, "no column law."),
     ):
         write(Path(f"{name}.mcap"), rows[:50], settings | changes)
