@@ -30,7 +30,7 @@ taken for the mean of its stairs, (T − Ts)/2 late, with the velocity of the mo
 of a change is known. A miss that no servo could follow, beyond `LEAP`·max(ω·T, 1/`SHARPNESS`)², counts for the position
 alone.
 
-Once the position has not answered for `SLOWEST`, its next change is a jump, not a motion.
+Once the position has not changed for `SLOWEST`, its next change is a jump, not a motion.
 """
 
 from typing import Annotated, NamedTuple

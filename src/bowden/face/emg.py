@@ -190,12 +190,18 @@ def scored(
         ParameterError: a wearer's file or labels that cannot be used.
     """
     if not 0.0 <= shortest <= LONGEST:
-        raise ParameterError(f"shortest is {shortest:g} s", expected=f"a number from 0 to {LONGEST:g}")
+        raise ParameterError(
+            f"shortest is {shortest:g} s", expected=f"a number from 0 to {LONGEST:g}", do="leave it out for all"
+        )
     known = read_labels(Path(labels)) if isinstance(labels, str | Path) else _spans(labels)
     _check_labels(known, log, f"{labels}: labels" if isinstance(labels, str | Path) else "labels")
     of, where = (wearer_file.read(Path(wearer)), str(wearer)) if isinstance(wearer, str | Path) else (wearer, "wearer")
     if of is not None and not isinstance(of, MuscleCalibration):
-        raise ParameterError(f"wearer is {arguments.said(of)}", expected="what emg_calibrate returns, or its file")
+        raise ParameterError(
+            f"wearer is {arguments.said(of)}",
+            expected="what emg_calibrate returns, or its file",
+            do="call emg_calibrate first, or leave it out",
+        )
     other = of is not None and of.channel != log.channel
     if of is not None and other:
         note = (
@@ -298,7 +304,7 @@ def _recording(recording: Any, channel: str | None, rate: float | None, function
     if rate is not None:
         rate = arguments.number(rate, f"{function}: rate", "samples a second, such as 1000")
         if not 0.0 < rate < 1e6:
-            raise ParameterError(f"rate is {rate:g}", expected="samples a second, such as 1000")
+            raise ParameterError(f"rate is {rate:g}", expected="samples a second, such as 1000", do="correct it")
     if isinstance(recording, EmgLog):
         return recording
     if isinstance(recording, str | Path):
@@ -318,11 +324,15 @@ def _spans(labels: Any) -> Spans | None:
         pairs = [(float(onset), float(end)) for onset, end in labels]
     except (TypeError, ValueError):
         raise ParameterError(
-            f"labels is {arguments.said(labels)}", expected="a file, or pairs of onset and end in seconds"
+            f"labels is {arguments.said(labels)}",
+            expected="a file, or pairs of onset and end in seconds",
+            do="write [(3.0, 5.0)], for example",
         ) from None
     ends = np.ravel(pairs)
     if not (np.isfinite(ends).all() and (np.diff(ends) > 0.0).all()):
-        raise ParameterError("labels are not in order", expected="onset < end < next onset, in seconds")
+        raise ParameterError(
+            "labels are not in order", expected="onset < end < next onset, in seconds", do="sort or correct them"
+        )
     return pairs
 
 
@@ -332,5 +342,6 @@ def _check_labels(labels: Spans | None, log: EmgLog, where: str) -> None:
         raise LogError(
             f"{where} from {labels[0][0]:g} to {labels[-1][1]:g} s, and the recording lasts from {log.start:g} to "
             f"{end:g} s",
+            expected="contractions within it",
             do="give the labels of this recording, in its own time",
         )

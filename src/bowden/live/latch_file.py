@@ -1,4 +1,4 @@
-"""What a run was latched by and has not been acknowledged, kept for the next one: a restart acknowledges nothing.
+"""Faults of a run that have not been acknowledged, kept for the next run: a restart acknowledges nothing.
 
 One file for a drive. It is there from the latch to the acknowledgement, whichever process ends meanwhile. What is there
 and cannot be read is a latch all the same. A twin on a bus between processes hurts nobody, and is not remembered.

@@ -73,7 +73,7 @@ def check_mains(mains: float, name: str) -> None:
         ParameterError: it is not; `name` says which key or option has it.
     """
     if mains not in MAINS_HZ:
-        raise ParameterError(f"{name} is {mains:g}", expected="50, 60, or 0 for none")
+        raise ParameterError(f"{name} is {mains:g}", expected="50, 60, or 0 for none", do="give one of them")
 
 
 def write(path: Path, wearer: MuscleCalibration) -> None:
