@@ -3,6 +3,7 @@
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from typing import Any
 
 from bowden.core import arguments
@@ -46,8 +47,7 @@ def _notebook_line() -> Callable[[str], None] | None:
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if shell is None or not hasattr(shell, "kernel"):
         return None
-    from IPython.display import display
-
+    display = import_module("IPython.display").display  # of the notebook: the package does not depend on it
     handle = display({"text/plain": ""}, raw=True, display_id=True)
 
     def show(text: str) -> None:
