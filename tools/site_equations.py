@@ -21,7 +21,7 @@ class _Blocks(Preprocessor):
 
         def drawn(match: "re.Match[str]") -> str:
             made = convert(match[1].replace("\n", " ").strip(), display="block")
-            return f"\n{self.md.htmlStash.store(made)}\n"
+            return "\n" + self.md.htmlStash.store(f'<div class="equation">{made}</div>') + "\n"
 
         return _FENCE.sub(drawn, "\n".join(lines)).split("\n")
 

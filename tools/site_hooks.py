@@ -15,6 +15,9 @@ from site_links import OUTSIDE, ROOT, relinked
 
 _ORIGINS = {uri: origin for origin, uri in OUTSIDE.items()}
 
+_FOUND = {"decisions/": 0.3, "background/": 0.6, "api/": 1.0}
+"""How much what a search finds there weighs; pages for users come first."""
+
 
 def slug(heading: str, separator: str) -> str:
     """The anchor of a heading, as links in the pages have it."""
@@ -54,6 +57,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Mend the links of a page."""
     uri = page.file.src_uri
+    page.meta["search"] = {"boost": next((found for part, found in _FOUND.items() if uri.startswith(part)), 3.0)}
     if uri.startswith(("api/", "decisions/index", "json/")):
         return markdown
     return relinked(markdown, _ORIGINS.get(uri, f"docs/{uri}"), uri)
