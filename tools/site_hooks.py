@@ -15,7 +15,7 @@ from site_links import OUTSIDE, ROOT, relinked
 
 _ORIGINS = {uri: origin for origin, uri in OUTSIDE.items()}
 
-_FOUND = {"decisions/": 0.3, "background/": 0.6, "api/": 1.0}
+_FOUND = {"glossary": 5.0, "decisions/": 0.3, "background/": 0.6, "api/": 1.0}
 """How much what a search finds there weighs; pages for users come first."""
 
 
