@@ -72,20 +72,20 @@ def simulate(
             if found_torque := _interaction(setup, trace):
                 print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
-        _say_next(rig, metrics, law, preset, out, csv=csv)
+        _say_next(rig, metrics, law or [], changed.law_name, preset, out, csv=csv)
 
 
 def _say_next(
-    rig: Path, metrics: dict[str, "Metrics"], laws: list[str] | None, preset: str | None, out: Path, *, csv: bool
+    rig: Path, metrics: dict[str, "Metrics"], laws: list[str], own: str, preset: str | None, out: Path, *, csv: bool
 ) -> None:
     """The check of the rig, under the law that followed best; of a run that nothing compensated, its identification."""
     if list(metrics) == ["uncompensated"]:
         say_next("identify", out / f"uncompensated.{'csv' if csv else 'parquet'}")
         return
-    given = dict(zip(metrics, laws or [], strict=False))
+    given = dict(zip(metrics, laws, strict=False))
     errors = {name: one.rmse_deg for name, one in metrics.items() if one.rmse_deg is not None and name in given}
     best = min(errors, key=lambda name: errors[name]) if errors else next(iter(given), None)
-    options = [] if best is None else ["--law", given[best]]
+    options = [] if best is None or given[best] == own else ["--law", given[best]]
     say_next("check", rig, *options, *([] if preset is None else ["--preset", preset]))
 
 

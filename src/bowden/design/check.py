@@ -35,8 +35,6 @@ _IDEAL = 1e-6
 """Width of the differences where the encoder is ideal [rad]."""
 _AT_REST = 0.5 * RADIANS
 """Half of a joint's span that is rest where nothing holds it back [rad]."""
-RESTLESS = 0.5
-"""Of half the dead zone, which play leaves at rest with no law: a loop that holds swings within it."""
 _MOST_ESTIMATES = 3
 """Of a law, that a reason names; a law with more is not understood by them."""
 _ROUNDING = 1e-9
@@ -400,16 +398,18 @@ def _judge(
 def _at_rest(
     trials: Sequence[Trial], dead_zones: Sequence[float], reason: str, *, confirmed: bool
 ) -> tuple[VerdictName, str]:
-    """Whether a loop with its margins holds at rest too, or swings by more than `RESTLESS` of half its dead zone."""
+    """Whether a loop with its margins holds at rest too: it swings no further than play leaves a joint without a law.
+
+    That is half of the dead zone to either side. A loop that swings further is worse at rest than none.
+    """
     pairs = [(trial.swing or 0.0, 0.5 * zone) for trial, zone in zip(trials, dead_zones, strict=True)]
-    swing, left = max(pairs, key=lambda pair: pair[0] / max(RESTLESS * pair[1], _AT_REST))
+    swing, left = max(pairs, key=lambda pair: pair[0] / max(pair[1], _AT_REST))
     play = f"the ±{left / RADIANS:.2g}° that the play leaves without a law"
     said = f"at rest the joint swings by ±{swing / RADIANS:.2g}° in a limit cycle"
-    if swing > max(RESTLESS * left, _AT_REST):
-        more = f"more than half of {play}" if RESTLESS * left > _AT_REST else f"more than {_AT_REST / RADIANS:.2g}°"
-        return "limit_cycle", f"every linear loop has its margins, but {said}, {more}"
+    if swing > max(left, _AT_REST):
+        return "limit_cycle", f"every linear loop has its margins, but {said}, more than {play}"
     if confirmed:
-        return "holds", f"every linear loop has its margins; {said}, within half of {play}"
+        return "holds", f"every linear loop has its margins; {said}, within {play}"
     return "holds", reason
 
 

@@ -21,32 +21,36 @@ _PLAYS = 1.5
 
 TEXT = """\
 # {name}: a bench with your cable. Next: bowden simulate {name}
-# What is not here is as on the paper's bench; docs/rig.md and `bowden init` have every key. [°] means degrees.
+# What is not here is as on the paper's bench; `bowden init OTHER.toml` writes every key, docs/rig.md explains them.
 
 [cable]
 model = {model}
 {counting}
-[servo]  # of the paper's bench: put your own here, bowden identify-servo finds it from a log
+[servo]  # of the paper's bench: put your own here; bowden identify-servo finds it from a log
 natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
-damping = {damping:.4g}
+damping = {damping:.1f}                 # ratio; 1 is critical
 
-# [encoder.joint]         # as on the paper's bench; likewise [encoder.motor]
-# resolution_deg = {count:.4g}  # [°] one count
-# noise_deg = {noise:.4g}        # [°] standard deviation
+[encoder.joint]  # of the paper's bench: put your own here
+resolution_deg = {count:.5g}  # [°] one count
+noise_deg = {noise:.2f}            # [°] standard deviation
+
+[encoder.motor]  # at the spool
+resolution_deg = {count:.5g}  # [°] one count
+noise_deg = {noise:.2f}            # [°] standard deviation
 
 [control]
 law = {law}  # {why}
 
 [reference]  # {within}
 kind = "periodic_minimum_jerk"
-low_deg = {low:g}  # [°]
-high_deg = {high:g}  # [°]
+low_deg = {low:.1f}    # [°] lower end
+high_deg = {high:.1f}  # [°] upper end
 period_s = 10.0  # [s] there and back
 
 [scenario]
 duration_s = 60.0  # [s]
 
-[limits]  # for bowden run; {limited}
+[limits]  # of bowden run: {limited}; all others as bowden init writes them
 {limits}
 """
 
@@ -102,9 +106,7 @@ def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) ->
         within=within,
         low=low,
         high=high,
-        limited=f"{_ROOM:g}° beyond what the log covered; the rest is as bowden init writes it"
-        if seen
-        else "as bowden init writes them",
+        limited=f"angles {_ROOM:g}° beyond what the log covered, slopes round the model's" if seen else "of the model",
         limits="\n".join(_limits(counted)),
     )
 
@@ -134,7 +136,7 @@ def _reference(seen: Covered | None) -> tuple[float, float, str]:
     inside, digits = _INSIDE * (high - low), 0 if high - low > 20.0 else 2
     scale = 10.0**digits
     ends = math.ceil(scale * (low + inside)) / scale, math.floor(scale * (high - inside)) / scale
-    return *ends, f"within the motion that the log covered, {low:.3g} to {high:.3g}° at the joint"
+    return *ends, f"within the motion that the log covered, {low:.1f} to {high:.1f}° at the joint"
 
 
 def _limits(cable: IdentifiedCable) -> list[str]:
@@ -159,7 +161,9 @@ def _limits(cable: IdentifiedCable) -> list[str]:
             ("joint_high_deg", math.ceil(angles[3] + _ROOM), "[°] largest angle of the joint"),
             *found,
         ]
-    return [f"{name} = {float(f'{value:.4g}')}  # {said}" for name, value, said in found]
+    rows = [(f"{name} = {float(f'{value:.4g}')}", said) for name, value, said in found]
+    room = max(len(left) for left, _ in rows)
+    return [f"{left:<{room}}  # {said}" for left, said in rows]
 
 
 def _tenth(angle: float) -> float:

@@ -685,7 +685,7 @@ class Rig:
         span = covered.joint_high - covered.joint_low
         if max(covered.joint_low - low, high - covered.joint_high) <= _BEYOND * span:
             return []
-        seen = f"{covered.joint_low / RADIANS:.3g} to {covered.joint_high / RADIANS:.3g}°"
+        seen = f"{covered.joint_low / RADIANS:.1f} to {covered.joint_high / RADIANS:.1f}°"
         return [
             f"the reference goes from {low / RADIANS:.3g} to {high / RADIANS:.3g}°, and the log of the cable's model "
             f"covered {seen} of the joint: beyond that the model was fitted to nothing, and figures there say little; "

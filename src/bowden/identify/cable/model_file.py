@@ -160,14 +160,14 @@ def _covered(file: Path) -> Covered | None:
     ends: list[float] = []
     for key in ("motor_deg", "joint_deg"):
         pair = said.get(key) if isinstance(said, dict) else None
-        numbers = isinstance(pair, list) and all(type(one) in (int, float) and math.isfinite(one) for one in pair)
-        if not (numbers and len(pair) == 2 and pair[0] < pair[1]):
+        numbers = [one for one in pair if type(one) in (int, float)] if isinstance(pair, list) else []
+        if not (len(numbers) == 2 and pair == numbers and -math.inf < numbers[0] < numbers[1] < math.inf):
             raise ParameterError(
                 f"{file}: {key} of [covered] is {pair!r}",
                 expected="two angles, the lower one first",
                 do="write the file anew, or delete the section",
             )
-        ends += [one / DEGREES for one in pair]
+        ends += [one / DEGREES for one in numbers]
     return Covered(*ends)
 
 

@@ -52,7 +52,7 @@ def trust(fit: "Fit") -> Trust:
     if unseen > WORSE * seen and unseen > SLIGHT:
         return Trust("with care", f"the cable changed during the log; {said}")
     covered = fit.log.covered
-    ends = f"{covered.joint_low * DEGREES:.3g} to {covered.joint_high * DEGREES:.3g}°"
+    ends = f"{covered.joint_low * DEGREES:.1f} to {covered.joint_high * DEGREES:.1f}°"
     return Trust("yes", f"within the motion of this log ({ends} at the joint); {said}")
 
 
