@@ -1,7 +1,7 @@
 """A campaign as a page: shares, how figures are spread, what they depend on, and the worst cases."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -131,7 +131,7 @@ def _spread_figure(laws: Sequence[LawFigures], shown: Sequence[str]) -> "Figure"
                 place.plot(x, np.linspace(0.0, 100.0, len(x)), color=colours[one.law], label=one.law)
         smallest = [one.quantiles[name][0] for one in laws if name in one.quantiles]
         if name in _LOGARITHMIC and smallest and min(smallest) > 0.0:
-            _logarithmic(place, "x")
+            style.logarithmic(place, "x")
         place.set_xlabel(_NAMES[name])
         place.set_ylim(0.0, 100.0)
     for place in axes[len(shown) :]:
@@ -176,22 +176,6 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
         )
 
 
-def _logarithmic(place: "Axes", which: Literal["x", "y"]) -> None:
-    """A logarithmic axis with plain numbers at 1, 2 and 5, at powers of ten where it is long, or evenly if short."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-
-    (place.set_xscale if which == "x" else place.set_yscale)("log")
-    axis = place.xaxis if which == "x" else place.yaxis
-    low, high = axis.get_data_interval()
-    if high < 4.0 * low:
-        axis.set_major_locator(MaxNLocator(4))
-        axis.set_minor_locator(NullLocator())
-    else:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
-
-
 def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str], logarithmic: set[str]) -> "Figure":
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
@@ -203,9 +187,9 @@ def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str], logarithmic:
                 x, y = one.steps[name]
                 place.plot(x, y, "o-", markersize=3.0, color=colours[one.law], label=one.law)
         place.set_xlabel(name)
-        _logarithmic(place, "y")
+        style.logarithmic(place, "y")
         if name in logarithmic:
-            _logarithmic(place, "x")
+            style.logarithmic(place, "x")
     for place in axes[len(names) :]:
         place.set_axis_off()
     for place in axes[::columns]:
