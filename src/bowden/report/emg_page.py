@@ -67,7 +67,7 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
         "The plain threshold is {share} % of an envelope of {mvc}, which is taken for the maximum voluntary contraction "
         "(MVC).",
         share=f"{100 * PLAIN_THRESHOLD:g}",
-        mvc=f"{found.mvc:.4g}",
+        mvc=f"{found.mvc:.4g} {_with_unit(log.channel)[1].strip(' []')}".strip(),
     )
     return page
 

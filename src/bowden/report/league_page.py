@@ -118,7 +118,7 @@ def _cells_table(played: Sequence[Played], laws: Sequence[str]) -> str:
     for one in played:
         rows.setdefault((one.cell.plant, one.cell.scenario), {})[one.cell.law] = one
     head = Markup("").join(
-        Markup('<th scope="col">{}</th>').format(Markup("_<wbr>").join(law.split("_"))) for law in laws
+        Markup('<th scope="col"><span>{}</span></th>').format(law.replace("_", " ")) for law in laws
     )
     body = Markup("").join(
         Markup('<tr><th scope="row">{}<br><small>{}</small></th>{}</tr>').format(

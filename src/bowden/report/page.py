@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"[<>≤≥≈±+\-−]?\s?\d[\d.,]*(e[+\-]?\d+)?(\s?[±…×]\s?\d[\d.,]*(e[+\-]?\d+)?)*\s?[^\s\d]{0,6}", re.I)
 _EMPTY = ("", "–", "—", "-")
-_LONG = 40  # characters of a table's cell that deserve a wide column
+_LONG, _LONGEST = 40, 200  # characters of a table's cell that deserve a wide column, and a wider one
 _BLOCK = re.compile(r"\s*<(p|ul|ol|dl|div|pre|blockquote|h3|details)\b")
 _SHORT = 14
 """Rows of a table that is not broken between two printed pages."""
@@ -208,4 +208,5 @@ def _column_class(cells: Sequence[str]) -> str:
     filled = [cell for cell in cells if cell not in _EMPTY]
     if filled and all(_NUMBER.fullmatch(cell) for cell in filled):
         return "number"
-    return "long" if max(map(len, filled), default=0) > _LONG else ""
+    longest = max(map(len, filled), default=0)
+    return "longest" if longest > _LONGEST else "long" if longest > _LONG else ""
