@@ -60,7 +60,8 @@ def run(runs: Runs) -> Finding:
         figures=[
             (
                 figure,
-                "Joint over motor after a reversal with the printed parameters: the joint first moves the wrong way (solid). "
+                "Joint over motor after a reversal with the printed parameters: the joint first moves the wrong way "
+                "(solid). "
                 "Dotted: the slope alone.",
             )
         ],

@@ -35,7 +35,9 @@ def run(runs: Runs) -> Finding:
     axes.plot(angle * DEGREES, flexor, label="flexor $h_1$")
     axes.plot(angle * DEGREES, extensor, label="extensor $h_2$")
     axes.plot(angle * DEGREES, flexor + extensor, color=COLOURS["reference"], label="difference, equal spools")
-    axes.plot(angle * DEGREES, other_spools, ":", color=COLOURS["reference"], label=f"difference, ratio {sizing.ratio:.3f}")
+    axes.plot(
+        angle * DEGREES, other_spools, ":", color=COLOURS["reference"], label=f"difference, ratio {sizing.ratio:.3f}"
+    )
     axes.set(xlabel="elbow angle [°]", ylabel="cable travel [mm]", xticks=range(0, 91, 15))
     legend(axes)
     return Finding(
@@ -53,7 +55,8 @@ def run(runs: Runs) -> Finding:
         figures=[
             (figure, "Travel of the flexor and extensor cables over the elbow's range, with the printed a, b, R.")
         ],
-        text="The paper’s text says that the extensor moves more and that the mismatch is 50 mm; with the printed dimensions "
+        text="The paper’s text says that the extensor moves more and that the mismatch is 50 mm; with the printed "
+        "dimensions "
         "the flexor moves more, and no joint radius gives both the printed ratio and the printed mismatch. With "
         f"R = {swapped * _MM:.0f} mm the extensor does move more, by 50 mm, but then its spool has to be the larger "
         f"one, {other:.2f} times the flexor's, and the anchors, {reach * _MM:.1f} mm from the joint, stand inside it.",

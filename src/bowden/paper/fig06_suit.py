@@ -25,7 +25,9 @@ def run(runs: Runs) -> Finding:
         values={"fig6.delay": late},
         details={"period": period, "usual": usual or float("nan")},
         figures=[(figure, "Desired and true angle of the elbow, and the error, without compensation.")],
-        text="Delay is the shift that makes both agree best. The paper’s Fig. 6 names no period: at the 25 s of its Fig. 17 "
-        f"the same suit has {usual:.2f} s, and 3 s at {period:.1f} s, which is taken for it. At 25 s a delay of 3 s would be an "
+        text="Delay is the shift that makes both agree best. The paper’s Fig. 6 names no period: at the 25 s of its "
+        "Fig. 17 "
+        f"the same suit has {usual:.2f} s, and 3 s at {period:.1f} s, which is taken for it. At 25 s a delay of 3 s "
+        f"would be an "
         "error of up to 1.875·90°/12.5 s · 3 s = 40.5°, more than the published 30°.",
     )

@@ -16,7 +16,8 @@ def run(runs: Runs) -> Finding:
         figures=[
             (
                 time_and_loop(trace, COLOURS["observer"], "observer"),
-                "Backlash observer. The dead zone is narrower than without compensation and still there, as in the paper.",
+                "Backlash observer. The dead zone is narrower than without compensation and still there, as in the "
+                "paper.",
             )
         ],
         text="With exact parameters the observer would be far better than published: the mismatch is fitted.",

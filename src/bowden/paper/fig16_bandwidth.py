@@ -49,5 +49,10 @@ def run(runs: Runs) -> Finding:
             "beta_at_5hz": float(runs.adaptive_chirp["law.slope_inverse"][at_5hz]),
             "bound_at_5hz": float(runs.adaptive_chirp["law.bound"][at_5hz]),
         },
-        figures=[(figure, "Closed-loop gain from the chirp. Vertical, dashed: the published bandwidths; horizontal, dotted: −3 dB.")],
+        figures=[
+            (
+                figure,
+                "Closed-loop gain from the chirp. Dashed: the published bandwidths. Dotted, horizontal: −3 dB.",
+            )
+        ],
     )

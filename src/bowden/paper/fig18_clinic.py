@@ -182,7 +182,8 @@ def run(runs: Runs) -> Finding:
         figures=[
             (
                 _figure(emg, seen.detected.active, {"adaptive": adaptive, "ours": ours}),
-                "Above: EMG; shaded where the detector sees a contraction. Middle: desired and true angle of the elbow. Below: "
+                "Above: EMG; shaded where the detector sees a contraction. Middle: desired and true angle of the "
+                "elbow. Below: "
                 "error; dotted: ±5°.",
             )
         ],

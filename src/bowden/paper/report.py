@@ -1,4 +1,4 @@
-"""The page of `bowden reproduce`: verdicts and loops first, then how to read them, every claim, and every experiment."""
+"""The page of `bowden reproduce`: verdicts and loops, how to read them, then every claim and every experiment."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -55,7 +55,8 @@ def write_report(outcome: Reproduction, path: Path) -> None:
     if outcome.bench:
         page.figure(
             loops(outcome.bench),
-            "The bench at constant bend: joint over desired angle in a minute from rest. A perfect law draws the dotted "
+            "The bench at constant bend: joint over desired angle in a minute from rest. A perfect law draws the "
+            "dotted "
             "diagonal.",
         )
     page.heading("How to read this page")
@@ -153,8 +154,10 @@ def _calibrations(page: Page, rows: list[dict[str, object]]) -> None:
     main, other = paper.calibration("main"), paper.calibration("second")
     page.text(
         "What the paper does not say was fitted to the rows without the adaptive law, and not changed afterwards. The "
-        f"main calibration takes a period of {main.period:g} s and an observer whose α̂h is {main.observer_share:.2f} of "
-        f"the true one. The second lets the observer know the cable exactly and finds a period of {other.period:.2f} s. "
+        f"main calibration takes a period of {main.period:g} s and an observer whose α̂h is "
+        f"{main.observer_share:.2f} of "
+        f"the true one. The second lets the observer know the cable exactly and finds a period of "
+        f"{other.period:.2f} s. "
         "Both agree with the fitted rows; the published figures cannot tell them apart. The rows of the adaptive law "
         "are predictions of each."
     )

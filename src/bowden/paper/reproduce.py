@@ -41,6 +41,7 @@ EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
 }
 """Name → experiment, and the beginnings of the claims that it computes, in the order of the report."""
 
+
 @dataclass(frozen=True)
 class Reproduction:
     """The judged claims, and what `bowden.paper.report` needs to show them."""

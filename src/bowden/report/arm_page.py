@@ -51,7 +51,10 @@ def arm_page(geometry: SuitGeometry, arm: Arm, found: Agreement) -> Page:
         "MuJoCo with its RK4 at 1 ms. The first three motions are compared with our equation, solved by SciPy; the "
         "others with the simulated suit: its tensions pull MuJoCo's arm, which starts again from the suit's every 2 s.",
     )
-    page.figure(motion_figure(found), "Above: elbow angle by both, one over the other. Below: size of their difference; dashed: what is allowed.")
+    page.figure(
+        motion_figure(found),
+        "Above: elbow angle by both, one over the other. Below: size of their difference; dashed: what is allowed.",
+    )
     page.figure(
         convergence_figure(found),
         "Largest difference over MuJoCo's time step; dotted: what is allowed. A tension is constant during a step, so "
@@ -103,7 +106,14 @@ def convergence_figure(found: Agreement) -> "Figure":
 def _cables(page: Page, geometry: SuitGeometry, found: Agreement) -> None:
     cables = found.cables
     page.table(
-        ["cable", "travel 0–90° [mm]", "difference [mm]", "allowed [mm]", "moment arm: difference [mm]", "allowed [mm]"],
+        [
+            "cable",
+            "travel 0–90° [mm]",
+            "difference [mm]",
+            "allowed [mm]",
+            "moment arm: difference [mm]",
+            "allowed [mm]",
+        ],
         [
             [
                 name,

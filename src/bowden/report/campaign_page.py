@@ -12,7 +12,6 @@ from bowden.study.figures import LawFigures, Spread, Summary
 from bowden.study.sensitivity import Sensitivity
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _NAMES = {

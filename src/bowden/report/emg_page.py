@@ -51,8 +51,10 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
             "latency, worst [ms]",
         ],
         [_row("ours", found.score), _row("plain threshold", found.plain_score)],
-        "Counts, where no unit is given. A detection belongs to a label if its contraction begins within the label or up "
-        "to 0.3 s before it; each further detection is false. A labelled contraction that is shorter than --shortest-ms "
+        "Counts, where no unit is given. A detection belongs to a label if its contraction begins within the label "
+        "or up "
+        "to 0.3 s before it; each further detection is false. A labelled contraction that is shorter than "
+        "--shortest-ms "
         "and not detected is rejected, not missed."
         + ("" if labels is not None else " Without labels (--labels) only detections are counted."),
     )
@@ -64,7 +66,8 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
         + ". Trouble is movement, mains hum or a dead electrode; nothing is detected in it.",
     )
     page.text(
-        "The plain threshold is {share} % of an envelope of {mvc}, which is taken for the maximum voluntary contraction "
+        "The plain threshold is {share} % of an envelope of {mvc}, which is taken for the maximum voluntary "
+        "contraction "
         "(MVC).",
         share=f"{100 * PLAIN_THRESHOLD:g}",
         mvc=f"{found.mvc:.4g} {_with_unit(log.channel)[1].strip(' []')}".strip(),

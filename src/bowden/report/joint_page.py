@@ -44,7 +44,10 @@ def joint_page(fit: JointFit) -> Page:
     shown = [key for key in _TITLES if any(np.isfinite(getattr(one, _TITLES[key])) for one in fit.logs)]
     degrees = [unit == "rad" for unit in fit.units]
     rows = [
-        [one.name, *(f"{value * DEGREES if angle else value:.4g}" for value, angle in zip(one.values, degrees, strict=True))]
+        [
+            one.name,
+            *(f"{value * DEGREES if angle else value:.4g}" for value, angle in zip(one.values, degrees, strict=True)),
+        ]
         + [_degrees(getattr(one, _TITLES[key])) for key in shown]
         for one in fit.logs
     ]
@@ -56,7 +59,8 @@ def joint_page(fit: JointFit) -> Page:
     page.heading("The loop")
     page.figure(
         loops_figure(fit),
-        "Both branches of the loop at the least, the middle and the largest load or bend of the logs, less one straight "
+        "Both branches of the loop at the least, the middle and the largest load or bend of the logs, less one "
+        "straight "
         "line (that of the middle one).",
     )
     return page

@@ -66,7 +66,8 @@ def league_page(
             "unstable [cells]",
         ],
         [_ranked(one) for one in standings],
-        caption="A cell is one plant in one scenario. Won: no law had a lower RMSE from rest. An unstable cell counts as "
+        caption="A cell is one plant in one scenario. Won: no law had a lower RMSE from rest. An unstable cell "
+        "counts as "
         "the largest error. Chatter: travel of the command over that of the reference.",
         classes=["best", *[""] * (len(standings) - 1)],
     )
@@ -117,9 +118,7 @@ def _cells_table(played: Sequence[Played], laws: Sequence[str]) -> str:
     rows: dict[tuple[str, str], dict[str, Played]] = {}
     for one in played:
         rows.setdefault((one.cell.plant, one.cell.scenario), {})[one.cell.law] = one
-    head = Markup("").join(
-        Markup('<th scope="col"><span>{}</span></th>').format(law.replace("_", " ")) for law in laws
-    )
+    head = Markup("").join(Markup('<th scope="col"><span>{}</span></th>').format(law.replace("_", " ")) for law in laws)
     body = Markup("").join(
         Markup('<tr><th scope="row">{}<br><small>{}</small></th>{}</tr>').format(
             plant, scenario, Markup("").join(_cell(row.get(law), row) for law in laws)

@@ -67,7 +67,9 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
     bands = figures.states(trace)
     if bands is not None:
         page.heading("Modes, reactions and faults")
-        page.figure(bands, "The states of the loop over time, each with its name; below them, a bar while a fault was there.")
+        page.figure(
+            bands, "The states of the loop over time, each with its name; below them, a bar while a fault was there."
+        )
     if events:
         rows = [[f"{time:.3f}", text] for time, text in events[:_MOST_EVENTS]]
         more = len(events) - len(rows)

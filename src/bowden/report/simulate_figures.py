@@ -16,7 +16,6 @@ from bowden.core.style import (
     new_figure,
     stay_near,
     thin,
-    widened,
 )
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES

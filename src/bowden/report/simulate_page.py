@@ -93,7 +93,8 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
             page.heading(f"Inside {name}")
             page.figure(
                 drawn,
-                f"The state of {name} over time, each variable between its smallest and its largest value (right), in SI "
+                f"The state of {name} over time, each variable between its smallest and its largest value (right), "
+                f"in SI "
                 "units and radians.",
             )
     moved = figures.sheath(traces)
