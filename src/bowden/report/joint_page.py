@@ -14,6 +14,16 @@ from bowden.report.page import Page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_TITLES = {
+    "fitted [° RMS]": "train_rms",
+    "second half [° RMS]": "test_rms",
+    "log left out [° RMS]": "same_rms",
+    "log left out, offset known [° RMS]": "same_offset_rms",
+    "load left out [° RMS]": "unseen_rms",
+    "load left out, offset known [° RMS]": "unseen_offset_rms",
+}
+"""Head of a column → what of a log stands there; a column without any number is left out."""
+
 
 def joint_page(fit: JointFit) -> Page:
     """Errors of each log, and the loop at the least, the middle and the largest load."""
@@ -23,24 +33,32 @@ def joint_page(fit: JointFit) -> Page:
         page.notice(warning[0].upper() + warning[1:] + ".")
     page.heading("How well it predicts")
     page.text(
-        "“Left out” is the error of a model that was fitted to the other logs alone, “load left out” of one fitted to "
-        "other loads alone (with load and bend: to all but the logs that have both of them the same); “offset” once "
-        "the offset was fitted to the log's first half, judged on its second."
+        "Fitted: error of the model, which was fitted to this log too. Second half: of a model that was fitted to the "
+        "first halves of all logs. Log left out: of one fitted to all other logs. Load left out: of one fitted to the "
+        "other loads (with load and bend: to all logs but those with the same load and bend). Offset known: the offset "
+        "was first fitted to the log's first half; the error is that of its second."
     )
+    shown = [key for key in _TITLES if any(np.isfinite(getattr(one, _TITLES[key])) for one in fit.logs)]
+    degrees = [unit == "rad" for unit in fit.units]
     rows = [
-        [one.name, *(f"{value:.4g}" for value in one.values)]
-        + [_degrees(v) for v in (one.train_rms, one.test_rms, one.same_rms, one.same_offset_rms)]
-        + [_degrees(v) for v in (one.unseen_rms, one.unseen_offset_rms)]
+        [
+            one.name,
+            *(f"{value * DEGREES if angle else value:.4g}" for value, angle in zip(one.values, degrees, strict=True)),
+        ]
+        + [_degrees(getattr(one, _TITLES[key])) for key in shown]
         for one in fit.logs
     ]
-    units = [f"{name} [{unit or '–'}]" for name, unit in zip(fit.variables, fit.units, strict=True)]
-    titles = ["fitted", "second half", "left out", "… offset", "load left out", "… offset"]
-    page.table(["log", *units, *titles], rows, "Errors of the joint angle [° RMS]")
+    units = [
+        f"{name} [{'°' if angle else unit or '–'}]"
+        for name, unit, angle in zip(fit.variables, fit.units, degrees, strict=True)
+    ]
+    page.table(["log", *units, *shown], rows, "Errors of the joint angle.")
     page.heading("The loop")
     page.figure(
         loops_figure(fit),
-        "The loop's two branches without the straight line of the middle one, at the least, the middle and the largest "
-        "load or bend that was seen.",
+        "Both branches of the loop at the least, the middle and the largest load or bend of the logs, less one "
+        "straight "
+        "line (that of the middle one).",
     )
     return page
 
@@ -57,18 +75,19 @@ def recalibration_page(found: Recalibration, source: str) -> Page:
     page = Page(f"{source} on {found.log.name}", f"{verdict(found)[0].upper()}{verdict(found)[1:]}.")
     for warning in found.warnings:
         page.notice(warning[0].upper() + warning[1:] + ".")
+    gain, offset = f"{found.gain:.4f} ± {found.gain_error:.2g}", _degrees(found.offset)
     page.table(
-        ["what", "value"],
+        ["what", "value", "unit"],
         [
-            ["gain", f"{found.gain:.4f} ± {found.gain_error:.2g}"],
-            ["offset [°]", _degrees(found.offset)],
-            ["error before [° RMS]", _degrees(found.before_rms)],
-            ["error after [° RMS]", _degrees(found.after_rms)],
-            ["judged of the old model [° RMS]", _degrees(found.judged_rms)],
+            ["gain", gain, "–"],
+            ["offset", offset, "°"],
+            ["error on this log with the old gain and offset", _degrees(found.before_rms), "° RMS"],
+            ["error on this log with the new ones", _degrees(found.after_rms), "° RMS"],
+            ["error of the old model on data it had not seen, as its file says", _degrees(found.judged_rms), "° RMS"],
         ],
-        f"Gain and offset of {found.best.name}, fitted anew",
+        f"Gain and offset of {found.best.name}, fitted again.",
     )
-    page.figure(residual_figure(found), "What the recalibrated model leaves, over time.")
+    page.figure(residual_figure(found), "Error of the recalibrated model over time, joint − model.")
     return page
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import COLOURS, legend, thin
+from bowden.core.style import COLOURS, legend, note_cut, thin, widened
 from bowden.core.units import DEGREES
 from bowden.models.cable.scheduled import cable_of, hats, powers
 
@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
 _POINTS = 1500
 """Of a curve: more make no visible difference."""
-_SHOWN = ("tab:blue", "tab:green", "tab:red")
-"""Colours of the least, the middle and the largest load."""
+PARTS = {"first half": "#c9ced3", "second half": "#b5d3e7"}
+"""Half of the log → its colour: pale and broad, so that the model's thin line hides nothing of it."""
+_SHOWN = (("#0072b2", "-"), ("#009e73", "--"), ("#d55e00", "-."))
+"""Colour and line at the least, the middle and the largest load."""
 
 
 def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
@@ -28,13 +30,12 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
     line = fit.models["line"].model.joint_angle(log.motor)
     motor = log.motor * DEGREES
     for panel, base in zip(axes, (np.zeros_like(line), line), strict=False):
-        for part, label in ((slice(0, fit.split), "first half"), (slice(fit.split, None), "second half")):
-            colour = COLOURS["data"] if part.start == 0 else COLOURS["joint"]
+        for part, (label, colour) in zip((slice(0, fit.split), slice(fit.split, None)), PARTS.items(), strict=True):
             shown = thin(motor[part], (log.joint - base)[part] * DEGREES, _POINTS)
-            panel.plot(*shown, color=colour, lw=3.0, alpha=0.45, label=label)
+            panel.plot(*shown, color=colour, lw=2.8, label=label)
         late = slice(fit.split, None)
         drawn = thin(motor[late], (fit.predicted - base)[late] * DEGREES, _POINTS)
-        panel.plot(*drawn, color=COLOURS["model"], lw=1.0, label="model")
+        panel.plot(*drawn, color=COLOURS["model"], lw=0.8, label="model")
         panel.set_xlabel("motor [°]")
     axes[0].set_ylabel("joint [°]")
     if len(axes) > 1:
@@ -50,13 +51,18 @@ def draw_loads(axes: "Axes", fit: "JointFit") -> None:
     middle, height = (hats(motor, cable.first, cable.step, count, outward) for outward in (1.0, 0.0))
     ends = [cable.low.tolist(), list(values), cable.high.tolist()] if fit.variables else [[]]
     line = np.polyfit(motor, middle @ (powers(values, cable) @ cable.middle), 1)
-    for at, colour in zip(ends, _SHOWN, strict=False):
+    degrees = [unit == "rad" for unit in fit.units]
+    for at, (colour, dashes) in zip(ends, _SHOWN, strict=False):
         weights = powers(at, cable)
         curve, half = middle @ (weights @ cable.middle), height @ (weights @ cable.height)
-        label = ", ".join(f"{name} {value:.3g}" for name, value in zip(fit.variables, at, strict=True))
+        label = ", ".join(
+            f"{name} {value * DEGREES:.3g}°" if angle else f"{name} {value:.3g} {unit}".strip()
+            for name, value, unit, angle in zip(fit.variables, at, fit.units, degrees, strict=False)
+        )
         for side in (1.0, -1.0):
             drawn = (curve + side * half - np.polyval(line, motor)) * DEGREES
-            axes.plot(motor * DEGREES, drawn, color=colour, lw=1.2, label=label if label and side > 0.0 else None)
+            said = label if label and side > 0.0 else None
+            axes.plot(motor * DEGREES, drawn, color=colour, ls=dashes, lw=1.3, label=said)
     axes.set(xlabel="motor [°]", ylabel="joint − straight line [°]")
     if fit.variables:
         legend(axes)
@@ -66,4 +72,6 @@ def draw_residual(axes: "Axes", found: "Recalibration") -> None:
     """Joint minus recalibrated model over time."""
     time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
     axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
+    axes.set_ylim(*widened(*(float(end) for end in np.quantile(rest, (0.002, 0.998))), 0.3))  # but for the start
+    note_cut(axes, [rest])
     axes.set(xlabel="time [s]", ylabel="joint − model [°]")
