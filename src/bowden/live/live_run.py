@@ -165,7 +165,7 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
         raise ParameterError(
             f"{rig.origin}: the cable's slope is negative",
             expected="a joint angle that grows with the motor's",
-            do="turn motor_direction or joint_direction of [drive] round, and measure anew",
+            do="change the sign of motor_direction or joint_direction of [drive], and measure again",
         )
     _ = rig.drive_parameters  # which refuses what makes no sense together
     _ = rig.pack()  # which refuses more than a log's head and the loop's process can take

@@ -74,7 +74,7 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
 
     Args:
         only: ids of claims or their beginnings (``fig16``, ``table1.adaptive``); all where empty.
-        progress: is told what runs now, and the share that is done.
+        progress: called with what runs now, and the share that is done.
 
     Raises:
         ParameterError: an id that no claim has.
@@ -196,7 +196,7 @@ def _calibrations(page: Page, rows: list[dict[str, object]]) -> None:
         "What the paper does not say was fitted to the rows without the adaptive law, and frozen. The main calibration "
         f"takes a period of {main.period:g} s and an observer whose α̂h is {main.observer_share:.2f} of the true one; "
         f"the second lets the observer know the cable exactly and finds a period of {other.period:.2f} s. Both meet "
-        "the fitted rows; the published figures cannot tell them apart. The adaptive rows are predictions of each."
+        "the fitted rows; the published figures cannot decide between them. The adaptive rows are predictions of each."
     )
     page.table(
         ["quantity", "published", "main", "second", "use"],

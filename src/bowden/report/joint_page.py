@@ -4,18 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import COLOURS, legend, new_figure, thin
+from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
 from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.plot import draw_loads, draw_residual
 from bowden.identify.cable.recalibrate import Recalibration, verdict
-from bowden.models.cable.scheduled import cable_of, hats, powers
 from bowden.report.page import Page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_POINTS = 1500
-_SHOWN = ("tab:blue", "tab:green", "tab:red")
 
 
 def joint_page(fit: JointFit) -> Page:
@@ -50,23 +47,8 @@ def joint_page(fit: JointFit) -> Page:
 
 def loops_figure(fit: JointFit) -> "Figure":
     """Both branches over the motor, at the ends and in the middle of what schedules them."""
-    cable, values = cable_of(fit.best.parameters)
-    count = cable.middle.shape[1]
-    motor = np.linspace(cable.first, cable.first + cable.step * (count - 1), 200)
-    middle, height = (hats(motor, cable.first, cable.step, count, outward) for outward in (1.0, 0.0))
-    ends = [cable.low.tolist(), list(values), cable.high.tolist()] if fit.variables else [[]]
-    line = np.polyfit(motor, middle @ (powers(values, cable) @ cable.middle), 1)
     figure, (axes,) = new_figure(1, 1, height=3.6)
-    for at, colour in zip(ends, _SHOWN, strict=False):
-        weights = powers(at, cable)
-        curve, half = middle @ (weights @ cable.middle), height @ (weights @ cable.height)
-        label = ", ".join(f"{name} {value:.3g}" for name, value in zip(fit.variables, at, strict=True))
-        for side in (1.0, -1.0):
-            drawn = (curve + side * half - np.polyval(line, motor)) * DEGREES
-            axes.plot(motor * DEGREES, drawn, color=colour, lw=1.2, label=label if label and side > 0.0 else None)
-    axes.set(xlabel="motor [°]", ylabel="joint − straight line [°]")
-    if fit.variables:
-        legend(axes)
+    draw_loads(axes, fit)
     return figure
 
 
@@ -93,9 +75,7 @@ def recalibration_page(found: Recalibration, source: str) -> Page:
 def residual_figure(found: Recalibration) -> "Figure":
     """Joint minus model over time."""
     figure, (axes,) = new_figure(1, 1, height=2.8)
-    time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
-    axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
-    axes.set(xlabel="time [s]", ylabel="joint − model [°]")
+    draw_residual(axes, found)
     return figure
 
 

@@ -137,7 +137,7 @@ class Store:
             count = len(list(aside.glob(f"{self.path(chunk).stem}*")))
             target = aside / f"{self.path(chunk).stem}{f'-{count}' if count else ''}.parquet"
             self.path(chunk).replace(target)
-            return f"{error.what}; it is set aside as {target}, and its runs are computed again"
+            return f"{error.what}; it is kept as {target}, and its runs are computed again"
         return ""
 
     def _compare(self, file: Path) -> None:

@@ -124,7 +124,7 @@ class CableModel:
     parameters: Mapping[str, float]
     """By name; SI and radians."""
     others: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False, repr=False)
-    """The parameters of other models of the same log, by their names: a rig tells laws what ``bouc_wen`` says."""
+    """The parameters of other models of the same log, by their names: laws get from a rig what ``bouc_wen`` says."""
 
     def joint_angle(self, motor: Array) -> Array:
         """Joint angle along a recorded motion of the motor, simulated straight through: (n,) [rad] → (n,) [rad].
@@ -189,7 +189,7 @@ class IdentifiedCable:
         return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
 
     def with_parameters(self, given: Mapping[str, float]) -> "IdentifiedCable":
-        """The same cable with these parameters of the simulated model; other models, which laws are told, stay.
+        """The same cable with these parameters of the simulated model; other models, which laws take, stay.
 
         Args:
             given: by name; SI and radians.

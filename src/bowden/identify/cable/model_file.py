@@ -155,7 +155,7 @@ def _document(file: Path) -> tuple[dict[str, Any], str]:
 def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
     parameters = table.get("parameters") if isinstance(table, dict) else None
     if not isinstance(parameters, dict):
-        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file anew")
+        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file again")
     for key, value in parameters.items():
         meaning(key)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
