@@ -236,7 +236,7 @@ class IdentifiedCable:
             return self
         if not self.counting.as_recorded:
             raise ParameterError(
-                f"{self.file or 'the identified cable'} is counted anew already",
+                f"{self.file or 'the identified cable'} already counts its angles in another way than its log",
                 expected="the cable as it was identified",
                 do="take the first one",
             )

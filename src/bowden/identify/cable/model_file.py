@@ -165,7 +165,7 @@ def _covered(file: Path) -> Covered | None:
             raise ParameterError(
                 f"{file}: {key} of [covered] is {pair!r}",
                 expected="two angles, the lower one first",
-                do="write the file anew, or delete the section",
+                do="write the file again, or delete the section",
             )
         ends += [one / DEGREES for one in numbers]
     return Covered(*ends)
