@@ -72,6 +72,7 @@ def draw_residual(axes: "Axes", found: "Recalibration") -> None:
     """Joint minus recalibrated model over time."""
     time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
     axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
-    axes.set_ylim(*widened(*(float(end) for end in np.quantile(rest, (0.002, 0.998))), 0.3))  # but for the start
+    low, high = np.quantile(rest, (0.002, 0.998))  # but for the start
+    axes.set_ylim(*widened(float(low), float(high), 0.3))
     note_cut(axes, [rest])
     axes.set(xlabel="time [s]", ylabel="joint − model [°]")
