@@ -704,7 +704,7 @@ class Rig:
         seen = f"{covered.joint_low / RADIANS:.1f} to {covered.joint_high / RADIANS:.1f}°"
         return [
             f"the reference goes from {low / RADIANS:.3g} to {high / RADIANS:.3g}°, and the log of the cable's model "
-            f"covered {seen} of the joint: beyond that the model was fitted to nothing, and figures there say little; "
+            f"covered {seen} of the joint: beyond that the model was not fitted, and its figures there are uncertain; "
             "keep the reference within, or identify a log of a larger motion"
         ]
 

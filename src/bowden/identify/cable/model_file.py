@@ -67,7 +67,7 @@ def covered_lines(covered: Covered) -> list[str]:
     ends = [f"{angle * DEGREES:.4f}" for angle in covered]
     return [
         "",
-        "[covered]  # by the log, in its own angles; beyond this motion a model was fitted to nothing",
+        "[covered]  # by the log, in its own angles; the models were not fitted beyond this motion",
         f"motor_deg = [{ends[0]}, {ends[1]}]",
         f"joint_deg = [{ends[2]}, {ends[3]}]",
     ]
