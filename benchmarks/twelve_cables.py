@@ -200,6 +200,14 @@ def table(cables: list[Cable]) -> str:
     )
 
 
+def write(cables: list[Cable]) -> None:
+    """Put the table into its page."""
+    made = table(cables)
+    print(made)
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    PAGE.write_text(f"{head}{BEGIN}{made}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
 def main() -> None:
     """All logs of a folder; exit code 1 where one does not come through, or errs by more than is wanted."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -216,10 +224,7 @@ def main() -> None:
                 print(error, file=sys.stderr, flush=True)
     if failed or not found:
         sys.exit("; ".join(failed) or "no logs")
-    made = table(found)
-    print(made)
-    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    PAGE.write_text(f"{head}{BEGIN}{made}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    write(found)
     if max(one.simulated_deg for one in found) > MOST_RMSE:
         sys.exit(f"more than {MOST_RMSE}° in simulation")
 
