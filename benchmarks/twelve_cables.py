@@ -149,11 +149,15 @@ def followed(log: Path, folder: Path, run_for: float = RUN_FOR) -> Cable:
         simulated_deg=simulated,
         tuned_deg=rmse_of(folder / "out" / "tuned" / f"{law}.parquet"),
         twin_deg=twin_rmse(sorted((folder / "out" / "run").glob("*.mcap"), key=lambda one: one.stat().st_mtime)[-1]),
-        replayed=next(line for line in (steps[-1].out + steps[-1].error).splitlines() if "cycles" in line).partition(
-            " commands"
-        )[0],
+        replayed=_replayed(steps[-1]),
         commands=tuple(shlex.join(step.words) for step in steps),
     )
+
+
+def _replayed(step: Step) -> str:
+    """What a replay of the exported law says, of which the last line is ``N cycles, K commands differ, by …``."""
+    cycles, differing = (step.out + step.error).strip().splitlines()[-1].split(", ")[:2]
+    return f"{differing.split()[0]} of {cycles} differ"
 
 
 def rmse_of(trace: Path) -> float:
