@@ -2,7 +2,7 @@
 
 Each cable has a folder of its own. Its log goes into `bowden identify`; after that every command is the one that the
 last line of the one before names, up to the exported law, which is compiled and replayed. Nothing is added but
-``--duration`` of the run on the twin. The figures go into docs/twelve_cables.md.
+``--duration`` of the run on the twin. The figures go into docs/background/twelve_cables.md.
 
     python benchmarks/twelve_cables.py [FOLDER OF LOGS]
 """
@@ -22,7 +22,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[1]
 LOGS = ROOT.parent / "shared" / "data" / "cable"
-PAGE = ROOT / "docs" / "twelve_cables.md"
+PAGE = ROOT / "docs" / "background" / "twelve_cables.md"
 BEGIN, END = "<!-- made by benchmarks/twelve_cables.py -->\n", "<!-- end -->"
 RUN_FOR = 20.0
 """Of the run on the twin [s]."""
@@ -105,7 +105,9 @@ def path_of(log: Path, folder: Path, run_for: float = RUN_FOR) -> Iterator[Step]
             tries += 1
             continue
         if step.code != 0 or not step.next:
-            raise BrokenOff(f"{log.name}: {shlex.join(step.words)} ends with {step.code}: {step.error or step.out}")
+            raise BrokenOff(
+                f"{log.name}: {shlex.join(step.words)} ends with {step.code}: {step.out[-1000:]} {step.error[-1000:]}"
+            )
         words = step.next
 
 
@@ -147,11 +149,15 @@ def followed(log: Path, folder: Path, run_for: float = RUN_FOR) -> Cable:
         simulated_deg=simulated,
         tuned_deg=rmse_of(folder / "out" / "tuned" / f"{law}.parquet"),
         twin_deg=twin_rmse(sorted((folder / "out" / "run").glob("*.mcap"), key=lambda one: one.stat().st_mtime)[-1]),
-        replayed=next(line for line in (steps[-1].out + steps[-1].error).splitlines() if "cycles" in line).partition(
-            " commands"
-        )[0],
+        replayed=_replayed(steps[-1]),
         commands=tuple(shlex.join(step.words) for step in steps),
     )
+
+
+def _replayed(step: Step) -> str:
+    """What a replay of the exported law says, of which the last line is ``N cycles, K commands differ, by …``."""
+    cycles, differing = (step.out + step.error).strip().splitlines()[-1].split(", ")[:2]
+    return f"{differing.split()[0]} of {cycles} differ"
 
 
 def rmse_of(trace: Path) -> float:
@@ -198,6 +204,14 @@ def table(cables: list[Cable]) -> str:
     )
 
 
+def write(cables: list[Cable]) -> None:
+    """Put the table into its page."""
+    made = table(cables)
+    print(made)
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    PAGE.write_text(f"{head}{BEGIN}{made}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
 def main() -> None:
     """All logs of a folder; exit code 1 where one does not come through, or errs by more than is wanted."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -214,10 +228,7 @@ def main() -> None:
                 print(error, file=sys.stderr, flush=True)
     if failed or not found:
         sys.exit("; ".join(failed) or "no logs")
-    made = table(found)
-    print(made)
-    head, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    PAGE.write_text(f"{head}{BEGIN}{made}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    write(found)
     if max(one.simulated_deg for one in found) > MOST_RMSE:
         sys.exit(f"more than {MOST_RMSE}° in simulation")
 

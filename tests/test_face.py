@@ -236,9 +236,11 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
         slid.append(min(max(slid[-1], motor - 0.05), motor + 0.05))
     fit = bowden.identify(T, MOTOR, 0.9 * np.array(slid[1:]) + 1e-4 * np.random.default_rng(1).normal(size=len(T)))
     assert fit.best.name != "line"
-    seen = bowden.MinimumJerk.periodic(-0.3, 0.3, 4.0)  # within what the log covered
-    rigs = [bowden.Rig(cable=cable, duration=4.0, reference=seen) for cable in (fit, fit.best)]
+    small = bowden.MinimumJerk.periodic(-0.3, 0.3, period=4.0)  # within what the log covered
+    rigs = [bowden.Rig(cable=cable, reference=small, duration=4.0) for cable in (fit, fit.best)]
     runs = [bowden.simulate(rig, "adaptive") for rig in rigs]
+    with pytest.warns(UserWarning, match=r"the reference goes from 0 to 65.9°, and the log .* covered -23.2 to 23.2°"):
+        bowden.simulate(bowden.Rig(cable=fit, duration=4.0), "adaptive")
     assert runs[0].stable
     assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
 
