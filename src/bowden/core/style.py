@@ -132,7 +132,7 @@ def legend(axes: Axes, columns: int = 4) -> None:
     axes.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
-        ncols=min(columns, legend_columns(names, axes.figure.get_figwidth())),
+        ncols=min(columns, legend_columns(names, axes.figure.bbox.width / axes.figure.dpi)),
         borderaxespad=0.2,
         handlelength=1.6,
         fontsize=9.0,

@@ -119,7 +119,8 @@ def residual_figure(found: Recalibration) -> "Figure":
     figure, (axes,) = new_figure(1, 1, height=2.8)
     time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
     axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
-    axes.set_ylim(*widened(*(float(end) for end in np.quantile(rest, (0.002, 0.998))), 0.3))  # but for the start
+    low, high = (float(end) for end in np.quantile(rest, (0.002, 0.998)))
+    axes.set_ylim(*widened(low, high, 0.3))  # the start may lie far outside
     note_cut(axes, [rest])
     axes.set(xlabel="time [s]", ylabel="joint − model [°]")
     return figure

@@ -115,7 +115,7 @@ def lateness(trace: Trace) -> "Figure | None":
         values = np.clip(1e6 * trace[name][np.isfinite(trace[name])], -_FAR, _FAR)
         values = np.maximum(values, _SOON)
         bins = np.geomspace(0.9 * float(values.min()), 1.1 * float(values.max()), 60)
-        axes.hist(values, bins=bins, color=COLOURS["joint"], log=True)
+        axes.hist(values, bins=bins.tolist(), color=COLOURS["joint"], log=True)
         axes.set(xlabel=f"{name.replace('_', ' ')} [µs]", ylabel="cycles")
         logarithmic(axes, "x")
     return figure
