@@ -1,4 +1,4 @@
-"""Draw the figure of docs/emg.md: ``python docs/images/make_emg.py FILE.json``.
+"""Draw the figure of docs/background/emg.md: ``python docs/images/make_emg.py FILE.json``.
 
 The file is of ``benchmarks/emg_cases.py --set development --peers --json 0:250``, a minute; no case that judges is
 looked at. The same file gives the same bytes.
