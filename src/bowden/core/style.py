@@ -52,7 +52,7 @@ DASHES = {
     "cascaded_pid": "--",
     "disturbance_observer": "--",
     "hysteresis_model": "-.",
-    "offset_inverse": "-.",
+    "offset_inverse": "--",
     "repetitive": ":",
 }
 """Law → how its line is broken, where several laws share a panel: colours alone do not tell so many apart."""
@@ -129,6 +129,8 @@ def new_figure(
 def legend(axes: Axes, columns: int = 4) -> None:
     """A legend above the axes, where it covers nothing: in `columns`, or in as many as the figure has room for."""
     names = axes.get_legend_handles_labels()[1]
+    if not names:
+        return
     axes.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
