@@ -1,4 +1,4 @@
-"""Figures of the pages: laws that look unlike, cuts that are said, loops of equal axes, logs that open with an error."""
+"""Figures of the pages: laws look unlike, cuts are said, axes of loops are equal, a log opens with its error."""
 
 import re
 from collections.abc import Mapping

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 _STATES = ("mode", "reaction", "power", "source")
 _FAR = 1e12
-"""No cycle is so late, and a histogram wants a width that is a number [µs]."""
+"""What is later counts as this, so that a histogram has finite bins [µs]."""
 _SOON = 1.0
 """What is earlier counts as this: the axis is logarithmic [µs]."""
 _LOADS = ("current", "tension", "temperature", "supervisor.heat.winding")
