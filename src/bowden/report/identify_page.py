@@ -141,9 +141,9 @@ def _forecast(fit: Fit) -> str:
     """What a law can make of the model, in a sentence or two."""
     left, without, counts = (value * DEGREES for value in fit.forecast)
     text = (
-        f"Forecast: on a motion like this log's, a law with this model as feed-forward leaves an error of {left:.2g}° "
-        f"RMS at the joint. Without compensation it is {without:.2g}° (motor and joint related by a straight line). The "
-        "servo's lag, and the time that it needs to cross the play, come on top."
+        f"Forecast: a law with this model as feed-forward leaves an error of {left:.2g}° RMS at the joint, on a motion "
+        f"like that of this log. Without compensation it is {without:.2g}° (motor and joint related by a straight "
+        "line). The servo's lag, and the time that it needs to cross the play, come on top."
     )
     return text + (f" The steps of the encoders alone make {counts:.2g}° RMS." if counts else "")
 

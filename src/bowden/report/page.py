@@ -1,7 +1,7 @@
 """Self-contained HTML pages: text, tables and figures in one file that needs no network and no script.
 
-On a screen they are light or dark, as the reader's system is; on paper black on white, without a figure or a short table
-broken between two pages.
+On a screen they are light or dark, as the reader's system is; on paper they are black on white, and no figure or short
+table is broken between two pages.
 """
 
 import re
