@@ -67,7 +67,7 @@ def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> Non
     trace = Trace.from_parquet("out/uncompensated.parquet")
     assert trace.units["admittance.push.torque"] == "N·m"
     assert trace.units["admittance.virtual.velocity"] == "rad/s"
-    assert "What the wearer pushes" in Path("out/simulate.html").read_text()
+    assert "Push of the wearer" in Path("out/simulate.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ _SEED = 1
 
 
 def comparison() -> Figure:
-    """Errors over a minute, one reversal, and what our law believes."""
+    """Errors over a minute, one reversal, and our law's estimate of the dead zone."""
     figure, (errors, near, widths, motors) = style.new_figure(2, 2, 10.0, 5.0)
     colours = style.colours_for(list(_SHOWN))
     for name, label in _SHOWN.items():
@@ -50,7 +50,7 @@ def comparison() -> Figure:
     motors.set(ylabel="motor [°]", xlabel="time [s]")
     motors.set_title("Motor at that reversal")
     widths.set(ylabel="dead zone [° of motor]", xlabel="time [s]")
-    widths.set_title("What our law believes of the dead zone")
+    widths.set_title("Our law's estimate of the dead zone")
     style.finish(figure)
     return figure
 

@@ -52,7 +52,7 @@ DASHES = {
     "cascaded_pid": "--",
     "disturbance_observer": "--",
     "hysteresis_model": "-.",
-    "offset_inverse": "-.",
+    "offset_inverse": "--",
     "repetitive": ":",
 }
 """Law → how its line is broken, where several laws share a panel: colours alone do not separate so many."""
@@ -129,10 +129,12 @@ def new_figure(
 def legend(axes: Axes, columns: int = 4) -> None:
     """A legend above the axes, where it covers nothing: in `columns`, or in as many as the figure has room for."""
     names = axes.get_legend_handles_labels()[1]
+    if not names:
+        return
     axes.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
-        ncols=min(columns, legend_columns(names, axes.figure.get_figwidth())),
+        ncols=min(columns, legend_columns(names, axes.figure.bbox.width / axes.figure.dpi)),
         borderaxespad=0.2,
         handlelength=1.6,
         fontsize=9.0,

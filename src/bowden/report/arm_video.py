@@ -34,7 +34,7 @@ def write_video(
         geometry: of the suit that is drawn.
         fps: frames a second.
         speed: how many seconds of the run pass in one of the video.
-        progress: is told what is done now, and the share that is done.
+        progress: called with what is done now, and the share that is done.
 
     Returns:
         How many frames it has.

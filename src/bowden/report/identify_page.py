@@ -133,7 +133,7 @@ def recommendation(fit: Fit) -> str:
         )
     if fit.best.name != "bouc_wen":
         plain = fit.models["bouc_wen"].test_rms * DEGREES
-        text += f" Simulation and the observer take the plain bouc_wen, which errs by {plain:.2g}° there."
+        text += f" Simulation and the observer use the plain bouc_wen, whose error there is {plain:.2g}°."
     return text
 
 
@@ -141,11 +141,11 @@ def _forecast(fit: Fit) -> str:
     """What a law can make of the model, in a sentence or two."""
     left, without, counts = (value * DEGREES for value in fit.forecast)
     text = (
-        f"Forecast: a law that carries this model as its feed-forward leaves {left:.2g}° RMS at the joint on a motion "
-        f"like this log's, where {without:.2g}° are left without compensation (by a straight line, as known as this "
-        "log shows it). The servo is not counted: its lag, and the time that it takes through the play, come on top."
+        f"Forecast: a law with this model as feed-forward leaves an error of {left:.2g}° RMS at the joint, on a motion "
+        f"like that of this log. Without compensation it is {without:.2g}° (motor and joint related by a straight "
+        "line). The servo's lag, and the time that it needs to cross the play, come on top."
     )
-    return text + (f" The encoders' counts alone are {counts:.2g}° RMS." if counts else "")
+    return text + (f" The steps of the encoders alone make {counts:.2g}° RMS." if counts else "")
 
 
 def _models_table(page: Page, fit: Fit) -> None:

@@ -57,8 +57,7 @@ def joint_page(fit: JointFit) -> Page:
     page.figure(
         loops_figure(fit),
         "Both branches of the loop at the least, the middle and the largest load or bend of the logs, less one "
-        "straight "
-        "line (that of the middle one).",
+        "straight line (that of the middle one).",
     )
     return page
 

@@ -66,9 +66,8 @@ def league_page(
             "unstable [cells]",
         ],
         [_ranked(one) for one in standings],
-        caption="A cell is one plant in one scenario. Won: no law had a lower RMSE from rest. An unstable cell "
-        "counts as "
-        "the largest error. Chatter: travel of the command over that of the reference.",
+        caption="A cell is one plant in one scenario. Won: no law had a lower RMSE from rest. An unstable cell counts "
+        "as the largest error. Chatter: how far the command travels, over how far that of an exact inverse does.",
         classes=["best", *[""] * (len(standings) - 1)],
     )
     laws = [one.law for one in standings]

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 _STATES = ("mode", "reaction", "power", "source")
 _FAR = 1e12
-"""No cycle is so late, and a histogram wants a width that is a number [µs]."""
+"""What is later counts as this, so that a histogram has finite bins [µs]."""
 _SOON = 1.0
 """What is earlier counts as this: the axis is logarithmic [µs]."""
 _LOADS = ("current", "tension", "temperature", "supervisor.heat.winding")
@@ -115,7 +115,7 @@ def lateness(trace: Trace) -> "Figure | None":
         values = np.clip(1e6 * trace[name][np.isfinite(trace[name])], -_FAR, _FAR)
         values = np.maximum(values, _SOON)
         bins = np.geomspace(0.9 * float(values.min()), 1.1 * float(values.max()), 60)
-        axes.hist(values, bins=bins, color=COLOURS["joint"], log=True)
+        axes.hist(values, bins=bins.tolist(), color=COLOURS["joint"], log=True)
         axes.set(xlabel=f"{name.replace('_', ' ')} [µs]", ylabel="cycles")
         logarithmic(axes, "x")
     return figure

@@ -1,4 +1,8 @@
-"""Self-contained HTML pages: text, tables and figures in one file that needs no network and no script."""
+"""Self-contained HTML pages: text, tables and figures in one file that needs no network and no script.
+
+On a screen they are light or dark, as the reader's system is; on paper they are black on white, and no figure or short
+table is broken between two pages.
+"""
 
 import re
 from collections.abc import Sequence

@@ -29,7 +29,7 @@ Traces = Mapping[str, Trace]
 Colours = Mapping[str, str]
 
 _MANY = 4
-"""Runs beyond which each has a lower panel."""
+"""With more runs than these, the panel of each is lower."""
 
 
 def rate(trace: Trace) -> float:
