@@ -2,8 +2,10 @@
 
 import doctest
 import importlib
+import os
 import re
 import shlex
+import sys
 import textwrap
 import warnings
 from functools import partial
@@ -16,6 +18,8 @@ import pytest
 import bowden
 from bowden.app.main import run
 from live_runs import SHARED_LIMITS, tries
+from page_steps import PageFile, commands, steps
+from walk import pages, walk_page
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -169,32 +173,17 @@ def test_that_test_sees_what_it_should(text: str, lost: int) -> None:
     assert len(lost_names(text)) == lost
 
 
-def commands(path: Path) -> list[str]:
-    """Lines of code blocks that call bowden."""
-    return re.findall(r"^(?:    |\$ )(bowden .+?)(?:  +#.*)?$", path.read_text(encoding="utf-8"), re.MULTILINE)
-
-
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=page_id)
 def test_commands_and_options_exist(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for line in commands(page):
-        _, *words = shlex.split(line, comments=True)
-        if words[0] == "--help":
+    for line in (one.text for one in commands(page)):
+        program, *words = shlex.split(line)
+        if program != "bowden" or words[0] == "--help":
             continue
         names = words[:2] if words[0] in ("log", "emg", "arm") else words[:1]
         assert run([*names, "--help"]) == 0, line
         known = capsys.readouterr().out
         for option in (word for word in words if word.startswith("--")):
             assert re.search(rf"{option}\b", known), f"{line}: {words[0]} has no {option}"
-
-
-def shown(page: Path) -> list[tuple[str, str]]:
-    """The commands of a page's console blocks, with the output that is shown below each."""
-    pairs = []
-    for block in blocks(page, "console"):
-        for part in block.split("$ ")[1:]:
-            command, _, output = part.partition("\n")
-            pairs.append((command, output))
-    return pairs
 
 
 def same(given: str, wanted: str) -> bool:
@@ -214,15 +203,128 @@ def test_the_tutorial_works_as_written(
 ) -> None:
     """Every command in its order in an empty folder, then the Python; files are written as the page gives them."""
     monkeypatch.chdir(tmp_path)
-    text = TUTORIAL.read_text(encoding="utf-8")
-    for name, block in re.findall(r"^`([\w.]+\.toml)`:\n+```toml\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
-        Path(name).write_text(block, encoding="utf-8")
-    pairs = shown(TUTORIAL)
-    assert len(pairs) > 4
-    for command, wanted in pairs:
-        name, *words = shlex.split(command)
-        assert name == "bowden", f"{command}: no command of this package"
-        assert run(words) == 0, capsys.readouterr().err
-        printed = capsys.readouterr().out
-        assert same(printed, wanted), f"{command}\nprinted:\n{printed}\nshown:\n{wanted}"
+    shown = [one for one in commands(TUTORIAL) if one.shown]
+    assert len(shown) == len(commands(TUTORIAL)) > 4
+    for one in steps(TUTORIAL):
+        if isinstance(one, PageFile):
+            Path(one.name).write_text(one.text, encoding="utf-8")
+            continue
+        name, *words = shlex.split(one.text)
+        assert name == "bowden", f"{one.text}: no command of this package"
+        code, printed = run(words), capsys.readouterr()
+        assert code == one.exits, printed.err
+        said = printed.err if code else printed.out
+        assert same(said, one.shown or ""), f"{one.text}\nprinted:\n{said}\nshown:\n{one.shown}"
     run_python(TUTORIAL)
+
+
+def page_of(tmp_path: Path, text: str) -> Path:
+    page = tmp_path / "page.md"
+    page.write_text(textwrap.dedent(text), encoding="utf-8")
+    return page
+
+
+WRITTEN = """
+    Write `a.toml`:
+
+    ```toml
+    x = 1
+    ```
+
+    `a.toml`:
+
+    ```toml
+    x = 2
+    ```
+
+        bowden check a.toml   # a comment
+        not a command
+
+    <!-- walk: exit 3 -->
+
+    ```console
+    $ exit 3
+    said
+    $ exit 3
+    ```
+
+    ```python
+    # law.py
+    y = 1
+    ```
+
+    <!-- walk: not here: needs a friend -->
+
+    ```bash
+    greet \\
+      friend
+    ```
+
+        $ bowden run rig.toml
+        $ bowden twin rig.toml
+    """
+
+
+def test_what_a_page_asks_for_is_read_in_its_order(tmp_path: Path) -> None:
+    found = steps(page_of(tmp_path, WRITTEN))
+    files = [(one.name, one.text) for one in found if isinstance(one, PageFile)]
+    assert files == [("a.toml", "x = 2\n"), ("law.py", "# law.py\ny = 1\n")]
+    asked = [one for one in found if not isinstance(one, PageFile)]
+    assert [one.text for one in asked] == [
+        *("bowden check a.toml", "exit 3", "exit 3", "greet friend"),
+        *("bowden run rig.toml", "bowden twin rig.toml"),
+    ]
+    assert [one.exits for one in asked] == [0, 3, 3, 0, 0, 0]
+    assert [one.shown for one in asked][:4] == [None, "said\n", "", None]
+    assert [one.elsewhere for one in asked] == ["", "", "", "needs a friend", "needs a drive", ""]
+    assert [one.beside for one in asked] == [False] * 5 + [True]
+    lines = page_of(tmp_path, WRITTEN).read_text(encoding="utf-8").split("\n")
+    assert all(one.text.split()[0] in lines[one.line - 1] for one in asked)
+
+
+def test_a_mark_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="walk: exit two --> says nothing that is known"):
+        steps(page_of(tmp_path, "<!-- walk: exit two -->\n\n    bowden check rig.toml\n"))
+
+
+def test_a_walk_sees_what_does_not_end_as_its_page_says(tmp_path: Path) -> None:
+    page = page_of(
+        tmp_path,
+        """
+        <!-- walk: beside -->
+
+        ```bash
+        sleep 60
+        ```
+
+        ```bash
+        test -f later.toml && grep -q 1 later.toml
+        exit 4
+        make help
+        ```
+
+        `later.toml`:
+
+        ```toml
+        x = 1
+        ```
+
+            bowden run rig.toml
+        """,
+    )
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    found = list(walk_page(page, folder, os.environ))
+    assert [one.passed for one in found] == [True, True, False, False, False]
+    assert [one.exit_code for one in found] == [0, 0, 4, None, None]
+    assert [one.why_not for one in found] == ["", "", "", "is tried in a fresh environment alone", "needs a drive"]
+
+
+@pytest.mark.live
+@pytest.mark.long
+@pytest.mark.parametrize("page", [page for page in pages() if commands(page)], ids=page_id)
+def test_all_commands_of_a_page_end_as_it_says(page: Path, tmp_path: Path) -> None:
+    """The same as `tools/walk.py`, in the environment of the tests."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    found = walk_page(page, tmp_path, dict(os.environ) | {"PATH": path})
+    assert not [(one.command.text, one.exit_code, one.said) for one in found if not one.passed and not one.why_not]

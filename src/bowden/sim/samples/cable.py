@@ -133,10 +133,10 @@ def _raw(random: np.random.Generator) -> str:
 def _servo_log(random: np.random.Generator, kind: str) -> str:
     dt = 1e-3
     if kind == "step":
-        time = np.arange(3000) * dt
+        time = np.arange(3000, dtype=np.float64) * dt
         command = 20.0 * RADIANS * ((time > 0.3) * 1.0 - (time > 1.5) * 0.5)
     else:
-        time = np.arange(10_000) * dt
+        time = np.arange(10_000, dtype=np.float64) * dt
         command = _CHIRP.sample(time)[:, 0]
     motor = np.empty(len(time))
     follow(command, SERVO_DELAY / dt, prepare(SERVO, dt / _SUB_STEPS), _SUB_STEPS, motor)
