@@ -32,7 +32,7 @@ _ENDING = 30.0
 """What runs beside the others is given this time to end [s]."""
 _SETTLED = 3.0
 """What runs beside the others has this time before the next command [s]."""
-_TRIES = 2
+_TRIES = 3
 """Of a run in real time, which other work on the same computer may end."""
 _OWN_COMPUTER = r"(?:pip|make)\b"
 """Commands that need the fresh environment or the copy of the repository."""
@@ -49,6 +49,8 @@ class Tried(NamedTuple):
     """Why it was not tried; empty where it was."""
     said: str
     """The end of what it printed."""
+    again: int = 0
+    """How often it was tried again."""
 
     @property
     def passed(self) -> bool:
@@ -95,8 +97,8 @@ def walk_page(
             if one.beside:
                 yield beside.enter_context(_beside(one, text, where, dict(environment) | own))
                 continue
-            for _ in range(_TRIES if "--twin" in text else 1):
-                tried = _tried(one, text, where, dict(environment) | own)
+            for again in range(_TRIES if "--twin" in text else 1):
+                tried = _tried(one, text, where, dict(environment) | own)._replace(again=again)
                 if tried.passed:
                     break
             yield tried
@@ -198,8 +200,19 @@ def table(found: Mapping[Path, Sequence[Tried]]) -> str:
     everything = [one for tried in found.values() for one in tried]
     lines.append(f"| **all** | {_counts(everything)} |")
     reasons = Counter(one.why_not for one in everything if one.why_not)
-    lines += ["", "Not tried: what " + "; what ".join(f"{why} ({count})" for why, count in reasons.most_common()) + "."]
+    if reasons:
+        lines += [
+            "",
+            "Not tried: what " + "; what ".join(f"{why} ({count})" for why, count in reasons.most_common()) + ".",
+        ]
+    again = sum(one.passed and one.again > 0 for one in everything)
+    if again:
+        lines += [
+            "",
+            f"Of the runs in real time {again} ended well at the second or third try: other work ended those before.",
+        ]
     failed = [(page, one) for page, tried in found.items() for one in tried if not one.passed and not one.why_not]
+    lines += ["", "Not as the page says:", ""] if failed else []
     for page, one in failed:
         lines.append(
             f"- {page.relative_to(ROOT)}:{one.command.line}: `{one.command.text}` ended with {one.exit_code}, "
