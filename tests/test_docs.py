@@ -95,6 +95,33 @@ def run_python(page: Path) -> None:
             exec(compile(block, f"{page.name}[{i}]", "exec"), names)
 
 
+SITE = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+IN_ORDER = re.findall(r"^ +- (?:[^:\n]+: )?([\w/-]+\.md)$", SITE, re.MULTILINE)
+"""The pages in the order of the site."""
+
+
+def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
+    pages = {str(page.relative_to(ROOT / "docs")) for page in CURRENT if page.is_relative_to(ROOT / "docs")}
+    assert set(IN_ORDER) == pages
+    assert len(IN_ORDER) == len(pages)
+    listed = set(re.findall(r"\]\(([\w/-]+\.md)\)", (ROOT / "docs" / "README.md").read_text(encoding="utf-8")))
+    assert listed == pages - {"README.md"}
+
+
+REFERENCES = ("rig.md", "safety.md", "campaign.md")
+"""Pages for users that are mostly tables made from the code."""
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=page_id)
+def test_a_page_for_users_is_short(page: Path) -> None:
+    """How we know it belongs to docs/background, which the page names."""
+    if page.name not in REFERENCES:
+        assert len(page.read_text(encoding="utf-8").split()) <= 1400
+    background = page.parent / "background" / page.name
+    if background.exists():
+        assert f"(background/{page.name})" in page.read_text(encoding="utf-8")
+
+
 def slug(heading: str) -> str:
     """The anchor that GitHub gives a heading."""
     return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")

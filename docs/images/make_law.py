@@ -1,4 +1,4 @@
-"""Draw the figure of docs/our_law.md: ``python docs/images/make_law.py``.
+"""Draw the figure of docs/background/our_law.md: ``python docs/images/make_law.py``.
 
 Our law, the paper's adaptive law and active disturbance rejection on the bench of Fig. 15, whose sheath is bent to
 twice its angle from 10 to 20 s. The same source gives the same bytes.

@@ -35,7 +35,7 @@ from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
-more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
+more than half a degree (docs/background/theory.md, erratum on monotone travel) [rad]."""
 
 READER_SHARE = 0.2
 """Of `emg_age`, after which a process that has not looked for samples is gone: it looks every 2 ms, and needs not wait
