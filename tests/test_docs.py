@@ -234,6 +234,7 @@ def test_the_tutorial_works_as_written(
     assert len(shown) == len(commands(TUTORIAL)) > 4
     for one in steps(TUTORIAL):
         if isinstance(one, PageFile):
+            assert not one.added
             Path(one.name).write_text(one.text, encoding="utf-8")
             continue
         name, *words = shlex.split(one.text)
@@ -266,6 +267,13 @@ WRITTEN = """
 
         bowden check a.toml   # a comment
         not a command
+        bowden check a.toml   # ends with exit code 1
+
+    Add to `a.toml`:
+
+    ```toml
+    y = 3
+    ```
 
     <!-- walk: exit 3 -->
 
@@ -294,17 +302,21 @@ WRITTEN = """
 
 def test_what_a_page_asks_for_is_read_in_its_order(tmp_path: Path) -> None:
     found = steps(page_of(tmp_path, WRITTEN))
-    files = [(one.name, one.text) for one in found if isinstance(one, PageFile)]
-    assert files == [("a.toml", "x = 2\n"), ("law.py", "# law.py\ny = 1\n")]
+    files = [(one.name, one.text, one.added) for one in found if isinstance(one, PageFile)]
+    assert files == [
+        ("a.toml", "x = 2\n", False),
+        ("a.toml", "\ny = 3\n", True),
+        ("law.py", "# law.py\ny = 1\n", False),
+    ]
     asked = [one for one in found if not isinstance(one, PageFile)]
     assert [one.text for one in asked] == [
-        *("bowden check a.toml", "exit 3", "exit 3", "greet friend"),
+        *("bowden check a.toml", "bowden check a.toml", "exit 3", "exit 3", "greet friend"),
         *("bowden run rig.toml", "bowden twin rig.toml"),
     ]
-    assert [one.exits for one in asked] == [0, 3, 3, 0, 0, 0]
-    assert [one.shown for one in asked][:4] == [None, "said\n", "", None]
-    assert [one.elsewhere for one in asked] == ["", "", "", "needs a friend", "needs a drive", ""]
-    assert [one.beside for one in asked] == [False] * 5 + [True]
+    assert [one.exits for one in asked] == [0, 1, 3, 3, 0, 0, 0]
+    assert [one.shown for one in asked][1:5] == [None, "said\n", "", None]
+    assert [one.elsewhere for one in asked] == ["", "", "", "", "needs a friend", "needs a drive", ""]
+    assert [one.beside for one in asked] == [False] * 6 + [True]
     lines = page_of(tmp_path, WRITTEN).read_text(encoding="utf-8").split("\n")
     assert all(one.text.split()[0] in lines[one.line - 1] for one in asked)
 

@@ -34,8 +34,8 @@ _SETTLED = 3.0
 """What runs beside the others has this time before the next command [s]."""
 _TRIES = 3
 """Of a run in real time, which other work on the same computer may end."""
-_OWN_COMPUTER = r"(?:pip|make)\b"
-"""Commands that need the fresh environment or the copy of the repository."""
+_REPOSITORY = re.compile(r"make (?!-C)")
+"""A command that runs in the repository, not in the page's folder."""
 
 
 class Tried(NamedTuple):
@@ -78,7 +78,7 @@ def walk_page(
     """
     found = steps(page)
     for one in reversed(found):  # of a file that the page writes twice, the first one is there at the beginning
-        if isinstance(one, PageFile):
+        if isinstance(one, PageFile) and not one.added:
             _write(folder, one)
     own = {"XDG_STATE_HOME": str(folder / ".state")}
     with ExitStack() as beside:
@@ -87,13 +87,13 @@ def walk_page(
                 _write(folder, one)
                 continue
             why = one.elsewhere
-            if re.match(_OWN_COMPUTER, one.text) and (repository is None or not wheel):
+            if (_REPOSITORY.match(one.text) and repository is None) or (one.text.startswith("pip") and not wheel):
                 why = why or "is tried in a fresh environment alone"
             if why:
                 yield Tried(one, None, 0.0, why, "")
                 continue
             text = re.sub(r"'?bowden(\[[\w,]+\])'?", rf"'{wheel}\1'", one.text) if wheel else one.text
-            where = repository if repository and one.text.startswith("make") else folder
+            where = repository if repository and _REPOSITORY.match(one.text) else folder
             if one.beside:
                 yield beside.enter_context(_beside(one, text, where, dict(environment) | own))
                 continue
@@ -107,7 +107,8 @@ def walk_page(
 def _write(folder: Path, one: PageFile) -> None:
     path = folder / one.name
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(one.text, encoding="utf-8")
+    with path.open("a" if one.added else "w", encoding="utf-8") as file:
+        file.write(one.text)
 
 
 def _tried(one: PageCommand, text: str, where: Path, environment: Mapping[str, str]) -> Tried:

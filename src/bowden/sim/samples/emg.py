@@ -21,8 +21,9 @@ MAINS, MAINS_RMS = 50.0, 0.003
 """[Hz] and [mV]."""
 MAXIMUM = 0.5
 """Standard deviation of the strongest contraction [mV]."""
-MVC: Spans = ((3.0, 6.0, 0.9 * MAXIMUM), (9.0, 12.0, MAXIMUM))
-"""Onset [s], end [s] and standard deviation [mV] of the contractions of ``mvc.csv``."""
+MVC: Spans = ((8.0, 13.0, MAXIMUM),)
+"""Onset [s], end [s] and standard deviation [mV] of the contraction of ``mvc.csv``: as a wearer would who is calibrated
+from a stream, which is counted for a moment, 1 s to make ready, 5 s of rest, 1 s, 5 s of contraction."""
 _LENGTHS = (1.5, 0.8, 2.5, 1.0, 0.4, 3.0, 1.2, 2.0)
 _STRENGTHS = (0.4, 0.1, 0.6, 0.2, 0.8, 0.3, 0.06, 0.5)
 """Of ``biceps.csv``, shares of `MAXIMUM`."""
@@ -65,7 +66,7 @@ def emg_files(seed: int) -> dict[str, SampleFile]:
     duration = float(np.ceil(spans[-1][1] + 2.0))
     return {
         "rest.csv": SampleFile(_recording((), 8.0, 3 * seed), "a muscle at rest, 8 s"),
-        "mvc.csv": SampleFile(_recording(MVC, 14.0, 3 * seed + 1), "two contractions as strong as can be"),
+        "mvc.csv": SampleFile(_recording(MVC, 15.0, 3 * seed + 1), "rest, and one contraction as strong as can be"),
         "biceps.csv": SampleFile(
             _recording(spans, duration, 3 * seed + 2), f"{len(spans)} contractions, strong and weak, {duration:g} s"
         ),
