@@ -32,7 +32,7 @@ _ENDING = 30.0
 """What runs beside the others is given this time to end [s]."""
 _SETTLED = 3.0
 """What runs beside the others has this time before the next command [s]."""
-_TRIES = 3
+_TRIES = 5
 """Of a run in real time, which other work on the same computer may end."""
 _REPOSITORY = re.compile(r"make (?!-C)")
 """A command that runs in the repository, not in the page's folder."""
@@ -210,7 +210,7 @@ def table(found: Mapping[Path, Sequence[Tried]]) -> str:
     if again:
         lines += [
             "",
-            f"Of the runs in real time {again} ended well at the second or third try: other work ended those before.",
+            f"Of the runs in real time {again} ended well when they were tried again: other work ended those before.",
         ]
     failed = [(page, one) for page, tried in found.items() for one in tried if not one.passed and not one.why_not]
     lines += ["", "Not as the page says:", ""] if failed else []
