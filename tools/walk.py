@@ -197,7 +197,7 @@ def table(found: Mapping[Path, Sequence[Tried]]) -> str:
     """Pages, commands and what became of them, in Markdown."""
     lines = ["| page | commands | ended as the page says | not tried here | s |", "|---|---|---|---|---|"]
     for page, tried in found.items():
-        lines.append(f"| {page.relative_to(ROOT)} | {_counts(tried)} |")
+        lines.append(f"| {_name(page)} | {_counts(tried)} |")
     everything = [one for tried in found.values() for one in tried]
     lines.append(f"| **all** | {_counts(everything)} |")
     reasons = Counter(one.why_not for one in everything if one.why_not)
@@ -216,10 +216,15 @@ def table(found: Mapping[Path, Sequence[Tried]]) -> str:
     lines += ["", "Not as the page says:", ""] if failed else []
     for page, one in failed:
         lines.append(
-            f"- {page.relative_to(ROOT)}:{one.command.line}: `{one.command.text}` ended with {one.exit_code}, "
+            f"- {_name(page)}:{one.command.line}: `{one.command.text}` ended with {one.exit_code}, "
             f"not {one.command.exits}"
         )
     return "\n".join(lines)
+
+
+def _name(page: Path) -> str:
+    """As from the repository, where it is a page of it."""
+    return str(page.relative_to(ROOT) if page.is_relative_to(ROOT) else page.name)
 
 
 def _counts(tried: Sequence[Tried]) -> str:
@@ -242,7 +247,7 @@ def main() -> int:
     try:
         fresh = None if given.here else FreshComputer(folder)
         for page in chosen:
-            place = folder / "pages" / page.relative_to(ROOT)
+            place = folder / "pages" / _name(page)
             place.mkdir(parents=True)
             if fresh:
                 walked = walk_page(page, place, fresh.environment(page), repository=fresh.repository, wheel=fresh.wheel)
@@ -253,7 +258,7 @@ def main() -> int:
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     if given.json:
-        rows = {str(page.relative_to(ROOT)): tried for page, tried in found.items()}
+        rows = {_name(page): tried for page, tried in found.items()}
         print(json.dumps({page: [_row(one) for one in tried] for page, tried in rows.items()}, indent=2))
     else:
         print(table(found))
@@ -267,7 +272,7 @@ def main() -> int:
 def _reported(page: Path, walked: Iterator[Tried]) -> Iterator[Tried]:
     for one in walked:
         state = (one.why_not and "not tried") or ("passed" if one.passed else f"FAILED with {one.exit_code}")
-        where = f"{page.relative_to(ROOT)}:{one.command.line}"
+        where = f"{_name(page)}:{one.command.line}"
         print(f"{where}: {one.command.text}: {state}, {one.seconds:.1f} s", file=sys.stderr, flush=True)
         if not one.passed and not one.why_not:
             print(one.said, file=sys.stderr, flush=True)
