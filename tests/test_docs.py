@@ -17,6 +17,8 @@ import pytest
 
 import bowden
 from bowden.app.main import run
+from bowden.live.preflight import REASONS, Reason
+from bowden.safety.faults import Fault
 from live_runs import SHARED_LIMITS, tries
 from page_steps import PageFile, commands, steps
 from walk import pages, table, walk_page
@@ -108,8 +110,8 @@ def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
     assert listed == pages - {"README.md"}
 
 
-REFERENCES = ("rig.md", "safety.md", "campaign.md")
-"""Pages for users that are mostly tables made from the code."""
+REFERENCES = ("rig.md", "safety.md", "campaign.md", "troubleshooting.md", "glossary.md")
+"""Pages for users that are mostly tables, in which one looks something up."""
 
 
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=page_id)
@@ -120,6 +122,29 @@ def test_a_page_for_users_is_short(page: Path) -> None:
     background = page.parent / "background" / page.name
     if background.exists():
         assert f"(background/{page.name})" in page.read_text(encoding="utf-8")
+
+
+HELP = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("fault", [fault for fault in Fault if fault.then], ids=lambda fault: fault.name)
+def test_a_fault_that_can_end_a_run_is_found_by_its_symptom(fault: Fault) -> None:
+    assert f"`{fault.name}`" in HELP
+
+
+@pytest.mark.parametrize("reason", [reason for reason in Reason if reason], ids=lambda reason: reason.name)
+def test_what_a_preflight_finds_is_found_by_its_symptom(reason: Reason) -> None:
+    said = re.split(r"[;,]| while | where ", REASONS[reason])[0]
+    assert said.removeprefix("the drive tells ") in HELP
+
+
+def test_messages_that_are_quoted_are_printed_by_the_package() -> None:
+    printed = " ".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
+    printed = re.sub(r"\"\s+f?\"", "", printed)
+    quoted = re.findall(r"(?<=[| ,(])\"([^\"\n]+)\"", HELP)
+    assert len(quoted) > 20
+    lost = [part for text in quoted for part in text.split(" … ") if part.strip() not in printed]
+    assert not lost
 
 
 def slug(heading: str) -> str:
