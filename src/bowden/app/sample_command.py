@@ -10,6 +10,7 @@ import typer
 
 from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, seconds
+from bowden.app.next_step import say_next
 from bowden.core.errors import OutputError, ParameterError
 from bowden.core.files import output_folder, whole_files
 
@@ -64,15 +65,15 @@ def sample(
         for name, one in files.items():
             (stage / name).write_text(one.text, encoding="utf-8")
     before = "" if folder == Path() else f"{folder}/"
-    following = " ".join(["bowden", *(shlex.quote(word.format(before)) for word in _NEXT[kind].split())])
+    following = [word.format(before) for word in _NEXT[kind].split()]
     if json:
         written = {str(folder / name): one.about for name, one in files.items()}
-        print_json({"files": written, "seed": seed, "next": following, "seconds": seconds()})
+        print_json({"files": written, "seed": seed, "next": shlex.join(["bowden", *following]), "seconds": seconds()})
         return
     print(f"Simulated, in {folder}:")
     for name, one in files.items():
         print(f"  {name:18} {one.about}")
-    print(f"Next: {following}")
+    say_next(*following)
 
 
 def _files(kind: SampleKind, seed: int) -> "Mapping[str, SampleFile]":
