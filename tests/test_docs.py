@@ -252,19 +252,20 @@ def test_the_tutorial_works_as_written(
 ) -> None:
     """Every command in its order in an empty folder, then the Python; files are written as the page gives them."""
     monkeypatch.chdir(tmp_path)
-    shown = [one for one in commands(TUTORIAL) if one.shown]
-    assert len(shown) == len(commands(TUTORIAL)) > 4
+    assert len([one for one in commands(TUTORIAL) if one.shown]) > 4
     for one in steps(TUTORIAL):
         if isinstance(one, PageFile):
             assert not one.added
             Path(one.name).write_text(one.text, encoding="utf-8")
+            continue
+        if one.shown is None:  # its output is not one to compare: a live run, a search
             continue
         name, *words = shlex.split(one.text)
         assert name == "bowden", f"{one.text}: no command of this package"
         code, printed = run(words), capsys.readouterr()
         assert code == one.exits, printed.err
         said = printed.err if code else printed.out
-        assert same(said, one.shown or ""), f"{one.text}\nprinted:\n{said}\nshown:\n{one.shown}"
+        assert same(said, one.shown), f"{one.text}\nprinted:\n{said}\nshown:\n{one.shown}"
     run_python(TUTORIAL)
 
 

@@ -16,7 +16,8 @@ from bowden.core.units import DEGREES
 from bowden.paper.claims import Claim, claims, judge, select
 from bowden.paper.errata_law import largest_pole
 from bowden.paper.gain_choice import choose_gains
-from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce, write_report
+from bowden.paper.report import VERDICTS, write_report
+from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.run import simulate
@@ -169,19 +170,41 @@ def test_every_figure_of_the_suits_experiments_names_its_claims() -> None:
 def test_report_is_one_page_with_every_figure(outcome: Reproduction, tmp_path: Path) -> None:
     write_report(outcome, tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert text.count("<svg") == sum(len(finding.figures) for finding in outcome.findings) >= 10
+    assert text.count("<svg") == 1 + sum(len(finding.figures) for finding in outcome.findings) >= 11
     assert not re.search(r'(src|href)="https?:', text)
     for name in (
-        "Fig. 4",
-        "Fig. 9",
-        "Fig. 12",
-        "Figs 13 and 14",
-        "Fig. 15",
-        "Fig. 16",
+        "Dinh 2017, Fig. 4",
+        "Dinh 2017, Fig. 9",
+        "Dinh 2017, Fig. 12",
+        "Dinh 2017, Figs 13 and 14",
+        "Dinh 2017, Fig. 15",
+        "Dinh 2017, Fig. 16",
         "Stability over",
         "Two readings of the suit",
     ):
         assert name in text
+
+
+def test_a_figure_of_the_paper_cannot_be_taken_for_one_of_the_page(outcome: Reproduction, tmp_path: Path) -> None:
+    write_report(outcome, tmp_path / "a.html")
+    said = re.sub(r"<svg.*?</svg>", "", (tmp_path / "a.html").read_text(encoding="utf-8"), flags=re.S)
+    named = re.findall(r"(.{16})\bFigs?\.? \d", said, re.S)
+    assert len(named) > 20
+    assert [before for before in named if not before.endswith(("Dinh 2017, ", "’s ", "its "))] == []
+
+
+def test_the_report_opens_with_verdicts_and_loops_and_explains_them_before_the_table(
+    outcome: Reproduction, tmp_path: Path
+) -> None:
+    write_report(outcome, tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    places = [text.index(part) for part in (">Summary</h2>", "<svg", ">How to read this page</h2>", ">Claims</h2>")]
+    assert places == sorted(places)
+    explained = text[places[2] : places[3]]
+    assert all(f"<dt>{name}</dt>" in explained for name in (*VERDICTS, "β̂", "D̂m"))
+    for verdict in ("reproduced", "better", "differs"):
+        count = sum(result.verdict == verdict for result in outcome.results)
+        assert f"{count} {verdict}" in text[places[0] : places[1]]
 
 
 def test_progress_reaches_the_end() -> None:

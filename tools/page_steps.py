@@ -2,8 +2,9 @@
 
 Files are code blocks that follow a line with nothing but the file's name, as `` `rig.toml`: ``, and Python that begins
 with ``# name.py``; after ``Add to `rig.toml`:`` a block is added to the file. Commands are lines that begin with a
-program's name in indented blocks, lines after ``$ `` in ``console`` and ``text`` blocks, with the output shown below
-them, and lines of ``bash`` blocks. A command's comment may say with which exit code it ends: ``# exit code 1``.
+program's name in indented blocks, lines after ``$ `` in ``console`` blocks, with the output shown below them, and in
+``text`` blocks, whose output is not to be compared, and lines of ``bash`` blocks. A command's comment may say with
+which exit code it ends: ``# exit code 1``.
 
 A comment that no reader sees says what is special about the next block:
 
@@ -108,7 +109,7 @@ def _fenced(
     elif language in ("console", "text"):
         starts = [k for k, line in enumerate(block) if line.startswith("$ ")]
         for k, after in zip(starts, [*starts[1:], len(block)], strict=True):
-            shown = "".join(f"{line}\n" for line in block[k + 1 : after])
+            shown = "".join(f"{line}\n" for line in block[k + 1 : after]) if language == "console" else None
             yield _command(first + k, block[k][2:], shown, mark)
     elif language in ("bash", "sh", "shell"):
         yield from (_command(k, text, None, mark) for k, text in _joined(block, first) if text and text[0] != "#")

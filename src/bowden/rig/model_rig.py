@@ -31,12 +31,12 @@ natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law ma
 damping = {damping:.1f}                 # ratio; 1 is critical
 
 [encoder.joint]  # of the paper's bench: put your own here
-resolution_deg = {count:.5g}  # [°] one count
-noise_deg = {noise:.2f}            # [°] standard deviation
+resolution_deg = {count:.11g}  # [°] one count
+noise_deg = {noise:.2f}                # [°] standard deviation
 
 [encoder.motor]  # at the spool
-resolution_deg = {count:.5g}  # [°] one count
-noise_deg = {noise:.2f}            # [°] standard deviation
+resolution_deg = {count:.11g}  # [°] one count
+noise_deg = {noise:.2f}                # [°] standard deviation
 
 [control]
 law = {law}  # {why}

@@ -799,7 +799,7 @@ class Rig:
 
 _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
-_BEYOND = 0.05
+_BEYOND = 0.1
 """How far a reference may leave the motion that a log covered, over that motion [–]."""
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
