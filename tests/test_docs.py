@@ -20,7 +20,7 @@ from bowden.live.preflight import REASONS, Reason
 from bowden.safety.faults import Fault
 from live_runs import SHARED_LIMITS, tries
 from page_steps import PageFile, commands, steps
-from walk import pages, table, walk_page
+from walk import pages, rows, table, walk_page
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -380,7 +380,7 @@ def test_a_walk_sees_what_does_not_end_as_its_page_says(tmp_path: Path) -> None:
     assert [one.passed for one in found] == [True, True, False, False, False]
     assert [one.exit_code for one in found] == [0, 0, 4, None, None]
     assert [one.why_not for one in found] == ["", "", "", "is tried in a fresh environment alone", "needs a drive"]
-    written = table({page: found})
+    written = table({page.name: rows(found)})
     assert re.search(r"^\| page\.md \| 5 \| 2 \| 2 \| \d+ \|$", written, re.MULTILINE)
     assert "what needs a drive (1)" in written
     assert re.search(r"^- page\.md:\d+: `exit 4` ended with 4, not 0$", written, re.MULTILINE)

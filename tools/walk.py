@@ -20,12 +20,16 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from page_steps import PageCommand, PageFile, commands, steps
 
 ROOT = Path(__file__).parents[1]
 TITLE = "Every command of the pages"
+KEPT = ROOT / "out" / "walk.json"
+"""What became of each page when it was last walked."""
+Row = dict[str, Any]
+"""A command and what became of it, for JSON; see `rows`."""
 _LONGEST = 3600.0
 """A command that takes longer has failed [s]."""
 _ENDING = 30.0
@@ -193,32 +197,42 @@ class FreshComputer:
         return kept | caches | {"HOME": str(home), "PATH": f"{place / 'bin'}{os.pathsep}{kept['PATH']}"}
 
 
-def table(found: Mapping[Path, Sequence[Tried]]) -> str:
+def rows(walked: Sequence[Tried]) -> list[Row]:
+    """What became of a page's commands, for JSON."""
+    return [
+        {
+            "line": one.command.line,
+            "command": one.command.text,
+            "expected": one.command.exits,
+            "exit_code": one.exit_code,
+            "passed": one.passed,
+            "not_tried": one.why_not,
+            "again": one.again,
+            "seconds": round(one.seconds, 1),
+        }
+        for one in walked
+    ]
+
+
+def table(found: Mapping[str, Sequence[Row]]) -> str:
     """Pages, commands and what became of them, in Markdown."""
     lines = ["| page | commands | ended as the page says | not tried here | s |", "|---|---|---|---|---|"]
-    for page, tried in found.items():
-        lines.append(f"| {_name(page)} | {_counts(tried)} |")
-    everything = [one for tried in found.values() for one in tried]
-    lines.append(f"| **all** | {_counts(everything)} |")
-    reasons = Counter(one.why_not for one in everything if one.why_not)
+    lines += [f"| {page} | {_counts(tried)} |" for page, tried in found.items()]
+    everything = [(page, one) for page, tried in found.items() for one in tried]
+    lines.append(f"| **all** | {_counts([one for _, one in everything])} |")
+    reasons = Counter(one["not_tried"] for _, one in everything if one["not_tried"])
     if reasons:
-        lines += [
-            "",
-            "Not tried: what " + "; what ".join(f"{why} ({count})" for why, count in reasons.most_common()) + ".",
-        ]
-    again = sum(one.passed and one.again > 0 for one in everything)
+        said = "; what ".join(f"{why} ({count})" for why, count in reasons.most_common())
+        lines += ["", f"Not tried: what {said}."]
+    again = sum(one["passed"] and one["again"] > 0 for _, one in everything)
     if again:
-        lines += [
-            "",
-            f"Of the runs in real time {again} ended well when they were tried again: other work ended those before.",
-        ]
-    failed = [(page, one) for page, tried in found.items() for one in tried if not one.passed and not one.why_not]
+        said = "ended as they should when they were tried again: other work had ended them before"
+        lines += ["", f"Of the runs in real time {again} {said}."]
+    failed = [(page, one) for page, one in everything if not one["passed"] and not one["not_tried"]]
     lines += ["", "Not as the page says:", ""] if failed else []
     for page, one in failed:
-        lines.append(
-            f"- {_name(page)}:{one.command.line}: `{one.command.text}` ended with {one.exit_code}, "
-            f"not {one.command.exits}"
-        )
+        ended = f"ended with {one['exit_code']}, not {one['expected']}"
+        lines.append(f"- {page}:{one['line']}: `{one['command']}` {ended}")
     return "\n".join(lines)
 
 
@@ -227,9 +241,22 @@ def _name(page: Path) -> str:
     return str(page.relative_to(ROOT) if page.is_relative_to(ROOT) else page.name)
 
 
-def _counts(tried: Sequence[Tried]) -> str:
-    passed, left = sum(one.passed for one in tried), sum(bool(one.why_not) for one in tried)
-    return f"{len(tried)} | {passed} | {left} | {sum(one.seconds for one in tried):.0f}"
+def _counts(tried: Sequence[Row]) -> str:
+    passed, left = sum(one["passed"] for one in tried), sum(bool(one["not_tried"]) for one in tried)
+    return f"{len(tried)} | {passed} | {left} | {sum(one['seconds'] for one in tried):.0f}"
+
+
+def _keep(found: Mapping[str, list[Row]], *, whole: bool) -> None:
+    """Put the table into the page of results; of a walk of some pages, with the other pages' last walks."""
+    import results
+
+    before = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.is_file() and not whole else {}
+    order = [_name(page) for page in pages()]
+    kept = {name: one for name, one in (before | dict(found)).items() if name in order}
+    kept = dict(sorted(kept.items(), key=lambda item: order.index(item[0])))
+    KEPT.parent.mkdir(exist_ok=True)
+    KEPT.write_text(json.dumps(kept, indent=1), encoding="utf-8")
+    results.write(TITLE, table(kept))
 
 
 def main() -> int:
@@ -237,13 +264,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("pages", nargs="*", type=Path, help="files; all pages without them")
     parser.add_argument("--here", action="store_true", help="in the environment of this Python, not in a fresh one")
-    parser.add_argument("--write", action="store_true", help="put the table into benchmarks/RESULTS.md")
+    parser.add_argument(
+        "--write", action="store_true", help="put the table into benchmarks/RESULTS.md; of PAGEs, their rows"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON document, nothing else")
     given = parser.parse_args()
     chosen = [one.resolve() for one in given.pages] or pages()
     chosen = [page for page in chosen if commands(page)]
     folder = Path(tempfile.mkdtemp(prefix="bowden-walk-"))
-    found: dict[Path, list[Tried]] = {}
+    found: dict[str, list[Row]] = {}
     try:
         fresh = None if given.here else FreshComputer(folder)
         for page in chosen:
@@ -254,19 +283,13 @@ def main() -> int:
             else:
                 path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
                 walked = walk_page(page, place, dict(os.environ) | {"PATH": path})
-            found[page] = list(_reported(page, walked))
+            found[_name(page)] = rows(list(_reported(page, walked)))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    if given.json:
-        rows = {_name(page): tried for page, tried in found.items()}
-        print(json.dumps({page: [_row(one) for one in tried] for page, tried in rows.items()}, indent=2))
-    else:
-        print(table(found))
+    print(json.dumps(found, indent=2) if given.json else table(found))
     if given.write:
-        import results
-
-        results.write(TITLE, table(found))
-    return int(any(not one.passed and not one.why_not for tried in found.values() for one in tried))
+        _keep(found, whole=not given.pages)
+    return int(any(not one["passed"] and not one["not_tried"] for tried in found.values() for one in tried))
 
 
 def _reported(page: Path, walked: Iterator[Tried]) -> Iterator[Tried]:
@@ -277,11 +300,6 @@ def _reported(page: Path, walked: Iterator[Tried]) -> Iterator[Tried]:
         if not one.passed and not one.why_not:
             print(one.said, file=sys.stderr, flush=True)
         yield one
-
-
-def _row(one: Tried) -> dict[str, object]:
-    told = {"line": one.command.line, "command": one.command.text, "passed": one.passed, "exit_code": one.exit_code}
-    return told | {"expected": one.command.exits, "seconds": round(one.seconds, 1), "not_tried": one.why_not}
 
 
 if __name__ == "__main__":
