@@ -2,7 +2,7 @@
 
 Each cable has a folder of its own. Its log goes into `bowden identify`; after that every command is the one that the
 last line of the one before names, up to the exported law, which is compiled and replayed. Nothing is added but
-``--duration`` of the run on the twin. The figures go into docs/twelve_cables.md.
+``--duration`` of the run on the twin. The figures go into docs/background/twelve_cables.md.
 
     python benchmarks/twelve_cables.py [FOLDER OF LOGS]
 """
@@ -22,7 +22,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[1]
 LOGS = ROOT.parent / "shared" / "data" / "cable"
-PAGE = ROOT / "docs" / "twelve_cables.md"
+PAGE = ROOT / "docs" / "background" / "twelve_cables.md"
 BEGIN, END = "<!-- made by benchmarks/twelve_cables.py -->\n", "<!-- end -->"
 RUN_FOR = 20.0
 """Of the run on the twin [s]."""

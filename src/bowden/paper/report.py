@@ -62,7 +62,7 @@ def write_report(outcome: Reproduction, path: Path) -> None:
     page.heading("How to read this page")
     page.text(
         f"“{_PAPER}, Fig. 16” is a figure of the paper; “Figure 1” and so on are the figures of this page. Sections, "
-        "equations and Table 1 are the paper’s. The errata have the numbers of docs/theory.md. Verdicts:"
+        "equations and Table 1 are the paper’s. The errata have the numbers of docs/background/theory.md. Verdicts:"
     )
     _definitions(page, VERDICTS)
     page.text("Symbols, as in the paper:")
