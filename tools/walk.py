@@ -256,7 +256,9 @@ def _keep(found: Mapping[str, list[Row]], *, whole: bool) -> None:
     kept = dict(sorted(kept.items(), key=lambda item: order.index(item[0])))
     KEPT.parent.mkdir(exist_ok=True)
     KEPT.write_text(json.dumps(kept, indent=1), encoding="utf-8")
-    results.write(TITLE, table(kept))
+    missing = [_name(page) for page in pages() if commands(page) and _name(page) not in kept]
+    said = f"\n\nNot walked yet: {', '.join(missing)}." if missing else ""
+    results.write(TITLE, table(kept) + said)
 
 
 def main() -> int:
