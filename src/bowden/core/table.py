@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MOST_CELLS = 50_000_000
 """Fields of a table that are taken into memory: twenty-five minutes of sixteen channels at 2 kHz."""
 _PACKED = 4
-"""A Parquet file may have so many fields more for each of its bytes; what was recorded has some bytes for a field."""
+"""A Parquet file may have this many fields more for each of its bytes; what was recorded has some bytes for a field."""
 
 
 def read_table(path: Path, numbers: Iterable[str] = ()) -> "pa.Table":
@@ -70,7 +70,7 @@ def readable(path: Path) -> Iterator[None]:
 
 
 def read_parquet(path: Path, choose: Callable[["pa.Schema"], list[str]] | None = None) -> "pa.Table":
-    """Read a Parquet file, or some of its columns, if there is not much more in it than its bytes can tell.
+    """Read a Parquet file, or some of its columns, if there is not much more in it than its bytes can hold.
 
     Args:
         path: of the file.
@@ -95,8 +95,8 @@ def read_parquet(path: Path, choose: Callable[["pa.Schema"], list[str]] | None =
 
 
 def _too_many(path: Path, cells: int) -> LogError:
-    """The refusal of a table with so many fields."""
-    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="cut it, or thin it out")
+    """The refusal of a table with this many fields."""
+    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="shorten it, or keep fewer rows")
 
 
 def _printable(text: str, most: int = 200) -> str:
