@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test computed live long lint types docs notebooks site bench soak clean
+.PHONY: help demo test computed live long lint types docs notebooks site bench soak walk clean
 
 help:
 	@echo "make demo    reproduce the paper's bench and say where the report is"
@@ -19,6 +19,7 @@ help:
 	@echo "make site    the documentation as a site in out/site, with search and the Python API; loads nothing from elsewhere"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
 	@echo "make soak    the long tests, hours: live loop for MINUTES=10, kills, faults; resumable; PARTS=live for one"
+	@echo "make walk    all commands of README and of every page, in a fresh environment (half an hour)"
 	@echo "make clean   remove what make and the tools have made"
 
 .venv/made:
@@ -81,6 +82,9 @@ bench: .venv/dev
 
 soak: .venv/dev
 	$(BIN)/python benchmarks/soak.py $(PARTS) --minutes $(or $(MINUTES),10)
+
+walk: .venv/dev
+	$(BIN)/python tools/walk.py --write
 
 clean:
 	rm -rf .venv out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
