@@ -24,7 +24,7 @@ def library() -> Any:
         import pylsl
     except ImportError as error:
         raise StreamError(
-            "the Lab Streaming Layer is not installed", do="install the extra lsl: pip install 'bowden[lsl]'"
+            "the Lab Streaming Layer is not installed", do='pip install "bowden[lsl]"'
         ) from error
     except (RuntimeError, OSError) as error:
         raise StreamError(
