@@ -92,3 +92,11 @@ def test_lyapunov_bounds_shrink_with_error_gain_and_are_vacuous_with_the_printed
     assert np.degrees(printed.error) == pytest.approx(59.0, abs=0.5)
     assert printed.error == pytest.approx(2.0 * printed.filtered_error / 2.0)
     assert np.degrees(ultimate_bounds(AdaptiveGains(error_gain=0.05), slope, 0.05).error) > 1000.0
+
+
+def test_a_long_system_answers_as_its_chain_of_delays_does() -> None:
+    servo, omega = Servo(), np.geomspace(0.1, 3000.0, 300)
+    long, short = servo_model(servo, DT, 30, 0.938), servo_model(servo, DT, 1, 0.938)
+    assert len(long.a) > 8 >= len(short.a)
+    late = np.exp(-29j * omega * DT)
+    np.testing.assert_allclose(response(long, omega, DT), late * response(short, omega, DT), rtol=1e-6)
