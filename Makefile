@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test computed live long lint types docs lock release bench soak clean
+.PHONY: help demo test computed live long lint types docs site lock release bench soak clean
 
 help:
 	@echo "make demo    reproduce the paper's bench and say where the report is"
@@ -15,6 +15,7 @@ help:
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
 	@echo "make docs    write what is made from the code: docs/rig.md, JSON schemas, tables of safety.md and campaign.md"
+	@echo "make site    the documentation as a site in out/site, with search and the Python API; loads nothing from elsewhere"
 	@echo "make lock    which version of every package was tested, with hashes: requirements/ (needs uv)"
 	@echo "make release check what may be released: versions, lock, wheel, sources, a clean install"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
@@ -75,6 +76,12 @@ types: .venv/dev
 
 docs: .venv/dev
 	$(BIN)/python tools/make_docs.py
+
+site: .venv/made
+	$(PIP) --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	$(BIN)/python tools/site_check.py out/site
+	@echo "out/site/index.html; to look at it with search: python3 -m http.server --bind 127.0.0.1 --directory out/site"
 
 lock: .venv/dev
 	$(BIN)/python tools/lock.py

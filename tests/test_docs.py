@@ -15,6 +15,8 @@ import pytest
 
 import bowden
 from bowden.app.main import run
+from bowden.live.preflight import REASONS, Reason
+from bowden.safety.faults import Fault
 from live_runs import SHARED_LIMITS, tries
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -89,6 +91,56 @@ def run_python(page: Path) -> None:
             names = example.globs
         else:
             exec(compile(block, f"{page.name}[{i}]", "exec"), names)
+
+
+SITE = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+IN_ORDER = re.findall(r"^ +- (?:[^:\n]+: )?([\w/-]+\.md)$", SITE, re.MULTILINE)
+"""The pages in the order of the site."""
+
+
+def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
+    pages = {str(page.relative_to(ROOT / "docs")) for page in CURRENT if page.is_relative_to(ROOT / "docs")}
+    assert set(IN_ORDER) == pages
+    assert len(IN_ORDER) == len(pages)
+    listed = set(re.findall(r"\]\(([\w/-]+\.md)\)", (ROOT / "docs" / "README.md").read_text(encoding="utf-8")))
+    assert listed == pages - {"README.md"}
+
+
+REFERENCES = ("rig.md", "safety.md", "campaign.md", "troubleshooting.md", "glossary.md")
+"""Pages for users that are mostly tables, in which one looks something up."""
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=page_id)
+def test_a_page_for_users_is_short(page: Path) -> None:
+    """How we know it belongs to docs/background, which the page names."""
+    if page.name not in REFERENCES:
+        assert len(page.read_text(encoding="utf-8").split()) <= 1400
+    background = page.parent / "background" / page.name
+    if background.exists():
+        assert f"(background/{page.name})" in page.read_text(encoding="utf-8")
+
+
+HELP = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("fault", [fault for fault in Fault if fault.then], ids=lambda fault: fault.name)
+def test_a_fault_that_can_end_a_run_is_found_by_its_symptom(fault: Fault) -> None:
+    assert f"`{fault.name}`" in HELP
+
+
+@pytest.mark.parametrize("reason", [reason for reason in Reason if reason], ids=lambda reason: reason.name)
+def test_what_a_preflight_finds_is_found_by_its_symptom(reason: Reason) -> None:
+    said = re.split(r"[;,]| while | where ", REASONS[reason])[0]
+    assert said.removeprefix("the drive tells ") in HELP
+
+
+def test_messages_that_are_quoted_are_printed_by_the_package() -> None:
+    printed = " ".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
+    printed = re.sub(r"\"\s+f?\"", "", printed)
+    quoted = re.findall(r"(?<=[| ,(])\"([^\"\n]+)\"", HELP)
+    assert len(quoted) > 20
+    lost = [part for text in quoted for part in text.split(" … ") if part.strip() not in printed]
+    assert not lost
 
 
 def slug(heading: str) -> str:

@@ -35,7 +35,8 @@ def half_width(known: Knowledge) -> float:
 
 
 SERVO_SHARE = 190.0 / 53.58
-"""`quiet_bandwidth` over the servo's ω, at most: the default bench's, where chatter stops it (docs/laws.md) [–]."""
+"""`quiet_bandwidth` over the servo's ω, at most: the default bench's, where chatter stops it
+(docs/background/laws.md) [–]."""
 
 HEARD = 0.1 * RADIANS
 """Standard deviation of the command that the encoders alone may make, at most [rad]."""

@@ -9,8 +9,11 @@ from typing import Any
 from bowden.control import Law, user_law
 from bowden.control.knowledge import preset_of
 from bowden.core import arguments
+from bowden.core.shown import listed
+from bowden.core.toml_text import quoted
+from bowden.design.other_law import other_law
 from bowden.design.processes import Mapper, two_workers
-from bowden.design.tune import BrokenOff, Tuning
+from bowden.design.tune import BrokenOff, NoGainsError, Tuning
 from bowden.design.tune import tune as search
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
@@ -116,6 +119,10 @@ def tuned(
                 )
         except BrokenOff as broken:
             raise BrokenOff(whole(broken.tuning)) from None
+        except NoGainsError as error:
+            better = other_law(looked_at, [law.name])
+            more = "" if better is None else f"{better}: write law = {quoted(better.law)} into [control]"
+            raise NoGainsError(error.what, expected=error.expected, do=listed((error.do, more), "; ")) from None
         if plants is None:
             return whole(found)
         try:

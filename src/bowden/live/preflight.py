@@ -355,7 +355,7 @@ def require(limits: Limits, dt: float, verdict: str) -> None:
     found = contradictions(limits, dt)
     if found:
         raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct them in rig.toml")
-    if verdict not in ("holds", "little_margin"):
+    if verdict not in ("holds", "little_margin", "limit_cycle"):
         raise SafetyError(f"`bowden check` says {verdict!r}", expected="gains that hold", do="run `bowden tune`")
 
 

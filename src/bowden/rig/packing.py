@@ -20,6 +20,7 @@ from bowden.core.arguments import said
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
 from bowden.core.quantity import optional
+from bowden.identify.cable.counting import Counting, Covered
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.user_plant import UserPlant
@@ -93,7 +94,10 @@ def _written(name: str, value: Any) -> Any:
         return {"kind": "recorded", "said": _plain(value.said)} | numbers
     if isinstance(value, IdentifiedCable):
         changed = {"changed": dict(value.changed)} if value.changed else {}
-        return {"best": value.best, "models": _dicts(value.models), "file": value.file} | changed
+        counted = {} if value.counting.as_recorded else {"counting": _plain(value.counting)}
+        covered = {} if value.covered is None else {"covered": _plain(value.covered)}
+        found = {"best": value.best, "models": _dicts(value.models), "file": value.file}
+        return found | changed | counted | covered
     if isinstance(value, LawFile):
         return user_file.written(value)
     if isinstance(value, UserPlant | PlantFile):
@@ -269,7 +273,14 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
         return _made(part.kind, given, part.default, name, remarks)
     if name == "cable":
         if "best" in given:
-            return IdentifiedCable(given["best"], given["models"], given.get("file", ""), given.get("changed", {}))
+            return IdentifiedCable(
+                given["best"],
+                given["models"],
+                given.get("file", ""),
+                given.get("changed", {}),
+                counting=Counting(**given.get("counting", {})),
+                covered=Covered(**given["covered"]) if "covered" in given else None,
+            )
         return _made(BoucWen, given, BoucWen(), name, remarks)
     if name == "reference":
         if given["kind"] == "recorded":

@@ -643,6 +643,7 @@ class Rig:
             notes.append(f"{self.emg.wearer} was {wearer_file.EARLIER}")
         if self.worn is None or not self.admittance.enabled:
             notes += self._like_radians()
+            notes += self._beyond_the_log()
         return tuple(notes)
 
     def _bend_notes(self) -> list[str]:
@@ -673,6 +674,23 @@ class Rig:
             return []
         meant = f"radians? {furthest:.3g} rad would be {furthest * DEGREES:.3g}°"
         return [f"{what} goes no further than {furthest:.3g}°, less than a cable's dead zone; {meant}"]
+
+    def _beyond_the_log(self) -> list[str]:
+        """What is said of a reference that leaves the motion that the cable's log covered."""
+        covered = self.cable.covered if isinstance(self.cable, IdentifiedCable) else None
+        if covered is None or self.worn is not None or self.plant is not None:
+            return []
+        path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
+        low, high = float(path.min()), float(path.max())
+        span = covered.joint_high - covered.joint_low
+        if max(covered.joint_low - low, high - covered.joint_high) <= _BEYOND * span:
+            return []
+        seen = f"{covered.joint_low / RADIANS:.1f} to {covered.joint_high / RADIANS:.1f}°"
+        return [
+            f"the reference goes from {low / RADIANS:.3g} to {high / RADIANS:.3g}°, and the log of the cable's model "
+            f"covered {seen} of the joint: beyond that the model was fitted to nothing, and figures there say little; "
+            "keep the reference within, or identify a log of a larger motion"
+        ]
 
     @property
     def law_name(self) -> str:
@@ -781,6 +799,8 @@ class Rig:
 
 _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
+_BEYOND = 0.1
+"""How far a reference may leave the motion that a log covered, over that motion [–]."""
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 _WRITTEN = 1e-3
@@ -807,12 +827,14 @@ def _one_file(one: Any, other: Any) -> bool:
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
     if isinstance(given, Fit):
-        given = IdentifiedCable(given.best.name, {name: dict(one.parameters) for name, one in given.models.items()})
+        models = {name: dict(one.parameters) for name, one in given.models.items()}
+        given = IdentifiedCable(given.best.name, models, covered=given.best.covered)
     if isinstance(given, JointFit | Recalibration):
         given = given.best
     if isinstance(given, CableModel):
         own = {given.name: dict(given.parameters)}
-        given = IdentifiedCable(given.name, own | {name: dict(one) for name, one in given.others.items()})
+        others = {name: dict(one) for name, one in given.others.items()}
+        given = IdentifiedCable(given.name, own | others, covered=given.covered)
     if isinstance(given, IdentifiedCable):
         _ = given.bouc_wen
         return given

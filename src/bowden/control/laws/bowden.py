@@ -1,6 +1,6 @@
 """Our law: it learns while it runs how the cable loses motion, and makes up for it ahead of time.
 
-Its equations are in `bowden.control.our_law`, their derivation in ``docs/our_law.md``.
+Its equations are in `bowden.control.our_law`, their derivation in ``docs/background/our_law.md``.
 """
 
 import math
@@ -58,7 +58,7 @@ LAW = Law(
     gains=BowdenGains(),
     start_kernel=start,
     step_kernel=step,
-    source="this project, docs/our_law.md",
+    source="this project, docs/background/our_law.md",
     presets={"suit": SUIT},
     suit_preset="suit",
     from_rig={

@@ -9,7 +9,7 @@ With s = 1/a₀, a₀ the told slope, a the learned one, φ the reference, F the
 joint for one disturbance and takes it away (F), `crossing` knows the dead zone (J) and learns a, `swing` slows the
 observer where the loop rings. In the feedback stands a₀, in the plan a: what is learned must not be the loop's gain.
 
-Derivation, stability and limits: ``docs/our_law.md``. Portable subset.
+Derivation, stability and limits: ``docs/background/our_law.md``. Portable subset.
 """
 
 from typing import NamedTuple

@@ -19,6 +19,9 @@ _SLOW = 0.5 / DEGREES
 """Below this peak speed friction makes most cables stick and slip [rad/s]; a rule of thumb."""
 
 
+WORSE, SLIGHT = 1.5, 0.05 / DEGREES
+"""Error on the half that was not fitted over that on the fitted one, and its size [rad], from which on the cable is
+taken to have changed."""
 FOLLOWS = 0.5
 """Least correlation with the motor of a joint that follows it; below it nothing but a line is recommended."""
 
@@ -163,7 +166,7 @@ def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -
             f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
             "they were not fitted"
         )
-    if best.test_rms > 1.5 * best.train_rms and best.test_rms > 0.05 / DEGREES:
+    if best.test_rms > WORSE * best.train_rms and best.test_rms > SLIGHT:
         found.append(
             f"the second half is predicted worse than the first was fitted ({best.test_rms * DEGREES:.2g}° against "
             f"{best.train_rms * DEGREES:.2g}°): the cable changed during the log; let it settle, or record longer"

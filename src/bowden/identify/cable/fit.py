@@ -23,6 +23,7 @@ from bowden.identify.cable.lag import time_lag
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.trust import Trust, parameter_lines, trust
 from bowden.identify.cable.turns import motor_noise
 from bowden.identify.cable.uncertainty import standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
@@ -108,6 +109,11 @@ class Fit:
         """The joint's error with the recommended model as feed-forward, and without any."""
         return forecast(self.log, self.split, self.predicted, self.chosen, self.models["line"])
 
+    @property
+    def trust(self) -> Trust:
+        """Whether to trust the recommended model, and why."""
+        return trust(self)
+
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
 
@@ -144,11 +150,7 @@ class Fit:
         return f"Fit of {self.log.name}: use {self.best.name}, {error} RMS on the unseen half"
 
     def _rows(self) -> list[tuple[str, str]]:
-        spreads = self.chosen.uncertainty
-        given = [
-            f"{name} {value:.4g}" + (f" ± {spreads[name]:.2g}" if np.isfinite(spreads[name]) else "")
-            for name, value in self.best.parameters.items()
-        ]
+        given = [f"{name} {text}" for name, text in parameter_lines(self.best.parameters, self.chosen.uncertainty)]
         others = [
             f"{name} {shown.number(model.test_rms * DEGREES, '°')}"
             for name, model in self.models.items()
@@ -161,6 +163,7 @@ class Fit:
         left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
         return [
             ("log", log),
+            ("trust", str(self.trust)),
             ("parameters", ", ".join(given)),
             ("others", ", ".join(others)),
             ("forecast", f"{left} RMS with the model as feed-forward, {without} without"),
@@ -282,6 +285,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         best=replace(
             models[best].model,
             others={name: dict(one.parameters) for name, one in models.items() if name != best},
+            covered=log.covered,
         ),
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),

@@ -33,6 +33,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
+from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
@@ -246,7 +247,8 @@ def identify_loads(
     tell("bouc_wen", 0.8)
     near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
     plain = BoucWenCable(_path(logs[near], _SEARCHED).first(30), seed).fit(paths[near]).parameters
-    best = CableModel(SCHEDULED, parameters_of(cable, names, middle), others={"bouc_wen": plain})
+    seen = covered_by([log.covered for log in logs])
+    best = CableModel(SCHEDULED, parameters_of(cable, names, middle), others={"bouc_wen": plain}, covered=seen)
     tell("done", 1.0)
     return JointFit(
         best=best,

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _POINTS = 1500
 """Of a curve: more are not told apart."""
+PARTS = {"first half": "#c9ced3", "second half": "#b5d3e7"}
+"""Half of the log → its colour: pale and broad, so that the model's thin line hides nothing of it."""
 
 
 def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
@@ -23,13 +25,12 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
     line = fit.models["line"].model.joint_angle(log.motor)
     motor = log.motor * DEGREES
     for panel, base in zip(axes, (np.zeros_like(line), line), strict=False):
-        for part, label in ((slice(0, fit.split), "first half"), (slice(fit.split, None), "second half")):
-            colour = COLOURS["data"] if part.start == 0 else COLOURS["joint"]
+        for part, (label, colour) in zip((slice(0, fit.split), slice(fit.split, None)), PARTS.items(), strict=True):
             shown = thin(motor[part], (log.joint - base)[part] * DEGREES, _POINTS)
-            panel.plot(*shown, color=colour, lw=1.0, label=label)
+            panel.plot(*shown, color=colour, lw=2.8, label=label)
         late = slice(fit.split, None)
         drawn = thin(motor[late], (fit.predicted - base)[late] * DEGREES, _POINTS)
-        panel.plot(*drawn, color=COLOURS["model"], lw=1.2, label="model")
+        panel.plot(*drawn, color=COLOURS["model"], lw=0.8, label="model")
         panel.set_xlabel("motor [°]")
     axes[0].set_ylabel("joint [°]")
     if len(axes) > 1:

@@ -34,6 +34,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.order import distinct
 from bowden.core.units import DEGREES
+from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.turns import resolution
@@ -211,7 +212,10 @@ def recalibrate(
         )
     if not known:
         warnings.append("the motion is too short or too small to tell a gain: only the offset was fitted anew")
-    best = CableModel(given.best, models[given.best], {k: v for k, v in models.items() if k != given.best})
+    others = {name: parameters for name, parameters in models.items() if name != given.best}
+    joints = None if given.covered is None else [gain * one + offset for one in given.covered[2:]]
+    covered = None if joints is None or given.covered is None else Covered(*given.covered[:2], *joints)
+    best = CableModel(given.best, models[given.best], others, covered)
     return Recalibration(
         best=best,
         gain=gain,

@@ -14,6 +14,7 @@ from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
 from bowden.identify.cable import checks
+from bowden.identify.cable.counting import Covered
 from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, geared, unwrapped
 from bowden.identify.log.clock import even_clock, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
@@ -37,6 +38,12 @@ class Log:
     """The file's name, for reports."""
     warnings: tuple[str, ...]
     """What was mended or guessed."""
+
+    @property
+    def covered(self) -> Covered:
+        """The motion that is in it."""
+        ends = (float(choose(values)) for values in (self.motor, self.joint) for choose in (np.min, np.max))
+        return Covered(*ends)
 
 
 @dataclass(frozen=True)
