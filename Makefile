@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test computed live long lint types docs site lock release bench soak clean
+.PHONY: help demo test computed live long lint types docs notebooks site lock release bench soak clean
 
 help:
 	@echo "make demo    reproduce the paper's bench and say where the report is"
@@ -15,6 +15,7 @@ help:
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
 	@echo "make docs    write what is made from the code: docs/rig.md, JSON schemas, tables of safety.md and campaign.md"
+	@echo "make notebooks   execute docs/notebooks again and keep their outputs"
 	@echo "make site    the documentation as a site in out/site, with search and the Python API; loads nothing from elsewhere"
 	@echo "make lock    which version of every package was tested, with hashes: requirements/ (needs uv)"
 	@echo "make release check what may be released: versions, lock, wheel, sources, a clean install"
@@ -76,6 +77,9 @@ types: .venv/dev
 
 docs: .venv/dev
 	$(BIN)/python tools/make_docs.py
+
+notebooks: .venv/dev
+	$(BIN)/python tools/make_notebooks.py
 
 site: .venv/made
 	$(PIP) --editable '.[docs]'

@@ -92,7 +92,7 @@ NOISE = 1e-4 * np.random.default_rng(1).standard_normal(3000)
 @pytest.mark.parametrize(
     ("command", "motor", "said"),
     [
-        (SLOW, SLOW + NOISE, "does not tell the servo's frequency"),
+        (SLOW, SLOW + NOISE, "does not show the servo's frequency"),
         (0.0 * SLOW, NOISE, "no excitation: the command spans 0°"),
         (SLOW, NOISE, "the motor moves"),
         (SLOW, -SLOW + NOISE, "unexplained"),

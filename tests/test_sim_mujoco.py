@@ -198,7 +198,7 @@ def test_only_a_whole_run_of_the_suit_is_replayed(run: Trace) -> None:
     broken = dict(run.columns) | {"joint": np.where(run.time > 5.0, np.nan, run["joint"])}
     with pytest.raises(LogError, match="not finite to its end"):
         replay(Trace(broken, run.units, run.settings))
-    with pytest.raises(LogError, match="mostly is at its stops"):
+    with pytest.raises(LogError, match="is mostly at its stops"):
         replay(Trace(dict(run.columns) | {"joint": run["joint"] + 3.0}, run.units, run.settings))
 
 

@@ -43,7 +43,8 @@ def test_what_stands_beside_is_there_and_is_described(name: str) -> None:
         ("[a](docs/kernels.md#b)", "CONTRIBUTING.md", "contributing.md", "[a](kernels.md#b)"),
         ("[a](../../benchmarks/RESULTS.md)", "docs/background/emg.md", "background/emg.md", "[a](results.md)"),
         ("[a](decisions)", "docs/README.md", "README.md", "[a](decisions/index.md)"),
-        ("[a](../../docs/emg.md)", "examples/notebooks/a.ipynb", "notebooks/a.md", "[a](../emg.md)"),
+        ("[a](../emg.md)", "docs/notebooks/a.ipynb", "notebooks/a.md", "[a](../emg.md)"),
+        ("[a](notebooks/a.ipynb)", "docs/README.md", "README.md", "[a](notebooks/a.md)"),
         ("[a](https://mcap.dev/spec)", "docs/logs.md", "logs.md", "[a](https://mcap.dev/spec)"),
         ("```\n[a](../src/x.py)\n```", "docs/suit.md", "suit.md", "```\n[a](../src/x.py)\n```"),
     ],
@@ -78,6 +79,7 @@ def test_a_notebook_is_a_page_with_its_results(tmp_path: Path) -> None:
                 {"output_type": "stream", "text": ["\x1b[1m0.2°\x1b[0m\n"]},
                 {"output_type": "display_data", "data": {"image/png": base64.b64encode(PICTURE).decode()}},
                 {"output_type": "execute_result", "data": {"text/plain": "0.5"}},
+                {"output_type": "display_data", "data": {"text/html": ["<div>a\n<svg xmlns='s'>", "\n</svg></div>"]}},
             ],
         },
         {"cell_type": "code", "source": "", "outputs": []},
@@ -88,7 +90,8 @@ def test_a_notebook_is_a_page_with_its_results(tmp_path: Path) -> None:
     assert text.startswith("# A cable\n\n*The notebook [cable.ipynb](cable.ipynb), as it ran.*\n\nIts loop.")
     assert "```python\nfit.plot()\n```\n\n```text\n0.2°\n```\n\n![Drawn by the cell above](cable-1.png)" in text
     assert "```text\n0.5\n```" in text
-    assert pictures == {"cable-1.png": PICTURE}
+    assert "<div>a </div>\n\n![Drawn by the cell above](cable-2.svg)" in text
+    assert pictures == {"cable-1.png": PICTURE, "cable-2.svg": b"<svg xmlns='s'>\n</svg>"}
 
 
 def test_equations_are_drawn_without_a_script() -> None:

@@ -63,6 +63,12 @@ PAGES = {
         ("LAWS", "Law", "Sample", "Reference", "kernel", "sel"),
         ("bowden.control.user_law.load",),
     ),
+    "emg": Page(
+        "EMG",
+        "Rest and maximum contraction of a wearer, and how well contractions are found.",
+        ("emg_calibrate", "emg_score"),
+        ("bowden.face.emg.Contractions",),
+    ),
     "export": Page(
         "Export",
         "A law as C99.",

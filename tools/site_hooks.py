@@ -47,7 +47,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for book in site_notebooks.notebooks():
         text, pictures = site_notebooks.page(book)
         _ORIGINS[f"notebooks/{book.stem}.md"] = str(book.relative_to(ROOT))
-        made |= {f"notebooks/{book.stem}.md": text, f"notebooks/{book.name}": book.read_bytes()}
+        made[f"notebooks/{book.stem}.md"] = text
         made |= {f"notebooks/{name}": picture for name, picture in pictures.items()}
     for uri, content in made.items():
         files.append(File.generated(config, uri, content=content))

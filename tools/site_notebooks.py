@@ -6,7 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).parents[1] / "examples" / "notebooks"
+FOLDER = Path(__file__).parents[1] / "docs" / "notebooks"
+_DRAWING = re.compile(r"<svg.*?</svg>", re.DOTALL)
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -39,9 +40,21 @@ def _shown(output: dict[str, Any], name: str, pictures: dict[str, bytes]) -> str
     data = output.get("data", {})
     for kind, suffix in (("image/svg+xml", "svg"), ("image/png", "png")):
         if kind in data:
-            file = f"{name}-{len(pictures) + 1}.{suffix}"
             raw = _text(data[kind])
-            pictures[file] = raw.encode() if suffix == "svg" else base64.b64decode(raw)
-            return f"![Drawn by the cell above]({file})"
+            return _picture(raw.encode() if suffix == "svg" else base64.b64decode(raw), suffix, name, pictures)
+    if "text/html" in data:  # a table, and drawings in it
+        return _table(_text(data["text/html"]), name, pictures)
     text = _text(output.get("text", data.get("text/plain", "")))
     return f"```text\n{_COLOUR.sub('', text).rstrip()}\n```" if text.strip() else ""
+
+
+def _table(html: str, name: str, pictures: dict[str, bytes]) -> str:
+    drawn = [_picture(svg.encode(), "svg", name, pictures) for svg in _DRAWING.findall(html)]
+    rest = " ".join(re.sub(r"<\?xml.*?\?>|<!DOCTYPE.*?>", "", _DRAWING.sub("", html), flags=re.DOTALL).split())
+    return "\n\n".join([rest, *drawn])
+
+
+def _picture(content: bytes, suffix: str, name: str, pictures: dict[str, bytes]) -> str:
+    file = f"{name}-{len(pictures) + 1}.{suffix}"
+    pictures[file] = content
+    return f"![Drawn by the cell above]({file})"

@@ -105,7 +105,7 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
     """Compile a template in which stand-ins that it calls, or that the kernels call which it calls, are replaced.
 
     This is how one closed-loop source serves every law and plant and is still cached on disk: a closure over its
-    kernels would be compiled anew in every process. Variants are told apart by the kernels they are made of.
+    kernels would be compiled again in every process. Variants are distinguished by the kernels they are made of.
 
     Args:
         template: a kernel.

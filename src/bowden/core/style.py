@@ -41,7 +41,7 @@ COLOURS = {
     "model": "#d55e00",
     "limit": "#b3b3b3",
 }
-"""What is drawn → its colour. The hues are Okabe and Ito's (jfly.uni-koeln.de/color, 2008), told apart by colour-blind
+"""What is drawn → its colour. The hues are Okabe and Ito's (jfly.uni-koeln.de/color, 2008), distinct for colour-blind
 readers and, by their lightness, mostly in grey print too; those of more laws than there are of these are Paul Tol's
 (personal.sron.nl/~pault, 2021). A law has one colour on all pages."""
 
@@ -55,7 +55,7 @@ DASHES = {
     "offset_inverse": "-.",
     "repetitive": ":",
 }
-"""Law → how its line is broken, where several laws share a panel: colours alone do not tell so many apart."""
+"""Law → how its line is broken, where several laws share a panel: colours alone do not separate so many."""
 
 CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c8c8c", "#222222")
 """For what has no name of its own, in this order."""
@@ -110,7 +110,7 @@ def new_figure(
         width: of the whole figure [inch].
         height: of the whole figure [inch].
         share_x: one horizontal axis for each column; only the lowest carries numbers.
-        ticks: so many of each axis are made now, and not when the figure is drawn.
+        ticks: this many of each axis are made now, and not when the figure is drawn.
 
     Returns:
         The figure, and its axes as a flat list, row by row.
@@ -154,7 +154,7 @@ def legend_height(names: Sequence[str], width: float = 7.0, columns: int = 4) ->
 
 
 def finish(figure: Figure) -> None:
-    """The last touches, which matplotlib takes from its global settings unless told otherwise.
+    """The last touches, which matplotlib takes from its global settings by default.
 
     Quiet legends, titles to the left, vertical labels of a column in one line.
     """

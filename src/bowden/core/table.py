@@ -201,7 +201,7 @@ def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
     if not first:
         raise ValueError("it is empty")
     if "\ufffd" in first:
-        raise LogError(f"{path}: a column's name is no text", expected="UTF-8", do="export it as that")
+        raise LogError(f"{path}: a column's name is not text", expected="UTF-8", do="export it as that")
     names = tuple(next(csv.reader([first.rstrip("\r\n")])))
 
     def read(columns: Sequence[int]) -> list[Array]:
@@ -261,8 +261,8 @@ def _no_number(path: Path, row: int, name: str, value: object) -> LogError:
 
 
 def _too_many(path: Path, cells: int) -> LogError:
-    """The refusal of a table with so many fields."""
-    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="cut it, or thin it out")
+    """The refusal of a table with this many fields."""
+    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="shorten it, or keep fewer rows")
 
 
 def _printable(text: str, most: int = 200) -> str:

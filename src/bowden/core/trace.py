@@ -43,7 +43,7 @@ _SPELLINGS = {"°": "deg", "degrees": "deg", "radians": "rad", "°/s": "deg/s", 
 
 @dataclass(frozen=True, repr=False)
 class Trace:
-    """Signals sampled on one clock.
+    """The record of a run: signals sampled on one clock, with their units and the settings of the run.
 
     >>> t = np.linspace(0.0, 10.0, 1001)
     >>> units = {"time": "s", "reference": "rad", "joint": "rad"}
@@ -119,7 +119,7 @@ class Trace:
         return len(next(iter(self.columns.values())))
 
     def array(self, name: str, unit: str | None = None) -> NDArray[np.float64]:
-        """A column in the unit asked for, (n,); in its own where none is given.
+        """A column (n,) in the given unit, or in its own unit.
 
         Args:
             name: of the column.
@@ -281,7 +281,7 @@ class Trace:
 
     @property
     def stable(self) -> bool:
-        """Whether it ended, and the joint was never further from the reference than that's whole stroke (5° at least).
+        """Whether it ended, and the error was never larger than the whole stroke of the reference (at least 5°).
 
         See `bowden.core.metrics.is_stable`.
         """
@@ -360,7 +360,7 @@ class Trace:
         write_parquet(iter([self]), arguments.path_of(path, "to_parquet: path"))
 
     def to_csv(self, path: Path | str) -> None:
-        """Write the trace as text: a comment with units, settings and seed, a header, shortest exact decimals.
+        """Write the trace as text: a comment with units, settings and seed, a header, and exact decimal numbers.
 
         Raises:
             ParameterError: what is no path.

@@ -15,7 +15,7 @@ from bowden.rig.rig import Rig
 
 
 def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = None) -> Check:
-    """Judge a law on a rig: margins over all slopes of the sheath, limit cycle, chatter, trials; and what to change.
+    """Check whether a law holds on a rig: margins over all bends of the sheath, limit cycle, chatter, trial runs.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
@@ -23,8 +23,8 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
         preset: a named set of gains of that law.
 
     Returns:
-        The check: ``verdict`` (``holds``, ``little_margin``, ``limit_cycle`` or ``does_not_hold``), ``reason``,
-        ``advice``, margins.
+        The check: ``verdict`` (``holds``, ``little_margin``, ``limit_cycle`` or ``does_not_hold``), its ``reason``, the
+        margins, and ``advice`` on what to change.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used.

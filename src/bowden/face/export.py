@@ -81,7 +81,7 @@ def export(
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law.
         float32: float in place of double; the supervisor stays double.
-        emg_rate: export the EMG's envelope and detector too, for so many samples a second.
+        emg_rate: export the EMG's envelope and detector too, for this many samples a second.
         safety: export the supervisor with the rig's limits too.
         force: export gains that do not hold, too.
 

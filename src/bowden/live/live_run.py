@@ -166,7 +166,7 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
             f"{rig.origin}: the cable's slope is negative",
             expected="a joint angle that grows with the motor's",
             do="write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
-            "this drive does; else turn motor_direction or joint_direction of [drive] round, and measure anew",
+            "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
         )
     _ = rig.drive_parameters  # which refuses what makes no sense together
     _ = rig.pack()  # which refuses more than a log's head and the loop's process can take

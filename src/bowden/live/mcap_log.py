@@ -29,7 +29,7 @@ MAGIC = b"\x89MCAP0\r\n"
 ABOUT = "bowden"
 """Name of the metadata record that stands first in a file, with what `about` says."""
 _ENDLESS = 1e9
-"""No run lasts so long, and 64 bits hold it [s]."""
+"""No run lasts this long, and 64 bits hold it [s]."""
 CLOSING = "bowden.closing"
 """Name of the metadata record that stands last in a file that was closed properly."""
 

@@ -43,7 +43,7 @@ RATE = 1000.0
 LEARNING = 50.0
 """Two slow flexions before the clinic's [s]."""
 MOVED_DEG = 0.5
-"""The elbow counts as moving once it has gone so far: ten steps of the flex sensor [deg]."""
+"""The elbow counts as moving once it has gone this far: ten steps of the flex sensor [deg]."""
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ def reproduce(only: Sequence[str] = (), progress: Callable[[str, float], None] |
 
     Args:
         only: ids of claims or their beginnings (``fig16``, ``table1.adaptive``); all where empty.
-        progress: is told what runs now, and the share that is done.
+        progress: called with what runs now, and the share that is done.
 
     Raises:
         ParameterError: an id that no claim has.

@@ -77,15 +77,22 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
 
 def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure":
     """Signal, envelope and spans over time."""
-    figure, (above, middle, below) = new_figure(3, 1, height=5.2, share_x=True)
+    figure, axes = new_figure(3, 1, height=5.2, share_x=True)
+    draw_signal(axes, log, labels, found)
+    return figure
+
+
+def draw_signal(axes: "Sequence[Axes]", log: EmgLog, labels: Spans | None, found: Findings) -> None:
+    """The same on three axes."""
+    above, middle, below = axes
     time = log.start + np.arange(len(log.values)) / log.rate
     above.plot(*_outline(time, log.values), color=COLOURS["data"], linewidth=0.5)
     middle.plot(*_outline(time, found.envelope), color=COLOURS["joint"], linewidth=1.0, label="envelope")
     threshold = PLAIN_THRESHOLD * found.mvc
     middle.axhline(threshold, color=COLOURS["error"], linewidth=1.0, linestyle="--", label="20 % of MVC")
     rows: list[tuple[str, Sequence[tuple[float, float]], str]] = [
-        ("plain", found.plain, COLOURS["error"]),
-        ("ours", found.found, COLOURS["bowden"]),
+        ("threshold", found.plain, COLOURS["error"]),
+        ("detector", found.found, COLOURS["bowden"]),
     ]
     if found.detected.trouble.any():
         rows.append(("trouble", spans(found.detected.trouble, log.rate), COLOURS["data"]))
@@ -100,7 +107,6 @@ def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure
     above.set_ylabel(f"{signal}{unit}")
     middle.set_ylabel(f"envelope{unit}")
     legend(middle)
-    return figure
 
 
 def _with_unit(channel: str) -> tuple[str, str]:

@@ -4,19 +4,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import COLOURS, legend, new_figure, note_cut, thin, widened
+from bowden.core.style import new_figure
 from bowden.core.units import DEGREES
 from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.plot import draw_loads, draw_residual
 from bowden.identify.cable.recalibrate import Recalibration, verdict
-from bowden.models.cable.scheduled import cable_of, hats, powers
 from bowden.report.page import Page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_POINTS = 1500
-_SHOWN = (("#0072b2", "-"), ("#009e73", "--"), ("#d55e00", "-."))
-"""Colour and line at the least, the middle and the largest."""
 _TITLES = {
     "fitted [° RMS]": "train_rms",
     "second half [° RMS]": "test_rms",
@@ -68,28 +65,8 @@ def joint_page(fit: JointFit) -> Page:
 
 def loops_figure(fit: JointFit) -> "Figure":
     """Both branches over the motor, at the ends and in the middle of what schedules them."""
-    cable, values = cable_of(fit.best.parameters)
-    count = cable.middle.shape[1]
-    motor = np.linspace(cable.first, cable.first + cable.step * (count - 1), 200)
-    middle, height = (hats(motor, cable.first, cable.step, count, outward) for outward in (1.0, 0.0))
-    ends = [cable.low.tolist(), list(values), cable.high.tolist()] if fit.variables else [[]]
-    line = np.polyfit(motor, middle @ (powers(values, cable) @ cable.middle), 1)
     figure, (axes,) = new_figure(1, 1, height=3.6)
-    degrees = [unit == "rad" for unit in fit.units]
-    for at, (colour, dashes) in zip(ends, _SHOWN, strict=False):
-        weights = powers(at, cable)
-        curve, half = middle @ (weights @ cable.middle), height @ (weights @ cable.height)
-        label = ", ".join(
-            f"{name} {value * DEGREES:.3g}°" if angle else f"{name} {value:.3g} {unit}".strip()
-            for name, value, unit, angle in zip(fit.variables, at, fit.units, degrees, strict=False)
-        )
-        for side in (1.0, -1.0):
-            drawn = (curve + side * half - np.polyval(line, motor)) * DEGREES
-            said = label if label and side > 0.0 else None
-            axes.plot(motor * DEGREES, drawn, color=colour, ls=dashes, lw=1.3, label=said)
-    axes.set(xlabel="motor [°]", ylabel="joint − straight line [°]")
-    if fit.variables:
-        legend(axes)
+    draw_loads(axes, fit)
     return figure
 
 
@@ -117,11 +94,7 @@ def recalibration_page(found: Recalibration, source: str) -> Page:
 def residual_figure(found: Recalibration) -> "Figure":
     """Joint minus model over time."""
     figure, (axes,) = new_figure(1, 1, height=2.8)
-    time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
-    axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
-    axes.set_ylim(*widened(*(float(end) for end in np.quantile(rest, (0.002, 0.998))), 0.3))  # but for the start
-    note_cut(axes, [rest])
-    axes.set(xlabel="time [s]", ylabel="joint − model [°]")
+    draw_residual(axes, found)
     return figure
 
 

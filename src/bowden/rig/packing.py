@@ -37,7 +37,7 @@ FORMAT = 1
 MOST_BYTES = 32 << 20
 """A larger rig is not packed: its recorded motion is too long [bytes]."""
 _DIGITS = 12
-"""Numbers that are alike in so many digits make the same hash: degrees to radians and back is not exact."""
+"""Numbers that are alike in this many digits make the same hash: degrees to radians and back is not exact."""
 
 _REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}
 _BEND_TAGS = {part.kind: tag for tag, part in BENDS.items()}
@@ -56,7 +56,7 @@ def document(values: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a rig as JSON values.
 
     Raises:
-        ParameterError: a reference, cable or law that is known to this process alone, or too much of it.
+        ParameterError: a reference, cable or law that exists only in this process, or too much of it.
     """
     found = {name: _written(name, value) for name, value in values.items()}
     law, more = found["law"], {}
@@ -108,7 +108,7 @@ def _written(name: str, value: Any) -> Any:
     if name == "reference":
         if type(value) not in _REFERENCE_TAGS:
             raise ParameterError(
-                f"a reference of the type {type(value).__name__} is known to this process alone",
+                f"a reference of the type {type(value).__name__} exists only in this process",
                 expected=f"one of {', '.join(part.kind.__name__ for part in REFERENCES.values())}",
                 do="use one of these, or simulate in this process",
             )
@@ -248,7 +248,7 @@ def _understood(name: str, given: Any) -> Iterator[None]:
         raise ParameterError(
             f"the packed rig's {name} is {said(given)}: {why}",
             expected="what Rig.pack or Rig.document gave",
-            do="pack the rig anew",
+            do="pack the rig again",
         ) from error
 
 
@@ -258,7 +258,7 @@ def _read(pack: bytes) -> Mapping[str, Any]:
         found = json.loads(pack)
     if not isinstance(found, dict):
         raise ParameterError(
-            f"Rig.unpack: {said(pack)} is no packed rig",
+            f"Rig.unpack: {said(pack)} is not a packed rig",
             expected="what Rig.pack or Rig.document gives",
             do="read a rig.toml with Rig.read",
         )

@@ -61,7 +61,7 @@ def _refuse_unnamed(value: Any, default: Any, name: str) -> None:
             raise ParameterError(
                 f"{name}.{field} is {given:g}, which has no key in rig.toml",
                 expected=f"{getattr(default, field):g}, as it is without a file",
-                do="hand the rig on with pack()",
+                do="pass the rig on with pack()",
             )
 
 
@@ -73,7 +73,7 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
         if type(value) is part.kind:
             return {"kind": tag} | section_tree(value)
     raise ParameterError(
-        f"a rig.toml has no words for {article(type(value).__name__)}",
+        f"a rig.toml cannot express {article(type(value).__name__)}",
         expected=f"one of {', '.join(part.kind.__name__ for part in kinds.values())}",
     )
 
@@ -114,7 +114,7 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
             raise ParameterError(
                 f"two files of the rig have the name {name}",
                 expected="files of different names",
-                do="rename one, or hand the rig on by pack()",
+                do="rename one, or pass the rig on with pack()",
             )
 
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))

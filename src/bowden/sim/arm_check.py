@@ -75,7 +75,7 @@ class ArmMotion(NamedTuple):
     ours: Array  # (n,)
     """Elbow by `bowden.models.suit.arm` [rad]."""
     mujoco: Array  # (n,)
-    """Elbow by MuJoCo [rad]; NaN where it cannot tell."""
+    """Elbow by MuJoCo [rad]; NaN where it does not know."""
 
     @property
     def error(self) -> float:

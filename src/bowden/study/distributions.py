@@ -51,7 +51,7 @@ _Made = tuple[Callable[[float], Value], tuple[Value, ...]] | None
 
 
 def _numbers(given: tuple[Value, ...], count: int) -> tuple[float, ...] | None:
-    """The numbers, if there are so many and all are finite."""
+    """The numbers, if there are this many and all are finite."""
     fine = len(given) == count and all(
         isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one) for one in given
     )

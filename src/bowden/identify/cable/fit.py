@@ -1,6 +1,6 @@
 """From three signals to a recommended model: each family fitted to a log's first half and judged on its second.
 
-What is reported of a model, and what a rig takes, was fitted anew to the whole log; its errors are those of the same
+What is reported of a model, and what a rig takes, was fitted again to the whole log; its errors are those of the same
 family fitted to the first half, since nothing is left to judge the other on.
 """
 
@@ -36,12 +36,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _TOLD = 4
-"""Strokes from which on the first half tells families apart; with fewer of them the whole log does."""
+"""Strokes from which on the first half decides between families; with fewer of them the whole log does."""
 _OUTWARD = ("line", "play", "prandtl_ishlinskii")
-"""What is offered where one reversal was seen: left-out stretches then do not tell how a bent loop goes on."""
+"""What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
 _WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
-"""A model fitted to the whole log is not taken where its error on it is so many times, and so much [rad] above, that of
-the fit to the first half: weights that fade towards the past cost less."""
+"""A model fitted to the whole log is not taken where its error on it exceeds that of the fit to the first half by this
+factor and by this much [rad]: weights that fade towards the past cost less."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class Fit:
         ]
         notes = [("note", warning) for warning in self.warnings]
         length = self.log.time[-1] - self.log.time[0]
-        log = f"{self.samples} samples, {length:.4g} s, fitted in {self.seconds:.2g} s"
+        log = f"{self.samples} samples, {length:.4g} s"
         ahead = self.forecast
         left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
         return [
@@ -183,7 +183,7 @@ def identify(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit every family of cable models to a log's first half, judge it on the second, and fit it anew to the whole.
+    """Fit every family of cable models to a log's first half, judge it on the second, and fit it again to the whole.
 
     Args:
         time: (n,) increasing and even [s]; None where a rate is given.
@@ -226,7 +226,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     """`identify` for a log that was read and checked.
 
     Raises:
-        LogError: the motor's or the joint's motion cannot be told from its noise.
+        LogError: the motor's or the joint's motion cannot be distinguished from its noise.
     """
     begin = clock.perf_counter()
     tell = progress or (lambda what, share: None)

@@ -125,7 +125,7 @@ class CableModel:
     parameters: Mapping[str, float]
     """By name; SI and radians."""
     others: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False, repr=False)
-    """The parameters of other models of the same log, by their names: a rig tells laws what ``bouc_wen`` says."""
+    """The parameters of other models of the same log, by their names: laws get from a rig what ``bouc_wen`` says."""
     covered: Covered | None = field(default=None, compare=False, repr=False)
     """The motion that the log covered; None where nothing says it."""
 
@@ -196,7 +196,7 @@ class IdentifiedCable:
         return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
 
     def with_parameters(self, given: Mapping[str, float]) -> "IdentifiedCable":
-        """The same cable with these parameters of the simulated model; other models, which laws are told, stay.
+        """The same cable with these parameters of the simulated model; other models, which laws take, stay.
 
         Args:
             given: by name; SI and radians.
@@ -236,7 +236,7 @@ class IdentifiedCable:
             return self
         if not self.counting.as_recorded:
             raise ParameterError(
-                f"{self.file or 'the identified cable'} is counted anew already",
+                f"{self.file or 'the identified cable'} already counts its angles in another way than its log",
                 expected="the cable as it was identified",
                 do="take the first one",
             )

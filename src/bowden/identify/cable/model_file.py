@@ -67,7 +67,7 @@ def covered_lines(covered: Covered) -> list[str]:
     ends = [f"{angle * DEGREES:.4f}" for angle in covered]
     return [
         "",
-        "[covered]  # by the log, in its own angles; beyond this motion a model was fitted to nothing",
+        "[covered]  # by the log, in its own angles; the models were not fitted beyond this motion",
         f"motor_deg = [{ends[0]}, {ends[1]}]",
         f"joint_deg = [{ends[2]}, {ends[3]}]",
     ]
@@ -165,7 +165,7 @@ def _covered(file: Path) -> Covered | None:
             raise ParameterError(
                 f"{file}: {key} of [covered] is {pair!r}",
                 expected="two angles, the lower one first",
-                do="write the file anew, or delete the section",
+                do="write the file again, or delete the section",
             )
         ends += [one / DEGREES for one in numbers]
     return Covered(*ends)
@@ -188,7 +188,7 @@ def _document(file: Path) -> tuple[dict[str, Any], str]:
 def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
     parameters = table.get("parameters") if isinstance(table, dict) else None
     if not isinstance(parameters, dict):
-        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file anew")
+        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file again")
     for key, value in parameters.items():
         meaning(key)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 _OF_LINE = 0.5
 """Share of a straight line's error that a model leaves at most, if its loop is to be of use."""
 _COUNTS = 3.0
-"""Errors below so many times the encoders' counts are their noise."""
+"""Errors below this many times the encoders' counts are their noise."""
 
 
 class Trust(NamedTuple):
@@ -82,7 +82,7 @@ _MOST_OF_A_KIND = 3
 def _spread(value: float) -> str:
     if math.isnan(value):
         return ""
-    return " (not to be told from this log)" if math.isinf(value) else f" ± {value:.2g}"
+    return " (not shown by this log)" if math.isinf(value) else f" ± {value:.2g}"
 
 
 def _degrees(angle: float) -> str:

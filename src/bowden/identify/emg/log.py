@@ -33,9 +33,9 @@ _MOST_VOLTS, _MOST = 100.0, LARGEST
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
 _DEAD = 0.02
-"""A value that lasts so long is no signal, as the detectors have it [s]."""
+"""A value that lasts this long is no signal, as the detectors have it [s]."""
 _COARSE, _SATURATED = 16, 0.5
-"""A converter of so few steps is at an end of its range more often; above this share that is clipped, too."""
+"""A converter with this few steps is at an end of its range more often; above this share that is clipped, too."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,8 @@ class EmgLog:
     channel: str
     """Name of the column."""
     warnings: tuple[str, ...]
+    name: str = "the recording"
+    """Of the recording, for messages."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,24 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
     warnings = found.warnings
     if channel is None and len(others) > 1:
         warnings = (*warnings, f"{len(others)} channels, {name!r} is taken")
-    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings)
+    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings, str(path))
+
+
+def checked_emg(values: Array, rate: float, channel: str) -> EmgLog:
+    """One channel of samples at an even rate, checked as those of a file are; see `read_emg`.
+
+    Args:
+        values: of the channel, in any unit (n,).
+        rate: samples a second [Hz].
+        channel: its name, with its unit at its end where it has one.
+
+    Raises:
+        LogError: as `read_emg`.
+    """
+    given = np.asarray(values, dtype=np.float64)
+    table = Table(Path("the recording"), (channel,), lambda _: [given])
+    found = _recording(table, (channel,), rate, "the recording")
+    return EmgLog(found.values[:, 0].copy(), found.rate, 0.0, channel, found.warnings)
 
 
 def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None = None) -> EmgRecording:
@@ -106,7 +125,7 @@ def _times(table: Table) -> list[str]:
     return [name for name in table.names if split_name(name)[0] in TIMES]
 
 
-def _signals(table: Table, path: Path) -> list[str]:
+def _signals(table: Table, path: str | Path) -> list[str]:
     """Columns that are no times."""
     times = _times(table)
     others = [name for name in table.names if name not in times]
@@ -115,7 +134,7 @@ def _signals(table: Table, path: Path) -> list[str]:
     return others
 
 
-def _recording(table: Table, names: tuple[str, ...], declared: float | None, path: Path) -> EmgRecording:
+def _recording(table: Table, names: tuple[str, ...], declared: float | None, path: str | Path) -> EmgRecording:
     def where(sample: int) -> str:
         return f"{path}, row {sample + 1}"
 
@@ -144,7 +163,7 @@ def _recording(table: Table, names: tuple[str, ...], declared: float | None, pat
     rate = (len(even) - 1) / float(even[-1] - even[0])
     if declared is not None and not abs(rate / declared - 1.0) <= _RATE_ERROR:
         raise LogError(
-            f"{path}: {declared:g} Hz are declared, and the times in {times[0]!r} are of {rate:.4g} Hz",
+            f"{path}: {declared:g} Hz are declared, but the times in {times[0]!r} are of {rate:.4g} Hz",
             expected=f"the same, within {100 * _RATE_ERROR:g} %",
             do="correct --rate, or the unit of the time (time_s, time_ms)",
         )
@@ -152,7 +171,7 @@ def _recording(table: Table, names: tuple[str, ...], declared: float | None, pat
         raise LogError(
             f"{path}: {rate:.4g} samples a second",
             expected=f"{SLOWEST:g} to {QUICKEST:g} Hz",
-            do="look at the unit of the time (time_s, time_ms), or resample",
+            do="check the unit of the time (time_s, time_ms), or resample",
         )
     if rate < SAFE:
         slow = f"{rate:.4g} samples a second are few: below {SAFE:g} an open input may pass for a contraction"
@@ -245,7 +264,7 @@ def check_signal(name: str, values: Array, rate: float, where: str) -> None:
     clipped = float(lengths[clips].sum()) / len(values)
     if clipped > (_CLIPPED if len(np.unique(values)) > _COARSE else _SATURATED):
         raise LogError(
-            f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
+            f"{where}: {100 * clipped:.1f} % of {name} are at an end of its range ({low:g} or {high:g})",
             expected=f"at most {100 * _CLIPPED:g} %",
             do="lower the amplifier's gain and record again",
         )

@@ -150,7 +150,7 @@ def read_columns(
         raise LogError(f"{file} does not exist", do="check the path") from error
     except OSError as error:
         raise LogError(
-            f"{file} cannot be read: {error.strerror or error}", do="check the file and its rights"
+            f"{file} cannot be read: {error.strerror or error}", do="check the file and its permissions"
         ) from error
 
 
@@ -221,7 +221,7 @@ def prepare(
     checks.check_length(len(time), name)
     for what, values in (("time", time), *((one.name, one.values) for one in angles.values())):
         checks.check_finite(what, values, place)
-    (motor, told), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
+    (motor, notes), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
     check_plausible(motor, joint, place)
     if not apart:
         checks.check_same_unit(motor.radians, joint.radians, name)
@@ -229,4 +229,4 @@ def prepare(
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
     checks.check_length(len(even), name)
     swapped = checks.swapped(motor_at, joint_at)
-    return Log(even, motor_at, joint_at, name, (*warnings, *told, *more, *clock, *odd_time(even, motor_at), *swapped))
+    return Log(even, motor_at, joint_at, name, (*warnings, *notes, *more, *clock, *odd_time(even, motor_at), *swapped))

@@ -104,7 +104,7 @@ def identify_servo(time: Array, command: Array, motor: Array) -> ServoFit:
 
     Raises:
         LogError: too short or uneven, values that are not finite, a command that asks for too little, a motor that does
-            not follow, or a log that does not tell the servo's frequency.
+            not follow, or a log that does not show the servo's frequency.
     """
     dt = _checked(time, command, motor)
     fits = {limits: _fit(command, motor, dt, limits) for limits in ("", "v")}
@@ -208,7 +208,7 @@ def _result(fit: _Fit, limits: str, motor: Array, dt: float) -> ServoFit:
         )
     if not relative < 0.25 or fit.values[0] > np.log(0.5 * np.pi / dt):
         raise LogError(
-            "the log does not tell the servo's frequency: the motor follows the command without a lag to be seen",
+            "the log does not show the servo's frequency: the motor follows the command without a visible lag",
             expected="a step, or a chirp up to beyond the servo's frequency",
             do="log one, with samples that are short against the servo's rise",
         )
