@@ -156,8 +156,6 @@ def test_the_core_alone_simulates_identifies_and_draws(tmp_path: Path) -> None:
         "init",
         "simulate rig.toml --duration 3 --csv --law observer",
         "identify out/simulate/observer.parquet",
-        "identify out/simulate/observer.csv --out again",
-        "check rig.toml --law bowden",
         "reproduce --only fig4",
     )
     (tmp_path / "study.toml").write_text('runs = 2\nlaws = ["uncompensated"]\n[vary]\n"servo.damping" = 1.0\n')

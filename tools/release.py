@@ -127,7 +127,7 @@ def installed_problems(wheel: Path, folder: Path) -> Iterator[str]:
         yield f"install: bowden --version says {said.strip()!r}"
     commands = (
         ["init"],
-        ["simulate", "rig.toml", "--duration", "5", "--csv"],
+        ["simulate", "rig.toml", "--law", "adaptive", "--duration", "20", "--csv"],
         ["identify", "out/simulate/adaptive.csv"],
         ["check", "rig.toml"],
         ["run", "rig.toml", "--twin", "--auto", "--duration", "3"],
