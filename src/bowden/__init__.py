@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from bowden.models.drive.servo import Servo as Servo
     from bowden.rig.rig import Rig as Rig
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "BoucWen": "bowden.models.cable.bouc_wen",

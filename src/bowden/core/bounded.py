@@ -46,6 +46,8 @@ def open_file(path: Path) -> io.BufferedReader:
         OSError: it cannot be opened, or is a folder, pipe or device.
         ValueError: a null byte in its name.
     """
+    if "\0" in str(path):  # which every version of Python says in other words
+        raise ValueError("embedded null byte")
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # a pipe is not waited for
     try:
         mode = os.fstat(handle).st_mode

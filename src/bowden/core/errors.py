@@ -26,6 +26,10 @@ class ParameterError(BowdenError):
     """A parameter, setting or key that is unknown, missing or out of its range."""
 
 
+class MissingExtraError(BowdenError):
+    """A package that only some of the work needs, and that is not installed."""
+
+
 class UnknownNameError(ParameterError, KeyError):
     """A name that a mapping does not have; also a `KeyError`, as every mapping's is."""
 

@@ -219,8 +219,8 @@ def _twin(function: FunctionType, name: str, parts: Parts) -> FunctionType:
 def _numba() -> Any:
     """Numba with its array functions, but without SciPy, which takes a quarter of a second.
 
-    Numba imports scipy.linalg only to know whether a kernel may multiply matrices; that SciPy is there, we know. What a
-    kernel calls of it is found when such a kernel is compiled.
+    Numba imports scipy.linalg only to know whether a kernel may multiply matrices. None of ours does; one of a user's
+    that does finds SciPy, or hears that it is missing, when it is compiled.
     """
     import numba
 

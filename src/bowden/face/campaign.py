@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from bowden.core import arguments, shown
 from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.extras import extra_module
 from bowden.core.files import output_folder, whole_files
 from bowden.core.trace import Trace
 from bowden.face import given
@@ -119,6 +120,7 @@ def campaign(
     Raises:
         ParameterError: a study that cannot be run.
         OutputError: a folder that cannot be written.
+        MissingExtraError: PyArrow is not installed: ``pip install "bowden[parquet]"``.
 
     >>> import pathlib, tempfile
     >>> folder = pathlib.Path(tempfile.mkdtemp())
@@ -142,12 +144,22 @@ def campaign(
     named = ["--rig", str(rig)] if isinstance(rig, str | Path) else []
     words = ["bowden", "campaign", str(path), *named, "--out", str(folder), "--run"]
     again = "" if isinstance(rig, Rig) else shlex.join(words)
+    require_parquet()
     with given.in_words_of_python(), reported(progress, "campaign") as report:
         loaded = load(path, None if rig is None else given.rig_of(rig, "campaign"))
         output_folder(folder)
         found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=report)
     given.tell(found.notes)
     return found
+
+
+def require_parquet() -> None:
+    """Refuse a campaign whose results could not be written, before it begins.
+
+    Raises:
+        MissingExtraError: PyArrow is not installed.
+    """
+    extra_module("pyarrow.parquet", "parquet", "a campaign")
 
 
 def computed(
@@ -165,7 +177,9 @@ def computed(
 
     Raises:
         Partway: Ctrl-C; what is computed is kept.
+        MissingExtraError: PyArrow is not installed, which the results are written with.
     """
+    require_parquet()
     cut = chunks(study)
     store = Store(folder, study.identity, [len(numbers) * len(study.laws) for numbers in cut])
     progress("looking at what is there", 0.0)

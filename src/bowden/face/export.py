@@ -73,7 +73,7 @@ def export(
     """Write a law as C99 that needs nothing but math.h, with a test bench that replays a run of this rig.
 
     The code comes from tracing the very kernels that run in Python. Before anything is written, the gains are checked
-    as `bowden.check` does it. Needs ``pip install bowden[export]``.
+    as `bowden.check` does it. Needs ``pip install "bowden[export]"``.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.

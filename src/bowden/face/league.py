@@ -251,7 +251,7 @@ def _scenarios(data: Path | None) -> tuple[dict[str, LeagueScenario], list[str]]
     files = [] if data is None else sorted((data / "elbow").glob("*.csv.gz"))
     notes: list[str] = []
     if files:
-        from bowden.rig.recorded import read_motion  # brings pyarrow
+        from bowden.rig.recorded import read_motion
         from bowden.rig.sections import RecordedFile
 
         said = RecordedFile(files[0].name, position_column="elbow_deg")

@@ -5,21 +5,17 @@ import mmap
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Metadata
 from numpy.typing import NDArray
 
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.live.mcap_layout import Event, Packing, topics
 from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum, stamps_of
+from bowden.live.mcap_records import Metadata, Opcode, read_metadata
 from bowden.live.old_names import names_of_today
 from bowden.live.ring import Description
 
@@ -219,8 +215,8 @@ def _about(data: memoryview, path: Path) -> tuple[dict[str, str], int]:
 
 def _metadata(data: memoryview) -> Metadata | None:
     try:
-        return Metadata.read(ReadDataStream(BytesIO(data)))
-    except (McapError, ValueError, struct.error, MemoryError, OverflowError):
+        return read_metadata(bytes(data))
+    except ValueError:
         return None
 
 

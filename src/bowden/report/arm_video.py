@@ -116,6 +116,6 @@ def _load_encoder() -> ModuleType:
         import imageio_ffmpeg
     except ImportError as error:
         raise BowdenError(
-            f"a video needs the package imageio-ffmpeg ({error})", do="install it with: pip install 'bowden[mujoco]'"
+            f"a video needs the package imageio-ffmpeg ({error})", do='pip install "bowden[mujoco]"'
         ) from error
     return imageio_ffmpeg

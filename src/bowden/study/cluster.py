@@ -69,7 +69,7 @@ def _client(where: str) -> Iterator[Any]:
         distributed: Any = importlib.import_module("distributed")  # its types are half there
     except ImportError as error:
         raise ParameterError(
-            "--cluster needs dask.distributed, which is not installed", do="install it: pip install 'bowden[cluster]'"
+            "--cluster needs dask.distributed, which is not installed", do='pip install "bowden[cluster]"'
         ) from error
     quiet = {
         "distributed.logging.distributed": "critical",

@@ -23,9 +23,7 @@ def library() -> Any:
     try:
         import pylsl
     except ImportError as error:
-        raise StreamError(
-            "the Lab Streaming Layer is not installed", do="install the extra lsl: pip install 'bowden[lsl]'"
-        ) from error
+        raise StreamError("the Lab Streaming Layer is not installed", do='pip install "bowden[lsl]"') from error
     except (RuntimeError, OSError) as error:
         raise StreamError(
             f"liblsl does not load: {error}", do="install the extra lsl again: pip install --force-reinstall pylsl"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.table import read_parquet, readable
+from bowden.core.table import read_table
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import Covered
 from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, geared, unwrapped
@@ -157,22 +157,12 @@ def read_columns(
 def _read_parquet(
     path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]], optional: Collection[str] = ()
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
-    columns: dict[str, LogColumn] = {}
-
-    def choose(schema: Any) -> list[str]:
-        columns.update(find_columns(schema.names, given, str(path), known, optional))
-        for role, column in columns.items():
-            unit = (schema.field(column.index).metadata or {}).get(b"unit", b"").decode()  # of a trace
-            columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(unit))
-        return [schema.names[column.index] for column in columns.values()]
-
-    with readable(path):
-        table = read_parquet(path, choose)
-    try:
-        values = {role: np.array(table[i].to_numpy(), dtype=np.float64) for i, role in enumerate(columns)}
-    except (TypeError, ValueError) as error:
-        raise LogError(f"{path} cannot be read: {error}", expected="numbers in the columns of a log") from error
-    return columns, values, lambda sample: f"{path}, row {sample + 1}"
+    table = read_table(path)
+    columns = find_columns(table.names, given, str(path), known, optional)
+    for role, column in columns.items():
+        columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(table.units.get(column.name, "")))
+    values = table.numbers([column.index for column in columns.values()])
+    return columns, dict(zip(columns, values, strict=True)), lambda sample: f"{path}, row {sample + 1}"
 
 
 def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list[str]]:
