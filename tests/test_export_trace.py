@@ -212,5 +212,5 @@ def test_without_casadi_the_error_says_what_to_install(monkeypatch: pytest.Monke
     monkeypatch.setitem(sys.modules, "casadi", None)
     path = tmp_path / "mine.py"
     path.write_text(LAW.replace("LINE", "pass"))
-    with pytest.raises(ParameterError, match=r"pip install 'bowden\[export\]'"):
+    with pytest.raises(ParameterError, match=r'pip install "bowden\[export\]"'):
         files(law_module(user_law.load(str(path)), 1e-3), Style("mine"), "")

@@ -226,7 +226,7 @@ def test_what_names_no_source_is_one_line(text: str) -> None:
 def test_without_the_extra_the_line_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pylsl", None)
     library.cache_clear()
-    with pytest.raises(StreamError, match=r"not installed; install the extra lsl: pip install 'bowden\[lsl\]'"):
+    with pytest.raises(StreamError, match=r'not installed; pip install "bowden\[lsl\]"'):
         LslStream("x").open()
     library.cache_clear()
 
