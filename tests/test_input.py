@@ -400,3 +400,9 @@ def test_a_file_that_could_not_be_opened_can_be_closed(tmp_path: Path) -> None:
         file.__init__(tmp_path / "none")  # type: ignore[misc]
     file.close()
     assert file.closed
+
+
+def test_what_is_no_flag_is_refused_though_it_equals_one_that_was_given_before() -> None:
+    assert Rig(suit={"worn": True}).suit.worn
+    with pytest.raises(BowdenError, match="True or False"):
+        Rig(suit={"worn": 1})

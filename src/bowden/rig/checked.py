@@ -59,9 +59,9 @@ def checked(value: Any, kind: type[Value], name: str, default: Any = None) -> Va
         )
     wanted: Any = kind
     try:
-        return cast(Value, _looked_at(value, wanted, name))
+        return cast(Value, _looked_at(value, wanted, name, _types(value)))
     except TypeError:  # something in it is no number at all
-        return cast(Value, _looked_at.__wrapped__(value, wanted, name))
+        return cast(Value, _looked_at.__wrapped__(value, wanted, name, ()))
 
 
 def _of_mapping(values: Mapping[str, Any], default: Any, name: str) -> Any:
@@ -78,8 +78,14 @@ def _of_mapping(values: Mapping[str, Any], default: Any, name: str) -> Any:
     return default._replace(**values)
 
 
+def _types(value: Any) -> tuple[Any, ...]:
+    """The types of all that a value holds: 1 and True are equal, and have one hash."""
+    inside = value if isinstance(value, tuple) else vars(value).values() if hasattr(value, "__dict__") else ()
+    return type(value), *map(_types, inside)
+
+
 @lru_cache(512)
-def _looked_at(value: Any, kind: Any, name: str) -> Any:
+def _looked_at(value: Any, kind: Any, name: str, types: tuple[Any, ...]) -> Any:
     """The value with plain numbers; most of a rig's are those of the rig before."""
     changed = value
     for item in items_of(kind):
