@@ -346,3 +346,55 @@ def test_a_home_that_cannot_be_written_is_replaced_by_a_private_temporary_folder
 def test_only_kernels_compile() -> None:
     with pytest.raises(TypeError, match="decorate it with @kernel"):
         kernel_module.compiled(textwrap.dedent)
+
+
+LAW = """
+import bowden
+print("runs")
+with open("ran.txt", "a") as file:
+    file.write("x")
+from typing import NamedTuple
+class Gains(NamedTuple):
+    slope: float = 1.0
+class State(NamedTuple):
+    x: float
+@bowden.kernel
+def start(gains, sample):
+    return State(0.0)
+@bowden.kernel
+def step(gains, state, sample, reference, dt):
+    return State(state.x + dt), reference.position / (gains.slope + ADDED)
+law = bowden.Law("m", Gains(), start, step, source="me")
+trace = bowden.simulate(bowden.Rig(law=law, duration=1.0))
+print(round(float(trace["command"][500] / trace["reference"][500]), 6))
+"""
+
+
+def test_scripts_that_define_a_law_of_the_same_names_do_not_meet_and_run_once(tmp_path: Path) -> None:
+    """Numba keeps a copy of a type of the main script's: of another script's, or an edited cell's, it is not one."""
+    answers = []
+    for name, added in (("one.py", "0.0"), ("two.py", "1.0")):
+        (tmp_path / name).write_text(LAW.replace("ADDED", added))
+        command = [sys.executable, str(tmp_path / name)]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=os.environ | {"BOWDEN_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        answers.append(done.stdout)
+    assert answers == ["runs\n1.0\n", "runs\n0.5\n"]
+    assert (tmp_path / "ran.txt").read_text() == "xx"
+
+
+def test_a_cell_that_is_edited_and_run_again_compiles(tmp_path: Path) -> None:
+    cells = "\n".join(f"exec({LAW.replace('ADDED', added)!r})" for added in ("0.0", "1.0", "0.0"))
+    done = [
+        subprocess.run(
+            [sys.executable, "-c", cells],
+            cwd=tmp_path,
+            env=os.environ | {"BOWDEN_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    assert [one.stdout for one in done] == ["runs\n1.0\nruns\n0.5\nruns\n1.0\n"] * 2, done[0].stderr

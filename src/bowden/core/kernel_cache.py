@@ -6,7 +6,8 @@ is what would be compiled, and nothing that is kept is ever stale. Numba's own c
 that another one calls has changed, and two processes that write to one of its indices can mix up what they keep.
 
 What cannot be identified by its content (a type that no other process can find, a function that calls itself) is
-compiled in every process.
+compiled in every process; and so is what takes or gives a type of the main script or of a notebook's cell, of which
+Numba keeps a copy: to the script that reads it that is another type of the same name.
 """
 
 import contextlib
@@ -62,7 +63,8 @@ class _Kept:
     def save_overload(self, signature: tuple[Any, ...], result: Any) -> None:
         """Keep what was compiled for the types of arguments; where nothing can be written, nothing is kept."""
         path = self._path(signature, result.codegen)
-        if path is None or result.library.has_dynamic_globals or result.lifted:
+        given = content_of_types([result.signature.return_type])
+        if path is None or given is None or result.library.has_dynamic_globals or result.lifted:
             return
         serialize: Any = importlib.import_module("numba.core.serialize")
         _write(path, serialize.dumps(result._reduce()))

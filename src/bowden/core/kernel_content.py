@@ -65,7 +65,10 @@ def code_of(*functions: Callable[..., Any]) -> Content:
 
 
 def content_of_types(kinds: Iterable[Any]) -> Content:
-    """The content of the types, as Numba has them, that compiled code is called with."""
+    """The content of the types, as Numba has them, that compiled code is called with; None for one of the main script.
+
+    What is kept names a type by its module, but has a copy of one of the main script's, which is none of its own.
+    """
     try:
         return _digest(_kind(kind) for kind in kinds)
     except _UnknownError:
@@ -291,7 +294,10 @@ def _kind(kind: Any) -> str:
 
     if isinstance(kind, types.BaseTuple):
         inner: Any = list(kind)  # type: ignore[call-overload]  # tuples of types can be walked
-        return _digest([_type(getattr(kind, "instance_class", tuple)), *map(_kind, inner)])
+        made = getattr(kind, "instance_class", tuple)
+        if made.__module__ == "__main__":
+            raise _UnknownError
+        return _digest([_type(made), *map(_kind, inner)])
     if isinstance(kind, types.Number | types.Boolean | types.Array | types.NoneType | types.Omitted):
         return str(kind.name)
     raise _UnknownError

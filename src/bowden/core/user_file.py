@@ -12,6 +12,7 @@ import contextlib
 import hashlib
 import importlib
 import itertools
+import linecache
 import re
 import site
 import sys
@@ -88,16 +89,29 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
             raise mistake(error, path, what) from error
         text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
         files = _together(path)
-        places = [(Path(name), number) for name, number in re.findall(r'File "([^"]+)", line (\d+)', text)]
-        at = [f"{_at(files, file)}, line {number}" for file, number in places if file.name in files]
-        if named and not at:
+        named_by = re.findall(r'File "([^"]+)", line (\d+)', text) + re.findall(
+            r"(?:at|from) (\S+\.py) \((\d+)\)", text
+        )
+        places = [(_at(files, Path(name)), int(number)) for name, number in named_by if Path(name).name in files]
+        if named and not places:
             raise
+        where = f"{places[0][0]}, line {places[0][1]}" if places else str(path)  # the innermost comes first
+        written = linecache.getline(str(places[0][0]), places[0][1]).strip() if places else ""
         lines = [line.strip() for line in text.splitlines() if line.strip()]
         said = next((line for line in lines if not line.startswith(_ABOUT_ITSELF)), type(error).__name__)
         raise ParameterError(
-            f"{at[-1] if at else path}: {what} cannot be compiled: {said}",
+            f"{where}: {what} cannot be compiled{f', at {written!r}' if written else ''}: {_plain(said)}",
             do="use only numbers, NamedTuples and kernels in it (docs/kernels.md)",
         ) from error
+
+
+def _plain(said: str) -> str:
+    """A line of a compiler's without the names that it gives to what has none."""
+    said = re.sub(r"type\(CPUDispatcher\(<function (\w+?)(?:_[0-9a-f]{16})? at 0x[0-9a-f]+>\)\)", r"\1", said)
+    said = re.sub(r",? (?:for )?'\$[^']*'(?: \(temporary variable\))?", "", said)
+    said = re.sub(r",? (?:defined at|[Rr]aised from) \S+ \(\d+\)", "", said)
+    said = re.sub(r"<iv=[^>]*>|<module '(\w+)' from [^>]*>", r"\1", said)
+    return re.sub(rf"\b{_OURS}\w+?_[0-9a-f]+\.", "", said).rstrip(". ")
 
 
 _ABOUT_ITSELF = (
@@ -286,6 +300,12 @@ def run(file: UserFile, what: str) -> ModuleType:
     known = _RUN.get(name)
     if known is not None and known[1] == file and all(_stands(*each) for each in _contents(file)):
         return known[0]
+    if path in _RUNNING:
+        raise ParameterError(
+            f"{path}: the {what} in it is asked for while the file runs, so that it would run again without end",
+            expected="a file that defines, and does nothing else",
+            do='put what it does below: if __name__ == "__main__":',
+        )
     module = ModuleType(name)
     module.__file__ = str(path)
     module.__dict__["__builtins__"] = _own_imports(_package_of(modules))
@@ -297,11 +317,14 @@ def run(file: UserFile, what: str) -> ModuleType:
         raise mistake(error, path) from error
     except ValueError as error:  # null bytes, before Python 3.12
         raise ParameterError(f"{path} is not Python: {error}", expected="a Python file", do="give another") from error
+    _RUNNING.add(path)
     try:
         with contextlib.redirect_stdout(sys.stderr), _beside(path):  # standard output may be a JSON document
             exec(code, module.__dict__)
     except (Exception, SystemExit) as error:
         raise mistake(error, path) from error
+    finally:
+        _RUNNING.discard(path)
     _RUN[name] = module, file
     return module
 
@@ -317,6 +340,9 @@ _OURS = "bowden_user_"
 
 _RUN: dict[str, tuple[ModuleType, UserFile]] = {}
 """Name of a module that ran to its end → itself, and the file that it was made of."""
+
+_RUNNING: set[Path] = set()
+"""Files that are being run."""
 
 _MODULES: dict[str, tuple[UserModule, ...]] = {}
 """Name of the package that stands for some modules of the user's → these, with where they stand."""
@@ -455,6 +481,35 @@ def _correct(path: Path) -> str:
     if path.is_relative_to(cache_folder()):
         return "this is the rig's copy: correct the file from which the rig was made, and make the rig again"
     return "correct it there"
+
+
+def reads_as_module(function: FunctionType) -> bool:
+    """Whether the file in which a function stands may be run again for what it defines.
+
+    The script that is being run may not, unless it has a part of its own for that, ``if __name__ == "__main__":``. What
+    it does would be done twice.
+    """
+    path = Path(function.__code__.co_filename)
+    if path.suffix != ".py" or not path.is_file():
+        return False
+    if function.__module__ != "__main__":
+        return True
+    try:
+        whole = ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError, OSError):  # it has changed since
+        return False
+    tests = (node.test for node in whole.body if isinstance(node, ast.If))
+    return any(isinstance(part, ast.Name) and part.id == "__name__" for test in tests for part in ast.walk(test))
+
+
+def elsewhere(function: FunctionType, what: str) -> str:
+    """What to do that other processes find the law or plant of which this is a function."""
+    if function.__module__ == "__main__" and Path(function.__code__.co_filename).is_file():
+        return (
+            f'put what the script does below: if __name__ == "__main__":, '
+            f"or the {what} into a file and name that: my_{what}.py:NAME"
+        )
+    return f"write it into a file and name that: my_{what}.py:NAME"
 
 
 def line(function: Any, path: Path) -> str:

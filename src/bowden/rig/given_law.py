@@ -95,7 +95,7 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
     if known is None or base is None:
         raise ParameterError(
             f"the law {law.name!r} is not in a file, so that it cannot be used in another process",
-            do="write it into a file and name that: my_law.py:NAME",
+            do=user_file.elsewhere(law.step_kernel, "law"),
         )
     own = {
         name
@@ -133,7 +133,7 @@ def _key(law: Law) -> Any:
 
 def _looked_for(law: Law) -> tuple[Law | None, LawFile | None]:
     path = Path(law.step_kernel.__code__.co_filename)
-    if path.suffix != ".py" or not path.is_file():
+    if not user_file.reads_as_module(law.step_kernel):
         return None, None
     for attribute in ("", *_laws_in(law)):
         try:

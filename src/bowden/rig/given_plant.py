@@ -123,7 +123,7 @@ def as_file(given: UserPlant | PlantFile) -> PlantFile:
     if isinstance(given, UserPlant):
         raise ParameterError(
             f"the plant {given.name!r} is not in a file, so that it cannot be used in another process",
-            do="write it into a file and name that: my_plant.py:NAME",
+            do=user_file.elsewhere(given.advance, "plant"),
         )
     return given
 
@@ -175,7 +175,7 @@ def _alike(one: Any, other: Any) -> bool:
 
 def _in_file(plant: UserPlant) -> PlantFile | None:
     path = plant.path
-    if path.suffix != ".py" or not path.is_file():
+    if not user_file.reads_as_module(plant.advance):
         return None
     around = plant.advance.__globals__
     names = [name for name, value in list(around.items()) if isinstance(value, UserPlant) and value.name == plant.name]
