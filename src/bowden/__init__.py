@@ -134,6 +134,7 @@ class _Package(ModuleType):
     def __setattr__(self, name: str, value: Any) -> None:
         if name in _ROOMS and isinstance(value, ModuleType):
             value.__class__ = _Room
+            value.__doc__ = f"{value.__doc__}\n\nCalled as a function: help(bowden.{name}.__call__) shows how."
         super().__setattr__(name, value)
 
 

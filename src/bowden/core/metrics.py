@@ -70,7 +70,7 @@ def summarise(columns: Mapping[str, Array], resistance: float | None, gear_torqu
             expected="the columns time, reference and joint",
         )
     time, reference, joint = columns["time"], columns["reference"], columns["joint"]
-    sample_time(time)
+    increasing(time)
     error = joint - reference
     if not np.isfinite(error).all():
         return Metrics(None, None, None, None, None, None, None)
@@ -84,11 +84,35 @@ def summarise(columns: Mapping[str, Array], resistance: float | None, gear_torqu
         rmse_deg=rmse(error) * DEGREES,
         rmse_after_10s_deg=rmse(error[late]) * DEGREES if late.any() else None,
         peak_deg=float(np.max(np.abs(error))) * DEGREES,
-        delay_s=delay(time, reference, joint),
+        delay_s=delay(time, reference, joint) if is_even(time) else None,
         hysteresis_width_deg=_degrees(hysteresis_width(reference, joint)),
         mechanical_energy_j=mechanical,
         electrical_energy_j=electrical,
     )
+
+
+def increasing(time: Array) -> None:
+    """Refuse a clock that does not go on.
+
+    Raises:
+        LogError: fewer than two samples, or time that stands still or goes back.
+    """
+    if len(time) < 2:
+        raise LogError(f"time has {len(time)} samples", expected="two or more")
+    steps = np.diff(time)
+    worst = int(np.argmin(steps))
+    if not steps[worst] > 0.0:
+        raise LogError(
+            f"time is uneven: a step of {float(steps[worst]):g} s after sample {worst}",
+            expected="increasing time",
+            do="leave out such samples",
+        )
+
+
+def is_even(time: Array) -> bool:
+    """Whether all steps of a clock are within 1 % of their mean, as a delay or a frequency needs them."""
+    steps = np.diff(time)
+    return bool(np.all(np.abs(steps - np.mean(steps)) <= 0.01 * np.mean(steps)))
 
 
 def sample_time(time: Array) -> float:

@@ -1,9 +1,10 @@
 """Traces side by side: the runs of several laws on one rig."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bowden.core import shown
+from bowden.core.errors import UnknownNameError, near
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 
@@ -25,6 +26,9 @@ class Traces(dict[str, Trace]):
       mine   RMSE 0.396°, after 10 s 0.312°, peak 0.573°, delay 0.373 ms, hysteresis width 0°
       yours  RMSE 0.396°, after 10 s 0.312°, peak 0.573°, delay 0.373 ms, hysteresis width 0°
     """
+
+    def __missing__(self, name: Any) -> Trace:
+        raise UnknownNameError(f"there is no trace {name!r}", expected=near(str(name), self), do="name one of them")
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw all joints over time beside the first one's reference and, on second axes, their errors.
