@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+import bowden
 from bowden.core.errors import BowdenError, LogError, OutputError, ParameterError
-from bowden.core.trace import Trace
+from bowden.core.trace import LED, Trace
+from bowden.core.traces import Traces
 
 KINDS = ("parquet", "csv")
 doubles = st.floats(width=64, allow_nan=False) | st.just(float("nan"))  # one NaN: its payload is not part of the value
@@ -153,8 +155,9 @@ def test_missing_columns_and_uneven_time_are_told() -> None:
         Trace({"time": np.arange(3.0)}, {"time": "s"}).metrics()
     time = np.arange(100) * 0.01
     time[60:] += 0.005
-    with pytest.raises(LogError, match=r"step of 0\.015 s after sample 59"):
-        example(100, time=time).metrics()
+    found = example(100, time=time).metrics()
+    assert found.rmse_deg is not None
+    assert found.delay_s is None
     with pytest.raises(LogError, match="uneven"):
         example(100, time=time[::-1].copy()).metrics()
     with pytest.raises(LogError, match="no power"):
@@ -197,3 +200,25 @@ def test_bandwidth_and_convergence_of_a_run() -> None:
 def test_errors_are_one_family() -> None:
     assert issubclass(LogError, BowdenError)
     assert issubclass(OutputError, BowdenError)
+
+
+def test_the_figures_of_a_live_log_are_those_of_the_cycles_that_the_law_led() -> None:
+    from bowden.cycle.one_cycle import WishSource
+
+    assert LED == WishSource.LAW_BEGINS
+    count = 200
+    joint = np.where(np.arange(count) < 100, 1.0, 0.1)
+    columns = {"time": np.arange(count) * 0.01, "reference": np.zeros(count), "joint": joint}
+    columns["source"] = np.where(np.arange(count) < 100, 0.0, float(WishSource.LAW_BEGINS))
+    units = {"time": "s", "reference": "rad", "joint": "rad", "source": "–"}
+    trace = Trace(columns, units, {"log": {}})
+    assert trace.metrics().rmse_deg == pytest.approx(np.degrees(0.1))
+
+
+def test_a_trace_that_is_not_there_is_named_with_what_there_is() -> None:
+    with pytest.raises(KeyError, match="adaptive"):
+        Traces({"adaptive": example(100)})["adaptiv"]
+
+
+def test_help_of_a_folder_that_can_be_called_shows_the_arguments() -> None:
+    assert "counts_per_turn" in (bowden.identify.__doc__ or "")

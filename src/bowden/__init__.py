@@ -122,6 +122,14 @@ class _Room(ModuleType):
         return getattr(import_module(_HOMES[name]), name)
 
     @property
+    def __doc__(self) -> str:  # type: ignore[override]  # help shows how it is called, and then the folder
+        from inspect import getdoc, signature
+
+        function = self._function
+        how = (getdoc(function) or "").partition("\n>>>")[0].rstrip()
+        return f"{function.__name__}{signature(function)}\n\n{how}\n\n{self.__dict__.get('__doc__') or ''}"
+
+    @property
     def __signature__(self) -> Any:
         from inspect import signature
 
@@ -134,7 +142,6 @@ class _Package(ModuleType):
     def __setattr__(self, name: str, value: Any) -> None:
         if name in _ROOMS and isinstance(value, ModuleType):
             value.__class__ = _Room
-            value.__doc__ = f"{value.__doc__}\n\nCalled as a function: help(bowden.{name}.__call__) shows how."
         super().__setattr__(name, value)
 
 

@@ -41,6 +41,10 @@ _FACTORS = {
 _SPELLINGS = {"°": "deg", "degrees": "deg", "radians": "rad", "°/s": "deg/s", "°/s²": "deg/s²", "deg/s^2": "deg/s²"}
 
 
+LED = 2.0
+"""Column ``source`` of a live log from which on the law leads: `bowden.cycle.one_cycle.WishSource.LAW_BEGINS`."""
+
+
 @dataclass(frozen=True, repr=False)
 class Trace:
     """The record of a run: signals sampled on one clock, with their units and the settings of the run.
@@ -288,10 +292,16 @@ class Trace:
         return metrics.is_stable(self.columns["reference"], self.columns["joint"])
 
     def metrics(self) -> metrics.Metrics:
-        """RMSE, peak error, delay, hysteresis width, power and energy of the run."""
-        return metrics.summarise(
-            self.columns, self.settings.get("motor_resistance"), self.settings.get("torque_constant")
-        )
+        """RMSE, peak error, delay, hysteresis width, power and energy of the run.
+
+        Of a live log: of the cycles in which the law led, as `bowden run` prints them. Where the clock is uneven there
+        is no delay.
+        """
+        columns = self.columns
+        if "log" in self.settings and {"source", "reference", "joint"} <= set(columns):
+            led = (columns["source"] >= LED) & np.isfinite(columns["joint"] - columns["reference"])
+            columns = {name: values[led] for name, values in columns.items()} if led.sum() > 1 else columns
+        return metrics.summarise(columns, self.settings.get("motor_resistance"), self.settings.get("torque_constant"))
 
     def power(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mechanical and electrical power of the motor over time (Eq. 18), (n,) and (n,) [W].

@@ -95,12 +95,12 @@ def explained(path: Path, what: str, *, named: bool = False) -> Iterator[None]:
         places = [(_at(files, Path(name)), int(number)) for name, number in named_by if Path(name).name in files]
         if named and not places:
             raise
-        where = f"{places[0][0]}, line {places[0][1]}" if places else str(path)  # the innermost comes first
+        begin = f"{places[0][0]}, line {places[0][1]}" if places else str(path)  # the innermost comes first
         written = linecache.getline(str(places[0][0]), places[0][1]).strip() if places else ""
         lines = [line.strip() for line in text.splitlines() if line.strip()]
         said = next((line for line in lines if not line.startswith(_ABOUT_ITSELF)), type(error).__name__)
         raise ParameterError(
-            f"{where}: {what} cannot be compiled{f', at {written!r}' if written else ''}: {_plain(said)}",
+            f"{begin}: {what} cannot be compiled{f', at {written!r}' if written else ''}: {_plain(said)}",
             do="use only numbers, NamedTuples and kernels in it (docs/kernels.md)",
         ) from error
 
@@ -483,7 +483,7 @@ def _correct(path: Path) -> str:
     return "correct it there"
 
 
-def reads_as_module(function: FunctionType) -> bool:
+def reads_as_module(function: Any) -> bool:
     """Whether the file in which a function stands may be run again for what it defines.
 
     The script that is being run may not, unless it has a part of its own for that, ``if __name__ == "__main__":``. What
@@ -502,7 +502,7 @@ def reads_as_module(function: FunctionType) -> bool:
     return any(isinstance(part, ast.Name) and part.id == "__name__" for test in tests for part in ast.walk(test))
 
 
-def elsewhere(function: FunctionType, what: str) -> str:
+def elsewhere(function: Any, what: str) -> str:
     """What to do that other processes find the law or plant of which this is a function."""
     if function.__module__ == "__main__" and Path(function.__code__.co_filename).is_file():
         return (

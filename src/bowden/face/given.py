@@ -148,7 +148,7 @@ def _in_python(words: str) -> str:
     return _SWITCH.sub(argument, words)
 
 
-def tell(notes: Iterable[str]) -> None:
-    """Say what the user should know, as Python says it: a warning at the line that called the face."""
+def tell(notes: Iterable[str], *, at: int = 3) -> None:
+    """Say what the user should know, as Python says it: a warning at the line that called the face, `at` frames up."""
     for note in notes:
-        warnings.warn(_in_python(note), stacklevel=3)
+        warnings.warn(_in_python(note), stacklevel=at)
