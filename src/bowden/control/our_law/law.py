@@ -12,7 +12,7 @@ observer where the loop rings. In the feedback stands a₀, in the plan a: what 
 Derivation, stability and limits: ``docs/our_law.md``. Portable subset.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -42,7 +42,11 @@ from bowden.control.our_law.observer import (
 from bowden.control.our_law.swing import Swing, load_time, no_swing, watched
 from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
+from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
+
+UNTOLD = 0.3
+XB0, XK = 0.01, 0.5
 
 FURTHEST = 1e6
 """Angles beyond it are none; a motor may have made many turns [rad]."""
@@ -58,12 +62,20 @@ IDLE, IDLE_SIGMAS = 0.002, 3.0
 feedback drives itself, and grows from nothing; and the same in standard deviations of the noise [rad, –]."""
 
 
+class Drive(NamedTuple):
+    """What the servo is expected to do with what it was asked for, a delay ahead of it."""
+
+    position: Annotated[float, Quantity("p, where the motor is to be a delay later", "rad")]
+    velocity: Annotated[float, Quantity("its rate", "rad/s")]
+
+
 class BowdenState(NamedTuple):
     """What the law remembers."""
 
     observer: Observer
     swing: Swing
     crossing: Crossing
+    drive: Drive
 
 
 @kernel
@@ -72,7 +84,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     inverse = 1.0 / np.abs(gains.slope)
     offset = np.sign(gains.slope) * sample.motor - sample.joint * inverse
     crossing = at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(at_rest(offset), no_swing(), crossing)
+    return BowdenState(at_rest(offset), no_swing(), crossing, Drive(np.sign(gains.slope) * sample.motor, 0.0))
 
 
 @kernel
@@ -87,7 +99,11 @@ def step(
     noise = gains.noise * inverse
 
     time = load_time(state.swing)
-    arrived = arrives(before, delay, gains.lag, time, dt)
+    lag = gains.lag + sel(time > 0.0, 0.0, UNTOLD / omega)
+    off = sign * sample.motor - state.drive.position + delay * state.drive.velocity
+    bound = XB0 + XK * (2.0 * gains.servo_damping / omega + delay) * np.abs(state.drive.velocity)
+    lost = sel(seen * (np.abs(off) <= 1.0) > 0.0, off - larger(smaller(off, bound), -bound), 0.0)
+    arrived = arrives(before, lost, delay, lag, time, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
     joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)
@@ -131,5 +147,10 @@ def step(
         velocity + observer.rate + cable.jump_rate,
         reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
     )
-    command = sign * through_servo(wanted, omega, gains.servo_damping)
-    return BowdenState(observer, swing, cable), command
+    asked_of = through_servo(wanted, omega, gains.servo_damping)
+    pull = omega * omega * dt
+    speed = (state.drive.velocity + pull * (asked_of - state.drive.position)) / (
+        1.0 + 2.0 * gains.servo_damping * omega * dt + pull * dt
+    )
+    drive = Drive(state.drive.position + dt * speed, speed)
+    return BowdenState(observer, swing, cable, drive), sign * asked_of

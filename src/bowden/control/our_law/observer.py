@@ -103,12 +103,12 @@ class Arrived(NamedTuple):
 
 
 @kernel
-def arrives(before: Observer, delay: float, lag: float, time: float, dt: float) -> Arrived:
+def arrives(before: Observer, lost: float, delay: float, lag: float, time: float, dt: float) -> Arrived:
     """The correction at the joint: F a delay ago, through the load; first-order where T = `time` is 0.
 
     T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ), ζ = 0.25, in one step of backward Euler.
     """
-    late = before.sent - delay * before.rate
+    late = before.sent - delay * before.rate + lost
     inertia, damping = time * time, lag + 2.0 * LOAD_DAMPING * time
     rate = (inertia * before.arriving + dt * (late - before.arrived)) / (inertia + dt * (damping + dt))
     return Arrived(before.arrived + dt * rate, rate)
