@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test computed live long lint types docs bench soak clean
+.PHONY: help demo test computed live long lint types docs notebooks site lock release bench soak walk clean
 
 help:
 	@echo "make demo    reproduce the paper's bench and say where the report is"
@@ -15,9 +15,16 @@ help:
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
 	@echo "make docs    write what is made from the code: docs/rig.md, JSON schemas, tables of safety.md and campaign.md"
+	@echo "make notebooks   execute docs/notebooks again and keep their outputs"
+	@echo "make site    the documentation as a site in out/site, with search and the Python API; loads nothing from elsewhere"
+	@echo "make lock    which version of every package was tested, with hashes: requirements/ (needs uv)"
+	@echo "make release check what may be released: versions, lock, wheel, sources, a clean install"
 	@echo "make bench   speed against others; check and our law on random rigs (half an hour)"
 	@echo "make soak    the long tests, hours: live loop for MINUTES=10, kills, faults; resumable; PARTS=live for one"
+	@echo "make walk    all commands of README and of every page, in a fresh environment (half an hour)"
 	@echo "make clean   remove what make and the tools have made"
+	@echo
+	@echo "make LOCKED=1 demo (or test) installs the very versions of requirements/, and no file with another hash"
 
 .venv/made:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "bowden needs Python 3.11 or newer: make PYTHON=python3.11")'
@@ -27,11 +34,21 @@ help:
 # What is in it is installed anew when pyproject.toml changes. The demo needs the package alone. Python compiles what it
 # imports when it does; all of it at once would take half a minute more.
 .venv/runtime: pyproject.toml | .venv/made
+ifdef LOCKED
+	$(PIP) --require-hashes --requirement requirements/core.txt
+	$(PIP) --no-deps --editable .
+else
 	$(PIP) --editable .
+endif
 	touch $@
 
 .venv/dev: pyproject.toml | .venv/made
+ifdef LOCKED
+	$(PIP) --require-hashes --requirement requirements/dev.txt
+	$(PIP) --no-deps --editable .
+else
 	$(PIP) --editable '.[dev]'
+endif
 	touch .venv/runtime $@
 
 demo: .venv/runtime
@@ -62,6 +79,21 @@ types: .venv/dev
 docs: .venv/dev
 	$(BIN)/python tools/make_docs.py
 
+notebooks: .venv/dev
+	$(BIN)/python tools/make_notebooks.py
+
+site: .venv/made
+	$(PIP) --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	$(BIN)/python tools/site_check.py out/site
+	@echo "out/site/index.html; to look at it with search: python3 -m http.server --bind 127.0.0.1 --directory out/site"
+
+lock: .venv/dev
+	$(BIN)/python tools/lock.py
+
+release: .venv/dev
+	$(BIN)/python tools/release.py --install
+
 bench: .venv/dev
 	$(PIP) --editable '.[bench]'
 	$(BIN)/python benchmarks/run.py
@@ -70,6 +102,9 @@ bench: .venv/dev
 
 soak: .venv/dev
 	$(BIN)/python benchmarks/soak.py $(PARTS) --minutes $(or $(MINUTES),10)
+
+walk: .venv/dev
+	$(BIN)/python tools/walk.py --write
 
 clean:
 	rm -rf .venv out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

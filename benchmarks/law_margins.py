@@ -1,4 +1,6 @@
-"""How far our law's frozen loop is from instability: ``python benchmarks/law_margins.py``; see docs/our_law.md.
+"""How far our law's frozen loop is from instability: ``python benchmarks/law_margins.py``.
+
+See docs/background/our_law.md.
 
 The law follows (no jump, no hold, κ whole), its innovation is far above the noise and its correction below its largest
 speed, so that it is linear. Its matrices are read off the law's own kernels, one column a state, so that no equation

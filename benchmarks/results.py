@@ -1,17 +1,20 @@
-"""The page of results, which `make bench` and `make soak` write section by section."""
+"""The page of results, which `make bench`, `make soak` and `make walk` write section by section."""
 
 from pathlib import Path
 
 from bowden.core.files import whole_file
 
 PAGE = Path(__file__).parent / "RESULTS.md"
-HEAD = "# Benchmarks\n\nWritten by `make bench` and `make soak`, section by section; the numbers are one run's.\n"
+HEAD = (
+    "# Benchmarks\n\nWritten by `make bench`, `make soak` and `make walk`, section by section; the numbers are one "
+    "run's.\n"
+)
 ORDER = [
     *("Speed", "What a user waits for", "Campaigns", "A cycle of each law", "How far `bowden check` can be trusted"),
     *("Identification against others", "The forecast of an identification"),
     *("Our law on random plants", "The suit on random wearers"),
     *("The live loop", "A long run", "Loss of a process", "Loss of the recorder", "Faults", "Hours without a fault"),
-    *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),
+    *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write", "Every command of the pages"),
 ]
 """Titles."""
 

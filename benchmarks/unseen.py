@@ -1,4 +1,6 @@
-"""Every law on cells that nobody tuned for: ``python benchmarks/unseen.py --set development``; see docs/unseen.md.
+"""Every law on cells that nobody tuned for: ``python benchmarks/unseen.py --set development``.
+
+See docs/background/unseen.md.
 
 Each law knows the same of a rig by the one rule of `bowden.control.knowledge`, and has its own gains for all cells.
 A law's cost in a cell is its RMSE over the whole run, from rest; an unstable run costs more than any other. Looks at

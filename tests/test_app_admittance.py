@@ -67,7 +67,7 @@ def test_the_push_makes_the_reference(capsys: pytest.CaptureFixture[str]) -> Non
     trace = Trace.from_parquet("out/uncompensated.parquet")
     assert trace.units["admittance.push.torque"] == "N·m"
     assert trace.units["admittance.virtual.velocity"] == "rad/s"
-    assert "What the wearer pushes" in Path("out/simulate.html").read_text()
+    assert "Push of the wearer" in Path("out/simulate.html").read_text()
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ PUSH, ESTIMATE = (
         (
             [ESTIMATE, PUSH, ("worn = true", "worn = true\ndrive_integral_per_s = 40.0")],
             [],
-            "suit.drive_integral_per_s is 40 under [admittance], where most wearers come to swing; expected 0",
+            "suit.drive_integral_per_s is 40 under [admittance], where the loop of most wearers oscillates; expected 0",
         ),
         (
             [ESTIMATE, PUSH, ("true\n", "true\nlow_deg = 90.0\n")],
@@ -224,7 +224,7 @@ def test_the_friction_that_is_left_decides_whether_a_live_motor_can_move(
         ("friction_nm = 4.0\nfriction_feedforward_nm = 0.3", "set it (docs/admittance.md)"),
         (
             "friction_nm = 6.0\nfriction_feedforward_nm = 2.79",
-            "the suit cannot run live with this drive; take a stronger drive, or lessen the friction",
+            "the suit cannot run live with this drive; use a stronger drive, or reduce the friction",
         ),
     ],
 )

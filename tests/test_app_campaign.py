@@ -294,7 +294,7 @@ def test_processes_that_die_again_and_again_are_given_up(monkeypatch: pytest.Mon
             self.pipe.close()
 
     monkeypatch.setattr(campaign_workers, "_Worker", Dead)
-    with pytest.raises(ParameterError, match=r"died [34] times in a row; look for"):
+    with pytest.raises(ParameterError, match=r"died [34] times in a row; find what"):
         list(campaign_workers.in_processes(load(Path("study.toml")), [(0, range(1)), (1, range(1, 2))], 2))
 
 

@@ -159,8 +159,8 @@ def test_a_rig_that_goes_by_emg_is_refused(capsys: pytest.CaptureFixture[str]) -
     [
         (
             '"suit.drive_integral_per_s" = 20.0',
-            "bowden: study.toml: suit.drive_integral_per_s is 20 under [admittance], where most wearers come to swing; "
-            "expected 0; set it to 0 there\n",
+            "bowden: study.toml: suit.drive_integral_per_s is 20 under [admittance], where the loop of most wearers "
+            "oscillates; expected 0; set it to 0 there\n",
         ),
         ("", "study.toml, run 0: suit.drive_integral_per_s is 1"),
     ],
@@ -174,7 +174,7 @@ def test_a_drive_with_an_integral_is_refused_under_admittance(
     assert main.run(["campaign", "study.toml", "--out", "out"]) == 2
     error = capsys.readouterr().err
     assert said in error
-    assert "under [admittance], where most wearers come to swing; expected 0; " in error
+    assert "under [admittance], where the loop of most wearers oscillates; expected 0; " in error
     assert error.count("\n") == 1
     assert not Path("out").exists()
     if line:  # of the rig's own, the rig is named

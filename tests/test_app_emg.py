@@ -244,8 +244,8 @@ def bad(name: str) -> Path:
     [
         ("nan", "row 1235: emg_mV is nan"),
         ("flat", "0.25 in every sample"),
-        ("clipped", "stand at an end of its range"),
-        ("saturated", "100.0 % of emg_mV stand at an end of its range"),
+        ("clipped", "are at an end of its range"),
+        ("saturated", "100.0 % of emg_mV are at an end of its range"),
         ("huge", "expected at most 100000 mV, which are 100 V; look at the unit in the column's name"),
         ("volts", "expected at most 100 V, which are 100 V"),
         ("short", "expected at least 2 s"),
@@ -309,8 +309,11 @@ def test_a_maximum_below_rest_is_refused(capsys: pytest.CaptureFixture[str]) -> 
     ("text", "said"),
     [
         ("", "no key 'emg'"),
-        ("[emg]\nrest = 'x'\nmvc = 1\nchannel = 'a'\nsource = 'b'", 'rest is "x", which is no number; expected [emg]'),
-        ("[emg]\nrest = 0.1\nmvc = true\nchannel = 'a'\nsource = 'b'", "mvc is true, which is no number"),
+        (
+            "[emg]\nrest = 'x'\nmvc = 1\nchannel = 'a'\nsource = 'b'",
+            'rest is "x", which is not a number; expected [emg]',
+        ),
+        ("[emg]\nrest = 0.1\nmvc = true\nchannel = 'a'\nsource = 'b'", "mvc is true, which is not a number"),
         ("[emg]\nrest = 0.1\nmvc = 1\nchannel = 'a'\nsource = 'b'\nfoo = 1", "unknown key 'foo'"),
         ("[emg]\nrest = nan\nmvc = 1\nchannel = 'a'\nsource = 'b'", "expected numbers above 0"),
         ("= 3", "expected [emg]"),

@@ -48,7 +48,7 @@ def test_a_wearers_file_of_an_earlier_version_is_told(tmp_path: Path) -> None:
     path, text = rig(tmp_path, 'source = "lsl:EMG"\nwearer = "anna.toml"'), WEARER.format(channel="b", rest=1, mvc=9)
     for more, told in (("", 1), ("sigma = 0.4\n", 0)):
         (tmp_path / "anna.toml").write_text(text + more)
-        assert sum("calibrate anew" in note for note in Rig.read(path).notes) == told
+        assert sum("calibrate again" in note for note in Rig.read(path).notes) == told
 
 
 def live_of(path: Path, emg: str | None = None) -> Live:
@@ -132,8 +132,8 @@ def test_what_is_no_source_is_one_line_for_every_command(
     path = rig(tmp_path, f"source = '{source}'")
     for command in ("simulate", "check"):
         assert run([command, str(path)]) == 2
-        assert f"{source!r} is no source of EMG; expected lsl:NAME" in capsys.readouterr().err
-    assert f"{source!r} is no source of EMG" in refused(tmp_path, "", source)
+        assert f"{source!r} is not a source of EMG; expected lsl:NAME" in capsys.readouterr().err
+    assert f"{source!r} is not a source of EMG" in refused(tmp_path, "", source)
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,11 @@ def test_a_simulated_joint_follows_no_envelope_while_either_electrode_is_in_trou
 
 @pytest.mark.parametrize(
     ("source", "said"),
-    [("file:nowhere.csv", "nowhere.csv"), ("carrier:pigeon", "is no source of EMG"), ("file:empty.csv", "empty.csv")],
+    [
+        ("file:nowhere.csv", "nowhere.csv"),
+        ("carrier:pigeon", "is not a source of EMG"),
+        ("file:empty.csv", "empty.csv"),
+    ],
 )
 def test_a_source_that_cannot_be_used_is_told_before_anything_is_started(
     tmp_path: Path, source: str, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -140,7 +140,7 @@ def test_a_wearer_is_calibrated_from_a_stream_and_told_what_to_do(capsys: pytest
     assert (wearer.channel, wearer.source) == ("biceps_mV", "file:a.csv")
     assert 0.002 < wearer.rest < 0.006
     assert 0.3 < wearer.mvc < 0.6
-    assert said.err.index("REST") < said.err.index("make ready") < said.err.index("CONTRACT") < said.err.index("let go")
+    assert said.err.index("REST") < said.err.index("get ready") < said.err.index("CONTRACT") < said.err.index("let go")
 
 
 class Fake:
@@ -168,10 +168,10 @@ class Fake:
 @pytest.mark.parametrize(
     ("values", "error", "said"),
     [
-        (np.ones(200), StreamError, "the stream was lost: it is over; look at its sender"),
+        (np.ones(200), StreamError, "the stream was lost: it is over; check its sender"),
         (np.full(600, 0.25), LogError, "the stream: a is 0.25 in every sample"),
         (np.where(np.arange(600) == 99, np.nan, np.arange(600.0)), StreamError, "1 of 500 samples of 'a' did not come"),
-        (np.clip(300.0 * np.sin(0.4 * np.arange(600.0)), -150.0, 150.0), LogError, "stand at an end of its range"),
+        (np.clip(300.0 * np.sin(0.4 * np.arange(600.0)), -150.0, 150.0), LogError, "are at an end of its range"),
     ],
 )
 def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: type[Exception], said: str) -> None:
@@ -182,23 +182,26 @@ def test_what_cannot_be_calibrated_from_is_one_line(values: np.ndarray, error: t
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["calibrate"], "no recording and no --source; expected one of them"),
-        (["calibrate", "a.csv", "--source", "file:a.csv"], "a recording and a --source; expected one of them"),
-        (["calibrate", "--source", "file:a.csv", "--rest", "a.csv"], "--rest and --rate are of recordings"),
+        (["calibrate"], "neither a recording nor a --source is given; expected one of them"),
+        (
+            ["calibrate", "a.csv", "--source", "file:a.csv"],
+            "both a recording and a --source are given; expected one of them",
+        ),
+        (["calibrate", "--source", "file:a.csv", "--rest", "a.csv"], "--rest and --rate are for recordings"),
         (["calibrate", "--source", "file:a.csv", "--seconds", "0"], "--seconds is 0; expected a number from 2 to 60"),
-        (["calibrate", "--source", "usb:1"], "'usb:1' is no source of EMG; expected lsl:NAME"),
+        (["calibrate", "--source", "usb:1"], "'usb:1' is not a source of EMG; expected lsl:NAME"),
         (
             ["calibrate", "--source", "file:a.csv", "--channel", "c"],
             "has no channel 'c'; expected one of 'biceps_mV'",
         ),
-        (["calibrate", "a.csv", "--rate", "2000"], "2000 Hz are declared, and the times in 'time_s' are of 1000 Hz"),
+        (["calibrate", "a.csv", "--rate", "2000"], "2000 Hz are declared, but the times in 'time_s' are of 1000 Hz"),
         (["score", "a.csv", "--rate", "900"], "900 Hz are declared"),
         (["score", "bare.csv"], "no column of times among 'biceps_mV', 'triceps_mV'; expected a column such as time_s"),
         (["score", "a.csv", "--rate", "-1"], "--rate is -1"),
         (["stream", "none.csv"], "cannot read none.csv"),
         (["stream", "a.csv", "--speed", "0"], "--speed is 0"),
-        (["stream", "a.csv", "--name", "it's"], "expected a name, and neither with quotes"),
-        (["stream", "a.csv", "--source-id", "it's"], '--source-id "it\'s"; expected a name, and neither with quotes'),
+        (["stream", "a.csv", "--name", "it's"], "expected a name; no quotes in either"),
+        (["stream", "a.csv", "--source-id", "it's"], '--source-id "it\'s"; expected a name; no quotes in either'),
         (["stream", "a.csv", "--channel", "c"], "no channel 'c'"),
         (["stream", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),
         (["serve", "nan.csv"], "nan.csv, row 2001: triceps_mV is nan"),

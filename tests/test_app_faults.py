@@ -129,10 +129,10 @@ def test_a_disk_that_fills_up_leaves_nothing_of_a_simulation(capsys: pytest.Capt
 def test_a_disk_that_is_full_leaves_nothing_of_a_simulation(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def no_room(*_: Any) -> None:
+    def no_room(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("pyarrow.csv.CSVWriter", no_room)  # the Parquet file before it fits
+    monkeypatch.setattr("csv.writer", no_room)  # the Parquet file before it fits
     before = tree()
     assert run(["simulate", "rig.toml", "--csv", "--out", "deep/er"]) == 2
     assert "cannot write deep/er/adaptive.csv: No space left on device; choose another place" in one_line(

@@ -317,13 +317,13 @@ def test_a_program_that_a_log_brings_along_runs_only_once_its_user_says_so(
     monkeypatch.setattr(own_code, "cache_folder", lambda: another)
     given_law._load.cache_clear()
     Path("ran").unlink()
-    with pytest.raises(UnknownCodeError, match="never run here"):
+    with pytest.raises(UnknownCodeError, match="never run on this computer"):
         rig_of_log(Path("older_law.mcap"))
     for words in (["log", "replay", "theirs.mcap"], ["simulate", "theirs.mcap"], ["log", "replay", "named.mcap"],
                   ["log", "replay", "theirs.mcap", "--law", f"{named}:MINE"], ["simulate", "older.mcap"]):  # fmt: skip
         assert main.run(words) == 2
         said = capsys.readouterr().err
-        assert "never run here" in said
+        assert "never run on this computer" in said
         assert Path("ran").exists() == ("--law" in words)  # what the user names runs; the log's own text does not
         Path("ran").unlink(missing_ok=True)
     found = document(["replay", "theirs.mcap", "--trust-law"], capsys, "log_replay")
@@ -426,7 +426,7 @@ def test_a_replay_needs_what_it_compares(rows: np.ndarray, capsys: pytest.Captur
         ("a", {"limits": {"motor_low": 0.0}}, "no limits that this version knows"),
         ("b", {"law": "none_such"}, "there is no law 'none_such'"),
         ("c", {"law": None}, "does not say which law"),
-        ("d", {"gains": {"other": 1.0}}, "gains do not fit"),
+        ("d", {"gains": {"other": 1.0}}, "gains are not those of the law"),
         ("e", {"law": "observer", "gains": {}}, "no column law."),
     ):
         write(Path(f"{name}.mcap"), rows[:50], settings | changes)

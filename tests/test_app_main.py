@@ -14,6 +14,7 @@ from bowden import __version__
 from bowden.app import init_command, main
 from bowden.core.trace import Trace
 from bowden.rig import page as rig_page
+from bowden.rig.rig import Rig
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -74,7 +75,8 @@ def test_gains_that_do_not_hold_are_refused_before_anything_runs(
     assert printed.out == ""
     assert printed.err.startswith("bowden: cascaded_pid does not hold on slow.toml: the sampled loop is unstable at a ")
     assert "; set " in printed.err
-    assert printed.err.endswith(", or run it anyway with --force (of 2 laws, none was run)\n")
+    assert "; the law bowden holds here, with " in printed.err
+    assert printed.err.endswith(" (--law bowden); or run it anyway with --force (of 2 laws, none was run)\n")
     assert printed.err.count("\n") == 1
     assert sorted(path.name for path in folder.iterdir()) == ["rig.toml", "slow.toml"]
 
@@ -149,13 +151,14 @@ def test_reproduce_keeps_to_its_schema(capsys: pytest.CaptureFixture[str]) -> No
 def test_init_writes_the_commented_default_and_never_over_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["init", "new.toml", "--json"]) == 0
     assert check(capsys.readouterr().out, "init")["files"] == ["new.toml"]
-    assert Path("new.toml").read_text(encoding="utf-8") == rig_page.toml_text("new.toml")
+    assert Path("new.toml").read_text(encoding="utf-8") == rig_page.toml_text("new.toml", "bowden")
     assert main.run(["init"]) == 2
     assert "--force" in capsys.readouterr().err
     assert Path("rig.toml").read_text() == SHORT
     assert main.run(["init", "--force"]) == 0
-    assert "bowden simulate rig.toml" in capsys.readouterr().out
-    assert Path("rig.toml").read_text(encoding="utf-8") == rig_page.toml_text()
+    assert capsys.readouterr().out.endswith("Next: bowden simulate rig.toml\n")
+    assert Path("rig.toml").read_text(encoding="utf-8") == rig_page.toml_text(law="bowden")
+    assert Rig.read("rig.toml") == Rig(law="bowden", origin="rig.toml")
 
 
 @pytest.mark.parametrize(

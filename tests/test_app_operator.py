@@ -89,7 +89,7 @@ def test_a_loop_that_stands_still_is_not_waited_for(capsys: pytest.CaptureFixtur
     session: Any = FakeSession([row()], still=6.0)
     operator.operate(session, operator.Ending(), auto=True, quiet=True)
     assert session.ended
-    assert "the loop has stood still for 6 s" in capsys.readouterr().err
+    assert "the loop has not answered for 6 s" in capsys.readouterr().err
 
 
 def test_whoever_gives_the_sign_of_life_is_woken_before_what_computes_where_that_is_allowed() -> None:
@@ -344,7 +344,7 @@ def test_a_file_that_says_nothing_is_a_hot_motor_and_is_told(
     next(state.iterdir()).write_text(text)
     found = thermal_file.read(DRIVE, LIMITS)
     assert (found.winding, found.housing) == (LIMITS.winding_limit, LIMITS.housing_limit)
-    assert "it is taken for as hot as it may be" in capsys.readouterr().err
+    assert "it is assumed to be as hot as allowed" in capsys.readouterr().err
 
 
 def test_nothing_is_colder_than_its_surroundings(state: Path) -> None:
@@ -384,7 +384,7 @@ def test_faults_are_told_in_the_order_of_time_and_consequences_as_such() -> None
     came = {Fault.HEARTBEAT_LOST: 2.0, Fault.JOINT_FROZEN: 1.0}
     lines = shown(row(mode=float(Mode.LATCHED), faults=sum(2.0**fault for fault in came)), came=came).splitlines()
     assert lines[1].split()[0] == "fault"
-    assert "joint angle stands still: " in lines[1]
+    assert "joint angle does not change: " in lines[1]
     assert lines[2].split() == ["follows", "drive", "silent"]
     at_once = dict.fromkeys((Fault.MOTOR_JUMP, Fault.LATE, Fault.JOINT_OVER_TRAVEL), 1.0)
     assert told_apart(at_once) == ((*at_once,), ()), "no lateness moves a joint"
@@ -424,7 +424,7 @@ def test_a_busy_computer_is_said_with_its_figure_and_is_no_fault_of_the_rig() ->
     late = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.LATE, Fault.MOTOR_STALE)), late=0.031)
     (found,) = stops.document(late, LIMITS._asdict(), twin=False)
     line, beside = stops.lines(found)
-    assert beside == f"with it came: {Fault.MOTOR_STALE.meaning}; {Fault.MOTOR_STALE.remedy}"
+    assert beside == f"at the same time: {Fault.MOTOR_STALE.meaning}; {Fault.MOTOR_STALE.remedy}"
     assert line.startswith("this computer is too busy: cycles came 31 ms late (20 ms are allowed, lateness_s of ")
     stale = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.MOTOR_STALE, Fault.JOINT_STALE)))
     (line,) = stops.lines(stops.document(stale, LIMITS._asdict(), twin=True)[0])
@@ -455,11 +455,11 @@ def test_a_computer_that_is_late_after_a_fault_hides_no_fault() -> None:
 @pytest.mark.parametrize(
     ("request_", "values", "said"),
     [
-        (Request.RUN, {"mode": Mode.STOPPED}, "r does nothing now: it is not armed: a first"),
-        (Request.RUN, {"mode": Mode.PREFLIGHT}, "the preflight is not over"),
+        (Request.RUN, {"mode": Mode.STOPPED}, "r does nothing now: it is not armed: press a first"),
+        (Request.RUN, {"mode": Mode.PREFLIGHT}, "the preflight has not ended"),
         (Request.RUN, {"mode": Mode.PREFLIGHT, "preflight": 1.0}, ""),
         (Request.ARM, {"mode": Mode.STOPPED, "faults": 2.0**Fault.SLACK}, "a does nothing now: cable slack or torn"),
-        (Request.ARM, {"mode": Mode.LATCHED}, "acknowledged first, with k"),
+        (Request.ARM, {"mode": Mode.LATCHED}, "acknowledge the fault first, with k"),
         (Request.ACKNOWLEDGE, {"mode": Mode.STOPPED}, "no fault to acknowledge"),
         (Request.STOP, {"mode": Mode.STOPPED}, ""),
     ],

@@ -108,11 +108,11 @@ def test_a_table_is_the_same_table_for_any_law() -> None:
         ),
         (
             lambda s: s["rig"]["suit"].update(friction_nm=3.0),
-            "the log's rig makes another source of the wearer's push: its chain.friction is 3, and ran with 2.3032",
+            "the log's rig computes the wearer's push in another way: its chain.friction is 3, and ran with 2.3032",
         ),
         (
             lambda s: s["admittance"]["chain"].update(cable=7000.0),
-            "the log's rig makes another source of the wearer's push: its chain.cable is 8000, and ran with 7000",
+            "the log's rig computes the wearer's push in another way: its chain.cable is 8000, and ran with 7000",
         ),
     ],
 )

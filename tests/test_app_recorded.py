@@ -58,11 +58,11 @@ def test_a_persons_elbow(shared_data: Path) -> None:
     ("text", "keys", "said"),
     [
         (TEXT, {"position_column": "joint"}, "has no column 'joint'; expected joint_deg (did you mean this?)"),
-        (TEXT, {"position_column": "other"}, "Row #2: CSV conversion error to double: invalid value 'x'"),
+        (TEXT, {"position_column": "other"}, "row 1: other is 'x'; expected a number"),
         (TEXT, {"unit": "rad"}, "which looks like degrees"),
         (TEXT + "\n4.0,x,nan", {}, "not numbers"),
         ("\n".join(TEXT.splitlines()[:9]), {}, "at least 16"),
-        ("", {}, "Empty CSV"),
+        ("", {}, "it is empty"),
         (b"\x00\xff\x00\xff", {}, "motion.csv"),
         ("# nothing but a comment", {}, "motion.csv"),
     ],

@@ -41,13 +41,13 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
     ("text", "options", "said"),
     [
         ("", ["--auto"], "start bowden twin, run with a twin of its own (--twin), or name your CAN bus"),
-        ("[drive]\ninterface = 'morse'", ["--auto"], "nobody has confirmed an angle on this drive"),
+        ("[drive]\ninterface = 'morse'", ["--auto"], "no angle has been confirmed by hand on this drive"),
         ("[drive]\nnode_id = 127", ["--auto"], "drive.node_id is 127"),
         ("[limits]\nmotor_low_deg = 120.0", ["--auto"], "limits.motor_low_deg is 120 and motor_high_deg 114.6"),
         (
             "[limits]\nthermal_winding_capacity_j_per_k = 0.0",
             ["--auto"],
-            "thermal_winding_capacity_j_per_k = 0, and must be a number above 0",
+            "thermal_winding_capacity_j_per_k = 0, but must be a number above 0",
         ),
         (
             "[limits]\npay_out_deg_per_s = 2800.0",
@@ -63,7 +63,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
         ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
         ("[control]\npreset = 'paper'", ["--auto"], "adaptive does not hold"),
         ("", [], "no terminal"),
-        ("", ["--json"], "with --twin add --auto; where somebody may be at a rig, run it on a terminal"),
+        ("", ["--json"], "with --twin add --auto; on a rig, where people may be near, run it in a terminal"),
         ("", ["--auto", "--law", "none"], "there is no law 'none'"),
         ("", ["--auto", "--duration", "-1"], "expected a duration"),
     ],

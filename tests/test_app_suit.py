@@ -108,7 +108,7 @@ def test_the_page_of_a_run_shows_what_the_suit_pulls(tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     simulation_page({"adaptive": trace}, "A suit").write(path)
     text = path.read_text(encoding="utf-8")
-    assert "What the suit pulls" in text
+    assert "Forces of the suit" in text
     assert trace.settings["plant"]["arm"]["mass"] == pytest.approx(1.65)
 
 

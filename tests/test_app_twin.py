@@ -97,13 +97,13 @@ def test_times_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--after", "3"], "--after and --for are of a fault; expected --inject FAULT beside them"),
-        (["--for", "3", "--status"], "--after and --for are of a fault"),
-        (["--status", "--object", "6502:0=0"], "--object is of a twin that is started"),
+        (["--after", "3"], "--after and --for belong to a fault; expected --inject FAULT together with them"),
+        (["--for", "3", "--status"], "--after and --for belong to a fault"),
+        (["--status", "--object", "6502:0=0"], "--object belongs to a twin that is being started"),
         (["--inject", "encoder_frozn joint"], "expected encoder_frozen (did you mean this?)"),
         (
             ["--inject", "silence"],
-            "start one: bowden twin RIG.toml; what bowden run --twin starts has the channel that",
+            "start one: bowden twin RIG.toml; the twin of bowden run --twin has the channel that",
         ),
     ],
 )

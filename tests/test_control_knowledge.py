@@ -263,7 +263,9 @@ def test_a_law_cannot_declare_what_is_not_there(changes: dict[str, Any], said: s
 @pytest.mark.parametrize("what", ["servo_freqency", "cable.slop", "cable"])
 def test_a_law_cannot_be_told_what_no_rig_knows(what: str) -> None:
     law = dataclasses.replace(LAWS["uncompensated"], from_rig={"slope": what})
-    with pytest.raises(ParameterError, match=f"gain slope of law 'uncompensated' is told '{what}'; expected "):
+    with pytest.raises(
+        ParameterError, match=f"gain slope of law 'uncompensated' takes '{what}' from the rig; expected "
+    ):
         informed(law, Knowledge())
 
 

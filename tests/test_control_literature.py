@@ -32,7 +32,7 @@ NAMES = ("offset_inverse", "hysteresis_model", "cascaded_pid", "backlash_inverse
 INVERSES = ("offset_inverse", "hysteresis_model", "backlash_inverse")
 SLOPES = (0.7, 0.8, 0.9, 1.0, 1.05)
 BENCH = paper.default_bench()
-DOCS = Path(__file__).parents[1] / "docs" / "laws.md"
+DOCS = Path(__file__).parents[1] / "docs" / "background" / "laws.md"
 
 
 def on_play(law: Law, play: Play, duration: float, wait: float, *, reference: Any = None) -> tuple[float, Any]:
@@ -412,7 +412,7 @@ def test_disturbance_rejection_carries_a_constant_offset_without_error() -> None
 def test_the_page_quotes_what_is_measured(name: str) -> None:
     text = DOCS.read_text(encoding="utf-8")
     row = re.search(rf"^\| `{name}` \|(.+)\|$", text, re.MULTILINE)
-    assert row, f"docs/laws.md has no row for {name}"
+    assert row, f"docs/background/laws.md has no row for {name}"
     shown = [float(number) for number in re.findall(r"\d+\.?\d*", row[1])]
     gain_margin, phase_margin, delay_margin = worst_margins(LAWS[name])
     expected = [gain_margin, phase_margin, 1e3 * delay_margin, *figures(name, False), *figures(name, True)]

@@ -47,7 +47,7 @@ def test_margins_equal_python_controls(
     assert ours.gain_margin_db == pytest.approx(20.0 * np.log10(min(g for g in gain if g > 1.0)), rel=0.01)
     assert ours.phase_margin_deg == pytest.approx(min(phase, key=abs), rel=0.01)
     assert ours.delay_margin_s == pytest.approx(min(np.radians(phase) / crossover), rel=0.01)
-    poles = np.sort(np.abs(control.feedback(loop, 1).poles()))
+    poles = np.sort(np.abs(np.linalg.eigvals(loop.A - loop.B @ loop.C)))  # the plant has no way straight through
     np.testing.assert_allclose(np.sort(np.abs(closed_loop_poles(plant, law))), poles, atol=1e-5)
 
 
@@ -92,3 +92,11 @@ def test_lyapunov_bounds_shrink_with_error_gain_and_are_vacuous_with_the_printed
     assert np.degrees(printed.error) == pytest.approx(59.0, abs=0.5)
     assert printed.error == pytest.approx(2.0 * printed.filtered_error / 2.0)
     assert np.degrees(ultimate_bounds(AdaptiveGains(error_gain=0.05), slope, 0.05).error) > 1000.0
+
+
+def test_a_long_system_answers_as_its_chain_of_delays_does() -> None:
+    servo, omega = Servo(), np.geomspace(0.1, 3000.0, 300)
+    long, short = servo_model(servo, DT, 30, 0.938), servo_model(servo, DT, 1, 0.938)
+    assert len(long.a) > 8 >= len(short.a)
+    late = np.exp(-29j * omega * DT)
+    np.testing.assert_allclose(response(long, omega, DT), late * response(short, omega, DT), rtol=1e-6)

@@ -43,7 +43,7 @@ def test_a_steep_curve_counts_as_one_encoder_count_sees_it() -> None:
     )
 
 
-@pytest.mark.parametrize("name", [name for name in LAWS if LAWS[name].heard == 0.0])  # the others have no tangent
+@pytest.mark.parametrize("name", [name for name in LAWS if LAWS[name].deadband == 0.0])  # the others have no tangent
 def test_the_model_of_any_law_predicts_the_law(name: str) -> None:
     """From rest, a small random motion of both angles: the model's command is the law's."""
     law = LAWS[name]

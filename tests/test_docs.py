@@ -2,20 +2,25 @@
 
 import doctest
 import importlib
+import os
 import re
 import shlex
+import sys
 import textwrap
 import warnings
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import bowden
 from bowden.app.main import run
+from bowden.live.preflight import REASONS, Reason
+from bowden.safety.faults import Fault
 from live_runs import SHARED_LIMITS, tries
+from page_steps import PageFile, commands, steps
+from walk import pages, rows, table, walk_page
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -53,16 +58,14 @@ TASKS = {"README.md": (ROOT / "README.md").read_text(encoding="utf-8"), "the pac
 def test_the_tasks_run_as_they_are_printed(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a log to a run on a twin; only that search and run are shorter than by default."""
     monkeypatch.chdir(tmp_path)
-    log = bowden.simulate(bowden.Rig(duration=20.0), "uncompensated")
-    rows = np.column_stack([log.time, log["motor_measured"], log["joint_measured"]])[::10]
-    np.savetxt("log.csv", rows, delimiter=",", header="time_s,motor_rad,joint_rad", comments="")
+    assert run(["sample", "cable", "."]) == 0
     monkeypatch.setattr(bowden, "tune", partial(bowden.tune, generations=1))
     live = bowden.run
 
-    def run(rig: bowden.Rig, **options: Any) -> Any:
+    def shorter(rig: bowden.Rig, **options: Any) -> Any:
         return live(rig.replace(limits=rig.limits._replace(**SHARED_LIMITS)), duration=3.0, **options)
 
-    monkeypatch.setattr(bowden, "run", run)
+    monkeypatch.setattr(bowden, "run", shorter)
     (printed,) = re.findall(r"^    fit = bowden\.identify\(.*?(?=^\S|\Z)", text, re.DOTALL | re.MULTILINE)
     for _ in tries():
         names: dict[str, Any] = {"bowden": bowden}
@@ -89,6 +92,52 @@ def run_python(page: Path) -> None:
             names = example.globs
         else:
             exec(compile(block, f"{page.name}[{i}]", "exec"), names)
+
+
+SITE = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+IN_ORDER = re.findall(r"^ +- (?:[^:\n]+: )?([\w/-]+\.md)$", SITE, re.MULTILINE)
+"""The pages in the order of the site."""
+
+
+def test_every_page_has_its_place_in_the_site_and_in_the_index() -> None:
+    pages = {str(page.relative_to(ROOT / "docs")) for page in CURRENT if page.is_relative_to(ROOT / "docs")}
+    assert set(IN_ORDER) == pages
+    assert len(IN_ORDER) == len(pages)
+    listed = set(re.findall(r"\]\(([\w/-]+\.md)\)", (ROOT / "docs" / "README.md").read_text(encoding="utf-8")))
+    assert listed == pages - {"README.md"}
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=page_id)
+def test_a_page_for_users_is_short(page: Path) -> None:
+    """Without its code and tables; how we know it belongs to docs/background, which the page names."""
+    text = page.read_text(encoding="utf-8")
+    prose = re.sub(r"^(```.*?^```|\|.*?|    .*?)$", "", text, flags=re.DOTALL | re.MULTILINE)
+    assert len(prose.split()) <= 1200
+    if (page.parent / "background" / page.name).exists():
+        assert f"(background/{page.name})" in text
+
+
+HELP = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("fault", [fault for fault in Fault if fault.then], ids=lambda fault: fault.name)
+def test_a_fault_that_can_end_a_run_is_found_by_its_symptom(fault: Fault) -> None:
+    assert f"`{fault.name}`" in HELP
+
+
+@pytest.mark.parametrize("reason", [reason for reason in Reason if reason], ids=lambda reason: reason.name)
+def test_what_a_preflight_finds_is_found_by_its_symptom(reason: Reason) -> None:
+    said = re.split(r"[;,]| while | where ", REASONS[reason])[0]
+    assert said in HELP
+
+
+def test_messages_that_are_quoted_are_printed_by_the_package() -> None:
+    printed = " ".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
+    printed = re.sub(r"\"\s+f?\"", "", printed)
+    quoted = re.findall(r"(?<=[| ,(])\"([^\"\n]+)\"", HELP)
+    assert len(quoted) > 20
+    lost = [part for text in quoted for part in text.split(" … ") if part.strip() not in printed]
+    assert not lost
 
 
 def slug(heading: str) -> str:
@@ -169,32 +218,17 @@ def test_that_test_sees_what_it_should(text: str, lost: int) -> None:
     assert len(lost_names(text)) == lost
 
 
-def commands(path: Path) -> list[str]:
-    """Lines of code blocks that call bowden."""
-    return re.findall(r"^(?:    |\$ )(bowden .+?)(?:  +#.*)?$", path.read_text(encoding="utf-8"), re.MULTILINE)
-
-
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=page_id)
 def test_commands_and_options_exist(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for line in commands(page):
-        _, *words = shlex.split(line, comments=True)
-        if words[0] == "--help":
+    for line in (one.text for one in commands(page)):
+        program, *words = shlex.split(line)
+        if program != "bowden" or words[0] == "--help":
             continue
         names = words[:2] if words[0] in ("log", "emg", "arm") else words[:1]
         assert run([*names, "--help"]) == 0, line
         known = capsys.readouterr().out
         for option in (word for word in words if word.startswith("--")):
             assert re.search(rf"{option}\b", known), f"{line}: {words[0]} has no {option}"
-
-
-def shown(page: Path) -> list[tuple[str, str]]:
-    """The commands of a page's console blocks, with the output that is shown below each."""
-    pairs = []
-    for block in blocks(page, "console"):
-        for part in block.split("$ ")[1:]:
-            command, _, output = part.partition("\n")
-            pairs.append((command, output))
-    return pairs
 
 
 def same(given: str, wanted: str) -> bool:
@@ -214,15 +248,145 @@ def test_the_tutorial_works_as_written(
 ) -> None:
     """Every command in its order in an empty folder, then the Python; files are written as the page gives them."""
     monkeypatch.chdir(tmp_path)
-    text = TUTORIAL.read_text(encoding="utf-8")
-    for name, block in re.findall(r"^`([\w.]+\.toml)`:\n+```toml\n(.*?)^```$", text, re.DOTALL | re.MULTILINE):
-        Path(name).write_text(block, encoding="utf-8")
-    pairs = shown(TUTORIAL)
-    assert len(pairs) > 4
-    for command, wanted in pairs:
-        name, *words = shlex.split(command)
-        assert name == "bowden", f"{command}: no command of this package"
-        assert run(words) == 0, capsys.readouterr().err
-        printed = capsys.readouterr().out
-        assert same(printed, wanted), f"{command}\nprinted:\n{printed}\nshown:\n{wanted}"
+    assert len([one for one in commands(TUTORIAL) if one.shown]) > 4
+    for one in steps(TUTORIAL):
+        if isinstance(one, PageFile):
+            assert not one.added
+            Path(one.name).write_text(one.text, encoding="utf-8")
+            continue
+        if one.shown is None:  # its output is not one to compare: a live run, a search
+            continue
+        name, *words = shlex.split(one.text)
+        assert name == "bowden", f"{one.text}: no command of this package"
+        code, printed = run(words), capsys.readouterr()
+        assert code == one.exits, printed.err
+        said = printed.err if code else printed.out
+        assert same(said, one.shown), f"{one.text}\nprinted:\n{said}\nshown:\n{one.shown}"
     run_python(TUTORIAL)
+
+
+def page_of(tmp_path: Path, text: str) -> Path:
+    page = tmp_path / "page.md"
+    page.write_text(textwrap.dedent(text), encoding="utf-8")
+    return page
+
+
+WRITTEN = """
+    Write `a.toml`:
+
+    ```toml
+    x = 1
+    ```
+
+    `a.toml`:
+
+    ```toml
+    x = 2
+    ```
+
+        bowden check a.toml   # a comment
+        not a command
+        bowden check a.toml   # ends with exit code 1
+
+    Add to `a.toml`:
+
+    ```toml
+    y = 3
+    ```
+
+    <!-- walk: exit 3 -->
+
+    ```console
+    $ exit 3
+    said
+    $ exit 3
+    ```
+
+    ```python
+    # law.py
+    y = 1
+    ```
+
+    <!-- walk: not here: needs a friend -->
+
+    ```bash
+    greet \\
+      friend
+    ```
+
+        $ bowden run rig.toml
+        $ bowden twin rig.toml
+    """
+
+
+def test_what_a_page_asks_for_is_read_in_its_order(tmp_path: Path) -> None:
+    found = steps(page_of(tmp_path, WRITTEN))
+    files = [(one.name, one.text, one.added) for one in found if isinstance(one, PageFile)]
+    assert files == [
+        ("a.toml", "x = 2\n", False),
+        ("a.toml", "\ny = 3\n", True),
+        ("law.py", "# law.py\ny = 1\n", False),
+    ]
+    asked = [one for one in found if not isinstance(one, PageFile)]
+    assert [one.text for one in asked] == [
+        *("bowden check a.toml", "bowden check a.toml", "exit 3", "exit 3", "greet friend"),
+        *("bowden run rig.toml", "bowden twin rig.toml"),
+    ]
+    assert [one.exits for one in asked] == [0, 1, 3, 3, 0, 0, 0]
+    assert [one.shown for one in asked][1:5] == [None, "said\n", "", None]
+    assert [one.elsewhere for one in asked] == ["", "", "", "", "needs a friend", "needs a drive", ""]
+    assert [one.beside for one in asked] == [False] * 6 + [True]
+    lines = page_of(tmp_path, WRITTEN).read_text(encoding="utf-8").split("\n")
+    assert all(one.text.split()[0] in lines[one.line - 1] for one in asked)
+
+
+def test_a_mark_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="walk: exit two --> says nothing that is known"):
+        steps(page_of(tmp_path, "<!-- walk: exit two -->\n\n    bowden check rig.toml\n"))
+
+
+def test_a_walk_sees_what_does_not_end_as_its_page_says(tmp_path: Path) -> None:
+    page = page_of(
+        tmp_path,
+        """
+        <!-- walk: beside -->
+
+        ```bash
+        sleep 60
+        ```
+
+        ```bash
+        test -f later.toml && grep -q 1 later.toml
+        exit 4
+        make help
+        ```
+
+        `later.toml`:
+
+        ```toml
+        x = 1
+        ```
+
+            bowden run rig.toml
+        """,
+    )
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    found = list(walk_page(page, folder, os.environ))
+    assert [one.passed for one in found] == [True, True, False, False, False]
+    assert [one.exit_code for one in found] == [0, 0, 4, None, None]
+    assert [one.why_not for one in found] == ["", "", "", "is tried in a fresh environment alone", "needs a drive"]
+    written = table({page.name: rows(found)})
+    assert re.search(r"^\| page\.md \| 5 \| 2 \| 2 \| \d+ \|$", written, re.MULTILINE)
+    assert "what needs a drive (1)" in written
+    assert re.search(r"^- page\.md:\d+: `exit 4` ended with 4, not 0$", written, re.MULTILINE)
+
+
+@pytest.mark.live
+@pytest.mark.long
+@pytest.mark.parametrize("page", [page for page in pages() if commands(page)], ids=page_id)
+def test_all_commands_of_a_page_end_as_it_says(page: Path, tmp_path: Path) -> None:
+    """The same as `tools/walk.py`, in the environment of the tests."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    found = walk_page(page, tmp_path, dict(os.environ) | {"PATH": path})
+    assert not [(one.command.text, one.exit_code, one.said) for one in found if not one.passed and not one.why_not]

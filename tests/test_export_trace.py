@@ -194,7 +194,7 @@ def test_a_refusal_that_the_law_catches_is_a_refusal_still(tmp_path: Path) -> No
 def test_a_law_that_does_something_else_with_symbols_is_refused(line: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(LAW.replace("LINE", line))
-    with pytest.raises(ParameterError, match=r"mine\.py, line \d+: step does not do with symbols"):
+    with pytest.raises(ParameterError, match=r"mine\.py, line \d+: step behaves differently with symbols"):
         files(law_module(user_law.load(str(path)), 1e-3), Style("mine"), "")
 
 

@@ -236,7 +236,11 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
         slid.append(min(max(slid[-1], motor - 0.05), motor + 0.05))
     fit = bowden.identify(T, MOTOR, 0.9 * np.array(slid[1:]) + 1e-4 * np.random.default_rng(1).normal(size=len(T)))
     assert fit.best.name != "line"
-    runs = [bowden.simulate(bowden.Rig(cable=cable, duration=4.0), "adaptive") for cable in (fit, fit.best)]
+    small = bowden.MinimumJerk.periodic(-0.3, 0.3, period=4.0)  # within what the log covered
+    rigs = [bowden.Rig(cable=cable, reference=small, duration=4.0) for cable in (fit, fit.best)]
+    runs = [bowden.simulate(rig, "adaptive") for rig in rigs]
+    with pytest.warns(UserWarning, match=r"the reference goes from 0 to 65.9°, and the log .* covered -23.2 to 23.2°"):
+        bowden.simulate(bowden.Rig(cable=fit, duration=4.0), "adaptive")
     assert runs[0].stable
     assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
 
@@ -318,5 +322,102 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
 @pytest.mark.parametrize("what", WRONG)
 def test_a_wrong_argument_is_refused_with_its_name_and_what_to_do(what: str) -> None:
     call, said = WRONG[what]
+    with pytest.raises(BowdenError, match=said):
+        call()
+
+
+def test_several_traces_are_a_dictionary_that_shows_itself() -> None:
+    traces = bowden.simulate(bowden.Rig(duration=5.0), ["uncompensated", "adaptive"])
+    assert isinstance(traces, dict)
+    lines = repr(traces).splitlines()
+    assert lines[0] == "2 traces"
+    assert [line.split()[0] for line in lines[1:]] == ["uncompensated", "adaptive"]
+    html = traces._repr_html_()
+    assert html == traces._repr_html_(), "kept outputs of a notebook do not change by themselves"
+    assert html.count("<tr>") == 3
+    assert "<svg" in html
+    above, below = traces.plot()
+    assert [line.get_label() for line in above.lines] == ["uncompensated", "adaptive", "reference"]
+    assert len(below.lines) == 2
+
+
+def test_parts_of_a_rig_may_be_given_by_their_fields() -> None:
+    rig = bowden.Rig(suit={"worn": True, "drive_integral": 40.0}, wearer={"mass": 60.0})  # type: ignore[arg-type]
+    assert rig.suit == bowden.Rig().suit._replace(worn=True, drive_integral=40.0)
+    assert rig.hash == bowden.Rig(suit=rig.suit, wearer=rig.wearer).hash
+    with pytest.raises(ParameterError, match=r"suit has no 'wron'; expected worn \(did you mean this\?\)"):
+        bowden.Rig(suit={"wron": True})  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match=r"Rig: wearer.mass is -1"):
+        bowden.Rig(wearer={"mass": -1.0})  # type: ignore[arg-type]
+    servo = bowden.Rig(servo={"damping": 0.8}).servo  # type: ignore[arg-type]
+    assert servo == bowden.Rig().servo._replace(damping=0.8)
+    with pytest.raises(ParameterError, match=r"Rig: servo is"):
+        bowden.Rig(servo=[0.8])  # type: ignore[arg-type]
+
+
+def recorded_emg() -> np.ndarray:
+    """Eight seconds at 1 kHz [mV]: rest, and a contraction from 3 to 5 s."""
+    size = np.interp(np.arange(8000) / 1000.0, [0.0, 3.0, 3.1, 4.9, 5.0], [0.004, 0.004, 0.1, 0.1, 0.004])
+    return size * np.random.default_rng(1).normal(size=8000)
+
+
+def test_emg_goes_from_a_recording_to_a_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    emg = recorded_emg()
+    rows = np.column_stack([10.0 + np.arange(8000) / 1000.0, emg])
+    np.savetxt("biceps.csv", rows, delimiter=",", header="time_s,biceps_mV", comments="")
+    Path("labels.csv").write_text("onset_s,offset_s\n13.0,15.0\n")
+    found = bowden.emg_score("biceps.csv", labels="labels.csv")
+    assert found.score.misses == found.score.false_activations == 0
+    assert 13.0 < found.spans[0][0] < 13.3, "in the recording's time"
+    of_arrays = bowden.emg_score(emg, rate=1000.0, labels=[(3.0, 5.0)])
+    assert of_arrays.score.latency_median_s == pytest.approx(found.score.latency_median_s, abs=0.01)
+    assert "1 found, 0 missed, 0 false" in repr(found)
+    assert "<svg" in found._repr_html_()
+    assert len(found.plot()) == 3
+
+    wearer = bowden.emg_calibrate("biceps.csv")
+    rest = bowden.emg_calibrate("biceps.csv", emg[:2900], rate=1000.0)
+    assert 0.5 < rest.rest / wearer.rest < 2.0
+    assert rest.mvc == wearer.mvc > 10.0 * wearer.rest
+    wearer.write("wearer.toml")
+    rig = bowden.Rig(emg={"high": 0.8, "duration": 1.0}).with_emg("file:biceps.csv", wearer)  # type: ignore[arg-type]
+    assert rig.emg.levels == wearer
+    trace = bowden.simulate(rig, "adaptive")
+    assert trace["reference"].max() == pytest.approx(0.8)
+    assert trace.metrics().rmse_deg < 1.0
+
+
+def test_several_logs_and_a_recalibration_show_themselves() -> None:
+    units = {"time": "s", "motor": "rad", "joint": "rad"}
+    logs = [bowden.Trace({"time": T, "motor": MOTOR, "joint": 0.9 * MOTOR - 0.5 * load}, units) for load in (0.0, 0.2)]
+    together = bowden.identify_together(logs, load=[0.0, 0.2])
+    found = bowden.recalibrate(logs[0], together, load=0.0)
+    for one in (together, found):
+        assert "<svg" in one._repr_html_()
+        assert len(one.plot()) == 1
+
+
+WRONG_EMG: dict[str, tuple[Callable[[], Any], str]] = {
+    "no rate": (lambda: bowden.emg_score(recorded_emg()), r"the samples have no rate; expected samples a second"),
+    "no detector": (lambda: bowden.emg_score(recorded_emg(), rate=1e3, detector="best"), r"best.*expected"),
+    "labels of another": (
+        lambda: bowden.emg_score(recorded_emg(), rate=1e3, labels=[(3.0, 50.0)]),
+        r"labels from 3 to 50 s, and the recording lasts from 0 to 8 s",
+    ),
+    "labels out of order": (
+        lambda: bowden.emg_score(recorded_emg(), rate=1e3, labels=[(3.0, 2.0)]),
+        r"labels are not in order",
+    ),
+    "a wearer of text": (lambda: bowden.emg_score(recorded_emg(), rate=1e3, wearer="none.toml"), r"cannot read none"),
+    "rest alone": (lambda: bowden.emg_calibrate(recorded_emg()[:2900], rate=1e3), r"the recording: no contraction"),
+    "a recording of text": (lambda: bowden.emg_calibrate("none.csv"), r"none.csv"),
+    "mains of nowhere": (lambda: bowden.emg_calibrate(recorded_emg(), rate=1e3, mains=55.0), r"mains is 55; expected"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG_EMG)
+def test_emg_that_cannot_be_used_is_refused(what: str) -> None:
+    call, said = WRONG_EMG[what]
     with pytest.raises(BowdenError, match=said):
         call()

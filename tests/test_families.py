@@ -28,7 +28,7 @@ from support.simulated_drive import SimulatedDrive
 class ToyParameters(NamedTuple):
     """A drive at the end of a piece of string."""
 
-    family: Annotated[Literal["toy"], Quantity("how the drive is spoken to: its family")] = "toy"
+    family: Annotated[Literal["toy"], Quantity("family of the drive")] = "toy"
     string: Annotated[str, Quantity("which piece of string")] = "red"
     length: Annotated[float, Quantity("of the string", "m", shown="mm", gt=0.0)] = 0.5
     patience: Annotated[

@@ -133,9 +133,10 @@ def test_a_parquet_file_of_endless_rows_is_refused(tmp_path: Path) -> None:
     zeros = pa.array(np.zeros(4_000_000))
     parquet.write_table(pa.table(dict.fromkeys(names, zeros)), file)
     assert file.stat().st_size < 1 << 20
-    for reader in (read_trace, read_table):
-        with pytest.raises(BowdenError, match="64000000 fields"):
-            reader(file)
+    with pytest.raises(BowdenError, match="64000000 fields"):
+        read_table(file).numbers(range(len(names)))
+    with pytest.raises(BowdenError, match="does not say its units"):
+        read_trace(file)
     with pytest.raises(BowdenError, match="every sample"):  # of three columns alone there is room
         read_log(file)
 

@@ -63,7 +63,9 @@ def shared(heard: bool) -> Shared:
 def test_a_drive_that_another_host_holds_is_not_touched(heard: bool) -> None:
     bus = shared(heard)
     said = (
-        "node 127, which is our own number, is on the bus" if heard else "operation enabled; expected a drive without"
+        "node 127, which is the number of this computer, is on the bus"
+        if heard
+        else "operation enabled; expected a drive without"
     )
     with pytest.raises(DriveError, match=said):
         CanopenDrive(DRIVE, bus).bring_up()

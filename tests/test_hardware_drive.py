@@ -153,7 +153,7 @@ def test_directions_and_homes_turn_the_counts_and_not_the_angles() -> None:
     rig.run(5, Power.OFF)
     again = Rig(rig.drive.zeroed(motor=0.25, joint=0.5))
     assert abs(again.drive._drive.motor_home - 0.15) < 1e-3
-    with pytest.raises(DriveError, match="no position yet"):
+    with pytest.raises(DriveError, match="not reported a position yet"):
         Rig().drive.zeroed()
 
 
@@ -345,7 +345,7 @@ def test_no_frames_make_the_twin_fail(foreign: list[tuple[int, bytes]]) -> None:
         ({(0x607D, 1): -1000, (0x607D, 2): 10_000}, {"highest_motor": 3.0}, "highest motor angle is 3 rad, beyond"),
         ({(0x6080, 0): 100}, {"speed_limit": 30.0}, "speed limit .6080h. is 30 rad/s, beyond"),
         ({(0x6065, 0): 1000}, {"following_error": 1.0}, "following error is 1 rad, beyond"),
-        ({(0x1802, 1): None}, {"emergency_stop_input": 3}, "does not tell its digital inputs in every cycle"),
+        ({(0x1802, 1): None}, {"emergency_stop_input": 3}, "does not send its digital inputs in every cycle"),
         ({(0x3001, 2): 5000}, {"current_limit": 20.0}, "current limit is 20 A, beyond the drive's own 5 A"),
     ],
 )

@@ -151,7 +151,7 @@ def test_streams_that_cannot_be_used_are_one_line(lsl: Any) -> None:
     with pytest.raises(StreamError, match=r"is there, but sends nothing in 0.3 s"):
         LslStream(name, wait=0.3).open()
     second = LslOutlet(name, RATE, ["a"], "mV", "two")
-    with pytest.raises(StreamError, match=r"2 LSL streams are named .*; say which by its source id, lsl:.*#ID"):
+    with pytest.raises(StreamError, match=r"2 LSL streams are named .*; choose one by its source id, lsl:.*#ID"):
         LslStream(name).open()
     with sending(second, np.zeros((4000, 1)), RATE / 2):
         stream = LslStream(name, "two")
@@ -219,7 +219,7 @@ def test_names_of_channels_are_checked(lsl: Any, labels: list[str], said: str) -
     "text", ["", "lsl:", "udp:x", "biceps.csv", "trigno:", "trigno:host:x", "trigno:host:1:2:3", "trigno:host:99999"]
 )
 def test_what_names_no_source_is_one_line(text: str) -> None:
-    with pytest.raises(StreamError, match=r"is no source of EMG; expected lsl:NAME.*trigno:HOST.*file:PATH"):
+    with pytest.raises(StreamError, match=r"is not a source of EMG; expected lsl:NAME.*trigno:HOST.*file:PATH"):
         open_source(text)
 
 

@@ -308,7 +308,10 @@ def test_channels_and_rates_that_are_not_there_are_one_line() -> None:
 @pytest.mark.parametrize(
     ("sent", "said"),
     [
-        (b"SSH-2.0-OpenSSH_9.2\r\n", "greets with 'SSH-2.0-OpenSSH_9.2'; expected Delsys Trigno System"),
+        (
+            b"SSH-2.0-OpenSSH_9.2\r\n",
+            "answers the connection with 'SSH-2.0-OpenSSH_9.2'; expected Delsys Trigno System",
+        ),
         (b"", "gives no answer in 0.3 s; expected a Trigno SDK server"),
         (b"Delsys Trigno System Digital Protocol Version 3.6.0\r\n\r\nSTOPPED\r\n\r\n", "gives no answer in 0.3 s"),
     ],

@@ -147,7 +147,10 @@ REFUSED: dict[str, tuple[Attack, str]] = {
     "another SYNC": (Attack(foreign=(SYNC,)), "another master is on the bus .* 080h"),
     "another's targets": (Attack(foreign=(TARGET,)), "another master is on the bus"),
     "another's questions": (Attack(foreign=(QUESTION,)), "another master is on the bus"),
-    "another's heartbeat": (Attack(foreign=(HEARTBEAT,)), "a node 127, which is our own number, is on the bus"),
+    "another's heartbeat": (
+        Attack(foreign=(HEARTBEAT,)),
+        "a node 127, which is the number of this computer, is on the bus",
+    ),
 }
 
 

@@ -180,7 +180,7 @@ OUTLETS: dict[str, Row] = {
     "goes without a source id": Row(outlet(closes_after=2.0, source=""), lost="the LSL stream", old=True),
     "comes back with another channel": Row(outlet(closes_after=2.0, again_with=2), lost="nothing from", old=True),
     "goes and comes back all the time": Row(outlet(storm=True), lost="the LSL stream", old=True),
-    "a second of its name": Row(outlet(twin_after=2.0), lost="has another one of its name", old=True),
+    "a second of its name": Row(outlet(twin_after=2.0), lost="shares its name and source with another one", old=True),
     "sends nothing": Row(outlet(silent_after=-1.0), refused="sends nothing"),
     "half the rate from the first": Row(outlet(lambda v, s: (v[::2], s[::2]), calm=0.0), refused="samples a second"),
     "the future from the first": Row(outlet(lambda v, s: (v, s + 3.0), calm=0.0), refused="in the future"),
@@ -270,7 +270,9 @@ SERVERS: dict[str, Row] = {
     "zeros": Row(server(lambda frame: whole(frame * 0)), trouble=True),
     "drops its clients": Row(server(drops_after=2.0), lost="Trigno server", old=True),
     "drops them again and again": Row(server(drops_after=2.0, storm=True), lost="Trigno server", old=True),
-    "comes back as another": Row(server(drops_after=2.0, paired_again=5), lost="come back as another one", old=True),
+    "comes back as another": Row(
+        server(drops_after=2.0, paired_again=5), lost="come back as a different one", old=True
+    ),
     "chatters": Row(server(chatters=True)),
 }
 """What a server does → what must come of it."""

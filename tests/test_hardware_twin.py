@@ -204,7 +204,7 @@ def test_no_bus_and_nobody_on_it_are_said_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(DriveError, match="there is no such bus; start bowden twin, run with a twin"):
         CanopenDrive(DriveParameters(channel=str(tmp_path / "none"))).bring_up()
     (tmp_path / "empty").mkdir()
-    with pytest.raises(DriveError, match="nobody is on the bus"):
+    with pytest.raises(DriveError, match="no other device is on the bus"):
         CanopenDrive(DriveParameters(channel=str(tmp_path / "empty"))).bring_up()
 
 
@@ -224,7 +224,7 @@ def test_what_a_killed_twin_leaves_is_no_hindrance(rig: Path, tmp_path: Path) ->
     with running_twin(rig, tmp_path / "b") as running:
         os.kill(running.process.pid, signal.SIGKILL)
         running.process.wait(10.0)
-        with pytest.raises(DriveError, match="nobody is on the bus"):
+        with pytest.raises(DriveError, match="no other device is on the bus"):
             CanopenDrive(DriveParameters(channel=running.channel)).bring_up()
     with running_twin(rig, tmp_path / "b") as running, host(running.channel) as drive:
         assert cycles(drive, 100, Power.OFF)[-1].motor_age < 50
@@ -243,8 +243,8 @@ def test_a_twin_that_does_not_start_says_why(tmp_path: Path) -> None:
         ("", "there is no fault ''"),
         ("encoder_spike", "is of an encoder"),
         ("encoder_spike elbow 3", "is of an encoder"),
-        ("late_pdos much", "is no amount"),
-        ("late_pdos nan", "is no amount"),
+        ("late_pdos much", "is not a number for it"),
+        ("late_pdos nan", "is not a number for it"),
         ("silence 3", "is too much"),
         ("drive_fault 0x4210 now", "is too much"),
     ],

@@ -170,12 +170,12 @@ def test_a_place_of_a_bare_name_is_this_users_alone(tmp_path: Path, monkeypatch:
     UnixBus("a").shutdown()
     assert place.stat().st_mode & 0o777 == 0o700
     place.chmod(0o755)
-    with pytest.raises(can.CanInitializationError, match="is not this user's alone"):
+    with pytest.raises(can.CanInitializationError, match="belongs to other users too"):
         UnixBus("a")
     (place / "a" / "door.lock").unlink()
     (place / "a").rmdir()
     place.rmdir()
     place.symlink_to(tmp_path / "elsewhere")
     (tmp_path / "elsewhere").mkdir(mode=0o700)
-    with pytest.raises(can.CanInitializationError, match="is not this user's alone"):
+    with pytest.raises(can.CanInitializationError, match="belongs to other users too"):
         UnixBus("a")

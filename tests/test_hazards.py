@@ -1,4 +1,4 @@
-"""Facts that docs/hazards.md rests on and that no other test shows: above all what is not seen, and when it is."""
+"""Facts that docs/background/hazards.md rests on and that no other test shows: above all what is not seen, and when."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""docs/hazards.md names tests that there are and faults that there are, and leaves none of the supervisor's out."""
+"""docs/background/hazards.md names tests and faults that there are, and leaves none of the supervisor's out."""
 
 import ast
 import re
@@ -9,7 +9,7 @@ import pytest
 from bowden.safety.faults import Fault
 
 TESTS = Path(__file__).parent
-PAGE = TESTS.parent / "docs" / "hazards.md"
+PAGE = TESTS.parent / "docs" / "background" / "hazards.md"
 HEAD = "hazard | cause, sequence of events | detector | reaction | acts after | test | residual risk | only hardware"
 
 

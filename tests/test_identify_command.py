@@ -75,7 +75,7 @@ def test_the_document_and_the_files(capsys: pytest.CaptureFixture[str]) -> None:
         assert dict(loaded.parameters) == found["models"][name]["parameters"]
     page = Path("deep/er/identify.html").read_text()
     assert "Use the model bouc_wen" in page
-    assert "Forecast: a law that carries this model" in page
+    assert "Forecast: a law with this model as feed-forward" in page
     assert page.count("<svg") == 3
     assert all(name in page for name in NAMES)
 

@@ -331,7 +331,7 @@ def test_the_second_half_decides_nothing() -> None:
         assert good.models[name].train_rms == bad.models[name].train_rms
         assert good.models[name].left_out_rms == bad.models[name].left_out_rms
         assert bad.models[name].test_rms > 0.1
-    assert any("second half is predicted worse" in warning for warning in bad.warnings)
+    assert any("error in the second half is larger" in warning for warning in bad.warnings)
 
 
 def test_a_start_off_the_loop_is_left_out_and_said() -> None:

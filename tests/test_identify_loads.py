@@ -262,7 +262,7 @@ def test_a_wider_stroke_than_identified_gets_no_verdict(narrow: Fit) -> None:
 def test_a_gain_that_no_recalibration_explains_is_a_change(narrow: Fit) -> None:
     found = bowden.recalibrate(swept(0.25, 0.5), narrow)
     assert found.changed is True
-    assert any("further from 1 than a bend or a stretch makes it" in said for said in found.warnings)
+    assert any("further from 1 than a bend or stretch of the cable explains" in said for said in found.warnings)
     assert bowden.recalibrate(swept(0.25, 0.9), narrow).changed is False
 
 

@@ -381,7 +381,7 @@ def test_a_file_that_may_not_be_read(write: Write) -> None:
 
 def test_more_rows_than_the_memory_should_hold(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(log_text, "MOST_ROWS", 399)
-    with pytest.raises(LogError, match="more than 399 rows; cut it"):
+    with pytest.raises(LogError, match="more than 399 rows; shorten it"):
         read_log(write(text()))
 
 

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from bowden.app.main import run
 from bowden.core.errors import LogError
-from bowden.core.kernel import compiled, kernel
+from bowden.core.kernel import compiled
 from bowden.core.units import RADIANS
 from bowden.identify.servo.fit import ServoEstimate, identify_servo
 from bowden.identify.servo.log import read_servo_log
-from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
+from bowden.models.drive.servo import Servo, prepare
+from bowden.sim.samples.cable import follow
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -30,20 +31,10 @@ def log(servo: Servo, delay: float, kind: str, seed: int = 0, dt: float = 1e-3) 
     if kind == "chirp":
         command = 20.0 * RADIANS * np.sin(2.0 * np.pi * (0.2 * time + 14.8 * time**2 / 6.0))
     motor = np.empty(len(time))
-    compiled(follow)(command, delay / dt, prepare(servo, dt / 50.0), motor)
+    compiled(follow)(command, delay / dt, prepare(servo, dt / 50.0), 50, motor)
     noisy = motor + 0.01 * RADIANS * np.random.default_rng(seed).standard_normal(len(time))
     count = 0.022 * RADIANS
     return time, command, count * np.round(noisy / count)
-
-
-@kernel
-def follow(command: Array, late: float, prepared: ServoStep, motor: Array) -> None:
-    """The motor (n,) behind a command that comes `late` samples late."""
-    state = ServoState(0.0, 0.0, 0.0)
-    for k in range(len(command)):
-        motor[k] = state.position
-        for i in range(50):
-            state = servo_step(state, command[max(0, int(np.floor(k + (i + 0.5) / 50.0 - late)))], prepared)
 
 
 def near(found: ServoEstimate | None, truth: float, relative: float) -> bool:
@@ -92,7 +83,7 @@ NOISE = 1e-4 * np.random.default_rng(1).standard_normal(3000)
 @pytest.mark.parametrize(
     ("command", "motor", "said"),
     [
-        (SLOW, SLOW + NOISE, "does not tell the servo's frequency"),
+        (SLOW, SLOW + NOISE, "does not show the servo's frequency"),
         (0.0 * SLOW, NOISE, "no excitation: the command spans 0°"),
         (SLOW, NOISE, "the motor moves"),
         (SLOW, -SLOW + NOISE, "unexplained"),

@@ -30,6 +30,8 @@ NO_PART: tuple[Any, ...] = ("5", None, [1.0], {}, int)
 NO_RIG: tuple[Any, ...] = (3, None, Rig, {"servo": 1}, WAVE)
 NO_LAW: tuple[Any, ...] = (3, Path.exists, int, {"adaptive": 1})
 NO_CALL: tuple[Any, ...] = (3, "print")
+NO_SAMPLES: tuple[Any, ...] = (3, object(), ["x"], np.zeros((3, 2)))
+EMG = 0.004 * np.random.default_rng(1).normal(size=4000)
 
 
 def trace() -> bowden.Trace:
@@ -71,6 +73,29 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
         },
     ),
     "check": (made(bowden.check, RIG), {"rig": NO_RIG, "law": NO_LAW, "preset": NO_TEXT}),
+    "emg_calibrate": (
+        made(bowden.emg_calibrate, EMG, rate=1000.0),
+        {
+            "recording": NO_SAMPLES,
+            "rest": NO_SAMPLES,
+            "channel": NO_TEXT,
+            "rate": (*NO_NUMBER, 0.0),
+            "mains": (*NO_NUMBER, 55.0),
+            "detector": (*NO_TEXT, "best"),
+        },
+    ),
+    "emg_score": (
+        made(bowden.emg_score, EMG, rate=1000.0),
+        {
+            "recording": NO_SAMPLES,
+            "labels": (3, [1.0], [(2.0, 1.0)], [(1.0, 90.0)]),
+            "wearer": (3, [1.0]),
+            "channel": NO_TEXT,
+            "rate": (*NO_NUMBER, 0.0),
+            "detector": (*NO_TEXT, "best"),
+            "shortest": (*NO_NUMBER, -1.0, 9.0),
+        },
+    ),
     "export": (
         made(bowden.export, RIG, "c"),
         {
@@ -209,7 +234,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "sample_time": (*NO_NUMBER, 1.0),
             "delay": NO_WHOLE,
             "substeps": NO_WHOLE,
-            "suit": (True, "worn"),
+            "suit": (True, "worn", {"worm": True}, {"worn": 1}),
             "wearer": ("me", 3),
             "admittance": (True,),
             "law": (3, trace, "adaptiv", None),
@@ -221,7 +246,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
             "seed": NO_WHOLE,
             "initial_motor": ("0", float("nan"), 1e9),
             "drive": ("can0", 3),
-            "limits": (3, {}),
+            "limits": (3, {"torque_hihg": 1.0}, {"motor_low": "x"}),
             "live": (3,),
             "emg": ("lsl:x",),
             "origin": NO_TEXT,
@@ -243,7 +268,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
     ),
     "Rig.replace": (RIG.replace, {"delay": NO_WHOLE, "dely": (3,), "stands_for": ("x",)}),
     "Rig.with_law": (made(RIG.with_law), {"law": (3, "adaptiv", trace), "preset": (3,), "folder": NO_PATH}),
-    "Rig.with_emg": (made(RIG.with_emg, "lsl:x"), {"source": NO_TEXT}),
+    "Rig.with_emg": (made(RIG.with_emg, "lsl:x"), {"source": NO_TEXT, "wearer": (3, "wearer.toml")}),
     "Rig.offline": (made(RIG.offline), {"whole": NO_FLAG}),
     "Rig.on_bus": (made(RIG.on_bus, "can0"), {"channel": NO_TEXT, "interface": NO_TEXT}),
     "Rig.fitted": (made(RIG.fitted), {"law": (3, "adaptiv", trace), "known": (3, {})}),

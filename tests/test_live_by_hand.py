@@ -73,7 +73,7 @@ def by_hand(rig: Rig, degrees: float = 45.0, said: str = "45\n") -> tuple[float,
 def test_what_was_confirmed_by_hand_is_asked_once_and_anew_for_other_scales() -> None:
     rig = Rig(drive=REAL)
     assert not confirmed(rig)
-    with pytest.raises(SafetyError, match=r"nobody has confirmed an angle .* bowden confirm Rig"):
+    with pytest.raises(SafetyError, match=r"no angle has been confirmed by hand .* bowden confirm Rig"):
         require_confirmed(rig)
     with pytest.raises(SafetyError, match=r"bowden confirm 'my rig\.toml'"):
         require_confirmed(rig.replace(origin="my rig.toml"))

@@ -16,7 +16,8 @@ from bowden.core.units import DEGREES
 from bowden.paper.claims import Claim, claims, judge, select
 from bowden.paper.errata_law import largest_pole
 from bowden.paper.gain_choice import choose_gains
-from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce, write_report
+from bowden.paper.report import VERDICTS, write_report
+from bowden.paper.reproduce import EXPERIMENTS, Reproduction, claims_of, reproduce
 from bowden.rig.presets import bench as paper
 from bowden.rig.presets.suit import energies, largest_errors, run_suit, suit_calibration
 from bowden.sim.run import simulate
@@ -169,19 +170,41 @@ def test_every_figure_of_the_suits_experiments_names_its_claims() -> None:
 def test_report_is_one_page_with_every_figure(outcome: Reproduction, tmp_path: Path) -> None:
     write_report(outcome, tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert text.count("<svg") == sum(len(finding.figures) for finding in outcome.findings) >= 10
+    assert text.count("<svg") == 1 + sum(len(finding.figures) for finding in outcome.findings) >= 11
     assert not re.search(r'(src|href)="https?:', text)
     for name in (
-        "Fig. 4",
-        "Fig. 9",
-        "Fig. 12",
-        "Figs 13 and 14",
-        "Fig. 15",
-        "Fig. 16",
+        "Dinh 2017, Fig. 4",
+        "Dinh 2017, Fig. 9",
+        "Dinh 2017, Fig. 12",
+        "Dinh 2017, Figs 13 and 14",
+        "Dinh 2017, Fig. 15",
+        "Dinh 2017, Fig. 16",
         "Stability over",
         "Two readings of the suit",
     ):
         assert name in text
+
+
+def test_a_figure_of_the_paper_cannot_be_taken_for_one_of_the_page(outcome: Reproduction, tmp_path: Path) -> None:
+    write_report(outcome, tmp_path / "a.html")
+    said = re.sub(r"<svg.*?</svg>", "", (tmp_path / "a.html").read_text(encoding="utf-8"), flags=re.S)
+    named = re.findall(r"(.{16})\bFigs?\.? \d", said, re.S)
+    assert len(named) > 20
+    assert [before for before in named if not before.endswith(("Dinh 2017, ", "’s ", "its "))] == []
+
+
+def test_the_report_opens_with_verdicts_and_loops_and_explains_them_before_the_table(
+    outcome: Reproduction, tmp_path: Path
+) -> None:
+    write_report(outcome, tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    places = [text.index(part) for part in (">Summary</h2>", "<svg", ">How to read this page</h2>", ">Claims</h2>")]
+    assert places == sorted(places)
+    explained = text[places[2] : places[3]]
+    assert all(f"<dt>{name}</dt>" in explained for name in (*VERDICTS, "β̂", "D̂m"))
+    for verdict in ("reproduced", "better", "differs"):
+        count = sum(result.verdict == verdict for result in outcome.results)
+        assert f"{count} {verdict}" in text[places[0] : places[1]]
 
 
 def test_progress_reaches_the_end() -> None:
@@ -204,32 +227,34 @@ def test_claims_file_is_plain_toml() -> None:
     assert set(tomllib.loads(preset)) == {"chosen", "calibration", "suit"}
 
 
+THEORY = "docs/background/theory.md"
+GAINS = "docs/background/adaptive_gains.md"
 FIGURES = {
     "table1.observer.constant": ("{:.3f}°", "README.md"),
     "table1.observer.varying": ("{:.3f}°", "README.md"),
-    "table1.adaptive.constant": ("{:.3f}°", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
-    "table1.adaptive.varying": ("{:.3f}°", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
-    "fig4.ratio": ("{:.3f}", "docs/theory.md"),
-    "fig4.mismatch": ("{:.1f} mm", "docs/theory.md"),
-    "fig4.residual": ("{:.2f} mm", "docs/theory.md"),
-    "fig14.convergence.slope_inverse": ("{:.0f} s", "docs/theory.md", "docs/adaptive_gains.md"),
-    "fig14.convergence.bound": ("{:.0f} s", "docs/theory.md", "docs/adaptive_gains.md"),
-    "fig16.adaptive.bandwidth": ("{:.0f} rad/s", "README.md", "docs/theory.md", "docs/adaptive_gains.md"),
-    "erratum.spools.flexor_travel": ("{:.1f} mm", "docs/theory.md"),
-    "erratum.eq14.command": ("{:.3f}°", "docs/theory.md"),
-    "erratum.eq14.absorbed": ("{:.3f}°", "docs/theory.md"),
-    "erratum.gains.pole": ("{:.2f}", "docs/adaptive_gains.md"),
-    "erratum.gains.fastest_servo": ("{:.1f} rad/s", "docs/theory.md", "docs/adaptive_gains.md"),
-    "erratum.gains.static": ("{:.3f}°", "docs/theory.md", "docs/adaptive_gains.md"),
-    "erratum.gains.static_after_10s": ("{:.3f}°", "docs/theory.md", "docs/adaptive_gains.md"),
-    "erratum.lyapunov": ("{:.0f}°", "docs/theory.md", "docs/adaptive_gains.md"),
-    "erratum.lyapunov.default": ("{:.0f}°", "docs/theory.md", "docs/adaptive_gains.md"),
-    "erratum.monotone.slope": ("{:.2f}", "docs/theory.md"),
-    "erratum.monotone.wrong_way": ("{:.2f}°", "docs/theory.md"),
-    "erratum.monotone.noise": ("{:.2f}°", "docs/theory.md", "docs/decisions/0006-stated-choices.md"),
-    "erratum.convergence.slope_inverse": ("{:.2f}", "docs/theory.md", "docs/adaptive_gains.md"),
-    "erratum.convergence.bound": ("{:.2f} rad", "docs/theory.md"),
-    "erratum.rmse": ("{:.4f}°", "docs/theory.md"),
+    "table1.adaptive.constant": ("{:.3f}°", "README.md", THEORY, GAINS),
+    "table1.adaptive.varying": ("{:.3f}°", "README.md", THEORY, GAINS),
+    "fig4.ratio": ("{:.3f}", THEORY),
+    "fig4.mismatch": ("{:.1f} mm", THEORY),
+    "fig4.residual": ("{:.2f} mm", THEORY),
+    "fig14.convergence.slope_inverse": ("{:.0f} s", THEORY, GAINS),
+    "fig14.convergence.bound": ("{:.0f} s", THEORY, GAINS),
+    "fig16.adaptive.bandwidth": ("{:.0f} rad/s", "README.md", THEORY, GAINS),
+    "erratum.spools.flexor_travel": ("{:.1f} mm", THEORY),
+    "erratum.eq14.command": ("{:.3f}°", THEORY),
+    "erratum.eq14.absorbed": ("{:.3f}°", THEORY),
+    "erratum.gains.pole": ("{:.2f}", GAINS),
+    "erratum.gains.fastest_servo": ("{:.1f} rad/s", THEORY, GAINS),
+    "erratum.gains.static": ("{:.3f}°", THEORY, GAINS),
+    "erratum.gains.static_after_10s": ("{:.3f}°", THEORY, GAINS),
+    "erratum.lyapunov": ("{:.0f}°", THEORY, GAINS),
+    "erratum.lyapunov.default": ("{:.0f}°", THEORY, GAINS),
+    "erratum.monotone.slope": ("{:.2f}", THEORY),
+    "erratum.monotone.wrong_way": ("{:.2f}°", THEORY),
+    "erratum.monotone.noise": ("{:.2f}°", THEORY, "docs/decisions/0006-stated-choices.md"),
+    "erratum.convergence.slope_inverse": ("{:.2f}", THEORY, GAINS),
+    "erratum.convergence.bound": ("{:.2f} rad", THEORY),
+    "erratum.rmse": ("{:.4f}°", THEORY),
 }
 """Claim → how its computed figure is quoted, and where."""
 

@@ -99,7 +99,7 @@ def test_a_trace_of_three_columns_is_enough(tmp_path: Path) -> None:
     whole = run(0.95)
     few = {name: whole[name] for name in ("time", "reference", "joint")}
     html = written({"log": Trace(few, {name: whole.units[name] for name in few})}, tmp_path)
-    assert "What the motor is asked for" not in html
+    assert "Commands to the motor" not in html
     assert html.count("<svg") == 3
 
 

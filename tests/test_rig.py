@@ -294,7 +294,7 @@ def test_another_law_takes_none_of_this_ones_gains() -> None:
         ({"delay": 1.5}, "delay is 1.5; expected a whole number"),
         ({"duration": 1e-9}, "expected a duration that makes 2 to 10000000"),
         ({"limits": Limits(motor_high="2")}, "limits.motor_high is '2'; expected a number"),
-        ({"emg": EmgSettings(source="carrier:pigeon")}, "is no source of EMG"),
+        ({"emg": EmgSettings(source="carrier:pigeon")}, "is not a source of EMG"),
         ({"reference": 3.0}, "reference is 3.0; expected a reference such as"),
     ],
 )
@@ -371,7 +371,7 @@ def test_a_rig_of_another_version_is_read_with_a_remark_or_refused_in_a_line() -
     ]
     with pytest.raises(ParameterError, match="has the format 99"):
         Rig.unpack(document | {"format": 99})
-    with pytest.raises(ParameterError, match="no packed rig"):
+    with pytest.raises(ParameterError, match="not a packed rig"):
         Rig.unpack(b"rubbish")
 
 

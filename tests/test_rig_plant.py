@@ -60,7 +60,7 @@ def test_what_a_plant_says_of_itself_is_the_rigs(tmp_path: Path) -> None:
     assert rig.servo.natural_frequency == rig.knowledge.servo_frequency == 40.0
     assert rig.knowledge.slope == 0.95
     assert rig.knowledge.motor_zero == pytest.approx(0.0, abs=1e-12)
-    with pytest.raises(ParameterError, match="has its own servo, and the rig another"):
+    with pytest.raises(ParameterError, match="has its own servo, and the rig has another"):
         Rig(plant=str(tmp_path / "own.py:OWN"), servo=Servo(natural_frequency=11.0))
 
 

@@ -107,7 +107,7 @@ def test_what_cannot_be_kept_is_told_and_leaves_nothing(
 
     monkeypatch.setattr("os.fsync", full)
     latch_file.write(REAL, FAULTS)
-    assert "what latched this run cannot be kept ([Errno 28] No space left" in capsys.readouterr().err
+    assert "the fault of this run cannot be stored ([Errno 28] No space left" in capsys.readouterr().err
     assert not [path for path in state.rglob("*") if path.is_file()]
 
 
@@ -133,9 +133,9 @@ def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it(
     latched = {name: float(value) for name, value in zip(AT, row(Mode.LATCHED, FAULTS), strict=True)}
     asked: list[Request] = []
     session = SimpleNamespace(ready={"drive": "x"}, began_latched=True, last=lambda: latched, ask=asked.append)
-    with pytest.raises(SafetyError, match="nobody has acknowledged: motor does not do what its servo would"):
+    with pytest.raises(SafetyError, match="has not been acknowledged: motor does not follow its model"):
         list(automatic(session))
     session.began_latched = False
-    with pytest.raises(SafetyError, match="latched a fault before this run was armed: motor does not do what"):
+    with pytest.raises(SafetyError, match="latched a fault before this run was armed: motor does not follow its model"):
         list(automatic(session))
     assert not asked

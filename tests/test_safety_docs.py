@@ -1,4 +1,4 @@
-"""docs/safety.md and docs/safety_mutants.md say what the code says."""
+"""docs/safety.md and docs/background/safety_mutants.md say what the code says."""
 
 import importlib
 import sys
@@ -46,6 +46,6 @@ def test_the_page_of_mutants_is_of_this_code(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(sys, "path", [str(DOCS.parent / "benchmarks"), *sys.path])
     mutants = [what for _, what, _ in importlib.import_module("safety_mutants").mutants()]
     assert len(mutants) == len(set(mutants))
-    page = (DOCS / "safety_mutants.md").read_text(encoding="utf-8")
+    page = (DOCS / "background" / "safety_mutants.md").read_text(encoding="utf-8")
     assert f"Of {len(mutants)} mutants" in page, "run benchmarks/safety_mutants.py"
     assert {line.removeprefix("- ") for line in page.splitlines() if line.startswith("- ")} <= set(mutants)

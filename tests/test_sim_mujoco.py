@@ -198,7 +198,7 @@ def test_only_a_whole_run_of_the_suit_is_replayed(run: Trace) -> None:
     broken = dict(run.columns) | {"joint": np.where(run.time > 5.0, np.nan, run["joint"])}
     with pytest.raises(LogError, match="not finite to its end"):
         replay(Trace(broken, run.units, run.settings))
-    with pytest.raises(LogError, match="mostly is at its stops"):
+    with pytest.raises(LogError, match="is mostly at its stops"):
         replay(Trace(dict(run.columns) | {"joint": run["joint"] + 3.0}, run.units, run.settings))
 
 
@@ -225,7 +225,7 @@ def test_without_the_extra_the_message_says_what_to_install(
     arm_renderer.gl_backend.cache_clear()
     assert main.run(["arm", "check"]) == 2
     said = capsys.readouterr().err
-    assert "install it with: pip install 'bowden[mujoco]'" in said
+    assert 'pip install "bowden[mujoco]"' in said
     assert said.count("\n") == 1
     assert arm_pictures.arm_data_uri(PAPER, Arm()) is None
     assert main.run(["arm", "render"]) == 2

@@ -89,6 +89,7 @@ def test_processes_that_die_again_and_again_end_the_campaign(monkeypatch: pytest
 class Unpackable(Exception):
     def __init__(self, what: str, *, line: int) -> None:
         super().__init__(f"{what} at line {line}")
+        self.lock = threading.Lock()  # which no way of packing takes
 
 
 def test_an_error_that_cannot_be_packed_comes_as_its_text(monkeypatch: pytest.MonkeyPatch) -> None:

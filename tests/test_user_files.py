@@ -241,7 +241,7 @@ def test_a_helper_on_the_path_is_run_where_it_stands_and_else_from_its_copy(
     with pytest.raises(ValueError, match="far") as caught:
         user_file.run(copied, "law").shared.fail()
     said = str(user_file.mistake(caught.value, path))
-    assert said.startswith(f"{place}, line 8: ValueError: far; this is the rig's copy: correct the file that")
+    assert said.startswith(f"{place}, line 8: ValueError: far; this is the rig's copy: correct the file from which")
 
 
 def test_another_process_needs_none_of_the_files(tmp_path: Path) -> None:
@@ -327,7 +327,7 @@ def test_files_of_one_name_are_not_written_over_each_other(tmp_path: Path) -> No
 def test_a_packed_rig_writes_no_file_elsewhere(tmp_path: Path, place: str) -> None:
     packed = json.loads(Rig(law=str(with_modules(tmp_path / "a", 5.0))).pack())
     packed["law"]["modules"] = {place: ["evil", packed["law"]["source"]]}
-    with pytest.raises(ParameterError, match="module 'evil' is said to stand in"):
+    with pytest.raises(ParameterError, match="module 'evil' should be in"):
         Rig.unpack(packed)
 
 

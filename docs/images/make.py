@@ -28,14 +28,14 @@ def loops_and_error() -> Figure:
         part = trace.time >= _SETTLED
         panel.plot(*_degrees(trace, "reference", "reference", part), ":", color=COLOURS["reference"], label="desired")
         panel.plot(*_degrees(trace, "reference", "joint", part), color=COLOURS[name], label="joint")
-        panel.set(xlabel="desired angle [deg]", ylabel="joint angle [deg]", xticks=range(0, 71, 10))
+        panel.set(xlabel="desired angle [°]", ylabel="joint angle [°]", xticks=range(0, 71, 10))
         panel.set_title(title)
         panel.set_aspect("equal")
         panel.legend(loc="upper left")
     for name, trace in runs.items():
         label = f"{name}, RMS {trace.metrics().rmse_deg:.2f}°"
         axes[2].plot(*thin(trace.time, trace.error * DEGREES, most=1200), color=COLOURS[name], label=label)
-    axes[2].set(xlabel="time from rest [s]", ylabel="joint − desired [deg]", ylim=(-8.5, 8.5), xticks=range(0, 61, 10))
+    axes[2].set(xlabel="time from rest [s]", ylabel="joint − desired [°]", ylim=(-8.5, 8.5), xticks=range(0, 61, 10))
     axes[2].set_title("Error")
     axes[2].legend(loc="upper right")
     style.finish(figure)

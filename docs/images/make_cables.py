@@ -72,7 +72,7 @@ def _loop(axes: Axes) -> None:
     turn = math.degrees(_joint(tendon, [1.5]))
     start = 1.5 - capstan.dead_zone(tendon, math.radians(turn))
     axes.plot([math.degrees(start)], [turn], "o", fillstyle="none", label="end of the dead\nzone, closed form")
-    axes.set(xlabel="motor [deg]", ylabel="joint [deg]")
+    axes.set(xlabel="motor [°]", ylabel="joint [°]")
     axes.legend(loc="lower right")
     axes.set_title("Sliding tendon")
 
@@ -90,7 +90,7 @@ def _front(axes: Axes) -> None:
         axes.plot(np.degrees(travel), pull, label=f"{n} elements")
     exact = [capstan.tension_after_reversal(tendon, before, back * tendon.motor_radius) for back in travel.tolist()]
     axes.plot(np.degrees(travel), exact, "k:", label="closed form")
-    axes.set(xlabel="given back by the motor [deg]", ylabel="tension at the motor [N]")
+    axes.set(xlabel="given back by the motor [°]", ylabel="tension at the motor [N]")
     axes.legend(loc="upper right")
     axes.set_title("Inside the dead zone")
 

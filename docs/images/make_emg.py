@@ -1,7 +1,7 @@
-"""Draw the figure of docs/emg.md: ``python docs/images/make_emg.py FILE.json [BEFORE.json]``.
+"""Draw the figure of docs/background/emg.md: ``python docs/images/make_emg.py FILE.json``.
 
-The files are of ``benchmarks/emg_cases.py --peers --json``; of the second one the first detector is shown, as the one
-before. The same files give the same bytes.
+The file is of ``benchmarks/emg_cases.py --set development --peers --json 0:250``, a minute; no case that judges is
+looked at. The same file gives the same bytes.
 """
 
 import json
@@ -10,12 +10,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from bowden.core import style
 
 _LABELS = {"onset": "ours"}
 """Names of detectors as the figure has them; others are shown as they are."""
+_LINES = (("#009e73", "o-"), ("#d55e00", "s--"), ("#0072b2", "^-."))
+"""Colour, mark and line of each detector."""
 _FEW = 5
 """A median of fewer latencies is not shown."""
 
@@ -23,7 +26,7 @@ _FEW = 5
 def over_ratio(detectors: dict[str, dict[str, Any]]) -> Figure:
     """Share missed, and the median latency of quick onsets, over the contraction's ratio to rest."""
     figure, (missed, latency) = style.new_figure(1, 2, 10.0, 3.6)
-    for (name, found), colour in zip(detectors.items(), style.CYCLE, strict=False):
+    for (name, found), (colour, line) in zip(detectors.items(), _LINES, strict=False):
         shares, times = [], []
         for row in found["curve"]:
             if row["count"]:
@@ -31,8 +34,8 @@ def over_ratio(detectors: dict[str, dict[str, Any]]) -> Figure:
         for row in found["quick"]:
             if row["count"] - row["missed"] >= _FEW:
                 times.append((_middle(row["kind"]), 1e3 * row["latency"]))
-        missed.plot(*zip(*shares, strict=True), "o-", ms=3.5, color=colour, label=_LABELS.get(name, name))
-        latency.plot(*zip(*times, strict=True), "o-", ms=3.5, color=colour)
+        missed.plot(*zip(*shares, strict=True), line, ms=3.5, color=colour, label=_LABELS.get(name, name))
+        latency.plot(*zip(*times, strict=True), line, ms=3.5, color=colour)
     for axes in (missed, latency):
         axes.set_xscale("log")
         axes.set(xticks=[2, 3, 5, 10, 30, 100, 300], xlabel="RMS in the contraction over RMS at rest [–]")
@@ -41,8 +44,9 @@ def over_ratio(detectors: dict[str, dict[str, Any]]) -> Figure:
     missed.set(ylabel="missed [%]", ylim=(-3.0, 103.0))
     missed.set_title("Missed")
     missed.legend(loc="upper right")
-    latency.set(ylabel="latency [ms]", ylim=(0.0, 400.0))
+    latency.set(ylabel="latency [ms]", ylim=(0.0, 420.0))
     latency.set_title("Latency of quick onsets, median")
+    style.note_cut(latency, [np.asarray(line.get_ydata()) for line in latency.get_lines()])
     style.finish(figure)
     return figure
 
@@ -59,11 +63,6 @@ def _read(path: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    shown = _read(sys.argv[1])
-    if len(sys.argv) > 2:
-        before = next(iter(_read(sys.argv[2]).values()))
-        first, *others = shown
-        shown = {first: shown[first], "ours, before": before} | {name: shown[name] for name in others}
-    drawn = over_ratio(shown)
+    drawn = over_ratio(_read(sys.argv[1]))
     with style.drawing():
         drawn.savefig(Path(__file__).with_name("emg.svg"), metadata={"Date": None, "Creator": None})

@@ -1,4 +1,4 @@
-"""Draw the figure of docs/our_law.md: ``python docs/images/make_law.py``.
+"""Draw the figure of docs/background/our_law.md: ``python docs/images/make_law.py``.
 
 Our law, the paper's adaptive law and active disturbance rejection on the bench of Fig. 15, whose sheath is bent to
 twice its angle from 10 to 20 s. The same source gives the same bytes.
@@ -26,7 +26,7 @@ _SEED = 1
 
 
 def comparison() -> Figure:
-    """Errors over a minute, one reversal, and what our law believes."""
+    """Errors over a minute, one reversal, and our law's estimate of the dead zone."""
     figure, (errors, near, widths, motors) = style.new_figure(2, 2, 10.0, 5.0)
     colours = style.colours_for(list(_SHOWN))
     for name, label in _SHOWN.items():
@@ -42,15 +42,15 @@ def comparison() -> Figure:
             widths.plot(*style.thin(time, trace["law.crossing.width"] * DEGREES), color=colour)
     for axes in (errors, widths):
         axes.axvspan(10.0, 20.0, color="0.93", label="sheath moves", zorder=0)
-    errors.set(ylabel="joint − reference [deg]", ylim=(-6.0, 4.0))
+    errors.set(ylabel="joint − reference [°]", ylim=(-6.0, 4.0))
     errors.legend(loc="lower right", ncols=2)
     errors.set_title("Error over a minute, from rest")
-    near.set(ylabel="joint − reference [deg]")
+    near.set(ylabel="joint − reference [°]")
     near.set_title("Error at one reversal")
-    motors.set(ylabel="motor [deg]", xlabel="time [s]")
+    motors.set(ylabel="motor [°]", xlabel="time [s]")
     motors.set_title("Motor at that reversal")
-    widths.set(ylabel="dead zone [deg of motor]", xlabel="time [s]")
-    widths.set_title("What our law believes of the dead zone")
+    widths.set(ylabel="dead zone [° of motor]", xlabel="time [s]")
+    widths.set_title("Our law's estimate of the dead zone")
     style.finish(figure)
     return figure
 

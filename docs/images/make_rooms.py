@@ -1,4 +1,4 @@
-"""Draw the figure of docs/architecture.md: ``python docs/images/make_rooms.py``.
+"""Draw the figure of docs/background/architecture.md: ``python docs/images/make_rooms.py``.
 
 The rooms from the ground up, and the ways of a sample, a log and a rig through them. The same source gives the same
 bytes.

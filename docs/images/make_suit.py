@@ -34,7 +34,7 @@ def elbow() -> Figure:
         middle.plot(
             *thin(plain.time, plain[f"{side}_motor_tension"], most=900), ":", color=colour, label="at the spool"
         )
-    top.set(ylabel="elbow [deg]")
+    top.set(ylabel="elbow [°]")
     middle.set(ylabel="tension [N],\nuncompensated")
     bottom.set(ylabel="current [A]", xlabel="time [s]")
     legend(top, columns=4)

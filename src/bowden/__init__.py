@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from bowden.core.trace import Trace as Trace
     from bowden.face.campaign import campaign as campaign
     from bowden.face.check import check as check
+    from bowden.face.emg import emg_calibrate as emg_calibrate
+    from bowden.face.emg import emg_score as emg_score
     from bowden.face.export import export as export
     from bowden.face.identify import identify as identify
     from bowden.face.identify import read_log as read_log
@@ -49,7 +51,7 @@ if TYPE_CHECKING:
     from bowden.models.drive.servo import Servo as Servo
     from bowden.rig.rig import Rig as Rig
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "BoucWen": "bowden.models.cable.bouc_wen",
@@ -67,6 +69,8 @@ _HOMES = {
     "Trace": "bowden.core.trace",
     "campaign": "bowden.face.campaign",
     "check": "bowden.face.check",
+    "emg_calibrate": "bowden.face.emg",
+    "emg_score": "bowden.face.emg",
     "export": "bowden.face.export",
     "identify": "bowden.face.identify",
     "identify_together": "bowden.face.several_logs",

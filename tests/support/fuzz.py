@@ -354,7 +354,7 @@ def _of_mcap(path: Path) -> None:
 
 def _wild(data: bytes) -> None:
     """Frames of any identifier, and what our side makes of each of them."""
-    heard = canopen_dialogue.Overheard(2, 127)
+    heard = canopen_dialogue.BusListener(2, 127)
     for at in range(0, min(len(data), 800), 10):
         cob_id = data[at] * 8 + (data[at + 1] & 7 if at + 1 < len(data) else 0)
         body = data[at + 2 : at + 10]
@@ -380,7 +380,7 @@ class _Hostile(canopen.Network):  # type: ignore[misc]
 
 def _sdo(data: bytes) -> None:
     network = _Hostile(data)
-    asked = canopen_dialogue.Dialogue(network, 2, 0.0, canopen_dialogue.Overheard(2, 127))
+    asked = canopen_dialogue.Dialogue(network, 2, 0.0, canopen_dialogue.BusListener(2, 127))
     for ask in (lambda: asked.read(0x1000), lambda: asked.text(0x1008), lambda: asked.write(0x6060, 0, 8, 1)):
         with contextlib.suppress(DriveError):
             ask()

@@ -31,7 +31,7 @@ class Attack:
     """What the server does; without any it is a sound one that sends noise in its first two channels."""
 
     greeting: Callable[[], bytes] = lambda: GREETING
-    """What it greets with, asked for again and again until it is empty."""
+    """What it answers the connection with, asked for again and again until it is empty."""
     between: float = 0.0
     """Before each byte of an answer [s]."""
     answers: Mapping[str, str] = field(default_factory=dict)

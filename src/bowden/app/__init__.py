@@ -3,4 +3,4 @@
 import time
 
 STARTED = time.perf_counter()
-"""When the command began, as nearly as Python code can tell: this package is imported before all else."""
+"""When the command began, as nearly as Python code can know: this package is imported before all else."""

@@ -37,11 +37,13 @@ def campaign(
     Every run is made of its number alone, so that neither the number of workers nor their order matters. Interrupted
     or killed, the same command goes on where it was.
     """
-    from bowden.face.campaign import Partway, computed
+    from bowden.face.campaign import Partway, computed, require_parquet
     from bowden.study.load import load
 
     loaded = load(study, None if rig is None else read_given(rig))
     folder = out or Path("out/campaign") / study.stem
+    if run is None:
+        require_parquet()
     output_folder(folder)
     if run is not None:
         from bowden.app.campaign_one import run_alone

@@ -9,9 +9,11 @@ import typer
 from bowden.app.command import Command
 from bowden.app.console import print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
+from bowden.app.next_step import say_next
 
 if TYPE_CHECKING:
     from bowden.design.check import Check
+    from bowden.rig.rig import Rig
 
 
 def check(
@@ -29,7 +31,8 @@ def check(
     from bowden.design.findings import check_rows
     from bowden.face.check import checked
 
-    given = read_given(rig).with_law(law, preset)
+    own = read_given(rig)
+    given = own.with_law(law, preset)
     with progress_bar(quiet=json) as progress:
         progress(f"checking {given.law_name}", 0.0)
         found = checked(given)
@@ -43,8 +46,22 @@ def check(
             if text:
                 print(f"{label:<13} {text}")
         print(f"({seconds():.1f} s)")
+        options = ["--law", str(law)] if given.law_name != own.law_name else []
+        _say_next(rig, given, found, [*options, *(("--preset", preset) if preset else ())])
     if found.verdict == "does_not_hold":
         raise typer.Exit(1)
+
+
+def _say_next(rig: Path, given: "Rig", found: "Check", options: list[str]) -> None:
+    """Gains for the rig's own law, where it has a choice; else a run of what was checked, or of a law that holds."""
+    if given.loaded_law.choices and not options:
+        say_next("tune", rig)
+    elif found.verdict != "does_not_hold":
+        say_next("run", rig, *options, "--twin", "--auto")
+    elif found.instead:
+        say_next("simulate", rig, "--law", found.instead)
+    else:
+        say_next("check", rig)
 
 
 def _document(found: "Check") -> dict[str, Any]:

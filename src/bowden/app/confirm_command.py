@@ -40,14 +40,14 @@ def confirm(
         identity = drive.bring_up()
         stack.callback(lambda: _tell_torque(drive.close()))
         _tell(identity)
-        told, before, after = by_hand.turned(drive, _line, _tell, MonotonicClock(), given.sample_time)
+        moved, before, after = by_hand.turned(drive, _line, _tell, MonotonicClock(), given.sample_time)
     joint, motor = after.joint - before.joint, after.motor - before.motor
-    kept = by_hand.confirm(given, told, joint, motor)
+    kept = by_hand.confirm(given, moved, joint, motor)
     if json:
-        angles = {"told_deg": told * DEGREES, "joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES}
+        angles = {"told_deg": moved * DEGREES, "joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES}
         print_json({"drive": identity, **angles, "file": str(kept), "seconds": seconds()})
     else:
-        print(f"Confirmed: joint {joint * DEGREES:.1f}°, motor {motor * DEGREES:.1f}°, by hand {told * DEGREES:g}°.")
+        print(f"Confirmed: joint {joint * DEGREES:.1f}°, motor {motor * DEGREES:.1f}°, by hand {moved * DEGREES:g}°.")
 
 
 def _tell(sentence: str) -> None:

@@ -108,7 +108,7 @@ def _advice(here: "Machine", measured: "Lateness", grants: list[Any]) -> list[st
             "single cycles were skipped: a PREEMPT_RT kernel on a machine of its own, not a virtual one, skips fewer"
         )
     if here.clock_source not in ("tsc", "arch_sys_counter"):
-        advice.append(f"the kernel tells time by {here.clock_source}, which is slow: see whether it can use tsc")
+        advice.append(f"the kernel's clock is {here.clock_source}, which is slow: see whether it can use tsc")
     if len(here.processors) > 1 and not here.isolated:
         advice.append("keep a processor for the loop: isolcpus=N on the kernel's command line, [live] cpu = N")
     if not here.can:

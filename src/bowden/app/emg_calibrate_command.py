@@ -40,7 +40,7 @@ def calibrate(
 
     MVC is the largest envelope in RECORDING. A recording without a maximum contraction gives its largest one, which
     stands in for MVC. Dead electrodes, movement, mains and clicks are left out. From a stream the wearer
-    is told on standard error when to rest and when to contract.
+    is asked on standard error to rest and to contract.
     """
     from bowden.core.errors import ParameterError
     from bowden.rig import wearer_file
@@ -49,13 +49,13 @@ def calibrate(
     kind = detector_named(detector)
     if (recording is None) == (source is None):
         raise ParameterError(
-            "there are a recording and a --source" if source else "there is no recording and no --source",
+            "both a recording and a --source are given" if source else "neither a recording nor a --source is given",
             expected="one of them",
         )
     wearer_file.check_mains(mains, "--mains")
     if source is not None:
         if rest is not None or rate is not None:
-            raise ParameterError("--rest and --rate are of recordings", do="leave them out with --source")
+            raise ParameterError("--rest and --rate are for recordings", do="leave them out with --source")
         wearer, left_out = _from_stream(source, channel, lasting, mains, kind, json)
     else:
         assert recording is not None
@@ -79,24 +79,17 @@ def _from_recordings(
     quiet: bool,
 ) -> "tuple[MuscleCalibration, float]":
     """The wearer, and how much was left out [s]."""
-    from bowden.identify.emg.levels import check_contraction, envelope_levels
+    from bowden.face.emg import calibrated
     from bowden.identify.emg.log import read_emg
-    from bowden.rig.wearer_file import MuscleCalibration
 
     log = read_emg(recording, channel, checked_rate(rate))
     if not quiet:
         warn(log)
-    levels = envelope_levels(log.values, log.rate, str(recording), mains, kind)
-    left_out = _report_left_out(levels.left_out, str(recording), quiet)
-    if rest is None:
-        check_contraction(levels, levels.low, str(recording))
-        return MuscleCalibration(levels.low, levels.high, log.channel, recording.name, levels.sigma, mains), left_out
-    calm = read_emg(rest, log.channel, rate)
-    resting = envelope_levels(calm.values, calm.rate, str(rest), mains, kind)
-    left_out += _report_left_out(resting.left_out, str(rest), quiet)
-    check_contraction(levels, resting.middle, str(recording))
-    source = f"{recording.name} and {rest.name}"
-    return MuscleCalibration(resting.middle, levels.high, log.channel, source, resting.sigma, mains), left_out
+    wearer, left_out = calibrated(log, None if rest is None else read_emg(rest, log.channel, rate), mains, kind)
+    if not quiet:
+        for note in left_out:
+            _tell(f"note: {note}")
+    return wearer, sum(left_out.values())
 
 
 def _from_stream(
@@ -117,11 +110,11 @@ def _from_stream(
         name = stream.channels[0] if channel is None else channel
         _tell(f"{said}; {name!r} is taken")
         with progress_bar(quiet) as progress:
-            listen(stream, name, _READY, lambda share: progress("make ready", 0.2 * share), check=False)
-            _tell("REST: let the arm lie, and do nothing")
+            listen(stream, name, _READY, lambda share: progress("get ready", 0.2 * share), check=False)
+            _tell("REST: let the arm lie still")
             calm = listen(stream, name, lasting, lambda share: progress("rest", 0.2 + 0.3 * share))
-            _tell("make ready to contract as hard as you can")
-            listen(stream, name, _READY, lambda share: progress("make ready", 0.5 + 0.2 * share), check=False)
+            _tell("get ready to contract as hard as you can")
+            listen(stream, name, _READY, lambda share: progress("get ready", 0.5 + 0.2 * share), check=False)
             _tell("CONTRACT, as hard as you can, and hold")
             hard = listen(stream, name, lasting, lambda share: progress("contract", 0.7 + 0.3 * share))
             _tell("done, let go")
@@ -138,8 +131,10 @@ def _from_stream(
 
 def _report_left_out(left_out: float, where: str, quiet: bool) -> float:
     """How much of a recording was left out [s], once that is said."""
+    from bowden.face.emg import note_left_out
+
     if left_out >= 0.05 and not quiet:
-        _tell(f"note: {where}: {left_out:.1f} s of dead electrode, movement, mains or clicks are left out")
+        _tell(f"note: {note_left_out(left_out, where)}")
     return left_out
 
 

@@ -1,6 +1,6 @@
 """``bowden emg score``: how well contractions are found in a recording."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +11,7 @@ from bowden.app.console import folder_argument, print_json, seconds
 from bowden.core.files import output_folder
 
 if TYPE_CHECKING:
+    from bowden.face.emg import Contractions
     from bowden.identify.emg.log import EmgLog
     from bowden.identify.emg.score import Findings, Score
 
@@ -32,7 +33,7 @@ def score(
     rate: RateOption = None,
     detector: DetectorOption = "onset",
     shortest_ms: Annotated[
-        float, typer.Option(help="Do not tell contractions shorter than this; all others are told so much later.")
+        float, typer.Option(help="Leave out contractions shorter than this; all others are reported this much later.")
     ] = 0.0,
     out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for emg.html.")] = Path(
         "out/emg"
@@ -46,37 +47,23 @@ def score(
     """
     from bowden.core.errors import ParameterError
     from bowden.core.files import whole_files
-    from bowden.identify.emg.log import read_emg, read_labels
-    from bowden.identify.emg.score import find
+    from bowden.face.emg import LONGEST, scored
+    from bowden.identify.emg.log import read_emg
     from bowden.report.emg_page import emg_page
-    from bowden.rig import wearer_file
     from bowden.sensing.detectors import detector_named
 
-    if not 0.0 <= shortest_ms <= 5000.0:
-        raise ParameterError(f"--shortest-ms is {shortest_ms:g}", expected="a number from 0 to 5000")
+    if not 0.0 <= shortest_ms <= 1e3 * LONGEST:
+        raise ParameterError(f"--shortest-ms is {shortest_ms:g}", expected=f"a number from 0 to {1e3 * LONGEST:g}")
     kind = detector_named(detector)
     log = read_emg(recording, channel, checked_rate(rate))
-    known = None if labels is None else read_labels(labels)
-    _check_labels(known, log, labels)
-    of = None if wearer is None else wearer_file.read(wearer)
-    if of is not None and of.channel != log.channel:
-        said = (
-            f"{wearer} was measured on {of.channel!r}, and this is {log.channel!r}: is its MVC of this muscle and unit?"
-        )
-        log = replace(log, warnings=(*log.warnings, said))
-    if of is not None and not of.sigma:
-        log = replace(log, warnings=(*log.warnings, f"{wearer} was {wearer_file.EARLIER}"))
     output_folder(out)
-    moved = None if known is None else [(on - log.start, off - log.start) for on, off in known]
-    by = kind.settings if of is None or of.channel != log.channel else kind.of_wearer(of.sigma)
-    by = by._replace(shortest=1e-3 * shortest_ms)
-    mvc, mains = (None, 0.0) if of is None else (of.mvc, of.mains)
-    found = find(log.values, log.rate, moved, mvc, by, mains, kind)
-    page = emg_page(recording.name, log, known, found)
+    whole = scored(log, labels=labels, wearer=wearer, kind=kind, shortest=1e-3 * shortest_ms)
+    log, found = whole.log, whole.findings
+    page = emg_page(recording.name, log, whole.labels, found)
     with whole_files(out) as folder:
         page.write(folder / "emg.html")
     source = "the largest contraction of this recording" if wearer is None else str(wearer)
-    document = _document(log, found, shortest_ms, source) | {"files": [str(out / "emg.html")], "seconds": seconds()}
+    document = _document(whole, shortest_ms, source) | {"files": [str(out / "emg.html")], "seconds": seconds()}
     if json:
         print_json(document)
         return
@@ -87,29 +74,18 @@ def score(
     print(f"\nPage: {out / 'emg.html'}  ({seconds():.1f} s)")
 
 
-def _check_labels(labels: "list[tuple[float, float]] | None", log: "EmgLog", path: Path | None) -> None:
-    from bowden.core.errors import LogError
-
-    end = log.start + len(log.values) / log.rate
-    if labels and (labels[0][0] < log.start or labels[-1][1] > end):
-        raise LogError(
-            f"{path}: labels from {labels[0][0]:g} to {labels[-1][1]:g} s, the recording lasts from {log.start:g} to "
-            f"{end:g} s",
-            do="give the labels of this recording, in its own time",
-        )
-
-
-def _document(log: "EmgLog", found: "Findings", shortest_ms: float, source: str) -> dict[str, Any]:
-    return asdict(found.score) | {
-        "plain_threshold": asdict(found.plain_score),
-        "contractions_s": [[log.start + on, log.start + off] for on, off in found.found],
+def _document(whole: "Contractions", shortest_ms: float, source: str) -> dict[str, Any]:
+    log = whole.log
+    return asdict(whole.score) | {
+        "plain_threshold": asdict(whole.plain_score),
+        "contractions_s": [list(one) for one in whole.spans],
         "duration_s": len(log.values) / log.rate,
         "rate_hz": log.rate,
         "channel": log.channel,
-        "mvc": found.mvc,
+        "mvc": whole.findings.mvc,
         "mvc_from": source,
         "shortest_ms": shortest_ms,
-        "trouble_s": float((found.detected.trouble > 0.5).sum()) / log.rate,
+        "trouble_s": whole.trouble,
         "warnings": list(log.warnings),
     }
 
@@ -143,7 +119,7 @@ def _print(found: "Findings", shortest_ms: float, source: str) -> None:
     if shortest_ms:
         rejected = found.score.rejected
         said = f"; {rejected} labelled ones are, and count neither as missed nor as found" if rejected else ""
-        print(f"contractions shorter than {shortest_ms:g} ms are not told{said}")
+        print(f"contractions shorter than {shortest_ms:g} ms are left out{said}")
         print(f"that costs {shortest_ms:g} ms of latency")
 
 

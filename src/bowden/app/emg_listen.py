@@ -26,8 +26,8 @@ def listen(
     Args:
         stream: open.
         channel: one of its channels.
-        lasting: time, and the time's worth of samples that is wanted [s].
-        progress: told the share that is done.
+        lasting: time, and so the number of samples that is wanted [s].
+        progress: called with the share that is done.
         check: whether a loss, missing samples, and a signal that no electrode gives are refused.
         clock: to wait by.
 
@@ -42,8 +42,8 @@ def listen(
         now = clock.now() / SECOND
         if stream.lost() or now - begin > 2.0 * lasting + 1.0:
             raise StreamError(
-                f"the stream was lost: {stream.lost() or 'too few samples come'}",
-                do="look at its sender, and begin anew",
+                f"the stream was lost: {stream.lost() or 'too few samples arrive'}",
+                do="check its sender, and start again",
             )
         values.append(stream.read(now).values[:, column])
         count += len(values[-1])
@@ -53,6 +53,6 @@ def listen(
     if check:
         missing = int(np.sum(~np.isfinite(received)))
         if missing:
-            raise StreamError(f"{missing} of {len(received)} samples of {channel!r} did not come", do="begin anew")
+            raise StreamError(f"{missing} of {len(received)} samples of {channel!r} did not come", do="start again")
         check_signal(channel, received, stream.rate, "the stream")
     return received

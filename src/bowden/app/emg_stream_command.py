@@ -24,12 +24,19 @@ LoopOption = Annotated[bool, typer.Option("--loop", help="Begin again at the end
 def stream(
     recording: RecordingArgument,
     name: Annotated[str | None, typer.Option(help="Of the stream; the recording's name by default.")] = None,
-    source_id: Annotated[str | None, typer.Option(help="By which readers find it again; made of its name.")] = None,
+    source_id: Annotated[
+        str | None, typer.Option(help="Identifier by which readers find it again; made from its name by default.")
+    ] = None,
     channel: ChannelsOption = None,
     rate: RateOption = None,
-    speed: Annotated[float, typer.Option(help="Times real time; the stream declares so much higher a rate.")] = 1.0,
+    speed: Annotated[
+        float,
+        typer.Option(
+            help="Speed as a multiple of real time; the stream declares a rate that is higher by this factor."
+        ),
+    ] = 1.0,
     loop: LoopOption = False,
-    wait: Annotated[bool, typer.Option("--wait", help="Begin when somebody reads.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Start when a reader has connected.")] = False,
     json: JsonOption = False,
 ) -> None:
     """Play a recording in real time as a stream of the Lab Streaming Layer, until its end or Ctrl-C."""
@@ -42,9 +49,7 @@ def stream(
     called = recording.name.partition(".")[0] if name is None else name
     source = f"bowden-{called}" if source_id is None else source_id
     if not called or "'" in called + source:
-        raise ParameterError(
-            f"--name is {called!r} and --source-id {source!r}", expected="a name, and neither with quotes"
-        )
+        raise ParameterError(f"--name is {called!r} and --source-id {source!r}", expected="a name; no quotes in either")
     check_alone(called, source)
     outlet = LslOutlet(called, log.rate * speed, log.channels, log.unit, source)
     lasting = len(log.values) / (log.rate * speed)
@@ -69,13 +74,15 @@ def stream(
 
 def serve(
     recording: RecordingArgument,
-    host: Annotated[str, typer.Option(help="Address of this computer to listen at.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="Address of this computer to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Of commands; 0 for any that is free.")] = 50040,
     emg_port: Annotated[int, typer.Option(help="Of samples; 0 for any that is free.")] = 50043,
     channel: ChannelsOption = None,
     rate: RateOption = None,
     loop: LoopOption = False,
-    fault: Annotated[list[str] | None, typer.Option(help="Be faulty, e.g. late=0.1 or torn; may be repeated.")] = None,
+    fault: Annotated[
+        list[str] | None, typer.Option(help="Simulate a fault, such as late=0.1 or torn; may be repeated.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Play a recording as a Trigno base station would, for trying things without one, until Ctrl-C.

@@ -1,5 +1,6 @@
 """``bowden export``: a law as C99 for a microcontroller."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -82,7 +83,8 @@ def _print(document: dict[str, Any], folder: Path) -> None:
             f"stack, {cost['instructions_mean']:.0f} instructions a cycle ({cost['instructions_max']:.0f} at most); "
             f"commands within {cost['furthest_rad']:.2g} rad of Python's"
         )
-    print(f"make -C {folder} check replays a run of the rig  ({document['seconds']:.1f} s)")
+    print(f"Wrote {folder}  ({document['seconds']:.1f} s)")
+    print(f"Next: {shlex.join(['make', '-C', str(folder), 'check'])}  # replays a run of the rig in C")
 
 
 COMMANDS = (

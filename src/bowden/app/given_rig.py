@@ -48,7 +48,7 @@ def trusting(made: Callable[[], Result], *, unasked: bool = False) -> Result:
             if not (sys.stdin.isatty() and sys.stderr.isatty()):
                 raise
             what = printable(error.what)
-            print(f"bowden: {what}. A program may do whatever you may. Run it? [y/N] ", end="", file=sys.stderr)
+            print(f"bowden: {what}. It can do everything that you can do. Run it? [y/N] ", end="", file=sys.stderr)
             sys.stderr.flush()
             if sys.stdin.readline().strip().lower() not in ("y", "yes"):
                 raise

@@ -1,5 +1,6 @@
 """``bowden identify``: from a log to a model of its cable."""
 
+import math
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -10,6 +11,7 @@ import typer
 from bowden.app.beside import beside, both
 from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, progress_bar, seconds
+from bowden.app.next_step import after_model
 from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
@@ -105,6 +107,7 @@ def identify(
         print_json(document(fit) | {"seconds": seconds()})
     else:
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
+        after_model(out / "model.toml")
 
 
 def _several(
@@ -127,7 +130,8 @@ def _several(
         )
     read = [read_log(file, **named) for file in files]
     if model is not None:
-        again(files[0], read[0], model, load, bend, out, json)
+        options = [(f"--{name.replace('_', '-')}", str(value)) for name, value in named.items() if value is not None]
+        again(files[0], read[0], model, load, bend, out, json, [word for pair in options for word in pair])
     else:
         several(files, read, load, bend, out, json)
 
@@ -175,6 +179,7 @@ def document(fit: "Fit") -> dict[str, Any]:
         "best": fit.best.name,
         "models": models,
         "forecast": ahead,
+        "trust": fit.trust._asdict(),
         "warnings": list(fit.warnings),
         "samples": fit.samples,
     }
@@ -186,6 +191,7 @@ def _print_table(fit: "Fit") -> None:
     from rich.table import Table
 
     from bowden.core.units import DEGREES
+    from bowden.identify.cable.trust import parameter_lines
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("model", no_wrap=True)
@@ -199,8 +205,21 @@ def _print_table(fit: "Fit") -> None:
     left, without, counts = (value * DEGREES for value in fit.forecast)
     bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
     print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
+    print(f"\n{fit.best.name}, with one standard deviation; SI and radians:")
+    lines = parameter_lines(fit.best.parameters, fit.chosen.uncertainty)
+    room = max(len(name) for name, _ in lines)
+    for name, text in lines:
+        print(f"  {name:<{room}}  {text}")
+    if all(math.isnan(one) for one in fit.chosen.uncertainty.values()):
+        play = fit.models["play"]
+        told = ("slope", "half_width")
+        about = ", ".join(f"{name} {play.parameters[name]:.4g} ± {play.uncertainty[name]:.2g}" for name in told)
+        print(
+            f"  its curves are smoothed, so that no deviation is stated; play, a simpler model, has {', '.join(about)}"
+        )
     for warning in fit.warnings:
         print(f"- {warning}")
+    print(f"Trust it? {fit.trust.level[0].upper()}{fit.trust.level[1:]}: {fit.trust.why}")
 
 
 COMMANDS = (

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bowden.app.console import print_json, progress_bar, seconds
+from bowden.app.next_step import after_model, free_name, say_next
 from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
@@ -53,9 +54,19 @@ def several(
         print_json(joint_document(fit) | {"seconds": seconds()})
     else:
         print(f"\nModel: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
+        after_model(out / "model.toml")
 
 
-def again(file: Path, log: "Log", model: Path, load: str | None, bend: str | None, out: Path, json: bool) -> None:
+def again(
+    file: Path,
+    log: "Log",
+    model: Path,
+    load: str | None,
+    bend: str | None,
+    out: Path,
+    json: bool,
+    options: Sequence[str] = (),
+) -> None:
     """Fit gain and offset of a model to a log, say whether the cable has changed, and write model.toml and the page.
 
     Args:
@@ -66,6 +77,7 @@ def again(file: Path, log: "Log", model: Path, load: str | None, bend: str | Non
         bend: likewise.
         out: folder.
         json: print one document and nothing else.
+        options: with which the log was read, for a command that reads it again.
     """
     from bowden.identify.cable.joint_file import recalibrated_text
     from bowden.identify.cable.model_file import load_judged
@@ -93,6 +105,10 @@ def again(file: Path, log: "Log", model: Path, load: str | None, bend: str | Non
     print(result)
     print(f"\n{verdict(result)[0].upper()}{verdict(result)[1:]}.")
     print(f"Model: {out / 'model.toml'}\nPage: {out / 'identify.html'}  ({seconds():.1f} s)")
+    if result.changed:
+        say_next("identify", file, *options, "--out", free_name(Path("out/identify")))
+    else:
+        after_model(out / "model.toml")
 
 
 def joint_document(fit: "JointFit") -> dict[str, Any]:

@@ -1,5 +1,6 @@
-"""``bowden init``: a commented rig.toml of the default bench."""
+"""``bowden init``: a commented rig.toml of the default bench, or of a bench with an identified cable."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -7,23 +8,35 @@ import typer
 
 from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
-from bowden.core.errors import OutputError
+from bowden.app.next_step import say_next
+from bowden.core.errors import OutputError, ParameterError
 from bowden.core.files import shortened
 
 
 def init(
     path: Annotated[Path, typer.Argument(help="The file to write.")] = Path("rig.toml"),
+    model: Annotated[
+        Path | None,
+        typer.Option(help="model.toml of bowden identify: a bench with that cable, within its motion."),
+    ] = None,
     suit: Annotated[
         bool, typer.Option("--suit", help="Write a suit on an arm, moved by EMG, in place of the bench.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
-    """Write a commented rig.toml of the default bench: every key with its unit and meaning."""
+    """Write a commented rig.toml of the default bench: every key with its unit and meaning.
+
+    With --model it has that cable, a reference within the motion that the cable's log covered, limits round it, and the
+    law bowden where a check says that it holds there; else the law that does, and why.
+    """
     from bowden.core.files import whole_file
+    from bowden.design.other_law import OURS
     from bowden.rig import suit_rig
     from bowden.rig.page import toml_text
 
+    if suit and model is not None:
+        raise ParameterError("--suit with --model", expected="one of them", do="leave one out")
     try:
         is_there, is_folder = path.exists(), path.is_dir()
     except OSError as error:
@@ -32,13 +45,50 @@ def init(
         raise OutputError(f"{path} is a folder", do=f"name the file: {path / 'rig.toml'}")
     if is_there and not force:
         raise OutputError(f"{path} is there already", do="choose another name, or overwrite it with --force")
+    said: list[str] = []
+    if model is not None:
+        text, said = _with_model(path, model)
+    else:
+        text = suit_rig.TEXT.format(name=path.name) if suit else toml_text(path.name, OURS)
     with whole_file(path) as part:
-        text = suit_rig.TEXT.format(name=path.name) if suit else toml_text(path.name)
         part.write_text(text, encoding="utf-8")
     if json:
         print_json({"files": [str(path)], "seconds": seconds()})
-    else:
-        print(f"Wrote {path}. Next: bowden {'run' if suit else 'simulate'} {path}{' --twin' * suit}")
+        return
+    print(f"Wrote {path}")
+    for line in said:
+        print(line)
+    say_next(*(("run", path, "--twin") if suit else ("simulate", path)))
+
+
+def _with_model(path: Path, model: Path) -> tuple[str, list[str]]:
+    """The text of a rig with an identified cable, and what is said of it.
+
+    Raises:
+        ParameterError: a model that cannot be read.
+    """
+    import tomllib
+
+    from bowden.core.units import RADIANS
+    from bowden.design.other_law import OURS, chosen_law
+    from bowden.identify.cable.model_file import load_cable
+    from bowden.rig.model_rig import Chosen, counting_of, model_text
+    from bowden.rig.rig import Rig
+
+    cable = load_cable(model)
+    place = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
+    first = model_text(path.name, place, cable, Chosen(OURS, ""))
+    rig = Rig.of_tree(tomllib.loads(first), path)
+    law, why = chosen_law(rig)
+    low, high = (f"{end / RADIANS:g}" for end in (rig.reference.low, rig.reference.high))  # type: ignore[attr-defined]
+    said = [f"Reference: {low} to {high}°, " + _covered(cable.covered is not None), f"Law: {law}, {why}"]
+    if not counting_of(cable).as_recorded:
+        said.append("Angles are counted anew against the log: see direction and zeros in [cable]")
+    return model_text(path.name, place, cable, Chosen(law, why)), said
+
+
+def _covered(known: bool) -> str:
+    return "within what the log covered" if known else "for want of what the log covered: identify it anew, or check"
 
 
 COMMANDS = (
@@ -49,6 +99,7 @@ COMMANDS = (
         (
             "bowden init",
             "bowden init my_rig.toml --force",
+            "bowden init --model out/identify/model.toml",
         ),
         place=10,
     ),

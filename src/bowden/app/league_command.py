@@ -20,7 +20,8 @@ _Names = list[str] | None
 
 def league(
     rig: Annotated[
-        Path | None, typer.Argument(help="A rig (or a log), whose servo and clock all plants have and whose own plays.")
+        Path | None,
+        typer.Argument(help="A rig (or a log): all plants get its servo and clock, and its own plant plays too."),
     ] = None,
     laws: Annotated[_Names, typer.Option(help="Only these laws; commas between them, or repeat the option.")] = None,
     plants: Annotated[_Names, typer.Option(help="Only these plants; FILE.py:NAME is one of your own.")] = None,
@@ -34,7 +35,7 @@ def league(
     ),
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
-    """Compare laws, each with one set of gains, on plants that nobody tuned them for.
+    """Compare laws, each with one set of gains, on plants for which they were not tuned.
 
     A plant or scenario that needs a recording is left out where the data folder has none. Ctrl-C ends the league with a
     page of what has been played.
@@ -100,7 +101,7 @@ COMMANDS = (
     Command(
         "league",
         league,
-        "Compare control laws on plants that nobody tuned them for.",
+        "Compare control laws on plants for which they were not tuned.",
         (
             "bowden league",
             "bowden league --laws adaptive --laws bowden --plants bench --plants play",

@@ -139,7 +139,10 @@ def replay(
         str | None, typer.Option(help="A law's name, or FILE.py:NAME of your own; by default the one that ran.")
     ] = None,
     trust_law: Annotated[
-        bool, typer.Option("--trust-law", help="Run the law and the plant in the log, though you never ran them here.")
+        bool,
+        typer.Option(
+            "--trust-law", help="Run the law and the plant in the log although you never ran them on this computer."
+        ),
     ] = False,
     json: JsonOption = False,
 ) -> None:
@@ -230,7 +233,7 @@ COMMANDS = (
     Command(
         "log recover",
         recover,
-        "Save what a kill or a full disk left of a log.",
+        "Recover what a killed process or a full disk left of a log.",
         (
             "bowden log recover run.mcap",
             "bowden log recover run.mcap --out saved.mcap",

@@ -22,7 +22,7 @@ def measure(
     out: Annotated[Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the logs.")] = Path(
         "out/measure"
     ),
-    auto: Annotated[bool, typer.Option("--auto", help="Arm and move without keys, once, and end.")] = False,
+    auto: Annotated[bool, typer.Option("--auto", help="Arm, move once and end, without keys.")] = False,
     twin: Annotated[bool, typer.Option("--twin", help="Start bowden twin as well, on a bus of its own.")] = False,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
     json: Annotated[
@@ -72,7 +72,7 @@ def measure(
 
 
 _KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "stops", "preflight", "emergencies", "error")
-"""What the JSON document tells of the run, beside its files."""
+"""What the JSON document says of the run, in addition to its files."""
 
 
 def _write(session: "Session", folder: Path) -> list[Path]:

@@ -26,7 +26,8 @@ def reproduce(
 ) -> None:
     """Reproduce the paper's bench: published and computed figures, and a report with every figure."""
     from bowden.paper.claims import select
-    from bowden.paper.reproduce import claims_of, write_report
+    from bowden.paper.report import write_report
+    from bowden.paper.reproduce import claims_of
     from bowden.paper.reproduce import reproduce as run
 
     select(claims_of(only or []))

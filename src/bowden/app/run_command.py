@@ -2,13 +2,14 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, seconds
 from bowden.app.given_rig import read_given, shortened
+from bowden.app.next_step import free_name, say_next
 
 
 def run(
@@ -56,8 +57,18 @@ def run(
         print_json(found | {"seconds": seconds()})
     else:
         print_summary(found)
+        _say_next(rig, found, law, preset)
     if not found["ended_well"] or found["cycles_logged"] < (found["cycles"] or 0):
         raise typer.Exit(1)
+
+
+def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None) -> None:
+    """The export of what has run; what ended a run that did not end as asked."""
+    if not found["ended_well"]:
+        say_next("log", "info" if found["log_whole"] else "recover", found["log"])
+        return
+    options = [word for name, one in (("--law", law), ("--preset", preset)) if one is not None for word in (name, one)]
+    say_next("export", rig, *options, "--to", free_name(Path("firmware") / found["law"]))
 
 
 def _tell(note: str) -> None:

@@ -10,6 +10,7 @@ import typer
 from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, folder_argument, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given, shortened
+from bowden.app.next_step import say_next
 from bowden.core.files import output_folder, whole_files
 
 if TYPE_CHECKING:
@@ -71,6 +72,21 @@ def simulate(
             if found_torque := _interaction(setup, trace):
                 print(f"{name}: the wearer feels {found_torque['rms_nm']:.2f} N·m RMS of the suit")
         print(f"\nPage: {files[-1]}  ({seconds():.1f} s)")
+        _say_next(rig, metrics, law or [], changed.law_name, preset, out, csv=csv)
+
+
+def _say_next(
+    rig: Path, metrics: dict[str, "Metrics"], laws: list[str], own: str, preset: str | None, out: Path, *, csv: bool
+) -> None:
+    """The check of the rig, under the law that followed best; of a run that nothing compensated, its identification."""
+    if list(metrics) == ["uncompensated"]:
+        say_next("identify", out / f"uncompensated.{'csv' if csv else 'parquet'}")
+        return
+    given = dict(zip(metrics, laws, strict=False))
+    errors = {name: one.rmse_deg for name, one in metrics.items() if one.rmse_deg is not None and name in given}
+    best = min(errors, key=lambda name: errors[name]) if errors else next(iter(given), None)
+    options = [] if best is None or given[best] == own else ["--law", given[best]]
+    say_next("check", rig, *options, *([] if preset is None else ["--preset", preset]))
 
 
 def _of_suit(rig: "Rig") -> list[str]:

@@ -9,6 +9,7 @@ import typer
 from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
+from bowden.app.next_step import say_next
 
 if TYPE_CHECKING:
     from bowden.design.tune import Tuning
@@ -72,6 +73,10 @@ def tune(
         print(f"  {name} = {value:g}  (was {before[name]:g})")
     nothing = "Nothing written: a log stays as it is" if recorded else "Nothing written"
     print(f"{'Wrote ' + str(rig) if files else nothing}  ({seconds():.1f} s)")
+    if dry_run and found.gains and not recorded:
+        say_next("tune", rig, why="writes these gains")
+    else:
+        say_next("run", rig, "--twin", "--auto")
 
 
 def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:

@@ -29,12 +29,12 @@ _TOLD = ("meaning", "side", "amount", "unit", "moment")
 def twin(
     rig: Annotated[Path, typer.Argument(help="The rig; bowden init writes one. A log runs as its own.")],
     inject: Annotated[
-        str | None, typer.Option(help="A fault for the twin that runs, e.g. 'encoder_frozen joint'; 'list' shows all.")
+        str | None, typer.Option(help="A fault for the running twin, e.g. 'encoder_frozen joint'; 'list' shows all.")
     ] = None,
-    after: Annotated[float, typer.Option(help="Inject after so many seconds.")] = 0.0,
-    lasting: Annotated[float | None, typer.Option("--for", help="End the fault after so many seconds.")] = None,
-    clear: Annotated[bool, typer.Option("--clear", help="End all faults of the twin that runs.")] = False,
-    status: Annotated[bool, typer.Option("--status", help="Show where the twin that runs is.")] = False,
+    after: Annotated[float, typer.Option(help="Inject after this many seconds.")] = 0.0,
+    lasting: Annotated[float | None, typer.Option("--for", help="End the fault after this many seconds.")] = None,
+    clear: Annotated[bool, typer.Option("--clear", help="End all faults of the running twin.")] = False,
+    status: Annotated[bool, typer.Option("--status", help="Show the state of the running twin.")] = False,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
     interface: Annotated[str | None, typer.Option(help="python-can's name of that bus, in place of the rig's.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the scenario's sheath motion in seconds.")] = None,
@@ -45,16 +45,19 @@ def twin(
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
     until_orphaned: Annotated[bool, typer.Option("--until-orphaned", hidden=True)] = False,
 ) -> None:
-    """Run a digital twin of the rig's drive until Ctrl-C, or tell a running one to have a fault."""
+    """Run a digital twin of the rig's drive until Ctrl-C, or give a running one a fault."""
     given = shortened(_given(rig), duration).on_bus(channel, interface)
     _ = given.drive_parameters  # which refuses what makes no sense together
     if not 0.0 <= after < math.inf or not (lasting is None or 0.0 < lasting < math.inf):
         raise ParameterError(f"--after is {after:g}, --for {lasting}", expected="a time from now, and one above 0")
     talks = bool(inject or clear or status)
     if not inject and (after or lasting is not None):
-        raise ParameterError("--after and --for are of a fault", expected="--inject FAULT beside them")
+        raise ParameterError("--after and --for belong to a fault", expected="--inject FAULT together with them")
     if talks and object_:
-        raise ParameterError("--object is of a twin that is started", expected="it without --inject, --clear, --status")
+        raise ParameterError(
+            "--object belongs to a twin that is being started",
+            expected="--object without --inject, --clear or --status",
+        )
     if talks:
         _talk(given, inject, after, lasting, clear, json)
     else:

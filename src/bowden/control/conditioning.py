@@ -1,7 +1,7 @@
 """The reference as a law is shown it: a motion with its derivatives, whatever the source gives.
 
 A law goes by position, velocity and acceleration of its reference. Many a source has only the position, holds it
-between its own ticks, tells a noisy velocity, or lets the set point jump. One conditioner stands between source and
+between its own ticks, gives a noisy velocity, or lets the set point jump. One conditioner stands between source and
 law, for all laws and in every loop. In each cycle it does one of three things.
 
 **Pass.** Where the reference is a motion, that is where it leads on from what was shown last,
@@ -22,7 +22,7 @@ believed. They are estimated of the position alone, by a filter of three states 
 second order; Morrison 1969, Brookner 1998), which is corrected only when a value comes, T after the one before: where
 the position changes, and where it stands still, as often as it changed before:
 
-    p ← p + (1 − θ³)·m,  v ← v + 3/2·(1 − θ)²·(1 + θ)·m/T,  a ← a + (1 − θ)³·m/T²,   m = told − expected
+    p ← p + (1 − θ³)·m,  v ← v + 3/2·(1 − θ)²·(1 + θ)·m/T,  a ← a + (1 − θ)³·m/T²,   m = given − expected
     θ = max(1/(1 + x + x²/2), Ts/T),  x = `SHARPNESS`·ω·T
 
 A position that moves in each cycle is so differentiated as sharply as the servo can use. One that is held for T is
@@ -30,7 +30,7 @@ taken for the mean of its stairs, (T − Ts)/2 late, with the velocity of the mo
 of a change is known. A miss that no servo could follow, beyond `LEAP`·max(ω·T, 1/`SHARPNESS`)², counts for the position
 alone.
 
-Once the position has stood still for `SLOWEST`, its next change is a jump, not a motion.
+Once the position has not changed for `SLOWEST`, its next change is a jump, not a motion.
 """
 
 from typing import Annotated, NamedTuple
@@ -103,44 +103,44 @@ def number_or(value: float, refused: float) -> float:
 
 
 @kernel
-def contradiction(before: float, told: Reference, dt: float) -> float:
+def contradiction(before: float, given: Reference, dt: float) -> float:
     """How far a reference is from leading on from a position one cycle before [rad]; by the trapezoid or by Euler.
 
     >>> float(contradiction(0.0, Reference(0.5, 1.0, 2.0), 1.0))
     0.5
     """
-    way, bend = dt * told.velocity, dt * dt * told.acceleration
-    gone = told.position - before - way
+    way, bend = dt * given.velocity, dt * dt * given.acceleration
+    gone = given.position - before - way
     return smaller(np.abs(gone + 0.5 * bend), smaller(np.abs(gone), np.abs(gone + bend)))
 
 
 @kernel
-def followed(settings: Conditioning, state: Conditioned, told: Reference, dt: float) -> Reference:
+def followed(settings: Conditioning, state: Conditioned, given: Reference, dt: float) -> Reference:
     """What is shown one cycle later of a reference that is believed, from which it was off: by backward Euler, whose
     poles are 1/(1 + β·Ts) for any Ts."""
     rate = PACE * settings.servo_frequency / (1.0 + settings.servo_frequency * settings.delay)
-    off = state.position - (told.position - dt * (told.velocity - 0.5 * dt * told.acceleration))
-    off_rate = state.velocity - (told.velocity - dt * told.acceleration)
+    off = state.position - (given.position - dt * (given.velocity - 0.5 * dt * given.acceleration))
+    off_rate = state.velocity - (given.velocity - dt * given.acceleration)
     falls = 1.0 / (1.0 + rate * dt)
     next_rate = (off_rate - rate * rate * dt * off) * falls * falls
     next_off = off + dt * next_rate
     return Reference(
-        told.position + next_off,
-        told.velocity + next_rate,
-        told.acceleration - rate * (2.0 * next_rate + rate * next_off),
+        given.position + next_off,
+        given.velocity + next_rate,
+        given.acceleration - rate * (2.0 * next_rate + rate * next_off),
     )
 
 
 @kernel
 def estimated(
-    settings: Conditioning, state: Conditioned, told: float, span: float, corrects: float, dt: float
+    settings: Conditioning, state: Conditioned, given: float, span: float, corrects: float, dt: float
 ) -> Reference:
     """What is shown one cycle later where the position alone is believed.
 
     Args:
         settings: of the rig.
         state: before.
-        told: position that the source gives [rad].
+        given: position that the source gives [rad].
         span: time since it was given before [s].
         corrects: 1 where it is given now, changed, or as before at a tick where it ought to have changed; else 0.
         dt: the cycle [s].
@@ -152,8 +152,8 @@ def estimated(
     smooth = 1.0 / (1.0 + x + 0.5 * x * x)
     theta = sel(span > 1.5 * dt, larger(smooth, dt / span), smooth)
     kept = 1.0 - theta
-    miss = told - (position + late * (velocity + 0.5 * late * acceleration))
-    reach = larger(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits so long, or for a value
+    miss = given - (position + late * (velocity + 0.5 * late * acceleration))
+    reach = larger(settings.servo_frequency * span, 1.0 / SHARPNESS)  # the filter waits this long, or for a value
     most = LEAP * reach * reach
     felt = larger(smaller(miss, most), 0.0 - most) / span
     by_acceleration = kept * kept * kept * felt / span
@@ -170,45 +170,45 @@ def estimated(
 def condition_step(
     settings: Conditioning, state: Conditioned, reference: Reference, dt: float
 ) -> tuple[Conditioned, Reference]:
-    """One cycle: what the source tells in, what the law is shown out."""
+    """One cycle: in: what the source gives; out: what the law is shown."""
     begun = (state.unchanged >= 0.0) * (np.abs(state.position) < _LARGEST)
-    told = Reference(
+    given = Reference(
         number_or(reference.position, state.told),
         number_or(reference.velocity, 0.0),
         number_or(reference.acceleration, 0.0),
     )
-    before = sel(begun, state.told, told.position)
+    before = sel(begun, state.told, given.position)
     since = sel(begun, state.unchanged + dt, 0.0)
-    changed = told.position != before
-    stray = STRAY + dt * (0.6 * np.abs(told.acceleration - state.acceleration) + 0.01 * np.abs(told.acceleration))
+    changed = given.position != before
+    stray = STRAY + dt * (0.6 * np.abs(given.acceleration - state.acceleration) + 0.01 * np.abs(given.acceleration))
 
     # believed or not
-    contradicts = contradiction(before, told, dt) > stray * dt
+    contradicts = contradiction(before, given, dt) > stray * dt
     doubt = sel(contradicts, sel(state.doubt > 0.0, 2.0 * SLOWEST, SLOWEST), larger(state.doubt - dt, 0.0))
     jumps = changed * (since > SLOWEST)
     doubt = sel(jumps, smaller(doubt, SLOWEST), doubt)
     doubted = begun * (doubt > SLOWEST)
 
     # shown
-    off_rate = state.velocity - (told.velocity - dt * told.acceleration)
-    leads_on = (contradiction(state.position, told, dt) <= stray * dt) * (np.abs(off_rate) <= stray)
+    off_rate = state.velocity - (given.velocity - dt * given.acceleration)
+    leads_on = (contradiction(state.position, given, dt) <= stray * dt) * (np.abs(off_rate) <= stray)
     passes = sel(begun, leads_on, 1.0 == 1.0)
-    follows = followed(settings, state, told, dt)
+    follows = followed(settings, state, given, dt)
     tick = larger(state.between, dt)
     due = np.floor(since / tick + 0.5)  # ticks that it ought to have changed at; one that is late by half counts
     again = (due > np.floor((since - dt) / tick + 0.5)) * (due > 1.5)
     span = larger(sel(changed, since, tick), dt)
-    guess = estimated(settings, state, told.position, span, sel(changed + again > 0.0, 1.0, 0.0), dt)
+    guess = estimated(settings, state, given.position, span, sel(changed + again > 0.0, 1.0, 0.0), dt)
     shown = Reference(
-        sel(doubted, guess.position, sel(passes, told.position, follows.position)),
-        sel(doubted, guess.velocity, sel(passes, told.velocity, follows.velocity)),
-        sel(doubted, guess.acceleration, sel(passes, told.acceleration, follows.acceleration)),
+        sel(doubted, guess.position, sel(passes, given.position, follows.position)),
+        sel(doubted, guess.velocity, sel(passes, given.velocity, follows.velocity)),
+        sel(doubted, guess.acceleration, sel(passes, given.acceleration, follows.acceleration)),
     )
     after = Conditioned(
         shown.position,
         shown.velocity,
         shown.acceleration,
-        told.position,
+        given.position,
         sel(changed, 0.0, since),
         sel(changed, since, state.between),
         doubt,

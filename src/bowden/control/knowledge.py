@@ -1,18 +1,18 @@
-"""What a rig knows, and the one rule by which a law is told of it.
+"""What a rig knows, and the one rule by which a law gets it.
 
 A rig supplies a `Knowledge`. A law declares in `Law.from_rig` which of it each of its gains takes:
 
     from_rig={"servo_frequency": "servo_frequency", "slope": "slope", "lead": lag}
 
-a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. `informed` is the only place that tells,
-and `configured` puts a law's gains together for a rig:
+a field of `Knowledge` (of a nested one ``cable.slope``), or a function of it. Only `informed` does this, and
+`configured` puts a law's gains together for a rig:
 
 1. the law's own gains;
-2. what it is told;
-3. the preset: what it changes stays as it has it, what it leaves as the law's own is told;
+2. what it knows of the rig;
+3. the preset: what it changes stays as it has it, what it leaves as the law's own comes from the rig;
 4. the gains that the rig itself gives.
 
-Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that tells laws
+Simulation, check, tuning, league, campaign, live run, export and replay all go this way. A study that gives laws
 something wrong on purpose changes the `Knowledge`.
 """
 
@@ -34,7 +34,7 @@ WIDEST = 0.5
 
 
 class Knowledge(NamedTuple):
-    """What is known of a rig; NaN is not known, and is not told."""
+    """What is known of a rig; NaN is not known, and is not passed on."""
 
     servo_frequency: float = math.nan
     """ω, natural frequency of the servo [rad/s]."""
@@ -127,10 +127,10 @@ def preset_of(
 
 
 def informed(law: Law, known: Knowledge) -> Law:
-    """The law with what it and its conditioner take of the knowledge, in place of what it was told before.
+    """The law with what it and its conditioner take of the knowledge, in place of what it knew before.
 
     What was chosen for it stays; what is not known is as the law's own. A value is kept inside the gain's limits. A law
-    that has a gain for the doubt about its first guesses is told `slope`, `width` and `doubt` only where the knowledge
+    that has a gain for the doubt about its first guesses gets `slope`, `width` and `doubt` only where the knowledge
     is in no more doubt.
 
     Raises:
@@ -145,8 +145,8 @@ def _with_known(law: Law, known: Knowledge) -> Law:
     taken = {gain for gain, what in law.from_rig.items() if what in _GUESSES} if _own_is_better(law, known) else set()
     values = {}
     parts = {name: getattr(known, name) for name in Conditioning._fields}
-    told = law.conditioning._replace(**{name: value for name, value in parts.items() if not math.isnan(value)})
-    law = replace(law, conditioning=told)
+    conditioning = law.conditioning._replace(**{name: value for name, value in parts.items() if not math.isnan(value)})
+    law = replace(law, conditioning=conditioning)
     for gain in law.from_rig:
         value = _value(law, gain, known)
         if gain not in law.chosen and gain not in taken and not math.isnan(value):
@@ -173,7 +173,7 @@ def _value(law: Law, gain: str, known: Knowledge) -> float:
     except (AttributeError, TypeError) as error:
         names = [*(f for f in Knowledge._fields if f != "cable"), *(_CABLE + f for f in BoucWen._fields)]
         raise ParameterError(
-            f"gain {gain} of law {law.name!r} is told {what!r}",
+            f"gain {gain} of law {law.name!r} takes {what!r} from the rig",
             expected=near(str(what), names),
             do="correct it",
         ) from error

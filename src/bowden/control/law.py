@@ -25,6 +25,9 @@ from bowden.core.nested import columns, is_named, leaves, name_of, rebuilt
 from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
 
+_FORMER = {"told": "from_rig", "heard": "deadband"}
+"""Field of an earlier version → what it is called now."""
+
 Gains = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 State = Any  # a NamedTuple of floats (nested ones allowed), one type a law
 FromRig = str | Callable[[Any], float]
@@ -55,7 +58,7 @@ class UltimateBounds(NamedTuple):
 @signed
 @dataclass(frozen=True, repr=False)
 class Law:
-    """A control law with its gains: usable alone, interpreted, with nothing else around it.
+    """A control law with its gains; it can be used alone, without a rig or a simulation.
 
     >>> from bowden.control import LAWS
     >>> law = LAWS["uncompensated"]
@@ -91,11 +94,11 @@ class Law:
     proven: "Callable[[Any, float, float], UltimateBounds | None] | None" = None
     """Gains, the cable's slope [rad/rad] and half its dead zone at the joint [rad] → where the law's own proof lets its
     errors end; None where it says nothing, as of gains for which it does not hold."""
-    heard: float = 0.0
-    """Motion of the joint below which its feedback weighs it less; the linear loop is that of larger motions [rad]."""
+    deadband: float = 0.0
+    """Motion of the joint below which the feedback weighs it less; the linear loop is that of larger motions [rad]."""
     tunable: frozenset[str] | None = None
     """Gains that are a designer's choice, and no fact of the rig: what `tune` moves and `check` advises to change; a
-    nested part's name stands for all of it. Of a law that does not say, all that `from_rig` does not tell; never None
+    nested part's name stands for all of it. Of a law that does not say, all that `from_rig` does not set; never None
     once the law is made."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
@@ -106,7 +109,7 @@ class Law:
     own: Gains = field(default=None, repr=False)
     """The gains with which the law comes; `gains` where nothing else is given."""
     conditioning: Conditioning = field(default=Conditioning(), repr=False, compare=False)
-    """What the conditioner of its reference is told of a rig; it stands before the law in every loop, and is no part of
+    """What the conditioner of its reference knows of a rig; it stands before the law in every loop, and is no part of
     it."""
     chosen: frozenset[str] = frozenset()
     """Gains that a preset or `with_gains` set: what a rig knows leaves them alone."""
@@ -116,7 +119,7 @@ class Law:
         fields = cls.__dataclass_fields__
         for name in named:
             if name not in fields:
-                expected = "from_rig" if name == "told" else near(name, fields)
+                expected = _FORMER[name] if name in _FORMER else near(name, fields)
                 raise ParameterError(f"a law has no {name!r}", expected=expected, do="correct the name")
         return super().__new__(cls)
 
@@ -132,21 +135,21 @@ class Law:
             raise ParameterError(
                 f"Law {self.name!r}: gains is {said(self.gains)}",
                 expected="a NamedTuple of numbers",
-                do="make one: class Gains(NamedTuple), and hand over Gains()",
+                do="make one: class Gains(NamedTuple), and pass Gains()",
             )
         for what in ("start_kernel", "step_kernel"):
             if not callable(getattr(self, what)):
                 raise ParameterError(
                     f"Law {self.name!r}: {what} is {said(getattr(self, what))}",
                     expected="a kernel",
-                    do="hand over a function that is marked with @bowden.kernel",
+                    do="pass a function that is marked with @bowden.kernel",
                 )
         if self.own is None:
             object.__setattr__(self, "own", self.gains)
         if not isinstance(self.from_rig, Mapping):
             raise ParameterError(
                 f"from_rig of law {self.name!r} is {said(self.from_rig)}",
-                expected="gain → what it is told of the rig",
+                expected="gain → what it takes from the rig",
                 do='write it as {"slope": "slope"}',
             )
         if self.tunable is None:
@@ -243,9 +246,9 @@ class Law:
         return replace(self, gains=gains, chosen=self.chosen | {name.partition(".")[0] for name in changes})
 
     def preset(self, name: str) -> "Law":
-        """The same law with a named set of gains in place of all that were chosen before.
+        """The same law with a named set of gains, which replaces all gains that were chosen before.
 
-        Gains that the preset leaves as the law's own are not chosen by it: a rig may tell them.
+        Gains that the preset leaves as the law's own are not chosen by it: a rig may set them.
 
         Raises:
             ParameterError: a name that is not a preset of this law.

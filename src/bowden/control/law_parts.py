@@ -35,9 +35,10 @@ def half_width(known: Knowledge) -> float:
 
 
 SERVO_SHARE = 190.0 / 53.58
-"""`quiet_bandwidth` over the servo's ω, at most: the default bench's, where chatter stops it (docs/laws.md) [–]."""
+"""`quiet_bandwidth` over the servo's ω, at most: the default bench's, where chatter stops it
+(docs/background/laws.md) [–]."""
 
-HEARD = 0.1 * RADIANS
+COMMAND_NOISE = 0.1 * RADIANS
 """Standard deviation of the command that the encoders alone may make, at most [rad]."""
 
 
@@ -58,7 +59,7 @@ def quiet_bandwidth(known: Knowledge, delay_share: float, noises: Iterable[float
     bound = min(SERVO_SHARE * omega, delay_share / delay if delay > 0.0 else math.inf)
     noise = math.hypot(*(part for part in noises if not math.isnan(part)))
     if noise > 0.0 and not math.isnan(known.sample_time):
-        bound = min(bound, (HEARD / noise * omega**2 / math.sqrt(known.sample_time)) ** 0.4)
+        bound = min(bound, (COMMAND_NOISE / noise * omega**2 / math.sqrt(known.sample_time)) ** 0.4)
     return bound
 
 
@@ -86,7 +87,7 @@ def crossing_rate(known: Knowledge) -> float:
 
 
 LAG: Mapping[str, FromRig] = {"lead": lag, "lead_square": lag_square}
-"""What a law is told that has `ahead` take the lag away."""
+"""What a law gets that has `ahead` take the lag away."""
 
 SERVO: Mapping[str, FromRig] = {
     **LAG,
@@ -94,10 +95,10 @@ SERVO: Mapping[str, FromRig] = {
     "natural_frequency": "servo_frequency",
     "damping": "servo_damping",
 }
-"""What a law is told that inverts the servo, of which it has ω and ζ besides."""
+"""What a law gets that inverts the servo, of which it has ω and ζ besides."""
 
 CONTACT: Mapping[str, FromRig] = {**SERVO, "bandwidth": contact_bandwidth}
-"""What a law is told that observes motor − joint/α̂ through a filter of that bandwidth."""
+"""What a law gets that observes motor − joint/α̂ through a filter of that bandwidth."""
 
 LIMITS: Mapping[str, tuple[float, float]] = {
     "velocity_band": (0.0, math.inf),

@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, check_positive
 from bowden.core.quantity import Quantity
+from bowden.core.quintic import QuinticSpline
 from bowden.models.minimum_jerk import minimum_jerk_over
+from bowden.sensing.biquad import butterworth
+from bowden.sensing.whole_signal import zero_phase
 
 Array = NDArray[np.float64]
 
@@ -185,9 +188,6 @@ class Recorded:
     """
 
     def __init__(self, time: Array, position: Array, *, cutoff: float = 6.0, name: str = "recorded") -> None:
-        from scipy.interpolate import make_interp_spline
-        from scipy.signal import butter, sosfiltfilt
-
         if np.ndim(time) != 1 or len(time) < 16 or np.shape(time) != np.shape(position):
             given = f"times of shape {np.shape(time)}, positions of shape {np.shape(position)}"
             raise ParameterError(f"{name}: {given}", expected="at least 16 times and one position for each")
@@ -201,15 +201,14 @@ class Recorded:
         rate = 1.0 / float(np.mean(steps))
         smooth = np.asarray(position, dtype=float)
         if 0.0 < cutoff < 0.5 * rate:
-            sos = butter(2, cutoff, fs=rate, output="sos")
-            smooth = sosfiltfilt(sos, smooth, padlen=min(len(smooth) - 1, int(3 * rate / cutoff)))
+            padding = min(len(smooth) - 1, int(3 * rate / cutoff))
+            smooth = zero_phase(smooth, butterworth(cutoff, "low", rate), padding)
         thin = max(1, int(rate / max(20.0 * cutoff, 100.0))) if cutoff > 0.0 else 1  # knots far above the cut-off
         index = np.unique(np.append(np.arange(0, len(time), thin), len(time) - 1))
         self._start, self._end = float(time[0]), float(time[-1])
         self.time, self.position = np.asarray(time, dtype=float), np.asarray(position, dtype=float)
         self.name, self.cutoff = name, cutoff
-        self._splines = [make_interp_spline(np.asarray(time)[index], smooth[index], k=5)]
-        self._splines += [self._splines[0].derivative(1), self._splines[0].derivative(2)]
+        self._spline = QuinticSpline(self.time[index], smooth[index])
 
     @property
     def duration(self) -> float:
@@ -220,7 +219,7 @@ class Recorded:
         """See `Trajectory.sample`; `time` counts from the start of the recording."""
         t = np.clip(time + self._start, self._start, self._end)
         moving = ((time >= 0.0) & (time <= self.duration)).astype(float)
-        p, v, a = (np.asarray(spline(t)) for spline in self._splines)
+        p, v, a = (self._spline(t, derivative) for derivative in range(3))
         return np.stack((p, v * moving, a * moving), axis=1)
 
     def describe(self) -> dict[str, Any]:

@@ -19,6 +19,9 @@ from bowden.models.drive.servo import Servo, prepare
 
 Array = NDArray[np.float64]
 
+_AT_A_TIME = 256
+"""Frequencies at which a long system is solved together, so that its matrices fit into a few megabytes."""
+
 
 class StateSpace(NamedTuple):
     """x⁺ = A·x + B·u, y = C·x + D·u in discrete time, one input and one output."""
@@ -91,22 +94,20 @@ def response(model: StateSpace, omega: Array, dt: float) -> NDArray[np.complex12
     if not len(model.a):
         return np.full(len(z), complex(model.d))
     if len(model.a) > 8:  # the coefficients of so long a polynomial would lose the digits of poles near one
-        return _response_by_schur(model, z)
+        return _response_one_by_one(model, z)
     poles = np.poly(model.a)  # det(zI − A); the numerator follows by the matrix determinant lemma
     zeros = np.poly(model.a - model.b @ model.c) + (model.d - 1.0) * poles
     return np.asarray(np.polyval(zeros, z) / np.polyval(poles, z))
 
 
-def _response_by_schur(model: StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """C·(zI − A)⁻¹·B + D by one triangular form of A and a back substitution for all z at once."""
-    from scipy.linalg import schur
-
-    upper, turned = schur(model.a, output="complex")
-    b, c = (turned.conj().T @ model.b)[:, 0], (model.c @ turned)[0]
-    x = np.empty((len(b), len(z)), dtype=np.complex128)
-    for i in range(len(b) - 1, -1, -1):
-        x[i] = (b[i] + upper[i, i + 1 :] @ x[i + 1 :]) / (z - upper[i, i])
-    return np.asarray(c @ x + model.d)
+def _response_one_by_one(model: StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """C·(zI − A)⁻¹·B + D, solved for each z."""
+    answer = np.empty(len(z), dtype=np.complex128)
+    for begin in range(0, len(z), _AT_A_TIME):
+        part = slice(begin, begin + _AT_A_TIME)
+        x = np.linalg.solve(z[part, None, None] * np.eye(len(model.a)) - model.a, model.b.astype(np.complex128))
+        answer[part] = x[..., 0] @ model.c[0]
+    return answer + model.d
 
 
 def closed_loop_poles(plant: StateSpace, law: StateSpace) -> NDArray[np.complex128]:

@@ -2,7 +2,7 @@
 
 The file either defines a `Law` object, or the three parts of one: a NamedTuple ``Gains`` with a default for every
 field, and the kernels ``start(gains, sample)`` and ``step(gains, state, sample, reference, dt)``; with them, if it
-likes, ``FROM_RIG``, what its gains are told of a rig (`Law.from_rig`), and ``TUNABLE``, which of them are a choice
+likes, ``FROM_RIG``, what its gains take from a rig (`Law.from_rig`), and ``TUNABLE``, which of them are a choice
 (`Law.tunable`). What it defines is tried for a few cycles, interpreted, before anything is compiled, because Python's
 messages name the line and a compiler's rarely do. Compiled code is kept under what it is made of
 (`bowden.core.kernel_cache`), so an edited law is never met by stale code.
@@ -30,7 +30,7 @@ _RENAME = "give it another name"
 _TRIAL_CYCLES = 5
 _TRIAL_TIME = 1e-3
 _EXAMPLE = Knowledge(50.0, 1.0, 1.5e-3, 1e-3, 1.0, 0.1, 0.1, BoucWen(), 0.0, 1e-4, 1e-4, 1e-4, 1e-4)
-"""What a law's own functions of what it is told are tried with, beside nothing known."""
+"""What a law's own functions of what it knows are tried with, beside nothing known."""
 
 
 def is_file(name: str) -> bool:
@@ -104,7 +104,7 @@ _BY_NAME: Mapping[str, FromRig] = {
     **{name: name for name in ("servo_frequency", "servo_damping", "delay")},
     **LAG,
 }
-"""What gains of these names are told in a file that has the parts of a law and no `FROM_RIG`."""
+"""What gains of these names take from a rig in a file that has the parts of a law and no `FROM_RIG`."""
 
 
 def _find(module: ModuleType, attribute: str, path: Path) -> Law:
@@ -170,13 +170,13 @@ def check_law(law: Law, path: Path | None = None) -> None:
     where = user_file.line(law.step_kernel, path)
     try:
         with asked_for_by(str(path)):
-            told = [informed(law, known).gains for known in (Knowledge(), _EXAMPLE)]
+            tried = [informed(law, known).gains for known in (Knowledge(), _EXAMPLE)]
     except ParameterError:
         raise
     except Exception as error:
         raise user_file.mistake(error, path) from error
-    for gains in told:
-        _check_numbers(gains, "gains that a rig tells", str(path), whole=True)
+    for gains in tried:
+        _check_numbers(gains, "gains that come from the rig", str(path), whole=True)
     sample = Sample(0.01, 0.02)
     try:
         state = law.start(sample)

@@ -45,13 +45,13 @@ def signal(value: Any, what: str) -> Array:
         found = np.asarray(found, dtype=np.float64)
     except ValueError as error:  # rows of different lengths
         raise ParameterError(
-            f"{what} is no row of numbers: {error}", expected="an array (n,)", do="hand over one signal"
+            f"{what} is no row of numbers: {error}", expected="an array (n,)", do="pass one signal"
         ) from error
     if found.ndim != 1:
         raise ParameterError(
             f"{what} is {said(found) if found.ndim else said(value)}",
             expected="an array of shape (n,)",
-            do="hand over one signal, x[:, 0] say" if found.ndim else "hand over the samples of a log",
+            do="pass one signal, for example x[:, 0]" if found.ndim else "pass the samples of a log",
         )
     return np.ascontiguousarray(found)
 
@@ -125,7 +125,7 @@ def function(value: Any, what: str, expected: str) -> Any:
         ParameterError: something else.
     """
     if not callable(value):
-        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="hand over a function, or leave it out")
+        raise ParameterError(f"{what} is {said(value)}", expected=expected, do="pass a function, or leave it out")
     return value
 
 

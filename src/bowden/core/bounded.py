@@ -1,6 +1,6 @@
 """Reading files that a user names: no pipe or device, and of each no more than a bound, packed or unpacked.
 
-Whatever is refused is an `OSError` whose `strerror` says why, so that a caller tells it as it tells a missing file.
+Whatever is refused is an `OSError` whose `strerror` says why, so that a caller reports it as a missing file.
 """
 
 import errno
@@ -46,6 +46,8 @@ def open_file(path: Path) -> io.BufferedReader:
         OSError: it cannot be opened, or is a folder, pipe or device.
         ValueError: a null byte in its name.
     """
+    if "\0" in str(path):  # which every version of Python says in other words
+        raise ValueError("embedded null byte")
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # a pipe is not waited for
     try:
         mode = os.fstat(handle).st_mode
@@ -94,7 +96,7 @@ class Bounded(io.RawIOBase):
         if self._left < 0:
             size = f"{self._most >> 20} MB" if self._most >> 20 else f"{self._most >> 10} kB"
             unpacked = " unpacked" if self._bytes is not self._file else ""
-            do = "cut it, or thin it out" if self._most == MOST_DATA else "look whether it is the right file"
+            do = "shorten it, or keep fewer rows" if self._most == MOST_DATA else "check whether it is the right file"
             raise OSError(errno.EFBIG, f"it has more than {size}{unpacked}: {do}", str(self._path))
         buffer[: len(piece)] = piece
         return len(piece)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 
 class BowdenError(Exception):
-    """A failure that the user can mend; the command line prints it as one line and exits with code 2.
+    """An error that the user can correct; the command line prints it as one line and exits with code 2.
 
     >>> str(BowdenError("gain λ is -1", expected="a number above 0", do="correct [control.gains] in rig.toml"))
     'gain λ is -1; expected a number above 0; correct [control.gains] in rig.toml'
@@ -24,6 +24,10 @@ class LogError(BowdenError):
 
 class ParameterError(BowdenError):
     """A parameter, setting or key that is unknown, missing or out of its range."""
+
+
+class MissingExtraError(BowdenError):
+    """A package that only some of the work needs, and that is not installed."""
 
 
 class UnknownNameError(ParameterError, KeyError):

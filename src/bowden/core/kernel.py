@@ -105,7 +105,7 @@ def specialise(template: Callable[..., Any], name: str, **replacements: Callable
     """Compile a template in which stand-ins that it calls, or that the kernels call which it calls, are replaced.
 
     This is how one closed-loop source serves every law and plant and is still cached on disk: a closure over its
-    kernels would be compiled anew in every process. Variants are told apart by the kernels they are made of.
+    kernels would be compiled again in every process. Variants are distinguished by the kernels they are made of.
 
     Args:
         template: a kernel.
@@ -219,8 +219,8 @@ def _twin(function: FunctionType, name: str, parts: Parts) -> FunctionType:
 def _numba() -> Any:
     """Numba with its array functions, but without SciPy, which takes a quarter of a second.
 
-    Numba imports scipy.linalg only to know whether a kernel may multiply matrices; that SciPy is there, we know. What a
-    kernel calls of it is found when such a kernel is compiled.
+    Numba imports scipy.linalg only to know whether a kernel may multiply matrices. None of ours does; one of a user's
+    that does finds SciPy, or hears that it is missing, when it is compiled.
     """
     import numba
 

@@ -5,8 +5,8 @@ A file for each function and each set of types that it was called with, named af
 is what would be compiled, and nothing that is kept is ever stale. Numba's own cache does not notice when a function
 that another one calls has changed, and two processes that write to one of its indices can mix up what they keep.
 
-What cannot be told by its content (a type that no other process can find, a function that calls itself) is compiled in
-every process.
+What cannot be identified by its content (a type that no other process can find, a function that calls itself) is
+compiled in every process.
 """
 
 import contextlib
@@ -56,7 +56,7 @@ class _Kept:
         compiler: Any = importlib.import_module("numba.core.compiler")
         try:
             return compiler.CompileResult._rebuild(target, *pickle.loads(path.read_bytes()))
-        except Exception:  # whatever a torn or foreign file may raise: it is compiled anew and written over
+        except Exception:  # whatever a torn or foreign file may raise: it is compiled again and written over
             return None
 
     def save_overload(self, signature: tuple[Any, ...], result: Any) -> None:
@@ -115,7 +115,7 @@ class Program:
             if kept == _NOT_BARE:
                 return None
             function = native_code.loaded(kept)
-        except Exception:  # it is not there, or whatever an unreadable or foreign file may raise: it is compiled anew
+        except Exception:  # it is not there, or whatever an unreadable or foreign file may raise: it is compiled again
             function = None
         return function or self._compiled(kinds, letters, arguments)
 

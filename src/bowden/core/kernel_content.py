@@ -1,4 +1,4 @@
-"""What compiled code is made of, told by its content: instructions, numbers, and the kernels and types that it names.
+"""What compiled code is made of, by its content: instructions, numbers, and the kernels and types that it names.
 
 Two kernels of one content compute the same; two of different content may not, though they stand at the same place
 under the same name. So the content is what compiled code is named and kept by (`bowden.core.kernel_cache`). What counts
@@ -21,7 +21,7 @@ import numpy as np
 from bowden.core.primitives import PRIMITIVES
 
 Content = str | None
-"""A hash of what something is made of; None where that cannot be told."""
+"""A hash of what something is made of; None where that is not known."""
 
 Parts = tuple[tuple[str, Callable[..., Any]], ...]
 """Global names, and the kernels to put there."""
@@ -35,7 +35,7 @@ _NOTHING = object()
 
 
 class _UnknownError(Exception):
-    """What code is made of cannot be told."""
+    """What code is made of is not known."""
 
 
 def is_kernel(value: Any) -> TypeGuard[FunctionType]:
@@ -158,7 +158,7 @@ def circle(function: FunctionType, parts: Parts) -> tuple[FunctionType, ...]:
 def _function(function: FunctionType, parts: Parts, *, places: bool = True) -> str:
     name = _name(function, places=places)
     if _is_foreign(function):
-        return name  # whose version is told
+        return name  # whose version is known
     replaced = dict(parts)
     attributes = frozenset(name for inner in _codes(function.__code__) for name in inner.co_names)
 

@@ -59,7 +59,7 @@ def flattened(arguments: Iterable[Any]) -> tuple[str, str, list[Any]] | None:
     """What arguments are and how they are handed over.
 
     Returns:
-        A text that tells their types; a letter of `_WHOLE` for each number; the numbers. None where one is something
+        A text with their types; a letter of `_WHOLE` for each number; the numbers. None where one is something
         that only Numba knows.
     """
     said: list[str] = []
@@ -166,7 +166,7 @@ def _open_in_elf(whole: bytes) -> set[str]:
 
 _MACH_O_SYMBOL = struct.Struct("<IBBHQ")
 _MACH_O_SYMBOLS, _MACH_O_KIND, _MACH_O_OPEN = 2, 0x0E, 0
-"""The command that tells where symbols are, the bits of what one is, and those of one that is defined nowhere."""
+"""The command that lists where symbols are, the bits of what one is, and those of one that is defined nowhere."""
 
 
 def _open_in_mach_o(whole: bytes) -> set[str]:

@@ -1,7 +1,7 @@
 """Nested states and the flat rows they are kept in: one made of the other, by name.
 
 A state is a NamedTuple of numbers and of further NamedTuples. A trace, a log, a replay and exported code need it flat:
-`columns` names its numbers (``motor.speed``) and tells their units, `flat` gives them in that order, and `refilled`
+`columns` names its numbers (``motor.speed``) and gives their units, `flat` gives them in that order, and `refilled`
 makes the state again. Interpreted, compiled and while exporting it is the same order.
 
 A unit is declared where the field is, ``speed: Annotated[float, Quantity(…, "rad/s")]``. A law of a user's file may

@@ -9,7 +9,7 @@ from bowden.core.errors import LogError, OutputError
 
 
 def create(path: Path, words: int) -> None:
-    """Make an empty block of so many words in place of one that a killed run left.
+    """Make an empty block of this many words in place of one that a killed run left.
 
     Raises:
         OutputError: it cannot be made.

@@ -1,5 +1,6 @@
 """How a result shows itself: one screen of text in a terminal, a table and a picture in a notebook."""
 
+import hashlib
 import html
 import shutil
 import textwrap
@@ -20,6 +21,7 @@ Rows = Iterable[tuple[str, str]]
 
 _WIDEST = 100
 _MOST_LINES = 4
+_IDS = "shown-ids-"
 _NOTHING = 1e-9
 """A figure below this is rounding."""
 
@@ -53,16 +55,35 @@ def screen(title: str, rows: Rows) -> str:
 def fragment(title: str, rows: Rows, figure: "Figure | None" = None) -> str:
     """The same as HTML for a notebook, with a picture below where there is one.
 
-    >>> fragment("a < b", [("verdict", "holds")])
-    '<div><b>a &lt; b</b><table><tr><td>verdict</td><td style="text-align:left">holds</td></tr></table></div>'
+    >>> fragment("a < b", [("verdict", "holds")])  # doctest: +ELLIPSIS
+    '<div><b>a &lt; b</b><table><tr><td style="white-space:nowrap">verdict</td><td style="text-align:left">holds...
     """
+    label_style, text_style = 'style="white-space:nowrap"', 'style="text-align:left"'
     cells = "".join(
-        f'<tr><td>{html.escape(label)}</td><td style="text-align:left">{html.escape(text)}</td></tr>'
+        f"<tr><td {label_style}>{html.escape(label)}</td><td {text_style}>{html.escape(text)}</td></tr>"
         for label, text in rows
         if text
     )
-    drawn = "" if figure is None else style.svg(figure, f"shown-{id(figure):x}-")
+    drawn = "" if figure is None else _svg(figure)
     return f"<div><b>{html.escape(title)}</b><table>{cells}</table>{drawn}</div>"
+
+
+def table(title: str, names: Sequence[str], rows: Iterable[Sequence[str]], figure: "Figure | None" = None) -> str:
+    """A table as HTML for a notebook, with a picture below where there is one.
+
+    >>> table("two", ["law", "RMSE"], [("a", "1°")])
+    '<div><b>two</b><table><tr><th>law</th><th>RMSE</th></tr><tr><td>a</td><td>1°</td></tr></table></div>'
+    """
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in names)
+    cells = "".join(f"<tr>{''.join(f'<td>{html.escape(text)}</td>' for text in row)}</tr>" for row in rows)
+    drawn = "" if figure is None else _svg(figure)
+    return f"<div><b>{html.escape(title)}</b><table><tr>{head}</tr>{cells}</table>{drawn}</div>"
+
+
+def _svg(figure: "Figure") -> str:
+    """A figure whose ids are its own on any page, and the same whenever it is drawn."""
+    text = style.svg(figure, _IDS)
+    return text.replace(_IDS, f"shown-{hashlib.sha256(text.encode()).hexdigest()[:12]}-")
 
 
 def axes_for(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Sample(NamedTuple):
-    """What the encoders say at one instant.
+    """What the encoders measure at one instant.
 
     >>> Sample(joint=0.1, motor=0.12).motor
     0.12
@@ -35,8 +35,8 @@ class Reference(NamedTuple):
 class DriveState(IntEnum):
     """Where a drive stands, whatever its family: the states of CiA 402, and their numbers.
 
-    A family with fewer of them tells those that it has: the supervisor tells apart `OPERATION_ENABLED`, the two of a
-    fault, and all others.
+    A family with fewer of them reports those that it has: the supervisor distinguishes `OPERATION_ENABLED`, the two of
+    a fault, and all others.
     """
 
     NOT_READY_TO_SWITCH_ON = 0
@@ -81,7 +81,7 @@ class DriveReading(NamedTuple):
     drive_state: float
     """Number of a `DriveState` [–]."""
     emergency: float
-    """Error code that the drive told of its own accord in this cycle, or `EMERGENCY_STOP`; 0 for none [–]."""
+    """Error code that the drive sent by itself in this cycle, or `EMERGENCY_STOP`; 0 for none [–]."""
     bus_errors: float
     """Frames that could not be sent, or bus-off, since the start [–]."""
     foreign: float

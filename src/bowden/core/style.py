@@ -6,7 +6,7 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,33 @@ COLOURS = {
     "observer": "#d55e00",
     "adaptive": "#0072b2",
     "bowden": "#009e73",
+    "active_disturbance_rejection": "#882255",
+    "adaptive_sliding_mode": "#6a51a3",
+    "backlash_inverse": "#cc79a7",
+    "cascaded_pid": "#56b4e9",
+    "disturbance_observer": "#999933",
+    "hysteresis_model": "#e69f00",
+    "offset_inverse": "#8a5a2b",
+    "repetitive": "#44aa99",
     "data": "#5f6b76",
     "model": "#d55e00",
     "limit": "#b3b3b3",
 }
-"""What is drawn → its colour. The hues are Okabe and Ito's (jfly.uni-koeln.de/color, 2008), told apart by colour-blind
-readers and, by their lightness, mostly in grey print too."""
+"""What is drawn → its colour. The hues are Okabe and Ito's (jfly.uni-koeln.de/color, 2008), distinct for colour-blind
+readers and, by their lightness, mostly in grey print too; those of more laws than there are of these are Paul Tol's
+(personal.sron.nl/~pault, 2021). A law has one colour on all pages."""
+
+DASHES = {
+    "active_disturbance_rejection": "--",
+    "adaptive_sliding_mode": "--",
+    "backlash_inverse": "-.",
+    "cascaded_pid": "--",
+    "disturbance_observer": "--",
+    "hysteresis_model": "-.",
+    "offset_inverse": "--",
+    "repetitive": ":",
+}
+"""Law → how its line is broken, where several laws share a panel: colours alone do not separate so many."""
 
 CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c8c8c", "#222222")
 """For what has no name of its own, in this order."""
@@ -89,7 +110,7 @@ def new_figure(
         width: of the whole figure [inch].
         height: of the whole figure [inch].
         share_x: one horizontal axis for each column; only the lowest carries numbers.
-        ticks: so many of each axis are made now, and not when the figure is drawn.
+        ticks: this many of each axis are made now, and not when the figure is drawn.
 
     Returns:
         The figure, and its axes as a flat list, row by row.
@@ -106,14 +127,36 @@ def new_figure(
 
 
 def legend(axes: Axes, columns: int = 4) -> None:
-    """A legend in a row above the axes, where it covers nothing."""
+    """A legend above the axes, where it covers nothing: in `columns`, or in as many as the figure has room for."""
+    names = axes.get_legend_handles_labels()[1]
+    if not names:
+        return
     axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2, handlelength=1.6, fontsize=9.0
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=min(columns, legend_columns(names, axes.figure.bbox.width / axes.figure.dpi)),
+        borderaxespad=0.2,
+        handlelength=1.6,
+        fontsize=9.0,
     )
 
 
+def legend_columns(names: Sequence[str], width: float) -> int:
+    """How many names stand side by side in a legend of this width [inch].
+
+    >>> legend_columns(["adaptive", "observer"], 7.0), legend_columns(["active_disturbance_rejection"], 7.0)
+    (5, 2)
+    """
+    return max(1, int((width - 0.8) / (0.5 + 0.079 * max(map(len, names), default=0))))
+
+
+def legend_height(names: Sequence[str], width: float = 7.0, columns: int = 4) -> float:
+    """What a `legend` above the axes adds to the height of a figure beyond one row of names [inch]."""
+    return 0.2 * (-(-len(names) // min(columns, legend_columns(names, width))) - 1)
+
+
 def finish(figure: Figure) -> None:
-    """The last touches, which matplotlib takes from its global settings unless told otherwise.
+    """The last touches, which matplotlib takes from its global settings by default.
 
     Quiet legends, titles to the left, vertical labels of a column in one line.
     """
@@ -154,7 +197,7 @@ def widened(low: float, high: float, share: float) -> tuple[float, float]:
 def stay_near(axes: Axes, wanted: list[Array], drawn: list[Array]) -> None:
     """Vertical limits that show `wanted`, and of `drawn` as much as lies within three times its range.
 
-    A run that ran away would otherwise flatten all the others.
+    A run that ran away would otherwise flatten all the others. Where a curve goes on outside, the axes say how far.
     """
     finite = [values[np.isfinite(values)] for values in wanted]
     low = min((float(values.min()) for values in finite if len(values)), default=0.0)
@@ -164,6 +207,37 @@ def stay_near(axes: Axes, wanted: list[Array], drawn: list[Array]) -> None:
     low = min([low, *(float(values.min()) for values in seen if len(values))])
     high = max([high, *(float(values.max()) for values in seen if len(values))])
     axes.set_ylim(*widened(low, high, 0.06))
+    note_cut(axes, drawn)
+
+
+def note_cut(axes: Axes, drawn: list[Array]) -> None:
+    """Say in the axes how far `drawn` goes on below and above their vertical limits, where it does."""
+    bottom, top = axes.get_ylim()
+    finite = [values[np.isfinite(values)] for values in drawn]
+    lowest = min((float(values.min()) for values in finite if len(values)), default=bottom)
+    highest = max((float(values.max()) for values in finite if len(values)), default=top)
+    ends = [f"{lowest:.3g}"] if lowest < bottom else []
+    ends += [f"{highest:.3g}"] if highest > top else []
+    if ends:
+        said = "cut: goes on to " + " and ".join(ends).replace("-", "−")
+        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5}
+        axes.text(0.01, 0.97, said, transform=axes.transAxes, va="top", fontsize=8.0, bbox=box, zorder=5.0)
+
+
+def logarithmic(axes: Axes, which: Literal["x", "y"]) -> None:
+    """A logarithmic axis with plain numbers at 1, 2 and 5, at powers of ten where it is long, or evenly if short."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    low, high = axis.get_data_interval()
+    if high < 4.0 * low:
+        axis.set_major_locator(MaxNLocator(4))
+        axis.set_minor_locator(NullLocator())
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def colours_for(names: Sequence[str]) -> dict[str, str]:
@@ -177,6 +251,20 @@ def colours_for(names: Sequence[str]) -> dict[str, str]:
     free = [colour for colour in CYCLE if colour not in chosen.values()] or list(CYCLE)
     chosen |= {name: free[i % len(free)] for i, name in enumerate(others)}
     return {name: chosen[name] for name in names}
+
+
+def dashes_for(names: Sequence[str]) -> dict[str, str]:
+    """How each name's line is broken: as `DASHES` has it, whole where it has nothing and its colour is not yet taken.
+
+    >>> dashes_for(["adaptive", "repetitive"])
+    {'adaptive': '-', 'repetitive': ':'}
+    """
+    used: list[str] = []
+    chosen = {}
+    for name, colour in colours_for(names).items():
+        chosen[name] = DASHES.get(name, ("-", "--", "-.", ":")[used.count(colour) % 4])
+        used.append(colour)
+    return chosen
 
 
 def thin(x: Array, y: Array, most: int = 4000) -> tuple[Array, Array]:

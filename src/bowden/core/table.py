@@ -1,49 +1,74 @@
 """Tables of recordings: CSV, also gzipped, and Parquet."""
 
 import contextlib
+import csv
+import io
+import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bowden.core import plain_parquet
 from bowden.core.bounded import DAMAGED, open_file, read_whole
 from bowden.core.errors import LogError
+from bowden.core.extras import extra_module
 
-if TYPE_CHECKING:
-    import pyarrow as pa
+Array = NDArray[np.float64]
 
-
+KEY = "bowden"
+"""Under which a Parquet file says what bowden has to say of a trace."""
 MOST_CELLS = 50_000_000
 """Fields of a table that are taken into memory: twenty-five minutes of sixteen channels at 2 kHz."""
 _PACKED = 4
-"""A Parquet file may have so many fields more for each of its bytes; what was recorded has some bytes for a field."""
+"""A compressed Parquet file may have so many fields more for each of its bytes; what was recorded has some bytes for a
+field."""
+_MISSING = frozenset(("", "na", "n/a", "null", "none", "#n/a"))
+"""What stands for no number in a field of text."""
 
 
-def read_table(path: Path, numbers: Iterable[str] = ()) -> "pa.Table":
-    """Read a file with column names in its first row; in text, lines that begin with # may stand above.
+@dataclass(frozen=True)
+class Table:
+    """The columns of a file by their names; those that are asked for are read as numbers."""
+
+    path: Path
+    names: tuple[str, ...]
+    read: Callable[[Sequence[int]], list[Array]] = field(repr=False)
+    """See `numbers`, with errors as they come."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Of the columns of a Parquet file that says them."""
+    about: bytes | None = None
+    """What stands under `KEY` in a Parquet file."""
+
+    def numbers(self, columns: Sequence[int]) -> list[Array]:
+        """Columns by their places, each (n,); NaN where a field is empty.
+
+        Raises:
+            LogError: text where a number should be, rows of different length, too many fields, or a damaged file.
+        """
+        with readable(self.path):
+            return self.read(columns)
+
+
+def read_table(path: Path) -> Table:
+    """A file with column names in its first row; in text, lines that begin with # may stand above.
 
     Args:
-        path: ``.csv``, ``.csv.gz`` or ``.parquet``.
-        numbers: columns in which each field of a text must be a number.
+        path: CSV, which may be gzipped, or Parquet.
 
     Raises:
         LogError: it cannot be read, is no table, or is too large.
+        MissingExtraError: Parquet that another program wrote, and PyArrow is not installed.
     """
-    import pyarrow as pa
-    from pyarrow import csv
-
     with readable(path):
-        if path.suffix == ".parquet":
-            return read_parquet(path)
-        text = read_whole(path)
-        above = 0
-        while text[above : above + 1] == b"#" and above < len(text):
-            above = text.find(b"\n", above) + 1 or len(text)
-        if (cells := text.count(b",", above) + text.count(b"\n", above)) > MOST_CELLS:
-            raise _too_many(path, cells)
-        types = csv.ConvertOptions(column_types=dict.fromkeys(numbers, pa.float64()))
-        table = pa.BufferReader(pa.py_buffer(text).slice(above))
-        return csv.read_csv(table, csv.ReadOptions(use_threads=False), convert_options=types)
+        with open_file(path) as file:
+            parquet = file.read(len(plain_parquet.MAGIC)) == plain_parquet.MAGIC
+        return parquet_table(path) if parquet or path.suffix == ".parquet" else _text_table(path)
 
 
 @contextlib.contextmanager
@@ -53,8 +78,6 @@ def readable(path: Path) -> Iterator[None]:
     Raises:
         LogError: that line.
     """
-    import pyarrow as pa
-
     try:
         yield
     except DAMAGED as error:
@@ -62,41 +85,184 @@ def readable(path: Path) -> Iterator[None]:
     except OSError as error:
         why = "no such file" if isinstance(error, FileNotFoundError) else error.strerror or error
         raise LogError(f"cannot read {path}: {why}", expected="a CSV or Parquet file") from error
-    except pa.ArrowException as error:
+    except (ValueError, csv.Error) as error:
         said = _printable(" ".join(str(error).split()))
         raise LogError(f"{path} is not a table: {said}", expected="CSV or Parquet with a row of names") from error
-    except ValueError as error:  # a null byte in its name
-        raise LogError(f"cannot read {path}: {error}", expected="a CSV or Parquet file") from error
 
 
-def read_parquet(path: Path, choose: Callable[["pa.Schema"], list[str]] | None = None) -> "pa.Table":
-    """Read a Parquet file, or some of its columns, if there is not much more in it than its bytes can tell.
-
-    Args:
-        path: of the file.
-        choose: schema → names of the columns to read.
+def parquet_table(path: Path) -> Table:
+    """A Parquet file.
 
     Raises:
         OSError: it cannot be opened.
-        pyarrow.ArrowException: it is none.
-        LogError: too much is packed into it.
+        ValueError: it is damaged, or none.
+        MissingExtraError: another program wrote it, and PyArrow is not installed.
     """
-    from pyarrow import parquet
-
     with open_file(path) as file:
+        try:
+            found = plain_parquet.contents(file)
+        except plain_parquet.Foreign:
+            return _foreign_table(path)
+
+    def read(columns: Sequence[int]) -> list[Array]:
+        with open_file(path) as file:
+            return [plain_parquet.column(file, found, i) for i in columns]
+
+    about = found.about.get(KEY)
+    return Table(path, found.names, read, _units_in(about), about)
+
+
+def _units_in(about: bytes | None) -> dict[str, str]:
+    """Column → unit, as a trace says them."""
+    try:
+        return dict(json.loads(about or b"{}")["units"])
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return {}
+
+
+def _foreign_table(path: Path) -> Table:
+    """A Parquet file by PyArrow."""
+    parquet = extra_module("pyarrow.parquet", "parquet", f"reading {path}, which another program wrote,")
+    with _arrow_errors(), open_file(path) as file:
         found = parquet.ParquetFile(file)
-        about = found.metadata
-        rows = sum(about.row_group(i).num_rows for i in range(about.num_row_groups))
-        columns = None if choose is None else choose(found.schema_arrow)
-        cells = rows * (about.num_columns if columns is None else len(columns))
-        if cells > MOST_CELLS + _PACKED * file.seek(0, os.SEEK_END):
+        schema, shape = found.schema_arrow, found.metadata
+        rows = sum(shape.row_group(i).num_rows for i in range(shape.num_row_groups))
+        names = tuple(schema.names)
+        size = file.seek(0, os.SEEK_END)
+
+    def read(columns: Sequence[int]) -> list[Array]:
+        wanted = [names[i] for i in columns]
+        if (cells := rows * len(wanted)) > MOST_CELLS + _PACKED * size:
             raise _too_many(path, cells)
-        return found.read(columns)
+        with _arrow_errors(), open_file(path) as file:
+            table = parquet.ParquetFile(file).read(wanted)
+            return [_as_numbers(table[name].to_numpy(), name, path) for name in wanted]
+
+    said = {name: (schema.field(i).metadata or {}).get(b"unit", b"") for i, name in enumerate(names)}
+    units = {name: unit.decode(errors="replace") for name, unit in said.items()}
+    return Table(path, names, read, units, (schema.metadata or {}).get(KEY.encode()))
+
+
+@contextlib.contextmanager
+def _arrow_errors() -> Iterator[None]:
+    """PyArrow's errors as `ValueError`."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except (pa.ArrowException, KeyError) as error:
+        raise ValueError(str(error)) from error
+
+
+def _as_numbers(column: Any, name: str, path: Path) -> Array:
+    """A column of whatever kind as numbers.
+
+    Raises:
+        LogError: one of them is none.
+    """
+    if column.dtype.kind not in "fiub":
+        for row, value in enumerate(column):
+            try:
+                float(value)
+            except (TypeError, ValueError):
+                raise _no_number(path, row, name, value) from None
+    return np.array(column, dtype=np.float64)
+
+
+def _text_table(path: Path) -> Table:
+    text = read_whole(path)
+    above = 0
+    while text[above : above + 1] == b"#":
+        above = text.find(b"\n", above) + 1 or len(text)
+    if (cells := text.count(b",", above) + text.count(b"\n", above)) > MOST_CELLS:
+        raise _too_many(path, cells)
+
+    def opened() -> IO[str]:
+        file = io.BytesIO(text)
+        file.seek(above)
+        return io.TextIOWrapper(file, "utf-8", errors="replace")
+
+    return csv_table(path, opened)
+
+
+def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
+    """A table in text that begins with its row of names.
+
+    Args:
+        path: for messages.
+        opened: the text, each time from that row on.
+
+    Raises:
+        ValueError: no row of names.
+        LogError: one of them is no text.
+    """
+    with opened() as file:
+        first = next((line for line in file if line.strip()), "").removeprefix("\ufeff")
+    if not first:
+        raise ValueError("it is empty")
+    if "\ufffd" in first:
+        raise LogError(f"{path}: a column's name is not text", expected="UTF-8", do="export it as that")
+    names = tuple(next(csv.reader([first.rstrip("\r\n")])))
+
+    def read(columns: Sequence[int]) -> list[Array]:
+        with opened() as file:
+            while not file.readline().strip():
+                pass
+            if not (begin := _first_row(file)):
+                return [np.empty(0) for _ in columns]
+            try:
+                found = np.loadtxt(_with(begin, file), delimiter=",", quotechar='"', comments=None, ndmin=2)
+            except ValueError:  # text in it, or nothing, or rows of different length
+                found = None
+        if found is not None and found.shape[1] == len(names):
+            return [np.ascontiguousarray(found[:, i]) for i in columns]
+        return _field_by_field(path, opened, names, columns)
+
+    return Table(path, names, read)
+
+
+def _first_row(file: IO[str]) -> str:
+    return next((line for line in file if line.strip()), "")
+
+
+def _with(first: str, rest: IO[str]) -> Iterator[str]:
+    yield first
+    yield from rest
+
+
+def _field_by_field(
+    path: Path, opened: Callable[[], IO[str]], names: tuple[str, ...], columns: Sequence[int]
+) -> list[Array]:
+    """What has fields that are no numbers: the same, slower, with a reason where it cannot be."""
+    found = [array("d") for _ in columns]
+    with opened() as file:
+        while not file.readline().strip():
+            pass
+        for row, fields in enumerate(cells for cells in csv.reader(file) if cells):
+            if len(fields) != len(names):
+                raise LogError(
+                    f"{path}, row {row + 1}: {len(fields)} fields where there are {len(names)} columns",
+                    expected="as many in each row",
+                    do="remove or mend that row",
+                )
+            for values, place in zip(found, columns, strict=True):
+                cell = fields[place]
+                try:
+                    values.append(float(cell))
+                except ValueError:
+                    if cell.strip().lower() not in _MISSING:
+                        raise _no_number(path, row, names[place], cell) from None
+                    values.append(np.nan)
+    return [np.array(values, dtype=np.float64) for values in found]
+
+
+def _no_number(path: Path, row: int, name: str, value: object) -> LogError:
+    return LogError(f"{path}, row {row + 1}: {name} is {_printable(repr(value), 60)}", expected="a number")
 
 
 def _too_many(path: Path, cells: int) -> LogError:
-    """The refusal of a table with so many fields."""
-    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="cut it, or thin it out")
+    """The refusal of a table with this many fields."""
+    return LogError(f"{path} has {cells} fields", expected=f"{MOST_CELLS} at most", do="shorten it, or keep fewer rows")
 
 
 def _printable(text: str, most: int = 200) -> str:

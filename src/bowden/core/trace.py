@@ -1,31 +1,34 @@
 """A trace: the record of a run, with its units, settings and seed, to and from Parquet and CSV."""
 
 import contextlib
+import csv
+import io
+import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core import arguments, metrics, shown
+from bowden.core import arguments, metrics, plain_parquet, shown
 from bowden.core.bounded import open_file
 from bowden.core.errors import BowdenError, LogError, ParameterError, UnknownNameError, near
 from bowden.core.files import whole_file
-from bowden.core.table import read_parquet
+from bowden.core.table import KEY, Table, csv_table, parquet_table
 from bowden.core.units import DEGREES
 
 if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
-    import pyarrow as pa
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _MAGIC = "# bowden trace: "
-_KEY = b"bowden"
+_ROWS = 10_000
+"""That are made text of at a time."""
 
 _FACTORS = {
     ("rad", "deg"): DEGREES,
@@ -40,7 +43,7 @@ _SPELLINGS = {"°": "deg", "degrees": "deg", "radians": "rad", "°/s": "deg/s", 
 
 @dataclass(frozen=True, repr=False)
 class Trace:
-    """Signals sampled on one clock.
+    """The record of a run: signals sampled on one clock, with their units and the settings of the run.
 
     >>> t = np.linspace(0.0, 10.0, 1001)
     >>> units = {"time": "s", "reference": "rad", "joint": "rad"}
@@ -116,7 +119,7 @@ class Trace:
         return len(next(iter(self.columns.values())))
 
     def array(self, name: str, unit: str | None = None) -> NDArray[np.float64]:
-        """A column in the unit asked for, (n,); in its own where none is given.
+        """A column (n,) in the given unit, or in its own unit.
 
         Args:
             name: of the column.
@@ -278,7 +281,7 @@ class Trace:
 
     @property
     def stable(self) -> bool:
-        """Whether it ended, and the joint was never further from the reference than that's whole stroke (5° at least).
+        """Whether it ended, and the error was never larger than the whole stroke of the reference (at least 5°).
 
         See `bowden.core.metrics.is_stable`.
         """
@@ -348,7 +351,7 @@ class Trace:
         return metrics.bandwidth(frequencies, gain)
 
     def to_parquet(self, path: Path | str) -> None:
-        """Write the trace; units go to the fields, settings and seed to the schema.
+        """Write the trace; units, settings and seed go to the file's metadata, under ``bowden``.
 
         Raises:
             ParameterError: what is no path.
@@ -357,7 +360,7 @@ class Trace:
         write_parquet(iter([self]), arguments.path_of(path, "to_parquet: path"))
 
     def to_csv(self, path: Path | str) -> None:
-        """Write the trace as text: a comment with units, settings and seed, a header, shortest exact decimals.
+        """Write the trace as text: a comment with units, settings and seed, a header, and exact decimal numbers.
 
         Raises:
             ParameterError: what is no path.
@@ -371,11 +374,14 @@ class Trace:
 
         Raises:
             LogError: no such file, or not a trace.
+            MissingExtraError: bowden 0.1 wrote it, or another program, and PyArrow is not installed.
         """
         path = arguments.path_of(path, "from_parquet: path")
         with _reading(path, "Parquet"):
-            table = read_parquet(path)
-            return cls._from(table, json.loads((table.schema.metadata or {})[_KEY]))
+            table = parquet_table(path)
+            if table.about is None:
+                raise KeyError("units")
+            return cls._from(table, json.loads(table.about))
 
     @classmethod
     def from_csv(cls, path: Path | str) -> "Trace":
@@ -384,33 +390,31 @@ class Trace:
         Raises:
             LogError: no such file, or not a trace.
         """
-        import pyarrow as pa
-        from pyarrow import csv
-
         path = arguments.path_of(path, "from_csv: path")
-        with _reading(path, "CSV"), open_file(path) as file:
-            first = file.readline().decode()
+        with _reading(path, "CSV"):
+            with open_file(path) as file:
+                first = file.readline().decode()
             if not first.startswith(_MAGIC):
                 raise ValueError(f"its first line does not begin with {_MAGIC!r}")
-            metadata = json.loads(first.removeprefix(_MAGIC))
-            numbers = csv.ConvertOptions(column_types={name: pa.float64() for name in metadata["units"]})
-            return cls._from(csv.read_csv(file, convert_options=numbers), metadata)
+
+            def opened() -> IO[str]:
+                file = open_file(path)
+                file.readline()
+                return io.TextIOWrapper(file, "utf-8", errors="replace")
+
+            return cls._from(csv_table(path, opened), json.loads(first.removeprefix(_MAGIC)))
 
     def _metadata(self) -> dict[str, Any]:
         return {"units": self.units, "settings": dict(self.settings), "seed": self.seed}
 
-    def _table(self) -> "pa.Table":
-        import pyarrow as pa
-
-        fields = [pa.field(name, pa.float64(), metadata={"unit": self.units[name]}) for name in self.columns]
-        schema = pa.schema(fields, metadata={_KEY: json.dumps(self._metadata()).encode()})
-        return pa.table(list(self.columns.values()), schema=schema)
-
     @classmethod
-    def _from(cls, table: "pa.Table", metadata: dict[str, Any]) -> "Trace":
-        columns = {name: table[name].to_numpy().astype(np.float64) for name in table.column_names}
-        if list(columns) != list(metadata["units"]) or not len(table):
-            raise ValueError(f"{len(table)} rows of {list(columns)}, declared as {list(metadata['units'])}")
+    def _from(cls, table: Table, metadata: dict[str, Any]) -> "Trace":
+        if list(table.names) != list(metadata["units"]):
+            raise ValueError(f"columns {list(table.names)}, declared as {list(metadata['units'])}")
+        values = table.read(range(len(table.names)))
+        if not len(values[0]):
+            raise ValueError("it has no rows")
+        columns = dict(zip(table.names, values, strict=True))
         return cls(columns, metadata["units"], metadata["settings"], metadata["seed"])
 
 
@@ -420,14 +424,11 @@ def write_parquet(traces: Iterator[Trace], path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    import pyarrow.parquet as pq
-
     with whole_file(path) as part, part.open("wb") as file:
-        first = next(traces)._table()
-        with pq.ParquetWriter(file, first.schema) as writer:
-            writer.write_table(first)
-            for trace in traces:
-                writer.write_table(trace._table())
+        first = next(traces)
+        about = {KEY: json.dumps(first._metadata()).encode()}
+        pieces = (list(trace.columns.values()) for trace in itertools.chain([first], traces))
+        plain_parquet.write(file, pieces, list(first.columns), about)
 
 
 def write_csv(traces: Iterator[Trace], path: Path | str) -> None:
@@ -436,16 +437,15 @@ def write_csv(traces: Iterator[Trace], path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    from pyarrow import csv
-
-    with whole_file(path) as part, part.open("wb") as file:
+    with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         first = next(traces)
-        file.write((_MAGIC + json.dumps(first._metadata()) + "\n").encode())
-        table = first._table()
-        with csv.CSVWriter(file, table.schema) as writer:
-            writer.write_table(table)
-            for trace in traces:
-                writer.write_table(trace._table())
+        file.write(_MAGIC + json.dumps(first._metadata()) + "\n")
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(first.columns)
+        for trace in itertools.chain([first], traces):
+            for begin in range(0, len(trace), _ROWS):
+                part_of = (values[begin : begin + _ROWS].tolist() for values in trace.columns.values())
+                rows.writerows(zip(*part_of, strict=True))
 
 
 def _frames(name: str) -> Any:
@@ -468,11 +468,9 @@ def _frames(name: str) -> Any:
 @contextlib.contextmanager
 def _reading(path: Path | str, kind: str) -> Iterator[None]:
     """Whatever goes wrong while reading becomes one line."""
-    import pyarrow as pa
-
     try:
         yield
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, AttributeError, ParameterError) as error:
+    except (OSError, csv.Error, KeyError, TypeError, ValueError, AttributeError, ParameterError) as error:
         reason = (error.strerror if isinstance(error, OSError) else "") or " ".join(str(error).split())
         if isinstance(error, KeyError):
             reason = f"it does not say its {error.args[0]!s}"

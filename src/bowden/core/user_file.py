@@ -1,4 +1,4 @@
-"""A user's own Python file: run as a module of its own, its mistakes told in one line with the file's.
+"""A user's own Python file: run as a module of its own, its mistakes reported in one line with the file's.
 
 What it imports is found beside it first, as Python does it for a script. Modules of the user's own that it imports
 belong to it (`modules_of`): they are read when it is read, and run of what was read, for that file alone. What the user
@@ -111,7 +111,7 @@ _ABOUT_ITSELF = (
     "In definition",
     "raised from",
 )
-"""How those lines of Numba's messages begin that tell where it was, not what is wrong."""
+"""How those lines of Numba's messages begin that say where it was, not what is wrong."""
 
 
 def fingerprint(source: bytes) -> str:
@@ -164,7 +164,7 @@ def read(given: Mapping[str, Any]) -> dict[str, Any]:
         place = name.replace(".", "/")
         if not name.replace(".", "").isidentifier() or file not in (f"{place}.py", f"{place}/__init__.py"):
             raise ParameterError(
-                f"module {name!r} is said to stand in {file!r}", expected=f"{place}.py", do=_WRITTEN_ELSEWHERE
+                f"module {name!r} should be in {file!r}", expected=f"{place}.py", do=_WRITTEN_ELSEWHERE
             )
         modules.append(UserModule(name, file, base64.b64decode(source), *map(str, path)))
     return {"source": base64.b64decode(given["source"]), "modules": tuple(modules)}
@@ -216,7 +216,7 @@ def modules_of(path: Path, source: bytes) -> tuple[UserModule, ...]:
         if name in found or name.partition(".")[0] in sys.stdlib_module_names:
             continue
         file = _found(name, places)
-        if file is None or _installed(file):  # a file that is imported in a circle runs anew, as a script's does
+        if file is None or _installed(file):  # a file that is imported in a circle runs again, as a script's does
             continue
         is_package, content = file.name == "__init__.py", file.read_bytes()
         place = name.replace(".", "/") + ("/__init__.py" if is_package else ".py")
@@ -229,7 +229,7 @@ def _imported(source: bytes, package: str) -> set[str]:
     """Names of all modules that a source may import, and of the packages that they are in."""
     try:
         nodes = list(ast.walk(ast.parse(source)))
-    except (SyntaxError, ValueError):  # told when it is run
+    except (SyntaxError, ValueError):  # reported when it is run
         return set()
     names: set[str] = set()
     for node in nodes:
@@ -387,7 +387,7 @@ sys.meta_path.insert(0, _Modules())  # before that which looks into folders
 def _beside(path: Path) -> Iterator[None]:
     """What is imported meanwhile is looked for in the folder of a file first, and leaves no bytecode behind.
 
-    Bytecode is told from its source by the second of an edit and by the length alone.
+    Bytecode is matched to its source by the second of an edit and by the length alone.
     """
     before, folder = sys.dont_write_bytecode, str(path.parent.absolute())
     sys.dont_write_bytecode = True
@@ -453,7 +453,7 @@ def mistake(error: BaseException, path: Path, what: str = "") -> ParameterError:
 def _correct(path: Path) -> str:
     """What to do about a mistake in a file."""
     if path.is_relative_to(cache_folder()):
-        return "this is the rig's copy: correct the file that the rig was made of, and make the rig anew"
+        return "this is the rig's copy: correct the file from which the rig was made, and make the rig again"
     return "correct it there"
 
 

@@ -45,7 +45,7 @@ class WishSource(IntEnum):
     MOTION = 1
     """A motion of the motor, planned beforehand: preflight, approach, excitation."""
     LAW_BEGINS = 2
-    """The law, which begins anew at this cycle's sample."""
+    """The law, which starts again at this cycle's sample."""
     LAW = 3
     """The law."""
 
@@ -98,7 +98,7 @@ class CycleState(NamedTuple):
     source: Any
     """That of the reference's source."""
     supervisor: Any
-    """That of the supervisor, or of what stands in its place; ``target`` is what the drive was told last [rad]."""
+    """That of the supervisor, or of what stands in its place; ``target`` is what the drive was sent last [rad]."""
 
 
 @stand_in
@@ -141,7 +141,7 @@ def one_cycle(
         dt: length of a cycle [s].
 
     Returns:
-        The state after this cycle, the source's reference, the wish for the motor [rad], and what the drive is told.
+        The state after this cycle, the source's reference, the wish for the motor [rad], and what the drive is sent.
     """
     sample, measured = cycle_sense(settings, state, observed, dt)
     law, conditioned, source = state.law, state.conditioned, state.source
@@ -283,7 +283,7 @@ def cycle_in_place(
     plan: Plan,
     dt: float,
 ) -> tuple[Reference, float, Verdict]:
-    """`one_cycle` under the supervisor on states that are kept flat; each row is written anew.
+    """`one_cycle` under the supervisor on states that are kept flat; each row is written again.
 
     Of the states that begin here the types alone are needed, so that no state crosses from Python and back.
     """
@@ -355,7 +355,7 @@ class Cycle:
         Args:
             reading: of the drive.
             thermal: how warm the motor is.
-            latched: faults of the run before that nobody has acknowledged, with which it starts latched; None for none.
+            latched: faults of the run before that have not been acknowledged; it starts latched by them; None for none.
         """
         joint, motor = (0.0 if math.isnan(angle) else float(angle) for angle in (reading.joint, reading.motor))
         sample = Sample(joint, motor)

@@ -35,10 +35,12 @@ _IDEAL = 1e-6
 """Width of the differences where the encoder is ideal [rad]."""
 _AT_REST = 0.5 * RADIANS
 """Half of a joint's span that is rest where nothing holds it back [rad]."""
+_MOST_ESTIMATES = 3
+"""Of a law, that a reason names; a law with more is not understood by them."""
 _ROUNDING = 1e-9
 """By which a pole that is one may seem larger."""
 
-VerdictName = Literal["holds", "little_margin", "does_not_hold"]
+VerdictName = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
 Estimates = dict[str, float]
 
 
@@ -92,6 +94,8 @@ class Check:
     stands for this law, and margins there are none."""
     advice: str = ""
     """What to change where it does not hold, if that was asked for (`bowden.design.advice`)."""
+    instead: str = ""
+    """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
 
     @property
     def gain_margin_db(self) -> float | None:
@@ -161,7 +165,7 @@ def check(
     stroke: tuple[float, float] = STROKE,
     seed: int = 1,
 ) -> Check:
-    """Judge a law on a bench: `holds`, `little_margin` (below 6 dB or 30°) or `does_not_hold`.
+    """Judge a law on a bench: `holds`, `little_margin` (below 6 dB or 30°), `limit_cycle` or `does_not_hold`.
 
     The law is linearised at rest, one encoder count wide, with its estimates frozen at their start and at what they
     visit in two trials (the ends of the bends, long enough for them to settle), and its margins are taken for every
@@ -200,10 +204,9 @@ def check(
         reserve = _reserve(bench, law, points, worst.bend, stroke, seed)
     cycle = None if linear.leaves_out else _predicted_cycle(bench, law, ends, estimates, stroke)
     verdict, reason = _judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not linear.leaves_out)
-    if verdict == "holds" and _confirmed(cycle, _swing(trials)):
-        reason = (
-            "every linear loop has its margins, and the trials stay bounded, in a limit cycle within the cable's play"
-        )
+    if verdict == "holds" and not linear.leaves_out:
+        zones = [transmission(bench, bend, stroke).dead_zone for bend in dict.fromkeys(ends)]
+        verdict, reason = _at_rest(trials, zones, reason, confirmed=bool(_confirmed(cycle, _swing(trials))))
     bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
     if law.proven is not None and not linear.leaves_out:
         found = transmission(bench, ends[1], stroke)
@@ -365,7 +368,8 @@ def _judge(
     """The verdict; where the linear loop is not the `whole` plant, the trials alone say whether it holds."""
     bounded, why = all(trial.bounded for trial in trials), next((trial.why for trial in trials if trial.why), "")
     where = f"at a bend of {worst.bend / RADIANS:.0f}° (slope {worst.slope:.3g}{', ' if worst.at else ''}{worst.at}"
-    where += "".join(f", {name} {value:.3g}" for name, value in worst.estimates.items()) + ")"
+    few = worst.estimates if len(worst.estimates) <= _MOST_ESTIMATES else {}
+    where += "".join(f", {name} {value:.3g}" for name, value in few.items()) + ")"
     lacking = f"the trial does not stand a further delay of {RESERVE * ENOUGH_DEG:.2g}°"
     if refuted:
         rest = "the trials come to rest, with friction and play and without, though no linear loop shows why"
@@ -389,6 +393,24 @@ def _judge(
     if reserve is False:
         return "little_margin", f"every linear loop has its margins, but with the play, {lacking}"
     return "holds", "every linear loop has its margins, and the trials come to rest"
+
+
+def _at_rest(
+    trials: Sequence[Trial], dead_zones: Sequence[float], reason: str, *, confirmed: bool
+) -> tuple[VerdictName, str]:
+    """Whether a loop with its margins holds at rest too: it swings no further than play leaves a joint without a law.
+
+    That is half of the dead zone to either side. A loop that swings further is worse at rest than none.
+    """
+    pairs = [(trial.swing or 0.0, 0.5 * zone) for trial, zone in zip(trials, dead_zones, strict=True)]
+    swing, left = max(pairs, key=lambda pair: pair[0] / max(pair[1], _AT_REST))
+    play = f"the ±{left / RADIANS:.2g}° that the play leaves without a law"
+    said = f"at rest the joint swings by ±{swing / RADIANS:.2g}° in a limit cycle"
+    if swing > max(left, _AT_REST):
+        return "limit_cycle", f"every linear loop has its margins, but {said}, more than {play}"
+    if confirmed:
+        return "holds", f"every linear loop has its margins; {said}, within {play}"
+    return "holds", reason
 
 
 def _checked(law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:

@@ -67,14 +67,14 @@ def linearise(
         law: with its gains.
         dt: sample time [s].
         width: half of the difference in the two angles, an encoder's count for what the loop will see; no less than
-            what the law hears in full, `Law.heard` [rad].
+            what the law weighs in full, `Law.deadband` [rad].
         estimates: name of a state (``part.field`` where it nests) → the value at which it is frozen.
         at: joint and motor angle of the rest [rad]; the reference is there as well.
 
     Raises:
         NoNumberError: its command or a state of it is no finite number there.
     """
-    frozen, width = estimates or {}, max(width, law.heard)
+    frozen, width = estimates or {}, max(width, law.deadband)
     rest = rebuilt(law.start(Sample(at, at)), lambda path, old: frozen.get(name_of(path), old))
     free = [i for i, name in enumerate(names(rest)) if name not in frozen]
     start = np.array(flat(rest), dtype=np.float64)

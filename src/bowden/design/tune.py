@@ -154,6 +154,10 @@ class Tuning:
         return shown.fragment(f"Tuning of {self.law.name}", findings.tuning_rows(self), figure)
 
 
+class NoGainsError(ParameterError):
+    """No gains keep the margins and follow."""
+
+
 class BrokenOff(KeyboardInterrupt):
     """The search was interrupted, and has gains that are better than those before: it carries them."""
 
@@ -401,7 +405,7 @@ class _Search:
         """What gains must stay below, to be of any use [rad]: the error of a joint that stands still."""
         return min(course_of(self.runs).spans)
 
-    def _none(self) -> ParameterError:
+    def _none(self) -> NoGainsError:
         """Why there are no gains, and the nearest rig that has some."""
         bench = self.rig.bench
         what = f"no gains of law {self.law.name!r} keep 6 dB and 45° and follow better than a joint that stands still"
@@ -411,7 +415,7 @@ class _Search:
         )
         near = self._nearest() if self.own else ""
         do = f"the nearest rig that has some: {near}" if near else "start from other gains, or choose another law"
-        return ParameterError(f"{what}: {reason}", do=do)
+        return NoGainsError(f"{what}: {reason}", do=do)
 
     def _nearest(self) -> str:
         """The smallest change of delay, damping or frequency for which some of the gains at hand would do."""

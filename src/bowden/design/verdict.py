@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from bowden.control import Law, user_law
 from bowden.core.errors import ParameterError
+from bowden.design.check_rig import check_rig
+from bowden.design.other_law import other_law
 from bowden.rig import ranges
 from bowden.rig.rig import Rig
 
@@ -37,26 +39,16 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[C
     Raises:
         ParameterError: laws that do not hold; the message has the reasons and what to change.
     """
-    checks = [_check(rig, law) for law in laws]
+    checks = [check_rig(rig, law) for law in laws]
     pairs = zip(laws, checks, strict=True)
     failing = [(law, found) for law, found in pairs if not isinstance(found, str) and found.verdict == "does_not_hold"]
     if failing and not force:
         said = [f"{law.name} does not hold on {name}: {_why(rig, law, found)}" for law, found in failing]
         others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""
-        raise ParameterError("; ".join(said) + f", or run it anyway with --force{others}")
+        better = other_law(rig, [law.name for law, _ in failing])
+        instead = "" if better is None else f"; {better} (--law {better.law})"
+        raise ParameterError("; ".join(said) + f"{instead}; or run it anyway with --force{others}")
     return [_verdict(law, found, name) for law, found in zip(laws, checks, strict=True)]
-
-
-def _check(rig: Rig, law: Law) -> "Check | str":
-    """What was found, or why nothing could be."""
-    from bowden.design.check import check
-    from bowden.design.linearise import NoNumberError
-
-    with user_law.explained(law):
-        try:
-            return check(ranges.judged(rig), law, bends=ranges.bends(rig), stroke=ranges.stroke(rig), seed=rig.seed)
-        except NoNumberError as error:
-            return error.what
 
 
 def _why(rig: Rig, law: Law, found: "Check") -> str:
@@ -74,6 +66,7 @@ def _verdict(law: Law, found: "Check | str", rig: str) -> CheckVerdict:
     said = {
         "holds": "",
         "little_margin": f"{law.name} has little margin on {rig}: {found.reason}",
+        "limit_cycle": f"{law.name} swings at rest on {rig}: {found.reason}",
         "does_not_hold": f"{law.name} does not hold on {rig}, and runs because of --force: {found.reason}",
     }
     return CheckVerdict(found.verdict, said[found.verdict])

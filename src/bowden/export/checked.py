@@ -52,7 +52,7 @@ def check_graph(function: Function, graph: Graph, again: Graph) -> None:
     Args:
         function: the kernel with examples of its arguments.
         graph: its operations.
-        again: traced anew.
+        again: traced once more.
 
     Raises:
         ParameterError: they are not the same.
@@ -77,7 +77,7 @@ def check_graph(function: Function, graph: Graph, again: Graph) -> None:
         traced = np.array([values[i] for i in graph.results], dtype=np.float64)
         if not np.array_equal(traced, np.array([leaf.value for leaf in leaves(found)], np.float64), equal_nan=True):
             raise ParameterError(
-                f"{where}{function.name} does not do with symbols what it does with numbers",
+                f"{where}{function.name} behaves differently with symbols than with numbers",
                 do="let nothing in it depend on the type of a value",
             )
 

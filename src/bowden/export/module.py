@@ -41,7 +41,7 @@ def traced(function: Function, again: int = 0) -> tuple[Graph, Any]:
 
     Args:
         function: with examples of its arguments.
-        again: another number traces it anew.
+        again: another number traces it once more.
 
     Raises:
         ParameterError: it leaves the portable subset; the message names the line.

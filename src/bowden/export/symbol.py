@@ -100,7 +100,7 @@ def casadi() -> Any:
         import casadi as found
     except ImportError as error:
         raise ParameterError(
-            "the export needs CasADi, which is not installed", do="pip install 'bowden[export]'"
+            "the export needs CasADi, which is not installed", do='pip install "bowden[export]"'
         ) from error
     return found
 

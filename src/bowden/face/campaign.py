@@ -4,7 +4,6 @@ import contextlib
 import os
 import shlex
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,10 +11,12 @@ from typing import TYPE_CHECKING
 from bowden.core import arguments, shown
 from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.core.extras import extra_module
 from bowden.core.files import output_folder, whole_files
 from bowden.core.trace import Trace
 from bowden.face import given
 from bowden.face.given import GivenRig
+from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.rig.rig import Rig
 from bowden.study.figures import Summary, summarise
 from bowden.study.load import load
@@ -25,8 +26,6 @@ from bowden.study.study import Study
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-Progress = Callable[[str, float], None]
 
 
 class Partway(KeyboardInterrupt):
@@ -103,12 +102,12 @@ def campaign(
     rig: GivenRig | None = None,
     workers: int | None = None,
     cluster: str | None = None,
-    progress: Progress = lambda what, share: None,
+    progress: GivenProgress = None,
 ) -> Campaign:
-    """Run the laws of a study on plants drawn at random; figures as Parquet, and a page with what they show.
+    """Run the laws of a study on random plants; results as Parquet, and a page that shows them.
 
-    Every run is made of its number alone, so that neither the number of workers nor their order matters. Interrupted
-    or killed, the same call goes on where it was.
+    Each run depends only on its number, so that the number of workers and their order do not matter. After an
+    interruption the same call continues where it stopped.
 
     Args:
         study: the path of a study, a TOML file (docs/campaign.md).
@@ -116,11 +115,12 @@ def campaign(
         rig: a `Rig`, or the path of a rig.toml or of a log, for a study that names none.
         workers: processes on this machine; one for each core.
         cluster: a dask scheduler's address, or ``local:N``, in place of these.
-        progress: called with what is being done and the share of the work that is behind.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Raises:
         ParameterError: a study that cannot be run.
         OutputError: a folder that cannot be written.
+        MissingExtraError: PyArrow is not installed: ``pip install "bowden[parquet]"``.
 
     >>> import pathlib, tempfile
     >>> folder = pathlib.Path(tempfile.mkdtemp())
@@ -141,16 +141,25 @@ def campaign(
         workers = arguments.whole(workers, "campaign: workers", 1)
     if cluster is not None:
         arguments.text(cluster, "campaign: cluster", "the address of a dask scheduler, or local:N")
-    arguments.function(progress, "campaign: progress", arguments.PROGRESS)
     named = ["--rig", str(rig)] if isinstance(rig, str | Path) else []
     words = ["bowden", "campaign", str(path), *named, "--out", str(folder), "--run"]
     again = "" if isinstance(rig, Rig) else shlex.join(words)
-    with given.in_words_of_python():
+    require_parquet()
+    with given.in_words_of_python(), reported(progress, "campaign") as report:
         loaded = load(path, None if rig is None else given.rig_of(rig, "campaign"))
         output_folder(folder)
-        found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=progress)
+        found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=report)
     given.tell(found.notes)
     return found
+
+
+def require_parquet() -> None:
+    """Refuse a campaign whose results could not be written, before it begins.
+
+    Raises:
+        MissingExtraError: PyArrow is not installed.
+    """
+    extra_module("pyarrow.parquet", "parquet", "a campaign")
 
 
 def computed(
@@ -168,7 +177,9 @@ def computed(
 
     Raises:
         Partway: Ctrl-C; what is computed is kept.
+        MissingExtraError: PyArrow is not installed, which the results are written with.
     """
+    require_parquet()
     cut = chunks(study)
     store = Store(folder, study.identity, [len(numbers) * len(study.laws) for numbers in cut])
     progress("looking at what is there", 0.0)
@@ -238,7 +249,7 @@ def _fill(
 
 
 def _clock_in(wait: float) -> str:
-    """What a clock on the wall shows after so many seconds, for a person who waits."""
+    """What a clock on the wall shows after this many seconds, for a person who waits."""
     there = time.localtime(unix_seconds() + wait)
     return time.strftime("%H:%M:%S" if wait < 600.0 else "%H:%M" if wait < 43_200.0 else "on %d %b, %H:%M", there)
 

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 from bowden.control import user_law
+from bowden.core.shown import listed
 from bowden.design.advice import advise
 from bowden.design.check import Check
 from bowden.design.check import check as judge
+from bowden.design.other_law import other_law
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig import ranges
@@ -13,7 +15,7 @@ from bowden.rig.rig import Rig
 
 
 def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = None) -> Check:
-    """Judge a law on a rig: margins over all slopes of the sheath, limit cycle, chatter, trials; and what to change.
+    """Check whether a law holds on a rig: margins over all bends of the sheath, limit cycle, chatter, trial runs.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
@@ -21,7 +23,8 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
         preset: a named set of gains of that law.
 
     Returns:
-        The check: ``verdict`` (``holds``, ``little_margin`` or ``does_not_hold``), ``reason``, ``advice``, margins.
+        The check: ``verdict`` (``holds``, ``little_margin``, ``limit_cycle`` or ``does_not_hold``), its ``reason``, the
+        margins, and ``advice`` on what to change.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used.
@@ -43,4 +46,8 @@ def checked(rig: Rig) -> Check:
     bends, stroke = ranges.bends(rig), ranges.stroke(rig)
     with user_law.explained(law):
         found = judge(plant, law, bends=bends, stroke=stroke, seed=rig.seed)
-        return replace(found, advice=advise(plant, law, found, bends=bends, stroke=stroke))
+        advice = advise(plant, law, found, bends=bends, stroke=stroke)
+    better = other_law(rig, [law.name]) if found.verdict == "does_not_hold" else None
+    if better is None:
+        return replace(found, advice=advice)
+    return replace(found, advice=listed((advice, str(better)), "; "), instead=better.law)

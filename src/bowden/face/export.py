@@ -73,7 +73,7 @@ def export(
     """Write a law as C99 that needs nothing but math.h, with a test bench that replays a run of this rig.
 
     The code comes from tracing the very kernels that run in Python. Before anything is written, the gains are checked
-    as `bowden.check` does it. Needs ``pip install bowden[export]``.
+    as `bowden.check` does it. Needs ``pip install "bowden[export]"``.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
@@ -81,7 +81,7 @@ def export(
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law.
         float32: float in place of double; the supervisor stays double.
-        emg_rate: export the EMG's envelope and detector too, for so many samples a second.
+        emg_rate: export the EMG's envelope and detector too, for this many samples a second.
         safety: export the supervisor with the rig's limits too.
         force: export gains that do not hold, too.
 

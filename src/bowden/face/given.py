@@ -77,7 +77,7 @@ def under(rig: Rig, law: Any, preset: Any, function: str) -> Rig:
     if isinstance(law, Path):
         law = str(law)
     if law is not None and not isinstance(law, str | Law):
-        do = "name one, or hand over a Law: Law(name, Gains(), start, step, source)"
+        do = "name one, or pass a Law: Law(name, Gains(), start, step, source)"
         raise ParameterError(
             f"{function}: law is {arguments.said(law)}", expected="a name, FILE.py:NAME or a Law", do=do
         )
@@ -102,7 +102,7 @@ def several(laws: Any) -> Sequence[Any] | None:
 
 
 def numbered(names: Sequence[str]) -> list[str]:
-    """Names that differ: laws of one name are told apart by a number.
+    """Names that differ: laws of one name get a number.
 
     >>> numbered(["adaptive", "mine", "adaptive"])
     ['adaptive', 'mine', 'adaptive-2']

@@ -1,6 +1,6 @@
 """`identify` and `read_log`: from a log of a cable to its model."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
+from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.identify.cable.fit import Fit, identify_log
 from bowden.identify.cable.fit import identify as identify_signals
 from bowden.identify.log.read import Log
@@ -26,9 +27,9 @@ def identify(
     rate: float | None = None,
     name: str = "log",
     seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: GivenProgress = None,
 ) -> Fit:
-    """Fit six families of cable models to the first half of a log, and judge them on the second.
+    """Fit six families of cable models to the first half of a log, and judge them on the second half.
 
     Args:
         log: the path of a CSV, gzipped CSV, MATLAB or Parquet file; a `Log` of `read_log`; a `Trace`; or time (n,) [s].
@@ -40,11 +41,12 @@ def identify(
         counts_per_turn: of the encoders, where they count: one number, or one for the motor and one for the joint.
         rate: samples a second, of a log without times [Hz].
         name: of the log, for messages.
-        seed: of the global search; with the same seed the result is the same.
-        progress: called with what is being done and the share of the work that is behind.
+        seed: of the global search; the same seed gives the same result.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Returns:
-        The fit: ``best``, the recommended model, as a rig takes it; all models with their errors and uncertainties.
+        The fit: ``best``, the recommended model, for ``Rig(cable=…)``; ``models``, all models with their errors and
+        uncertainties; ``forecast``; ``warnings``, what the log cannot show.
 
     Raises:
         LogError: a file that cannot be read, or signals that nothing can be fitted to.
@@ -59,8 +61,24 @@ def identify(
     """
     seed = arguments.whole(seed, "identify: seed", 0)
     arguments.text(name, "identify: name", "a name for the log")
-    if progress is not None:
-        arguments.function(progress, "identify: progress", arguments.PROGRESS)
+    with reported(progress, "identify") as report:
+        return _identified(log, motor, joint, time, unit, counts_per_turn, rate, name=name, seed=seed, progress=report)
+
+
+def _identified(
+    log: Any,
+    motor: Any,
+    joint: Any,
+    time: Any,
+    unit: str | None,
+    counts_per_turn: float | Sequence[float] | None,
+    rate: float | None,
+    *,
+    name: str,
+    seed: int,
+    progress: Progress,
+) -> Fit:
+    """`identify`, whatever form the log has."""
     if isinstance(log, str | Path):
         read = read_log(log, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate)
         return identify_log(read, seed, progress)
@@ -89,7 +107,7 @@ def identify(
             raise ParameterError(
                 f"identify: {what} is missing",
                 expected="a file's path, or three arrays: identify(time, motor, joint)",
-                do="hand it over too" + (", or give rate= in its place" if what == "time" else ""),
+                do="give it too" + (", or give rate= in its place" if what == "time" else ""),
             )
     signals = {what: arguments.signal(value, f"identify: {what}") for what, value in given.items()}
     arguments.one_length(signals, "identify")
@@ -119,7 +137,7 @@ def read_log(
     """Read the log of a cable and check it: even time, finite angles that move, in radians.
 
     Args:
-        path: ``.csv``, ``.csv.gz``, ``.mat`` or ``.parquet``; rows of text may stand above the column names.
+        path: ``.csv``, ``.csv.gz``, ``.mat`` or ``.parquet``; lines of text above the column names are skipped.
         time: name of the time column; guessed where it is not given.
         motor: name of the motor's column.
         joint: name of the joint's column.
@@ -129,10 +147,10 @@ def read_log(
         rate: rows a second, of a log without times [Hz].
 
     Returns:
-        ``time`` [s], ``motor`` and ``joint`` [rad], and what was mended or guessed.
+        ``time`` [s], ``motor`` and ``joint`` [rad]; ``warnings`` say what was corrected or guessed.
 
     Raises:
-        LogError: the file cannot be read, or the log cannot be used; one line that says why and where.
+        LogError: the file cannot be read, or the log cannot be used; the message says why and where.
         ParameterError: arguments of the wrong kind.
 
     >>> import pathlib, tempfile
@@ -148,6 +166,6 @@ def read_log(
             raise ParameterError(
                 f"{what} of the log {path} is {arguments.said(column)}",
                 expected="the name of a column in the file",
-                do="or hand over arrays alone: identify(time, motor, joint)",
+                do="or give only arrays: identify(time, motor, joint)",
             )
     return read_file(file, time=time, motor=motor, joint=joint, unit=unit, counts_per_turn=counts_per_turn, rate=rate)

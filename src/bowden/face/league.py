@@ -15,14 +15,13 @@ from bowden.design.league import Cell, Played, Standing
 from bowden.design.league_cells import LeaguePlant, LeagueScenario
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
+from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.plants.bench import Bench
 from bowden.plants.cables import as_cable_plant
 from bowden.rig.presets.bench import moved_sheath
 from bowden.rig.rig import Rig
 from bowden.rig.sections import DEFAULT_CABLE, DEFAULT_WIDTH
 from bowden.sim.scenario import constant_bend
-
-Progress = Callable[[str, float], None]
 
 OWN = "rig"
 """What the rig's own plant is called in the league."""
@@ -80,19 +79,18 @@ def league(
     plants: Sequence[str] | None = None,
     scenarios: Sequence[str] | None = None,
     data: str | Path | None = None,
-    progress: Progress = lambda what, share: None,
+    progress: GivenProgress = None,
 ) -> League:
-    """Play laws, each with one set of gains, on plants that nobody tuned them for.
+    """Compare laws, each with one set of gains, on plants for which they were not tuned.
 
     Args:
-        rig: a `Rig`, or the path of a rig.toml or of a log: its servo, motor, encoders and clock are those of all
-            plants, its own plant plays as ``rig``, and its law has the gains that the rig gives it. Left out, the
-            paper's bench, which plays as ``bench``.
+        rig: a `Rig`, or the path of a rig.toml or of a log. All plants get its servo, motor, encoders and clock. Its
+            own plant is ``rig``, and its law has the rig's gains. If left out: the paper's bench, as ``bench``.
         laws: keys of `LAWS`, ``FILE.py:NAME`` or `Law`; all of `LAWS` by default, and the rig's.
         plants: names of docs/league.md, ``rig``, or ``FILE.py:NAME`` of your own; all but your own by default.
         scenarios: names of docs/league.md; all by default.
         data: folder with recordings, ``cable/*.csv.gz`` and ``elbow/*.csv.gz``; without it there are fewer cells.
-        progress: called with what is being done and the share of the work that is behind.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Raises:
         ParameterError: a rig, law, plant or scenario that cannot be used.
@@ -110,10 +108,9 @@ def league(
     for name in ("plants", "scenarios"):
         for i, one in enumerate(named[name] or ()):
             arguments.text(one, f"league: {name}[{i}]", "a name of docs/league.md")
-    arguments.function(progress, "league: progress", arguments.PROGRESS)
     folder = None if data is None else arguments.path_of(data, "league: data", "folder")
-    with given.in_words_of_python():
-        found = played(whole, laws, plants=plants or (), scenarios=scenarios or (), data=folder, progress=progress)
+    with given.in_words_of_python(), reported(progress, "league") as report:
+        found = played(whole, laws, plants=plants or (), scenarios=scenarios or (), data=folder, progress=report)
     given.tell(found.notes)
     if found.interrupted:
         raise KeyboardInterrupt
@@ -211,7 +208,7 @@ def _plants(rig: Rig, own: bool, data: Path | None) -> tuple[dict[str, Callable[
 
 
 def _plant_of(rig: Rig, name: str, what: str) -> LeaguePlant:
-    """What a rig moves, as it is told of it."""
+    """What a rig moves, as the league uses it."""
     plant = rig.moved
     return LeaguePlant(
         name,
@@ -254,7 +251,7 @@ def _scenarios(data: Path | None) -> tuple[dict[str, LeagueScenario], list[str]]
     files = [] if data is None else sorted((data / "elbow").glob("*.csv.gz"))
     notes: list[str] = []
     if files:
-        from bowden.rig.recorded import read_motion  # brings pyarrow
+        from bowden.rig.recorded import read_motion
         from bowden.rig.sections import RecordedFile
 
         said = RecordedFile(files[0].name, position_column="elbow_deg")

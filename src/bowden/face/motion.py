@@ -9,7 +9,7 @@ from bowden.core.errors import ParameterError
 
 
 class MinimumJerk:
-    """Motions of minimum jerk for a rig's reference: periodic, or from point to point; has no values of its own.
+    """Minimum-jerk motions for a rig's reference: `periodic` or `point_to_point`. The class itself is not a motion.
 
     >>> MinimumJerk.periodic(0.0, 1.2, period=4.0)
     PeriodicMinimumJerk(low=0.0, high=1.2, period=4.0)
@@ -25,14 +25,14 @@ class MinimumJerk:
         """
         values = ", ".join([*map(arguments.said, given), *(f"{name}={value!r}" for name, value in named.items())])
         raise ParameterError(
-            f"MinimumJerk({values}) is no motion",
+            f"MinimumJerk({values}) is not a motion",
             expected="a motion that is periodic, or goes from point to point",
             do="call MinimumJerk.periodic(low, high, period) or MinimumJerk.point_to_point(times, positions)",
         )
 
     @staticmethod
     def periodic(low: float, high: float, period: float) -> PeriodicMinimumJerk:
-        """From one angle to another in the first half of each period, and back in the second.
+        """From one angle to another in the first half of each period, and back in the second half.
 
         Args:
             low: joint angle at the start [rad].
@@ -51,7 +51,7 @@ class MinimumJerk:
 
     @staticmethod
     def point_to_point(times: Sequence[float], positions: Sequence[float]) -> PointToPoint:
-        """Through way points, at rest in each; with a hold where two following ones are equal.
+        """Through way points, with a stop at each; two equal points in a row make a pause.
 
         Args:
             times: when each is reached, increasing (k,) [s].
@@ -71,5 +71,7 @@ class MinimumJerk:
 
 def _row(values: Any, what: str) -> list[Any]:
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-        raise ParameterError(f"{what} is {arguments.said(values)}", expected="a list of numbers", do="[0.0, 1.0], say")
+        raise ParameterError(
+            f"{what} is {arguments.said(values)}", expected="a list of numbers", do="for example [0.0, 1.0]"
+        )
     return list(values)

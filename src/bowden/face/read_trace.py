@@ -13,13 +13,13 @@ _MCAP, _PARQUET = b"\x89MCAP0\r\n", b"PAR1"
 def read_trace(path: str | Path) -> Trace:
     """Read a trace: Parquet or CSV of ``bowden simulate`` and of `Trace`, or the MCAP log of a live run.
 
-    Of a log that was cut short or damaged, what can be read is read, and nothing is guessed.
+    If a log is cut short or damaged, the readable part is read, and nothing is guessed.
 
     Args:
-        path: of the file; what is in it decides, not its ending.
+        path: of the file; its contents decide how it is read, not the end of its name.
 
     Raises:
-        LogError: no such file, or none that bowden wrote.
+        LogError: no such file, or not a file of bowden.
 
     >>> import pathlib, tempfile
     >>> import numpy as np

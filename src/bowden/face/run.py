@@ -29,20 +29,20 @@ def run(
     out: str | Path = "out/run",
     force: bool = False,
 ) -> Iterator["Session"]:
-    """Run a law live, with every cycle in a log; a context, whose end is the run's, in a controlled release.
+    """Run a law live and record every cycle in a log; use it in a ``with`` statement.
 
-    The run starts stopped. ``session.complete()`` arms it and comes back when the reference, or a fault, has ended it;
-    ``session.ask(…)``, ``session.last()`` and ``session.wait(…)`` are for those who do it step by step; each is a sign
-    of life, and a run that has none for ``limits.operator_age`` is released and ends. After the block
-    ``session.trace()`` is the record; what ended the run otherwise than as asked is told as a warning. Before anything
-    starts, the law is checked as `bowden.check` does it.
+    The law is checked first, as `bowden.check` does it. The run starts stopped: ``session.complete()`` arms it, runs
+    the reference and returns at its end, or after a fault. To do this step by step, use ``session.ask(…)``,
+    ``session.last()`` and ``session.wait(…)``. Each call is a sign of life: without one for ``limits.operator_age`` the
+    run ends. The end of the block ends the run in a controlled release. After it, ``session.trace()`` is the record. If
+    a fault ended the run, a warning says which.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
-        law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law` that stands in a file; the rig's by default.
+        law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law` that is in a file; the rig's by default.
         preset: a named set of gains of that law.
         duration: of the run, in place of the rig's [s].
-        twin: run on a simulated drive of the same protocol, on a bus of its own, in place of the rig's drive.
+        twin: run on a simulated drive with the same protocol, on a bus of its own, and not on the rig's drive.
         channel: the bus, in place of the rig's.
         emg: ``lsl:NAME``, ``trigno:HOST`` or ``file:PATH``: EMG moves the joint, from that source.
         out: folder for the log.
@@ -53,7 +53,7 @@ def run(
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.
-        SafetyError: limits that contradict one another, or a rig on whose drive nobody has confirmed an angle by hand.
+        SafetyError: limits that contradict one another, or a drive without an angle that was confirmed by hand.
         DriveError: a bus or drive that cannot be used.
         OutputError: a folder that cannot be written.
 
@@ -67,7 +67,7 @@ def run(
     whole = whole if duration is None else whole.replace(duration=duration)
     twin, force = arguments.flag(twin, "run: twin"), arguments.flag(force, "run: force")
     if channel is not None:
-        arguments.text(channel, "run: channel", 'the name of a bus, "can0" say')
+        arguments.text(channel, "run: channel", 'the name of a bus, such as "can0"')
     if emg is not None:
         arguments.text(emg, "run: emg", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
     folder = arguments.path_of(out, "run: out", "folder")
@@ -127,7 +127,7 @@ def live_session(
     from bowden.live.session import Session, own_twin
 
     live = live_run(rig)
-    if not twin:  # another run's bus is told at once; the drive claims it for good
+    if not twin:  # another run's bus is refused at once; the drive claims it for good
         family_of(rig.drive).claim(rig.drive)()
         require_confirmed(rig)
     with contextlib.ExitStack() as stack:
@@ -139,7 +139,7 @@ def live_session(
                 tell(note)
         require(live.limits, live.rig.sample_time, "little_margin" if force else checked.name or "little_margin")
         if emg_process is not None:
-            emg_process.await_ready()  # a stream that cannot be used is told before anything else is started
+            emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
             live = live_run(stack.enter_context(own_twin(rig)), logged=rig)
         yield stack.enter_context(Session(live, new_log(out, live.law.name), emg_process, remembers=not twin))

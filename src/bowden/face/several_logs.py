@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from bowden.core import arguments
 from bowden.core.errors import ParameterError
 from bowden.core.trace import Trace
 from bowden.face.identify import read_log
+from bowden.face.progress import GivenProgress, reported
 from bowden.identify.cable.fit import Fit
 from bowden.identify.cable.loads import JointFit, identify_loads
 from bowden.identify.cable.model import CableModel, IdentifiedCable
@@ -30,23 +31,23 @@ def identify_together(
     load: "str | Sequence[float] | None" = None,
     bend: "str | Sequence[float] | None" = None,
     seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: GivenProgress = None,
     **columns: Any,
 ) -> JointFit:
-    """Fit one model to several logs of a cable, scheduled by their load, their bend, or both.
+    """Fit one model to several logs of a cable; the model depends on the load, the bend, or both.
 
     Args:
         logs: two or more paths, `Log`s of `read_log` or traces.
-        load: one value for each log in any unit, or the name of a column, whose mean counts; without it a column of a
-            common name where the logs are files. ``"none"`` for no load.
+        load: one value for each log, in any unit; or the name of a column, of which the mean is used. If left out, a
+            column with a common name is looked for in files. ``"none"`` for no load.
         bend: the same [rad].
         seed: of the search for the plain Bouc–Wen cable.
-        progress: called with what is being done and the share of the work that is behind.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
         **columns: ``time``, ``motor``, ``joint``, ``unit``, ``counts_per_turn`` and ``rate`` of files; see `read_log`.
 
     Returns:
-        The fit: ``best``, the scheduled model, as a rig takes it, ``at(load=…)``, the same at a load, and how well each
-        log is predicted by the others.
+        The fit: ``best``, the model, for ``Rig(cable=…)``; ``at(load=…)``, the model at a load; and how well the other
+        logs predict each log.
 
     Raises:
         LogError: files that cannot be read, or logs that do not go together.
@@ -64,8 +65,6 @@ def identify_together(
     -0.1
     """
     seed = arguments.whole(seed, "identify_together: seed", 0)
-    if progress is not None:
-        arguments.function(progress, "identify_together: progress", arguments.PROGRESS)
     if isinstance(logs, str | Path | Log | Trace) or not isinstance(logs, Sequence):
         raise ParameterError(
             f"identify_together: logs is {arguments.said(logs)}",
@@ -76,7 +75,8 @@ def identify_together(
     by = [_variable(name, given, logs, read) for name, given in (("load", load), ("bend", bend))]
     values = (one.values if one else None for one in by)
     units = [one.unit if one else "" for one in by]
-    fit = identify_loads(read, *values, units=units, seed=seed, progress=progress)
+    with reported(progress, "identify_together") as report:
+        fit = identify_loads(read, *values, units=units, seed=seed, progress=report)
     return dataclasses.replace(fit, warnings=(*fit.warnings, *(one.said for one in by if one and one.said)))
 
 
@@ -88,17 +88,17 @@ def recalibrate(
     bend: "str | float | None" = None,
     **columns: Any,
 ) -> Recalibration:
-    """Fit gain and offset of a known cable's model to seconds of new motion, and say whether the cable has changed.
+    """Fit gain and offset of a known model to a few seconds of new motion, and say whether the cable has changed.
 
     Args:
-        log: a path, a `Log` of `read_log` or a trace, with a reversal at least.
-        model: a model.toml, or what `identify`, `identify_together` or `recalibrate` gave.
-        load: of the log, where the model is scheduled by it; a number, or the name of a column.
+        log: a path, a `Log` of `read_log` or a trace, with at least one reversal.
+        model: a model.toml, or what `identify`, `identify_together` or `recalibrate` returned.
+        load: of the log, if the model depends on it; a number, or the name of a column.
         bend: the same [rad].
         **columns: ``time``, ``motor``, ``joint``, ``unit``, ``counts_per_turn`` and ``rate`` of a file.
 
     Returns:
-        Gain, offset, the errors before and after, ``changed``, and ``best``, the model as a rig takes it.
+        Gain, offset, the errors before and after, ``changed``, and ``best``, the new model, for ``Rig(cable=…)``.
 
     Raises:
         LogError: a file that cannot be read, no reversal, or a joint that moves the other way.
@@ -167,7 +167,7 @@ def _log(given: Any, what: str, columns: Mapping[str, Any]) -> Log:
     raise ParameterError(
         f"{what} is {arguments.said(given)}",
         expected="a path, a Log of bowden.read_log, or a Trace",
-        do="hand over arrays as bowden.identify(time, motor, joint)",
+        do="give arrays as bowden.identify(time, motor, joint)",
     )
 
 

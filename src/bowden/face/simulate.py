@@ -7,6 +7,7 @@ from typing import Any, overload
 from bowden.control import Law, user_law
 from bowden.core import arguments
 from bowden.core.trace import Trace
+from bowden.core.traces import Traces
 from bowden.design.verdict import CheckVerdict, verdicts
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
@@ -20,8 +21,8 @@ Progress = Callable[[str, float], None]
 class Simulated:
     """What came of some laws on one rig."""
 
-    traces: dict[str, Trace]
-    """Name of the law → its run; laws of one name are told apart by a number."""
+    traces: Traces
+    """Name of the law → its run; laws of one name get a number."""
     checked: list[CheckVerdict]
     """What the check made of each law before."""
     notes: tuple[str, ...]
@@ -51,7 +52,7 @@ def simulated(
     checked = verdicts(rig, laws, name, force=force)
     pushing = rig.pushing.notes(list(laws), force=force) if rig.pushing else []
     notes = (*rig.notes, *pushing, *(verdict.note for verdict in checked if verdict.note))
-    traces: dict[str, Trace] = {}
+    traces = Traces()
     names = given.numbered([law.name for law in laws])
     for i, (law, own) in enumerate(zip(laws, names, strict=True)):
         progress(f"simulating {own}", 0.1 + 0.7 * i / len(laws))
@@ -86,7 +87,7 @@ def simulate(
     duration: float | None = None,
     seed: int | None = None,
     force: bool = False,
-) -> dict[str, Trace]: ...
+) -> Traces: ...
 
 
 def simulate(
@@ -97,10 +98,10 @@ def simulate(
     duration: float | None = None,
     seed: int | None = None,
     force: bool = False,
-) -> Trace | dict[str, Trace]:
-    """Run a law, or several side by side, on a rig's plant, reference and scenario.
+) -> Trace | Traces:
+    """Simulate a law, or several laws side by side, on a rig.
 
-    Before anything runs, every law is checked as `bowden.check` does it; one that does not hold is refused.
+    Every law is checked first, as `bowden.check` does it. A law that does not hold is refused.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
@@ -111,7 +112,7 @@ def simulate(
         force: run laws that do not hold, too.
 
     Returns:
-        The trace; of a list, name of the law → its trace.
+        The trace. For a list of laws: a dictionary, name of the law → trace, which shows and draws all of them.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used, or a law that does not hold.

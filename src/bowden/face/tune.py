@@ -1,7 +1,7 @@
 """`tune`: gains with margins for a rig."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,11 +9,15 @@ from typing import Any
 from bowden.control import Law, user_law
 from bowden.control.knowledge import preset_of
 from bowden.core import arguments
+from bowden.core.shown import listed
+from bowden.core.toml_text import quoted
+from bowden.design.other_law import other_law
 from bowden.design.processes import Mapper, two_workers
-from bowden.design.tune import BrokenOff, Tuning
+from bowden.design.tune import BrokenOff, NoGainsError, Tuning
 from bowden.design.tune import tune as search
 from bowden.face import given
 from bowden.face.given import GivenLaw, GivenRig
+from bowden.face.progress import GivenProgress, Progress, reported
 from bowden.rig import ranges
 from bowden.rig.given_law import LawFile
 from bowden.rig.given_plant import PlantFile
@@ -21,8 +25,6 @@ from bowden.rig.rig import Rig
 from bowden.study import tune_study
 from bowden.study.load import load
 from bowden.study.study import Study
-
-Progress = Callable[[str, float], None]
 
 
 def tune(
@@ -33,27 +35,29 @@ def tune(
     study: str | Path | None = None,
     seed: int = 0,
     generations: int | None = None,
-    progress: Progress = lambda what, share: None,
+    progress: GivenProgress = None,
 ) -> Tuning:
-    """Find gains that keep 6 dB and 45° over the sheath's bends, and follow best in the worst of nine runs.
+    """Search for gains that keep margins of 6 dB and 45° over all bends of the sheath and follow best.
+
+    Best means the smallest error in the worst of nine runs.
 
     Args:
-        rig: a `Rig`, or the path of a rig.toml (which is left as it is).
+        rig: a `Rig`, or the path of a rig.toml (the file is not changed).
         law: a key of `LAWS`, ``FILE.py:NAME`` or a `Law`; the rig's by default.
         preset: a named set of gains of that law, to begin with.
-        study: the path of a study (docs/campaign.md) that names no rig, or this one: tune against plants of it in place
-            of the nine runs, and judge the gains by others of it.
-        seed: of the search; with the same seed the result is the same.
-        generations: of the search, whose time grows with them; 32 at 1 kHz, and 8 on a suit, which take minutes.
-        progress: called with what is being done and the share of the work that is behind.
+        study: the path of a study (docs/campaign.md) without a rig, or with this one. The gains are then tuned against
+            some of its plants, in place of the nine runs, and judged on others.
+        seed: of the search; the same seed gives the same result.
+        generations: of the search; the time grows with them. 32 by default, 8 on a suit; both take minutes.
+        progress: True for a line that says how far it is, or a function of what is being done and the share done.
 
     Returns:
         The tuning: ``rig``, the rig with the law and these gains; ``gains`` that changed; margins and errors.
 
     Raises:
-        ParameterError: a rig, law, study or setting that cannot be used, or no gains that hold: with the nearest rig
-            for which there are some.
-        BrokenOff: interrupted, a KeyboardInterrupt that carries the best gains so far as its ``tuning``.
+        ParameterError: a rig, law, study or setting that cannot be used; or no gains hold, and the message names the
+            nearest rig for which some do.
+        BrokenOff: interrupted; a KeyboardInterrupt whose ``tuning`` has the best gains so far.
 
     >>> tuning = tune(Rig(), "adaptive", generations=1)
     >>> tuning.rig.gains == tuning.gains, tuning.found.verdict
@@ -63,11 +67,10 @@ def tune(
     seed = arguments.whole(seed, "tune: seed", 0)
     if generations is not None:
         generations = arguments.whole(generations, "tune: generations", 1)
-    arguments.function(progress, "tune: progress", arguments.PROGRESS)
     path = None if study is None else arguments.path_of(study, "tune: study")
     given.tell(whole.notes)
-    with given.in_words_of_python():
-        return tuned(whole, path, seed=seed, generations=generations, progress=progress)
+    with given.in_words_of_python(), reported(progress, "tune") as report:
+        return tuned(whole, path, seed=seed, generations=generations, progress=report)
 
 
 def tuned(
@@ -116,6 +119,10 @@ def tuned(
                 )
         except BrokenOff as broken:
             raise BrokenOff(whole(broken.tuning)) from None
+        except NoGainsError as error:
+            better = other_law(looked_at, [law.name])
+            more = "" if better is None else f"{better}: write law = {quoted(better.law)} into [control]"
+            raise NoGainsError(error.what, expected=error.expected, do=listed((error.do, more), "; ")) from None
         if plants is None:
             return whole(found)
         try:

@@ -35,8 +35,8 @@ class TorqueLeft(IntEnum):
 
 TORQUE_LEFT = {
     TorqueLeft.OFF: "",
-    TorqueLeft.UNKNOWN: "the drive has not said that its torque is off: take it for on, and press the emergency stop",
-    TorqueLeft.ON: "the drive still has its torque, though it was told off: press the emergency stop now",
+    TorqueLeft.UNKNOWN: "the drive has not confirmed that its torque is off: assume it is on, press the emergency stop",
+    TorqueLeft.ON: "the drive still has torque although it was switched off: press the emergency stop now",
 }
 """What it means for the operator."""
 

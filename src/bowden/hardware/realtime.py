@@ -61,9 +61,9 @@ def become_realtime(settings: Settings) -> list[Grant]:
     return grants
 
 
-_REMEDY_PRIORITY = "allow it: add `USER - rtprio 95` to /etc/security/limits.conf and log in anew"
+_REMEDY_PRIORITY = "allow it: add `USER - rtprio 95` to /etc/security/limits.conf and log in again"
 _REMEDY_AWAKE = "allow it: let this user write to /dev/cpu_dma_latency (a udev rule), or run as root"
-_REMEDY_MEMORY = "allow it: add `USER - memlock unlimited` to /etc/security/limits.conf and log in anew"
+_REMEDY_MEMORY = "allow it: add `USER - memlock unlimited` to /etc/security/limits.conf and log in again"
 
 
 def _asked(name: str, ask: Callable[[int], str], value: int, remedy: str) -> Grant:

@@ -14,7 +14,7 @@ from bowden.safety.limits import Limits
 from bowden.sim.suit_sources import behind, friction_of
 
 MARGIN = ROOM
-"""The reference stays so far within the range in which the supervisor lets joint and motor be: a wearer's push takes
+"""The reference stays this far within the range in which the supervisor lets joint and motor be: a wearer's push takes
 the joint further than the motor, and a law that feeds the joint back may be led as far beyond that range [rad]."""
 
 REVERSAL = 1.5
@@ -43,7 +43,7 @@ def live_pushing(pushing: Pushing, limits: Limits, strongest: float, *, by_emg: 
     if by_emg:
         raise ParameterError(
             "admittance.enabled is true in a run by EMG",
-            expected="one source of the reference: the wearer's push, or their EMG",
+            expected="one source of the reference: either the wearer's push or their EMG",
             do="disable [admittance], or leave --emg and emg.source out",
         )
     if pushing.section.torque != "estimate":
@@ -63,7 +63,7 @@ def live_pushing(pushing: Pushing, limits: Limits, strongest: float, *, by_emg: 
     if limits.tracking < REVERSAL * without:
         notes.append(
             f"limits.tracking_deg is {limits.tracking / RADIANS:g}; where a motion turns, friction leaves the motor "
-            f"{REVERSAL * without / RADIANS:.0f}° behind, and the supervisor takes it for one that does not follow"
+            f"{REVERSAL * without / RADIANS:.0f}° behind, and the supervisor regards it as a motor that does not follow"
         )
     return replace(pushing, admittance=inside, room=room), notes
 
@@ -100,7 +100,7 @@ def _of_friction(pushing: Pushing, strongest: float) -> list[str]:
         raise ParameterError(
             said,
             expected=f"at least {least:g}, and this drive has {strongest:.4g} at most: {why}",
-            do="the suit cannot run live with this drive; take a stronger drive, or lessen the friction",
+            do="the suit cannot run live with this drive; use a stronger drive, or reduce the friction",
         )
     usual = math.isclose(friction_of(pushing.suit), friction_of(papers_suit())) and strongest >= PAPERS
     do = f"set it, to {PAPERS:g} on the paper's suit" if usual else "set it"

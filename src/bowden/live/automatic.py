@@ -20,7 +20,7 @@ class Watched(Protocol):
 
     ready: dict[str, Any]
     began_latched: bool
-    """Whether a run before it was latched by what nobody has acknowledged."""
+    """Whether a run before it was latched by what has not been acknowledged."""
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns."""
@@ -35,7 +35,7 @@ def automatic(session: Watched) -> Iterator[bool]:
     Raises:
         SafetyError: what speaks against arming does not go.
     """
-    begun, told, asked = None, False, False
+    begun, announced, asked = None, False, False
     for request, wanted in ((Request.ARM, Mode.PREFLIGHT), (Request.RUN, Mode.RUNNING)):
         while True:
             row = session.last()
@@ -48,11 +48,11 @@ def automatic(session: Watched) -> Iterator[bool]:
                 break
             if not asked and row["mode"] == Mode.LATCHED:
                 listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
-                last = "the last run ended in a fault that nobody has acknowledged"
+                last = "the last run ended in a fault that has not been acknowledged"
                 what = last if session.began_latched else "the supervisor has latched a fault before this run was armed"
                 raise SafetyError(
                     f"{what}: {listed or 'which is not known'}",
-                    do="mend the cause, and acknowledge it with k in a run without --auto",
+                    do="correct the cause, and acknowledge it with k in a run without --auto",
                 )
             if row["mode"] >= Mode.RELEASING or (request == Request.RUN and row["mode"] == Mode.STOPPED):
                 return
@@ -66,10 +66,10 @@ def automatic(session: Watched) -> Iterator[bool]:
                 if found != [Fault.LATE] or waited > _LATE_PATIENCE:
                     do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
                     raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
-                if not told:
+                if not announced:
                     said = f"not armed yet, {listed}; it is waited for, {_LATE_PATIENCE:g} s at most"
                     print(f"bowden: note: {said}", file=sys.stderr)
-                told = True
+                announced = True
             session.ask(request)
             asked = True
             yield True

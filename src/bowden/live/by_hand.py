@@ -4,9 +4,9 @@ A joint whose counts a turn are wrong by a factor, with a motor wrong by the sam
 everything else: drives need not know their encoder, no drive knows the joint's, and no law sees it. So before a motor
 that is none of a twin's gets power for the first time, somebody turns it by hand and says by how much the joint went.
 
-    |joint − told| ≤ share·told + reading,    told/steepest ≤ motor ≤ (told + play)/flattest, widened by the same
+    |joint − moved| ≤ share·moved + reading,    moved/steepest ≤ motor ≤ (moved + play)/flattest, widened by the same
 
-all counted in the direction in which the cable pulls, which only a hand can tell.
+all counted in the direction in which the cable pulls, which only turning by hand can show.
 """
 
 import hashlib
@@ -40,25 +40,28 @@ _LEAST_SLOPE = 1e-3
 _TURNED = "(where the sign is wrong) slack_sign of [limits] or "
 
 
-def contradictions(told: float, joint: float, motor: float, limits: Limits) -> list[str]:
+def contradictions(moved: float, joint: float, motor: float, limits: Limits) -> list[str]:
     """What both encoders say against the angle by which the joint was turned, in sentences; empty if they agree.
 
     Args:
-        told: by which whoever turned it has seen the cable pull the joint [rad].
+        moved: how far the cable has pulled the joint, as whoever turned it has read it [rad].
         joint: change of the joint's angle [rad].
         motor: change of the motor's [rad].
         limits: with the cable's slopes and play.
     """
-    if not told >= LEAST:
-        return [f"{told * DEGREES:.3g}° is too little to tell a scale by; turn it by {LEAST * DEGREES:g}° or more"]
-    pull, slack, found = -limits.slack_sign, SHARE * told + READING, []
+    if not moved >= LEAST:
+        return [f"{moved * DEGREES:.3g}° is too little to check a scale; turn it by {LEAST * DEGREES:g}° or more"]
+    pull, slack, found = -limits.slack_sign, SHARE * moved + READING, []
     joint, motor = pull * joint, pull * motor
-    if not abs(joint - told) <= slack:
+    if not abs(joint - moved) <= slack:
         found.append(
-            f"the cable has pulled the joint by {told * DEGREES:.3g}°, by its encoder that is {joint * DEGREES:.3g}°: "
+            f"the cable has pulled the joint by {moved * DEGREES:.3g}°, but its encoder shows {joint * DEGREES:.3g}°: "
             f"correct joint_counts_per_turn or {_TURNED}joint_direction"
         )
-    low, high = told / max(limits.slope_high, _LEAST_SLOPE), (told + limits.play) / max(limits.slope_low, _LEAST_SLOPE)
+    low, high = (
+        moved / max(limits.slope_high, _LEAST_SLOPE),
+        (moved + limits.play) / max(limits.slope_low, _LEAST_SLOPE),
+    )
     if not low - slack <= motor <= high + slack:
         found.append(
             f"the motor should have pulled by {low * DEGREES:.3g}° to {high * DEGREES:.3g}° for it, by its encoder "
@@ -74,7 +77,7 @@ def turned(
     """The angle that somebody says to have turned the joint by [rad], and what was read before and after.
 
     Args:
-        drive: brought up; it is told power off in every cycle.
+        drive: brought up; every cycle it is sent power off.
         lines: what was entered since it was asked last; None of nothing yet.
         say: shows a sentence.
         clock: to go by.
@@ -88,14 +91,14 @@ def turned(
     before, _ = _until(drive, lines, clock, period)
     say(
         f"Turn the motor by hand, at its spool or its shaft, so that the cable pulls the joint by {LEAST * DEGREES:g}° "
-        "or more. Read with a goniometer by how much it has gone, type that in degrees, and press Enter."
+        "or more. Measure with a goniometer how far the joint has turned, type that in degrees, and press Enter."
     )
     after, entered = _until(drive, lines, clock, period)
     try:
-        told = float(entered.strip().rstrip("°").replace(",", ".")) * RADIANS
+        moved = float(entered.strip().rstrip("°").replace(",", ".")) * RADIANS
     except ValueError:
-        raise SafetyError(f"{entered.strip()!r} is no angle", expected="degrees, such as 45") from None
-    return told, before, after
+        raise SafetyError(f"{entered.strip()!r} is not an angle", expected="degrees, such as 45") from None
+    return moved, before, after
 
 
 def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, period: float) -> tuple[DriveReading, str]:
@@ -106,12 +109,12 @@ def _until(drive: Drive, lines: Callable[[], str | None], clock: TimeSource, per
         reading = drive.read(now / SECOND)
         drive.write(0.0, Power.OFF, now / SECOND)
         if reading.drive_state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
-            raise DriveError("the drive has torque, though it was told off", do="press the emergency stop")
+            raise DriveError("the drive has torque although it was switched off", do="press the emergency stop")
         angles = ((reading.motor, reading.motor_age), (reading.joint, reading.joint_age))
         there = all(math.isfinite(angle) and age <= _OLD for angle, age in angles)
         missing = 0 if there else missing + 1
         if missing > SETTLED:
-            raise DriveError("the drive sends no angle", do="look at the encoders' plugs and the drive's PDOs")
+            raise DriveError("the drive sends no angle", do="check the encoders' plugs and the drive's PDOs")
         entered = lines() if entered is None else entered
         if entered is not None and not missing:
             return reading, entered
@@ -127,17 +130,17 @@ def _path(rig: Rig) -> Path:
     return state_folder() / f"by-hand-{name.hexdigest()[:16]}.json"
 
 
-def confirm(rig: Rig, told: float, joint: float, motor: float) -> Path:
+def confirm(rig: Rig, moved: float, joint: float, motor: float) -> Path:
     """Keep that the angles of a rig's drive were confirmed; where it is kept.
 
     Raises:
-        SafetyError: they do not agree with what was told.
+        SafetyError: they do not agree with what was read by hand.
         OutputError: it cannot be kept.
     """
-    found = contradictions(told, joint, motor, rig.supervisor_limits)
+    found = contradictions(moved, joint, motor, rig.supervisor_limits)
     if found:
         raise SafetyError("; ".join(found))
-    kept = {"rig": rig.hash, "utc": unix_seconds(), "told_deg": told * DEGREES}
+    kept = {"rig": rig.hash, "utc": unix_seconds(), "told_deg": moved * DEGREES}
     kept |= {"joint_deg": joint * DEGREES, "motor_deg": motor * DEGREES}
     try:
         path = _path(rig)
@@ -155,10 +158,10 @@ def confirmed(rig: Rig) -> bool:
         return True
     try:
         kept = json.loads(_path(rig).read_text(encoding="utf-8"))
-        told, joint, motor = (float(kept[name]) * RADIANS for name in ("told_deg", "joint_deg", "motor_deg"))
+        moved, joint, motor = (float(kept[name]) * RADIANS for name in ("told_deg", "joint_deg", "motor_deg"))
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, RecursionError):
         return False
-    return not contradictions(told, joint, motor, rig.supervisor_limits)
+    return not contradictions(moved, joint, motor, rig.supervisor_limits)
 
 
 def require_confirmed(rig: Rig) -> None:
@@ -169,7 +172,7 @@ def require_confirmed(rig: Rig) -> None:
     """
     if not confirmed(rig):
         raise SafetyError(
-            "nobody has confirmed an angle on this drive with these scales and directions",
-            expected="the joint turned once by hand, without power, beside both encoders",
+            "no angle has been confirmed by hand on this drive with these scales and directions",
+            expected="the joint turned once by hand, without power, and compared with both encoders",
             do=shlex.join(["bowden", "confirm", rig.origin]),
         )

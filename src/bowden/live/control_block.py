@@ -1,7 +1,7 @@
-"""The few words that the operator's process tells the loop, in shared memory: a sign of life, requests, the end.
+"""The few words that the operator's process sends to the loop, in shared memory: a sign of life, requests, the end.
 
 Words of int64, each written by the operator's side alone. There is nothing to lock: a word is written whole, and a
-request is told from the one before by its number.
+request is distinguished from the one before by its number.
 """
 
 from pathlib import Path

@@ -1,10 +1,10 @@
-"""What the preflight's last motion tells of the cable's dead zone, for the record.
+"""What the preflight's last motion shows of the cable's dead zone, for the record.
 
 The motor goes out until the joint follows and comes back by as much; there the cable crosses its dead zone once:
 
     width = motor's way back − joint's way back/slope
 
-It is that of a small stroke, and a lower bound where the joint has not come back at all. No law is told it: our law's
+It is that of a small stroke, and a lower bound where the joint has not come back at all. No law gets it: our law's
 first strokes are 3 % better with it and its next ones 2 % worse (decision 27).
 """
 

@@ -34,7 +34,7 @@ class Columns(Protocol):
 
 
 def figures(log: Columns, run: "EmgRun", emg_process: "EmgProcess") -> dict[str, Any]:
-    """Of a run's log, as JSON values; delays count from the sample with which a contraction was told.
+    """Of a run's log, as JSON values; delays count from the sample with which a contraction was detected.
 
     In the proportional mode the joint follows the envelope: there are no motions to speak of.
     """
@@ -101,7 +101,7 @@ def print_figures(found: Mapping[str, Any]) -> None:
         if found[f"onset_to_{name}_ms"]
     ]
     if said:
-        print(f"from the sample that tells a contraction: {', '.join(said)}")
+        print(f"from the sample with which a contraction was detected: {', '.join(said)}")
     age = f"; {found['age_ms']['p50']:.0f} ms old in the loop in the median" if found["age_ms"] else ""
     if found["wearer"]:
         print(f"levels of {found['wearer']}")

@@ -1,4 +1,4 @@
-"""What a run was latched by and nobody has acknowledged, kept for the next one: a restart acknowledges nothing.
+"""Faults of a run that have not been acknowledged, kept for the next run: a restart acknowledges nothing.
 
 One file for a drive. It is there from the latch to the acknowledgement, whichever process ends meanwhile. What is there
 and cannot be read is a latch all the same. A twin on a bus between processes hurts nobody, and is not remembered.
@@ -21,7 +21,7 @@ def latch_path(drive: Any) -> Path | None:
 
 
 def read(drive: Any) -> float | None:
-    """The faults that nobody has acknowledged, a sum of 2**fault; None where there is no latch."""
+    """The faults that have not been acknowledged, a sum of 2**fault; None where there is no latch."""
     try:
         path = latch_path(drive)
         if path is None:
@@ -31,13 +31,13 @@ def read(drive: Any) -> float | None:
     except (FileNotFoundError, RuntimeError):  # RuntimeError: a user without a home
         return None
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        said = f"what latched the last run cannot be read from {path} ({type(error).__name__}: {error})"
-        print(f"bowden: note: {said}; it has to be acknowledged all the same", file=sys.stderr)
+        said = f"the fault of the last run cannot be read from {path} ({type(error).__name__}: {error})"
+        print(f"bowden: note: {said}; it has to be acknowledged anyway", file=sys.stderr)
         return 0.0
 
 
 def write(drive: Any, faults: float) -> None:
-    """Keep a latch, and wait until the disk has it; what cannot be kept is told on standard error.
+    """Keep a latch, and wait until the disk has it; what cannot be kept is reported on standard error.
 
     The latch of this run holds in any case.
     """
@@ -46,8 +46,8 @@ def write(drive: Any, faults: float) -> None:
         if path is not None:
             drive_file.keep(path, {"faults": [fault.name for fault in of(faults)]}, surely=True)
     except (OSError, RuntimeError) as error:  # RuntimeError: a user without a home
-        said = f"what latched this run cannot be kept ({error})"
-        print(f"bowden: note: {said}; the next one will not begin latched", file=sys.stderr)
+        said = f"the fault of this run cannot be stored ({error})"
+        print(f"bowden: note: {said}; the next run will not ask for an acknowledgement", file=sys.stderr)
 
 
 def acknowledge(drive: Any) -> None:

@@ -35,7 +35,7 @@ from bowden.sensing.intent import FOLLOWED_ACCELERATION, FOLLOWED_SPEED, TURNED_
 
 WRONG_WAY = 1.5 * RADIANS
 """Motion of the joint that the preflight believes: after a reversal the paper's own cable first goes the wrong way by
-more than half a degree (docs/theory.md, erratum on monotone travel) [rad]."""
+more than half a degree (docs/background/theory.md, erratum on monotone travel) [rad]."""
 
 READER_SHARE = 0.2
 """Of `emg_age`, after which a process that has not looked for samples is gone: it looks every 2 ms, and needs not wait
@@ -165,7 +165,8 @@ def live_run(rig: Rig, *, measure: bool = False, logged: Rig | None = None) -> L
         raise ParameterError(
             f"{rig.origin}: the cable's slope is negative",
             expected="a joint angle that grows with the motor's",
-            do="turn motor_direction or joint_direction of [drive] round, and measure anew",
+            do="write direction = -1 below the model in [cable], if the log counted the motor the other way round than "
+            "this drive does; else change the sign of motor_direction or joint_direction of [drive], and measure again",
         )
     _ = rig.drive_parameters  # which refuses what makes no sense together
     _ = rig.pack()  # which refuses more than a log's head and the loop's process can take

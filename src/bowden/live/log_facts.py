@@ -1,4 +1,4 @@
-"""The facts of a log, as ``bowden log info`` and its page tell them."""
+"""The facts of a log, as ``bowden log info`` and its page show them."""
 
 import json
 from collections.abc import Iterator
@@ -65,7 +65,7 @@ def _percentiles(found: Recording, column: str) -> dict[str, float] | None:
 
 
 def _overruns(found: Recording) -> int | None:
-    """Deadlines that were skipped; the column tells how many before each cycle."""
+    """Deadlines that were skipped; the column says how many before each cycle."""
     if "overruns" not in found.columns or not np.isfinite(found["overruns"]).any():
         return None
     return int(np.nansum(found["overruns"]))

@@ -51,7 +51,9 @@ def law_of(found: Recording, wanted: str | None) -> tuple[Law, bool]:
     try:
         law = law.with_gains(**gains)
     except (ParameterError, TypeError) as error:
-        raise LogError(f"the log's gains do not fit the law {law.name!r}: {error}", do="name another law") from error
+        raise LogError(
+            f"the log's gains are not those of the law {law.name!r}: {error}", do="name another law"
+        ) from error
     return informed(law, _known_of(found.settings)), True  # its conditioner knows the rig; the gains are the record's
 
 
@@ -113,7 +115,7 @@ def source_for(found: Recording, law: Law) -> Source:
     for (path, again), (_, given) in zip(leaves(push(ran)), leaves(had), strict=True):
         if not np.isclose(again, given, rtol=1e-9, atol=0.0):
             raise LogError(
-                f"the log's rig makes another source of the wearer's push: its {name_of(path)} is {again:.12g}, "
+                f"the log's rig computes the wearer's push in another way: its {name_of(path)} is {again:.12g}, "
                 f"and ran with {given:.12g}",
                 do=_WITHOUT,
             )
@@ -134,7 +136,7 @@ def _suit_of(document: Any) -> tuple[Suit, float]:
 def _rig_of(document: Any) -> Rig:
     """A log's rig.
 
-    Of a log that has a rig.toml's sections alone, what a replay does not need is left out, lest files be looked for
+    Of a log that has a rig.toml's sections alone, what a replay does not need is left out, so that no files are needed
     that were the run's: reference and cable's model.
     """
     where = Path("the log's rig")

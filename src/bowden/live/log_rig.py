@@ -22,7 +22,7 @@ class OwnFile(NamedTuple):
     modules: tuple[UserModule, ...]
 
 
-_OLDER = "the log is of an older bowden, which kept the rig's sections and not what they name"
+_OLDER = "the log is of an older bowden, which stored the rig's sections but not the files that they name"
 
 
 def rig_of_log(path: Path) -> Rig:
@@ -62,8 +62,8 @@ class UnknownCodeError(LogError):
         self.files = files
         names = " and ".join(shortened(one.name) for one in files)
         super().__init__(
-            f"{where} has a program of its own, {names}, which this user has never run here",
-            expected="a law that is trusted: a program may do whatever its user may",
+            f"{where} has a program of its own, {names}, which this user has never run on this computer",
+            expected="a law that you trust: it can do everything that its user can do",
             do="trust it with bowden log replay --trust-law, or name your own copy of it once",
         )
 

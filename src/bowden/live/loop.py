@@ -87,7 +87,7 @@ class Loop:
         The end waits until the drive says that its torque is off, or the supervisor has found that it keeps it.
 
         Raises:
-            SafetyError: the supervisor's verdict was broken; the torque has been told off, and the cycle is recorded.
+            SafetyError: the supervisor's verdict was broken; the torque is switched off, and the cycle is recorded.
         """
         try:
             cycles, overruns, mode, faults, stalled = self._run()

@@ -22,7 +22,7 @@ class Machine:
     preemption: str
     """``PREEMPT_RT``, ``PREEMPT_DYNAMIC``, … or ``none``, as the kernel's version says."""
     clock_source: str
-    """What the kernel tells time by; ``tsc`` is the quick one on a PC."""
+    """The clock of the kernel; ``tsc`` is the quick one on a PC."""
     processors: list[int]
     """That this process may run on."""
     isolated: list[int]

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from mcap.opcode import Opcode
-from mcap.records import Channel, Schema
 from numpy.typing import NDArray
+
+from bowden.live.mcap_records import Channel, Opcode, Schema
 
 PACKAGE = "bowden_msgs/msg/"
 _CDR_LITTLE_ENDIAN = 0x00000100  # the four bytes 00 01 00 00, read as a little-endian word
@@ -84,8 +84,8 @@ def declarations(found: Sequence[Topic]) -> list[tuple[Schema, Channel]]:
 
 def _declare(number: int, topic: str, text: str) -> tuple[Schema, Channel]:
     name = PACKAGE + "".join(part.capitalize() for part in topic[1:].split("_"))
-    schema = Schema(id=number, data=text.encode(), encoding="ros2msg", name=name)
-    return schema, Channel(id=number, topic=topic, message_encoding="cdr", metadata={}, schema_id=number)
+    schema = Schema(id=number, name=name, encoding="ros2msg", data=text.encode())
+    return schema, Channel(id=number, schema_id=number, topic=topic, message_encoding="cdr")
 
 
 class Packing:

@@ -7,29 +7,29 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import (
+from numpy.typing import NDArray
+
+from bowden.live.mcap_layout import Event, Packing, declarations, topics
+from bowden.live.mcap_records import (
     ChunkIndex,
     DataEnd,
     Footer,
     Header,
-    McapRecord,
     Metadata,
     MetadataIndex,
+    Opcode,
+    Record,
     Statistics,
     SummaryOffset,
+    packed,
 )
-from numpy.typing import NDArray
-
-from bowden.live.mcap_layout import Event, Packing, declarations, topics
 from bowden.live.ring import Description
 
 MAGIC = b"\x89MCAP0\r\n"
 ABOUT = "bowden"
 """Name of the metadata record that stands first in a file, with what `about` says."""
 _ENDLESS = 1e9
-"""No run lasts so long, and 64 bits hold it [s]."""
+"""No run lasts this long, and 64 bits hold it [s]."""
 CLOSING = "bowden.closing"
 """Name of the metadata record that stands last in a file that was closed properly."""
 
@@ -82,7 +82,7 @@ class LogFile:
         """Length of the whole records so far [bytes]."""
         self.rows = 0
         """Rows in the file."""
-        head = MAGIC + _bytes(Header("ros2", "bowden"), *(record for pair in self._declared for record in pair))
+        head = MAGIC + packed([Header("ros2", "bowden"), *(record for pair in self._declared for record in pair)])
         self._append(head)
         self._put_metadata(ABOUT, metadata)
 
@@ -105,11 +105,11 @@ class LogFile:
             for channel, offset in enumerate(self._packing.offsets(), 1)
         ]
         stamps = [int(log_time[np.searchsorted(numbers, event.number)]) for event in events]
-        packed = [self._packing.pack_event(event, stamp) for event, stamp in zip(events, stamps, strict=True)]
-        if packed:
-            offsets = len(data) + np.cumsum([0, *map(len, packed[:-1])])
+        texts = [self._packing.pack_event(event, stamp) for event, stamp in zip(events, stamps, strict=True)]
+        if texts:
+            offsets = len(data) + np.cumsum([0, *map(len, texts[:-1])])
             index.append(_message_index(self._packing.event_channel, np.array(stamps), offsets))
-            data += b"".join(packed)
+            data += b"".join(texts)
         first, last = int(log_time.min()), int(log_time.max())
         head = struct.pack("<QQQIIQ", first, last, len(data), zlib.crc32(data), 0, len(data))
         chunk = struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)) + head + data
@@ -119,16 +119,14 @@ class LogFile:
         entry = ChunkIndex(
             chunk_length=len(chunk),
             chunk_start_offset=self.size,
-            compression="",
-            compressed_size=len(data),
             message_end_time=last,
             message_index_length=sum(map(len, index)),
             message_index_offsets=places,
             message_start_time=first,
-            uncompressed_size=len(data),
+            size=len(data),
         )
         self._append(chunk + b"".join(index))
-        self._chunks.append((entry, len(rows), len(packed)))
+        self._chunks.append((entry, len(rows), len(texts)))
         self.rows += len(rows)
 
     def finish(self, closing: Mapping[str, str]) -> int:
@@ -148,7 +146,7 @@ class LogFile:
             before, kept = self.size, len(self._metadata)
             try:
                 self._put_metadata(CLOSING, {**closing, "given_up": str(given_up), "rows": str(self.rows)})
-                self._append(_bytes(DataEnd(0)))
+                self._append(DataEnd().packed())
                 self._append(self._summary())
                 return given_up
             except OSError:
@@ -176,7 +174,7 @@ class LogFile:
         self.size += len(data)
 
     def _put_metadata(self, name: str, metadata: Mapping[str, str]) -> None:
-        data, at = _bytes(Metadata(name, dict(metadata))), self.size
+        data, at = Metadata(name, dict(metadata)).packed(), self.size
         self._append(data)
         self._metadata.append(MetadataIndex(at, len(data), name))
 
@@ -187,17 +185,15 @@ class LogFile:
         counts |= {self._packing.event_channel: events} if events else {}
         entries = [entry for entry, _, _ in self._chunks]
         statistics = Statistics(
-            attachment_count=0,
             channel_count=len(self._declared),
             channel_message_counts=counts,
             chunk_count=len(entries),
-            message_count=sum(counts.values()),
             message_end_time=max((entry.message_end_time for entry in entries), default=0),
             message_start_time=min((entry.message_start_time for entry in entries), default=0),
             metadata_count=len(self._metadata),
             schema_count=len(self._declared),
         )
-        groups: list[tuple[Opcode, Sequence[McapRecord]]] = [
+        groups: list[tuple[Opcode, Sequence[Record]]] = [
             (Opcode.SCHEMA, [schema for schema, _ in self._declared]),
             (Opcode.CHANNEL, [channel for _, channel in self._declared]),
             (Opcode.STATISTICS, [statistics]),
@@ -206,13 +202,13 @@ class LogFile:
         ]
         summary, offsets = b"", []
         for opcode, records in groups:
-            data = _bytes(*records)
+            data = packed(records)
             if data:
                 offsets.append(SummaryOffset(opcode, self.size + len(summary), len(data)))
                 summary += data
         start, offset_start = self.size, self.size + len(summary)
-        summary += _bytes(*offsets)
-        footer = _bytes(Footer(start, offset_start, 0))[:-4]
+        summary += packed(offsets)
+        footer = Footer(start, offset_start, 0).packed()[:-4]
         return summary + footer + struct.pack("<I", zlib.crc32(summary + footer)) + MAGIC
 
 
@@ -224,11 +220,3 @@ def _message_index(channel: int, log_time: NDArray[np.int64], offsets: NDArray[n
     """A message index record: where the messages of a channel stand within their chunk."""
     entries = np.stack([log_time, offsets], axis=1).astype("<u8").tobytes()
     return struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries
-
-
-def _bytes(*records: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    data: bytes = builder.end()  # type: ignore[no-untyped-call]
-    return data

@@ -39,7 +39,7 @@ class Recording:
 
     @property
     def missing(self) -> int:
-        """Rows that the loop wrote and that are not here: before the last one, and after it as far as the log tells."""
+        """Rows that the loop wrote and that are not here: before the last one, and after it as far as the log says."""
         return missing_of(int(self.numbers[-1]) if len(self.numbers) else -1, len(self.numbers), self.closing)
 
     @property
@@ -97,7 +97,7 @@ def traces(log: LogReader) -> Iterator[Trace]:
 
 def _trace(log: Recording | LogReader, rows: NDArray[np.float64]) -> Trace:
     if not len(rows):
-        raise LogError("the log has no row", do="nothing can be made of it")
+        raise LogError("the log has no row", do="it cannot be used")
     kept = ("columns", "units", "settings", "crc32")
     about = {name: value for name, value in log.about.items() if name not in kept}
     columns = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(log.columns)}

@@ -5,27 +5,23 @@ import mmap
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Metadata
 from numpy.typing import NDArray
 
 from bowden.core.bounded import open_file, reason
 from bowden.core.errors import LogError
 from bowden.live.mcap_layout import Event, Packing, topics
 from bowden.live.mcap_log import ABOUT, CLOSING, MAGIC, checksum, stamps_of
+from bowden.live.mcap_records import Metadata, Opcode, read_metadata
 from bowden.live.old_names import names_of_today
 from bowden.live.ring import Description
 
 _HEAD = 9  # of a record: opcode and length
 _CHUNK_HEAD = 40  # of an uncompressed chunk: two times, size, CRC-32, no compression, size
-_DO = "give a log that bowden run wrote"
+_DO = "give a log of bowden run"
 
 
 class Damage(NamedTuple):
@@ -50,15 +46,15 @@ class Piece(NamedTuple):
 
 
 def missing_of(last: int, count: int, closing: dict[str, str] | None) -> int:
-    """Rows that the loop wrote and that a log does not have: those before its last one, or all that its end tells of.
+    """Rows that the loop wrote and that a log does not have: those before its last one, or all that its end reports.
 
     Args:
         last: number of its last row, -1 of none.
         count: of its rows.
         closing: its last metadata record.
     """
-    told = [(closing or {}).get(name, "0") for name in ("lost", "dropped", "given_up")]
-    return max(last + 1 - count, sum(int(number) for number in told if number.isascii() and number.isdigit()))
+    reported = [(closing or {}).get(name, "0") for name in ("lost", "dropped", "given_up")]
+    return max(last + 1 - count, sum(int(number) for number in reported if number.isascii() and number.isdigit()))
 
 
 class LogReader:
@@ -169,9 +165,9 @@ class LogReader:
         if len(data) <= start or data[0] != Opcode.CHUNK:
             return
         numbers, rows, times, rest = self._packing.unpack(data[start:])
-        told = stamps_of(self._start, rows[:, self._time]) == times
-        if not told.all():
-            n = int(told.argmin())
+        same = stamps_of(self._start, rows[:, self._time]) == times
+        if not same.all():
+            n = int(same.argmin())
             numbers, rows, rest = numbers[:n], rows[:n], rest[len(rest) :]
         if (np.diff(numbers, prepend=self._last) > 0).all():
             self._torn -= start + len(numbers) * self._packing.dtype.itemsize
@@ -212,13 +208,15 @@ def _about(data: memoryview, path: Path) -> tuple[dict[str, str], int]:
                     break
                 return record.metadata, end
         at = end
-    raise LogError(f"{path} does not say what its rows are: another program's, or its beginning is damaged", do=_DO)
+    raise LogError(
+        f"{path} does not say what its rows are: it is another program's, or its beginning is damaged", do=_DO
+    )
 
 
 def _metadata(data: memoryview) -> Metadata | None:
     try:
-        return Metadata.read(ReadDataStream(BytesIO(data)))
-    except (McapError, ValueError, struct.error, MemoryError, OverflowError):
+        return read_metadata(bytes(data))
+    except ValueError:
         return None
 
 

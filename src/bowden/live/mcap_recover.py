@@ -27,7 +27,7 @@ class Recovery(NamedTuple):
     missing_seconds: float
     """Those rows' share of the run [s]."""
     tail_seconds: float
-    """At most so much is missing after the last row as well; 0 where the file was closed properly [s]."""
+    """At most this much is missing after the last row as well; 0 where the file was closed properly [s]."""
     damage: Damage
 
 
@@ -49,7 +49,7 @@ def recover(path: Path, out: Path, more: Sequence[Path] = ()) -> Recovery:
     logs = sorted((LogReader(one) for one in dict.fromkeys((path, *more))), key=LogReader.first_number)
     for log in logs[1:]:
         if any(log.about.get(key) != logs[0].about.get(key) for key in _OF_A_RUN):
-            raise LogError(f"{path} and {log.path} are of two runs", do="recover each of them by itself")
+            raise LogError(f"{path} and {log.path} are of two runs", do="recover each of them separately")
     with whole_file(out) as part:
         handle = os.open(part, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
         try:
@@ -79,8 +79,8 @@ def _copy(handle: int, logs: Sequence[LogReader]) -> Recovery:
     end = logs[-1]
     closing = end.closing or {}
     if len(logs) > 1:  # a later recorder has not lost what another one has written
-        told = missing_of(-1, 0, {**closing, "lost": "0"})
-        closing = closing | {"lost": str(max(0, last + 1 - count - told))}
+        reported = missing_of(-1, 0, {**closing, "lost": "0"})
+        closing = closing | {"lost": str(max(0, last + 1 - count - reported))}
     file.finish({**closing, "recovered_from": " ".join(log.path.name for log in logs)})
     missing = missing_of(last, count, closing)
     cycle, tail = float(np.median(steps)) if len(steps) else 0.0, 0.0 if end.closing is not None else TAIL

@@ -45,7 +45,7 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
         done = int(tick[-1] - tick[0]) + 1 if len(rows) else 0
         raise SafetyError(
             f"the motion was stopped after {done} of {len(motor)} cycles",
-            do="let it run to its end; the log so far is kept",
+            do="let it run to its end; the log up to here is kept",
         )
     parts = {"cable.csv": rows[(place >= 0) & (place < servo_from)], "servo.csv": rows[place >= servo_from]}
     return {name: _even(log, part, period) for name, part in parts.items()}
@@ -54,7 +54,7 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
 def _places(tick: NDArray[np.int_], wish: Array, running: NDArray[np.bool_], motor: Array) -> NDArray[np.int_] | None:
     """Where in the motion each cycle is, less than 0 on the way to it; None where the motion did not end.
 
-    The wishes themselves tell it: the last cycle is at the end of the motion, or as far behind it as it has skipped.
+    The wishes themselves show it: the last cycle is at the end of the motion, or as far behind it as it has skipped.
     """
     for beyond in range(_MOST_SKIPPED if len(tick) else 0):
         place = tick - tick[-1] + len(motor) - 1 + beyond

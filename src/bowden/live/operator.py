@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 Handed = TypeVar("Handed")
 
 STANDS_STILL = 5.0
-"""A loop that has done no cycle for so long does none any more; the drive has long taken its torque off [s]."""
+"""A loop that has done no cycle for this long does none any more; the drive has long taken its torque off [s]."""
 _LOOK = 0.05
 """Between two looks at the run and at the keys [s]."""
 _CLEARED = 1.0
-"""At the end a terminal is given so long to take the picture away, and a disk to take the motor's warmth [s]."""
+"""At the end a terminal is given this long to take the picture away, and a disk to take the motor's warmth [s]."""
 _REMEMBER = 100
 """Looks between two times that the motor's warmth is kept."""
 _PRIORITY = 1
@@ -43,15 +43,17 @@ def refuse_without_keys(auto: bool, json: bool) -> None:
         ParameterError: no terminal, or --json, without --auto.
     """
     if not auto and (json or not sys.stdin.isatty()):
-        why = "--json leaves no room for a screen" if json else "there is no terminal to take keys from"
-        do = "with --twin add --auto; where somebody may be at a rig, run it on a terminal, whose keys arm and stop it"
+        why = "with --json there is no screen" if json else "there is no terminal for the keys"
+        do = (
+            "with --twin add --auto; on a rig, where people may be near, run it in a terminal: its keys arm and stop it"
+        )
         raise ParameterError(why, do=do)
 
 
 class Ending:
     """The signals that ask for the end.
 
-    While a run is being put together the first of them interrupts it; from `operate` on each tells the loop itself to
+    While a run is being put together the first of them interrupts it; from `operate` on each asks the loop itself to
     end, whatever this process is at, and is noted, so that nothing cuts an orderly end short.
     """
 
@@ -104,24 +106,24 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
         contextlib.closing(_Ends(session)),
     ):
         steps = automatic(session) if auto else None
-        looks, told, pressed_in = 0, "", -1.0
+        looks, answer, pressed_in = 0, "", -1.0
         while session.running and not ending.asked:
             session.beat()
             row = session.last()
             if session.still > STANDS_STILL:
-                print(f"bowden: note: the loop has stood still for {session.still:.0f} s", file=sys.stderr)
+                print(f"bowden: note: the loop has not answered for {session.still:.0f} s", file=sys.stderr)
                 return
             if row is not None:
                 if row["mode"] != pressed_in:
-                    told = ""
-                show(row, told)
+                    answer = ""
+                show(row, answer)
                 if steps is not None and next(steps, None) is None:
                     return
             pressed = key()
             if pressed == "q":
                 return
             if pressed in _KEYS:
-                told, pressed_in = ignored(_KEYS[pressed], row), -1.0 if row is None else row["mode"]
+                answer, pressed_in = ignored(_KEYS[pressed], row), -1.0 if row is None else row["mode"]
                 session.ask(_KEYS[pressed])
             looks += 1
             if looks % _REMEMBER == 0 and row is not None:
@@ -138,13 +140,13 @@ def ignored(request: Request, row: dict[str, float] | None) -> str:
     if request == Request.ACKNOWLEDGE:
         why = "" if mode == Mode.LATCHED or shown else "there is no fault to acknowledge"
     elif mode in (Mode.LATCHED, Mode.RELEASING):
-        why = "a fault is to be acknowledged first, with k" if mode == Mode.LATCHED else "the cable is being let out"
+        why = "acknowledge the fault first, with k" if mode == Mode.LATCHED else "the cable is being let out"
     elif request == Request.ARM:
         why = "it is armed" if mode != Mode.STOPPED else ", ".join(fault.meaning for fault in shown)
     elif mode == Mode.STOPPED:
-        why = "it is not armed: a first"
+        why = "it is not armed: press a first"
     elif mode == Mode.PREFLIGHT and row["preflight"] <= 0.0:
-        why = "the preflight has failed" if row["preflight"] else "the preflight is not over"
+        why = "the preflight has failed" if row["preflight"] else "the preflight has not ended"
     return f"{_LETTERS[request]} does nothing now: {why}" if why else ""
 
 
@@ -207,14 +209,14 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
     it is written to by a thread of its own, and what comes meanwhile is left out but for the newest.
     """
     if quiet or not sys.stdout.isatty():
-        yield lambda row, told: None
+        yield lambda row, answer: None
         return
 
     def draw(pairs: Iterator[tuple[dict[str, float], str]]) -> None:
         _draw(session, auto, pairs)
 
     with _apart(draw) as show:
-        yield lambda row, told: show((row, told))
+        yield lambda row, answer: show((row, answer))
 
 
 @contextlib.contextmanager
@@ -267,8 +269,8 @@ def _draw(session: "Session", auto: bool, shown: Iterator[tuple[dict[str, float]
     live = Live(auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False)
     with contextlib.suppress(OSError), live:  # the terminal may be gone
         size = live.console.size
-        for row, told in shown:
+        for row, answer in shown:
             if live.console.size != size:  # a terminal that is another one now wraps what stands on it
                 size = live.console.size
                 live.console.clear()
-            live.update(picture(session, row, auto, told), refresh=True)
+            live.update(picture(session, row, auto, answer), refresh=True)

@@ -80,14 +80,14 @@ class Reason(IntEnum):
 
 REASONS = {
     Reason.NONE: "",
-    Reason.NOT_ENABLED: "the drive does not enable; look at its supply, enable input and STO",
-    Reason.SENSORS: "an angle is missing; look at the encoders' plugs and the drive's PDOs",
-    Reason.RESTLESS: "an angle moves while the motor holds; keep the limb still, look for interference",
-    Reason.MOTOR_STILL: "the motor does not do a small motion; look for a jam and at the motor encoder",
-    Reason.MOTOR_WRONG_WAY: "the motor's angle goes the wrong way; turn its direction round in rig.toml",
-    Reason.JOINT_STILL: "the joint does not follow the motor; look for a slack or broken cable, pretension it",
-    Reason.JOINT_WRONG_WAY: "the joint goes the wrong way; turn its encoder's direction round in rig.toml",
-    Reason.CURRENT_STILL: "the drive tells one and the same current while the motor turns; look at 6077h and its PDO",
+    Reason.NOT_ENABLED: "the drive does not enable; check its supply, enable input and STO",
+    Reason.SENSORS: "an angle is missing; check the encoders' plugs and the drive's PDOs",
+    Reason.RESTLESS: "an angle changes while the motor holds; keep the limb still, check for interference",
+    Reason.MOTOR_STILL: "the motor does not make a small motion; check for a jam and the motor encoder",
+    Reason.MOTOR_WRONG_WAY: "the motor's angle goes the wrong way; change the sign of its direction in rig.toml",
+    Reason.JOINT_STILL: "the joint does not follow the motor; check for a slack or broken cable, tighten it",
+    Reason.JOINT_WRONG_WAY: "the joint goes the wrong way; change the sign of its encoder's direction in rig.toml",
+    Reason.CURRENT_STILL: "the drive reports an unchanging current while the motor turns; check 6077h and its PDO",
     Reason.SLACK_WRONG_WAY: "the cable pulls where it should be let out, as slack_sign of [limits] has it; turn that "
     "round, or the direction of the motor; and keep the limb still",
 }
@@ -229,12 +229,12 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
     reaction = limits.bridge_time + 2.0 * dt
     brake = limits.motor_speed * reaction
     found = [
-        (f"{written(name)}, and must be a number above 0")
+        (f"{written(name)}, but must be a number above 0")
         for name, value in limits._asdict().items()
         if name in _POSITIVE and not 0.0 < value < np.inf
     ]
     found += [
-        f"{written(f'thermal.{name}')}, and must be a number above 0"
+        f"{written(f'thermal.{name}')}, but must be a number above 0"
         for name, value in limits.thermal._asdict().items()
         if name != "ambient" and not 0.0 < value < np.inf
     ]
@@ -256,7 +256,7 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
     if limits.joint_high > max(reach) + limits.play or limits.joint_low < min(reach) - limits.play:
         low, high = (min(reach) - limits.play) * DEGREES, (max(reach) + limits.play) * DEGREES
         found.append(
-            f"{written('joint_low', 'joint_high')} would never act: through slopes and play "
+            f"{written('joint_low', 'joint_high')} would never act: with slopes and play "
             f"({written('slope_low', 'slope_high', 'play')}) the motor ({written('motor_low', 'motor_high')}) brings "
             f"the joint no further than {low:.4g}° to {high:.4g}°"
         )
@@ -314,7 +314,7 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
     if abs(out) > abs(back):
         found.append(
             f"{written('slack_sign')} lets the cable out towards the far end of the motor's range "
-            f"({written('motor_low', 'motor_high')}), which is where it pulls, being just taut at zero"
+            f"({written('motor_low', 'motor_high')}), but there it pulls, since it is just taut at zero"
         )
     measured = {name: value for name, value in limits._asdict().items() if name.startswith(("measures_", "uses_"))}
     found += [f"{written(name)} is neither 0 nor 1" for name, value in measured.items() if value not in (0.0, 1.0)]
@@ -355,7 +355,7 @@ def require(limits: Limits, dt: float, verdict: str) -> None:
     found = contradictions(limits, dt)
     if found:
         raise SafetyError(f"limits contradict one another: {'; '.join(found)}", do="correct them in rig.toml")
-    if verdict not in ("holds", "little_margin"):
+    if verdict not in ("holds", "little_margin", "limit_cycle"):
         raise SafetyError(f"`bowden check` says {verdict!r}", expected="gains that hold", do="run `bowden tune`")
 
 
@@ -387,7 +387,7 @@ def _at(where: Step, settings: Preflight, amplitude: float, reading: DriveReadin
 
 
 def _hearing(state: PreflightState, reading: DriveReading) -> PreflightState:
-    """Begin anew to hear how still both angles are."""
+    """Begin again to hear how still both angles are."""
     motor, joint = reading.motor, reading.joint
     return state._replace(joint=joint, low=joint, high=joint, motor_low=motor, motor_high=motor)
 

@@ -42,7 +42,7 @@ _ORPHANED_AFTER = 5 * SECOND
 """Without a row and without a parent: both the loop and the operator's process are gone [ns]."""
 _NICE = 5
 _LEAST = 60.0
-"""For so long a run's log has room on the disk when it begins, or for the whole of a shorter run [s]."""
+"""For this time a run's log has room on the disk when it begins, or for the whole of a shorter run [s]."""
 _BESIDE = 15.0
 """What arming, preflight, the way to the beginning and the release take beside it, without an operator [s]."""
 
@@ -188,7 +188,7 @@ def check_room(target: Path, description: Description, length: float) -> None:
 
 
 def record(ring: Path, target: Path, rig: str = "") -> int:
-    """Drain a ring into a new file until it is closed, or the recorder is told to stop; the whole work of the process.
+    """Drain a ring into a new file until it is closed, or the recorder is asked to stop; the whole work of the process.
 
     Args:
         ring: where the ring lies.
@@ -222,7 +222,7 @@ def record(ring: Path, target: Path, rig: str = "") -> int:
     except OSError as error:
         _give_up(reader, clock)
         do = f"make room and recover it: bowden log recover {target}"
-        raise OutputError(f"{target} could not be ended: {error.strerror}", do=do) from error
+        raise OutputError(f"{target} could not be closed: {error.strerror}", do=do) from error
     finally:
         os.close(handle)
 

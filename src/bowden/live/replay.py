@@ -86,7 +86,7 @@ def replay(
         filters: in front of the law.
         period: of the loop [s].
         same: whether it is the law of the record, whose state is taken from there; another begins where that one did.
-        source: of the record's reference, whose state is taken from there; it makes the reference anew.
+        source: of the record's reference, whose state is taken from there; it makes the reference again.
 
     Raises:
         LogError: a column is missing, or the record has fewer than two rows.

@@ -29,7 +29,7 @@ Row = NDArray[np.float64]
 
 FOLDER = Path("/dev/shm")
 CAPACITY = 32768
-"""Rows that a ring holds unless told otherwise: 32.8 s at 1 kHz."""
+"""Rows that a ring holds by default: 32.8 s at 1 kHz."""
 
 _MAGIC = int.from_bytes(b"BWDNRING", "little")
 _VERSION = 1

@@ -76,5 +76,5 @@ class RecorderStatus:
 
     @property
     def stopping(self) -> bool:
-        """Whether it was told so."""
+        """Whether it was asked to."""
         return bool(self._stop[0])

@@ -95,7 +95,7 @@ def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
     try:
         return _made(kind, {**(_SINCE if kind is Limits else {}), **settings[name]})
     except (KeyError, TypeError, ValueError) as error:
-        do = "replay it with the version of bowden that wrote it (bowden log info tells which)"
+        do = "replay it with the version of bowden that wrote it (bowden log info says which)"
         raise LogError(f"the log's settings have no {name} that this version knows: {error}", do=do) from error
 
 

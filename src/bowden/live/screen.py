@@ -25,18 +25,18 @@ _MOST_ESTIMATES = 6
 _BAR = 20
 """Width of the envelope's bar."""
 _OTHER = 4.0
-"""An envelope so many times that of the wearer's rest, or as many times less, is not theirs: it swings by less."""
+"""An envelope this many times that of the wearer's rest, or as many times less, is not theirs: it swings by less."""
 _KEYS = "a arm · r run · s or space stop · k acknowledge · q quit"
 _NEXT = {
     Mode.STOPPED: "a to arm: the motor gets power and makes a small motion",
     Mode.PREFLIGHT: "wait for the preflight, then r to run",
     Mode.RUNNING: "s or space to stop",
-    Mode.LATCHED: "mend the cause, then k to acknowledge",
+    Mode.LATCHED: "correct the cause, then k to acknowledge",
 }
 
 
-def picture(session: "Session", row: dict[str, float], auto: bool, told: str = "") -> Table:
-    """One picture of a run from its newest row; `told` is what a key did not do."""
+def picture(session: "Session", row: dict[str, float], auto: bool, answer: str = "") -> Table:
+    """One picture of a run from its newest row; `answer` is why a key did nothing."""
     mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
@@ -54,7 +54,7 @@ def picture(session: "Session", row: dict[str, float], auto: bool, told: str = "
         table.add_row("[red]drive[/red]", escape(code))
     if row["preflight_reason"]:
         table.add_row("[red]preflight[/red]", REASONS[Reason(int(row["preflight_reason"]))])
-    table.add_row("keys", "Ctrl-C to end" if auto else f"{_KEYS}{f'  [yellow]{told}[/yellow]' if told else ''}")
+    table.add_row("keys", "Ctrl-C to end" if auto else f"{_KEYS}{f'  [yellow]{answer}[/yellow]' if answer else ''}")
     table.add_row("angles", f"joint {_deg(row['joint'])}, motor {_deg(row['motor'])}, target {_deg(row['command'])}")
     table.add_row("error", f"{_deg(row['joint'] - row['reference'])} of {_deg(row['reference'])}")
     if session.emg_process is not None:
@@ -72,14 +72,14 @@ def picture(session: "Session", row: dict[str, float], auto: bool, told: str = "
 
 
 def _push(row: dict[str, float]) -> str:
-    """The push that makes the reference; none is heard where the law has not got the motor."""
+    """The push that makes the reference; none counts where the law does not have the motor."""
     if row["source"] < WishSource.LAW_BEGINS:
         return "–"
     push, doubt = row["admittance.push.torque"], row["admittance.estimate.doubt"]
     return f"{push:+.2f} N·m, in doubt by {doubt:.2f}" if math.isfinite(push) else "not known"
 
 
-_TROUBLE = ("", "flat, missing or repeated: look at electrodes and sender", "movement or mains")
+_TROUBLE = ("", "flat, missing or repeated: check electrodes and sender", "movement or mains")
 
 
 def _emg(row: dict[str, float], unit: str, lost: str) -> str:
@@ -99,7 +99,7 @@ def _emg(row: dict[str, float], unit: str, lost: str) -> str:
 def wearer(run: "EmgRun", row: dict[str, float]) -> str:
     """Whose levels the run goes by; before the law has the motor, also whether the muscle's rest is theirs."""
     if run.wearer is None:
-        return "not known; contractions alone are heard"
+        return "not known; only contractions are detected"
     given, level = run.wearer, row["emg.level"]
     said = f"{run.where}: {given.channel} at rest {given.rest:.3g}, at most {given.mvc:.3g}"
     quiet = row["source"] < WishSource.LAW_BEGINS and not row["emg.flexor"] and not row["emg.trouble"]
@@ -111,7 +111,7 @@ def wearer(run: "EmgRun", row: dict[str, float]) -> str:
 def _next(mode: Mode, preflight: float, shown: list[Fault]) -> str:
     """What the operator may do."""
     if mode == Mode.STOPPED and Fault.DRIVE_FAULT in shown:
-        return "mend the cause, then k to reset the drive"
+        return "correct the cause, then k to reset the drive"
     if mode == Mode.STOPPED and shown:
         return "cannot be armed"
     if mode == Mode.PREFLIGHT and preflight:

@@ -68,7 +68,7 @@ class Script:
 
         Args:
             mode: number of the supervisor's `Mode` after the last cycle.
-            target: what the drive was told then [rad].
+            target: what the drive was sent then [rad].
             reading: what the drive says.
             cycles: periods since the last cycle, more than 1 after an overrun.
         """
@@ -103,7 +103,7 @@ class Script:
     def _values(self, row: int) -> Sequence[float]:
         """Of a row of the table, or what EMG makes of one cycle more.
 
-        After cycles that were skipped a motion by EMG goes on where it was, and ends so much later: nobody has said
+        After cycles that were skipped a motion by EMG goes on where it was, and ends this much later: nobody has said
         when it is to end, and a reference that jumps makes a law jump.
         """
         if self._course is not None:

@@ -47,7 +47,7 @@ from bowden.safety.supervisor import Mode, Request
 _START = 900.0
 """A loop that has not said anything after this has failed; on a slow computer it compiles for minutes at first [s]."""
 _ANSWER_WITHIN = 3.0
-"""A wait of so long is explained [s]."""
+"""A wait of this long is explained [s]."""
 _END = 10.0
 """From the wish to end to the process' end [s]."""
 _LOOK = 0.05
@@ -86,7 +86,7 @@ class Session:
         """When the faults that are there came [s], in that order, as far as `last` has looked."""
         self._latched: float | None = None
         self.began_latched = False
-        """Whether a run before it was latched by what nobody has acknowledged."""
+        """Whether a run before it was latched by what has not been acknowledged."""
         self._latching = ThreadPoolExecutor(1)
         self._not_kept, self._keeping = "", threading.Lock()
         self._came = self.clock.now()
@@ -184,7 +184,7 @@ class Session:
         self.logs.append(self.log.with_name(f"{self.log.stem}-again{len(self.logs)}.mcap"))
         join = shlex.join(["bowden", "log", "recover", *map(str, self.logs)])
         print(
-            f"bowden: note: the recorder has ended by itself; on with {self.logs[-1]}. "
+            f"bowden: note: the recorder has ended unexpectedly; recording goes on in {self.logs[-1]}. "
             f"After the run, join them: {join}",
             file=sys.stderr,
         )
@@ -232,7 +232,10 @@ class Session:
             with contextlib.suppress(queue.Empty):
                 return self._said.get(timeout=_BEAT)
             if look == round(_ANSWER_WITHIN / _BEAT) and sys.stderr.isatty():
-                print("bowden: the loop is made ready; the first time it is compiled, for a minute", file=sys.stderr)
+                print(
+                    "bowden: the loop is being prepared; the first time it is compiled, which takes about a minute",
+                    file=sys.stderr,
+                )
         raise DriveError(f"the loop's process did not answer for {_START:g} s", do="look at bowden doctor")
 
     def _check_recorder(self) -> None:
@@ -275,9 +278,9 @@ class Session:
         code, pipe = self._loop.wait(_END), self._loop.stderr
         if code < 0:
             how = f"was ended by {signal.Signals(-code).name}"
-            return f"the loop's process {how}; a drive that misses its heartbeat takes its torque off by itself"
+            return f"the loop's process {how}; a drive without its heartbeat switches its torque off by itself"
         said = pipe.read().strip().splitlines() if pipe is not None else []
-        return f"the loop's process ended by itself: {said[-1] if said else f'exit code {code}'}"
+        return f"the loop's process ended unexpectedly: {said[-1] if said else f'exit code {code}'}"
 
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns; None before the first."""
@@ -346,7 +349,7 @@ class Session:
             if self.still > STANDS_STILL:
                 break
             self.wait(_LOOK)
-        how = f"has stood still for {self.still:.0f} s" if self.running else "has ended"
+        how = f"has not answered for {self.still:.0f} s" if self.running else "has ended"
         raise DriveError(f"the live loop {how}", do="begin another run")
 
     def trace(self) -> Trace:
@@ -393,7 +396,7 @@ class Session:
                 self.error = f"the loop's process did not end within {_END:g} s and was killed"
             self.remember(self.last(), surely=True)
             if self._not_kept:
-                what = f"how warm the motor is cannot be kept ({self._not_kept})"
+                what = f"the motor's temperature cannot be stored ({self._not_kept})"
                 print(f"bowden: note: {what}; let it cool before the next run", file=sys.stderr)
             self._await_end()
         if self.emg_process is not None:
@@ -412,8 +415,8 @@ class Session:
         try:  # last: a disk that takes nothing holds up neither the reader of EMG nor the recorder
             self._latching.submit(int).result(_END)
         except TimeoutError:
-            what = f"what latched this run is not on the disk after {_END:g} s"
-            print(f"bowden: note: {what}; the next one may not begin latched", file=sys.stderr)
+            what = f"the fault of this run is not on the disk after {_END:g} s"
+            print(f"bowden: note: {what}; the next run may not ask for an acknowledgement", file=sys.stderr)
         self._latching.shutdown(wait=False)
 
 

@@ -2,7 +2,7 @@
 
 A fault that comes in a later cycle than the first, at most half a second after the power went off, may follow from it;
 and a loop that is late, or a clock that is stepped, in the first of these cycles explains what is old, jumps, or is not
-heard of in that cycle. What comes later, such as a computer that is busy while everything is latched, explains nothing.
+noticed in that cycle. What comes later, such as a computer that is busy while everything is latched, explains nothing.
 """
 
 from collections.abc import Iterator, Mapping
@@ -55,7 +55,7 @@ class Stop(NamedTuple):
 
 
 def stops(log: Recording) -> list[Stop]:
-    """Every stop of a run by a fault, in their order; empty where there was none, or the log does not tell.
+    """Every stop of a run by a fault, in their order; empty where there was none, or the log does not say.
 
     Args:
         log: of the run, with the columns of `NEEDED`.
@@ -149,7 +149,7 @@ def lines(stop: dict[str, Any]) -> Iterator[str]:
     if stop["too_busy"]:
         yield stop["too_busy"]
         for meaning in stop["consequences"]:
-            yield f"with it came: {meaning}; {_REMEDIES[meaning]}"
+            yield f"at the same time: {meaning}; {_REMEDIES[meaning]}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
         yield f"{meaning}; {remedy}"
@@ -165,7 +165,7 @@ def too_busy(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> str:
         limits: the supervisor's, by their names in `safety.limits.Limits`.
         twin: whether this computer plays the drive as well, which then answers late.
     """
-    do = "close other programs, and see what `bowden doctor` says"
+    do = "close other programs, and run `bowden doctor`"
     lateness, age = limits.get("lateness"), limits.get("reading_age")
     if OF_THE_COMPUTER & {*stop.causes}:
         if lateness is None or not stop.latest > lateness:

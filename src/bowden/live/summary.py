@@ -75,7 +75,7 @@ def _joined(logs: list[Recording]) -> Recording:
     return replace(broken, numbers=numbers, rows=np.concatenate([log.rows for log in logs])[first])
 
 
-STALLED = "this computer stalled for {:.0f} ms, which is no fault of the rig: see what bowden doctor says"
+STALLED = "this computer stopped for {:.0f} ms, which is not a fault of the rig: see bowden doctor"
 """Why a run was ended that nothing else was wrong with; a drive whose host is silent for longer than its watch over it
 lasts takes its torque off itself."""
 

@@ -26,7 +26,7 @@ def _path(drive: Any) -> Path:
 def read(drive: Any, limits: Limits) -> ThermalState:
     """The motor as it is now, after the time since the last run; cold where there was none.
 
-    What was kept but cannot be used is told on standard error, and the motor is then as hot as `limits` allow. Nothing
+    What was kept but cannot be used is reported, and the motor is then as hot as `limits` allow. Nothing
     is colder than its surroundings.
     """
     thermal = limits.thermal
@@ -38,11 +38,11 @@ def read(drive: Any, limits: Limits) -> ThermalState:
         boot, now = boot_seconds()
         since = float(kept["boot_s"]) if kept["boot"] == boot else 0.0
         return ThermalState(*map(max, rested(thermal, state, now - since), cold(thermal)))
-    except (FileNotFoundError, RuntimeError):  # the first run, or a user without a home, who has been told
+    except (FileNotFoundError, RuntimeError):  # the first run, or a user without a home, who knows that already
         return cold(thermal)
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        what = f"how warm the last run left the motor cannot be read from {_path(drive)}"
-        said = f"bowden: note: {what} ({type(error).__name__}: {error}); it is taken for as hot as it may be"
+        what = f"the motor's temperature after the last run cannot be read from {_path(drive)}"
+        said = f"bowden: note: {what} ({type(error).__name__}: {error}); it is assumed to be as hot as allowed"
         print(said, file=sys.stderr)
         peak, most = limits.current_peak, thermal.continuous_current
         return ThermalState(limits.winding_limit, limits.housing_limit, (peak * peak - most * most) * limits.i2t_time)

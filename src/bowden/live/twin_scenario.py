@@ -18,7 +18,7 @@ _PATIENCE = 0.5
 
 
 class TwinScenario:
-    """Tells the twin of a drive when the law began; on a rig there is no twin, and nobody is told.
+    """Tells the twin of a drive when the law began; on a rig there is no twin, and nothing is sent.
 
     Until then the sheath stays as it is at the scenario's start.
 

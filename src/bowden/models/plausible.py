@@ -1,4 +1,4 @@
-"""What a sensor's reading is worth: whether it can be, and whether it can follow the one before."""
+"""Whether a sensor's reading can be used: whether it can be, and whether it can follow the one before."""
 
 from typing import Annotated, NamedTuple
 

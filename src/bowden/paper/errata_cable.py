@@ -32,14 +32,14 @@ def run(runs: Runs) -> Finding:
     figure, (axes,) = new_figure(width=8.6, height=3.4)
     axes.plot(travel * DEGREES, (joint - joint[0]) * DEGREES, color=COLOURS["joint"])
     axes.plot(travel * DEGREES, -cable.slope * travel * DEGREES, ":", color=COLOURS["reference"])
-    axes.set(xlabel="motor travel after the reversal [deg]", ylabel="joint motion [deg]", xlim=(0, 15), ylim=(-10, 2))
+    axes.set(xlabel="motor travel after the reversal [°]", ylabel="joint motion [°]", xlim=(0, 15), ylim=(-10, 2))
     sheath = paper.bench().sheath
     exact = exact_observer()
     clean = _observer_deg(exact, 0.0)
     silent = paper.bench()._replace(motor_encoder=Encoder(), joint_encoder=Encoder())
     fed, quiet = (simulate(silent, law, paper.minimum_jerk(), duration=20.0) for law in (self_fed(exact), exact))
     return Finding(
-        title="Errata 5, 6 and 8 – the cable as printed",
+        title="Errata 5, 6 and 8: the cable as printed",
         values={
             "erratum.units": 2.0 * abs(cable.hysteresis_gain) * top * DEGREES,
             "erratum.monotone.slope": min(slopes),
@@ -57,7 +57,14 @@ def run(runs: Runs) -> Finding:
             "self_fed_rmse": rmse(fed.error) * DEGREES,
             "quiet_rmse": rmse(quiet.error) * DEGREES,
         },
-        figures=[(figure, "Printed parameters: after a reversal the joint first moves the wrong way (solid).")],
+        figures=[
+            (
+                figure,
+                "Joint over motor after a reversal with the printed parameters: the joint first moves the wrong way "
+                "(solid). "
+                "Dotted: the slope alone.",
+            )
+        ],
     )
 
 

@@ -18,12 +18,12 @@ def run(runs: Runs) -> Finding:
     figure, (axes,) = new_figure(width=8.6, height=2.8)
     part = time <= 20.0
     meant = chirp.sample(time[part])[:, 0] / chirp.amplitude
-    axes.plot(*thin(time[part], meant, most=1500), color=COLOURS["limit"], linewidth=0.8, label="integrated phase")
+    axes.plot(*thin(time[part], meant, most=1500), color=COLOURS["data"], linewidth=0.7, label="integrated phase")
     axes.plot(time[part][::20], printed[part][::20], color=COLOURS["error"], label="as printed")
     axes.set(xlabel="time [s]", ylabel="φd / S₀ [–]")
     legend(axes)
     return Finding(
-        title="Erratum 1 – the chirp of Eq. 17",
+        title="Erratum 1: the chirp of Eq. 17",
         values={"erratum.chirp": tone},
         figures=[(figure, "Eq. 17 as printed, and with the integral of the frequency as phase.")],
     )

@@ -31,7 +31,7 @@ def run(runs: Runs) -> Finding:
     )
     static_error = (static.joint - static.reference) * DEGREES
     return Finding(
-        title="Errata 4, 7, 9 and 11 – the adaptive law as printed",
+        title="Errata 4, 7, 9 and 11: the adaptive law as printed",
         values={
             "erratum.eq14.command": others[0],
             "erratum.eq14.absorbed": others[1],
@@ -51,7 +51,7 @@ def run(runs: Runs) -> Finding:
             "peak": float(np.max(np.abs(runs.adaptive.error))) * DEGREES,
         },
         text="The printed gains hold on the paper's own static plant, where law and plant are solved together, and "
-        "diverge in the sampled loop round a servo that is as fast as Fig. 16 implies.",
+        "diverge in the sampled loop round a servo that is as fast as the paper’s Fig. 16 implies.",
     )
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from bowden.core.style import new_figure
+from bowden.core.style import COLOURS, legend, new_figure
 from bowden.core.units import DEGREES
 from bowden.models.suit.geometry import (
     ELBOW_RANGE,
@@ -30,15 +30,18 @@ def run(runs: Runs) -> Finding:
     swapped = joint_radius_for_mismatch(0.05, extensor_moves_more=True)
     reach = math.hypot(geometry.half_width, geometry.anchor_distance)
     other = 1.0 / size_spools(geometry._replace(joint_radius=swapped)).ratio
+    other_spools = flexor + sizing.ratio * extensor
     figure, (axes,) = new_figure(width=8.6, height=4.2)
     axes.plot(angle * DEGREES, flexor, label="flexor $h_1$")
     axes.plot(angle * DEGREES, extensor, label="extensor $h_2$")
-    axes.plot(angle * DEGREES, flexor + extensor, color="black", label="difference, equal spools")
-    axes.plot(angle * DEGREES, flexor + sizing.ratio * extensor, "k:", label=f"difference, ratio {sizing.ratio:.3f}")
-    axes.set(xlabel="elbow angle [deg]", ylabel="cable travel [mm]", xticks=range(0, 91, 15))
-    axes.legend()
+    axes.plot(angle * DEGREES, flexor + extensor, color=COLOURS["reference"], label="difference, equal spools")
+    axes.plot(
+        angle * DEGREES, other_spools, ":", color=COLOURS["reference"], label=f"difference, ratio {sizing.ratio:.3f}"
+    )
+    axes.set(xlabel="elbow angle [°]", ylabel="cable travel [mm]", xticks=range(0, 91, 15))
+    legend(axes)
     return Finding(
-        title="Fig. 4 – travel of the suit's cables",
+        title="Travel of the suit's cables (Dinh 2017, Fig. 4)",
         values={
             "fig4.ratio": sizing.ratio,
             "fig4.mismatch": sizing.mismatch * _MM,
@@ -52,7 +55,8 @@ def run(runs: Runs) -> Finding:
         figures=[
             (figure, "Travel of the flexor and extensor cables over the elbow's range, with the printed a, b, R.")
         ],
-        text="The text says that the extensor moves more and that the mismatch is 50 mm; with the printed dimensions "
+        text="The paper’s text says that the extensor moves more and that the mismatch is 50 mm; with the printed "
+        "dimensions "
         "the flexor moves more, and no joint radius gives both the printed ratio and the printed mismatch. With "
         f"R = {swapped * _MM:.0f} mm the extensor does move more, by 50 mm, but then its spool has to be the larger "
         f"one, {other:.2f} times the flexor's, and the anchors, {reach * _MM:.1f} mm from the joint, stand inside it.",

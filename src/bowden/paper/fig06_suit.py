@@ -19,13 +19,15 @@ def run(runs: Runs) -> Finding:
     top.set(xlabel="")
     legend(top)
     bottom.plot(*thin(trace.time, trace.error * DEGREES, most=1500), color=COLOURS["uncompensated"])
-    bottom.set(xlabel="time [s]", ylabel="error [deg]")
+    bottom.set(xlabel="time [s]", ylabel="error [°]")
     return Finding(
-        title="Fig. 6 – the suit without compensation",
+        title="The suit without compensation (Dinh 2017, Fig. 6)",
         values={"fig6.delay": late},
         details={"period": period, "usual": usual or float("nan")},
         figures=[(figure, "Desired and true angle of the elbow, and the error, without compensation.")],
-        text="Delay is the shift that makes both agree best. Fig. 6 names no period: at the 25 s of Fig. 17 the same "
-        f"suit has {usual:.2f} s, and 3 s at {period:.1f} s, which is taken for it. At 25 s a delay of 3 s would be an "
+        text="Delay is the shift that makes both agree best. The paper’s Fig. 6 names no period: at the 25 s of its "
+        "Fig. 17 "
+        f"the same suit has {usual:.2f} s, and 3 s at {period:.1f} s, which is taken for it. At 25 s a delay of 3 s "
+        f"would be an "
         "error of up to 1.875·90°/12.5 s · 3 s = 40.5°, more than the published 30°.",
     )

@@ -13,7 +13,7 @@ def run(runs: Runs) -> Finding:
     assert figures.rmse_deg is not None
     assert figures.hysteresis_width_deg is not None
     return Finding(
-        title="Fig. 9 – no compensation",
+        title="The bench without compensation (Dinh 2017, Fig. 9)",
         values={"fig9.deadzone": dead_zone_deg(trace)},
         details={"uncompensated_rmse": figures.rmse_deg},
         figures=[

@@ -11,12 +11,13 @@ def run(runs: Runs) -> Finding:
     """The observer, whose α̂h is fitted so that its RMSE is the published one."""
     trace = runs.observer
     return Finding(
-        title="Fig. 12 – backlash observer, constant bend",
+        title="Backlash observer, constant bend (Dinh 2017, Fig. 12)",
         values={"table1.observer.constant": rmse(trace.error) * DEGREES},
         figures=[
             (
                 time_and_loop(trace, COLOURS["observer"], "observer"),
-                "Backlash observer. The dead zone is narrower than in Fig. 9 and still there, as in the paper.",
+                "Backlash observer. The dead zone is narrower than without compensation and still there, as in the "
+                "paper.",
             )
         ],
         text="With exact parameters the observer would be far better than published: the mismatch is fitted.",

@@ -35,7 +35,7 @@ def run(runs: Runs) -> Finding:
     bottom.set(xlabel="time [s]")
     converged = [t for t in times if t is not None]
     return Finding(
-        title="Figs 13 and 14 – adaptive law, constant bend",
+        title="Adaptive law, constant bend (Dinh 2017, Figs 13 and 14)",
         values={
             "table1.adaptive.constant": rmse(trace.error) * DEGREES,
             "fig14.convergence": max(converged) if len(converged) == 2 else None,
@@ -56,7 +56,7 @@ def run(runs: Runs) -> Finding:
             (time_and_loop(trace, COLOURS["adaptive"], "adaptive"), "Adaptive law from rest, estimates starting at 0."),
             (
                 figure,
-                "Fig. 14: estimates of the adaptive law. Dotted: 1/αφ, and the true height of the hysteresis; "
+                "Estimates of the adaptive law. Dotted: 1/αφ, and the true height of the hysteresis; "
                 "dashed: 2.5 s, by when the paper has them converged.",
             ),
         ],

@@ -16,26 +16,26 @@ def run(runs: Runs) -> Finding:
     chosen = paper.document()["chosen"]
     start, end = chosen["moved_from_s"], chosen["moved_to_s"]
     observer, adaptive = runs.observer_moved, runs.adaptive_moved
-    loops, (left, right) = new_figure(columns=2, width=8.6, height=3.6)
-    for axes, trace, title in ((left, observer, "A  observer"), (right, adaptive, "B  adaptive")):
+    loops, (left, right) = new_figure(columns=2, width=8.6, height=4.6)
+    for axes, trace, title in ((left, observer, "observer"), (right, adaptive, "adaptive")):
         for first, last, label, colour in (
             (0.0, start, "before", COLOURS["uncompensated"]),
             (start, end, "while moved", COLOURS["motor"]),
             (end, np.inf, "after", COLOURS["observer"] if trace is observer else COLOURS["adaptive"]),
         ):
             loop(axes, trace, colour, first, last, label)
-        axes.set_title(title)
-        axes.legend(loc="upper left")
+        axes.set_ylabel(f"{title}: joint angle [°]")
+        legend(axes, 3)
     errors, (top, bottom) = new_figure(rows=2, width=8.6, height=4.0, share_x=True)
     for trace, name in ((observer, "observer"), (adaptive, "adaptive")):
         top.plot(*thin(trace.time, trace.error * DEGREES, most=1500), color=COLOURS[name], label=name)
-    top.set(ylabel="error [deg]")
+    top.set(ylabel="error [°]")
     legend(top)
     bottom.plot(observer.time[::50], paper.moved_sheath()(observer.time[::50]) * DEGREES, color=COLOURS["reference"])
-    bottom.set(xlabel="time [s]", ylabel="sheath's bend [deg]")
+    bottom.set(xlabel="time [s]", ylabel="sheath's bend [°]")
     dead_zones = [dead_zone_deg(observer, *span) for span in ((0.0, start), (end, np.inf))]
     return Finding(
-        title="Fig. 15 – sheath moved while running",
+        title="Sheath moved while running (Dinh 2017, Fig. 15)",
         values={
             "table1.observer.varying": rmse(observer.error) * DEGREES,
             "table1.adaptive.varying": rmse(adaptive.error) * DEGREES,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from bowden.core.style import COLOURS, new_figure
+from bowden.core.style import COLOURS, legend, new_figure
 from bowden.paper.bench import adaptive, run_chirp
 from bowden.paper.experiment import Finding, Runs
 from bowden.paper.figures_of_merit import CHIRP_FREQUENCIES, chirp_gain, chirp_reached, closed_loop_bandwidth
@@ -29,14 +29,14 @@ def run(runs: Runs) -> Finding:
     for published, name in ((35.0, "observer"), (31.0, "adaptive")):
         axes.axvline(published, color=COLOURS[name], linestyle="--", linewidth=0.8)
     axes.set(xlabel="frequency [rad/s]", ylabel="|joint / desired| [dB]", ylim=(-14, 4))
-    axes.legend(loc="lower left")
+    legend(axes)
     alone = closed_loop_bandwidth(without_bound, chirp)
     reached = chirp_reached(runs.adaptive_chirp, chirp)
     found = closed_loop_bandwidth(runs.adaptive_chirp, chirp)
     gain = chirp_gain(runs.adaptive_chirp, chirp)
     at_5hz = int(np.searchsorted(runs.adaptive_chirp.time, (5.0 - chirp.f0) / (chirp.f1 - chirp.f0) * chirp.duration))
     return Finding(
-        title="Fig. 16 – bandwidth",
+        title="Bandwidth (Dinh 2017, Fig. 16)",
         values={
             "fig16.observer.bandwidth": closed_loop_bandwidth(runs.observer_chirp, chirp),
             "fig16.adaptive.bandwidth": 2.0 * math.pi * reached if found is None else found,
@@ -49,5 +49,10 @@ def run(runs: Runs) -> Finding:
             "beta_at_5hz": float(runs.adaptive_chirp["law.slope_inverse"][at_5hz]),
             "bound_at_5hz": float(runs.adaptive_chirp["law.bound"][at_5hz]),
         },
-        figures=[(figure, "Closed-loop gain from the chirp. Dashed: the published bandwidths; dotted: −3 dB.")],
+        figures=[
+            (
+                figure,
+                "Closed-loop gain from the chirp. Dashed: the published bandwidths. Dotted, horizontal: −3 dB.",
+            )
+        ],
     )

@@ -31,17 +31,17 @@ def run(runs: Runs) -> Finding:
         for axes, values in zip(
             panels, (mechanical[part], electrical[part], trace["joint"][part] * DEGREES), strict=True
         ):
-            axes.plot(*thin(time, values, most=1200), color=COLOURS[colour], label=name)
+            axes.plot(*thin(time, values, most=1200), color=COLOURS[colour], label=name, lw=1.0)
     panels[2].plot(
         *thin(time, trace["reference"][part] * DEGREES), color=COLOURS["reference"], ls="--", label="desired"
     )
-    for axes, label in zip(panels, ("$P_m$ [W]", "$P_e$ [W]", "elbow [deg]"), strict=True):
+    for axes, label in zip(panels, ("$P_m$ [W]", "$P_e$ [W]", "elbow [°]"), strict=True):
         axes.set(ylabel=label)
     panels[2].set(xlabel="time [s]")
-    legend(panels[2], columns=4)
+    legend(panels[2])
     errors, of_ours = largest_errors(adaptive), largest_errors(ours)
     return Finding(
-        title="Fig. 17 – five flexions of the suit",
+        title="Five flexions of the suit (Dinh 2017, Fig. 17)",
         values={
             "fig17.uncompensated.error": float(largest_errors(free)[1]),
             "fig17.uncompensated.energy": float(energies(free)[1]),

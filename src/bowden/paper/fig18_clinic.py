@@ -43,7 +43,7 @@ RATE = 1000.0
 LEARNING = 50.0
 """Two slow flexions before the clinic's [s]."""
 MOVED_DEG = 0.5
-"""The elbow counts as moving once it has gone so far: ten steps of the flex sensor [deg]."""
+"""The elbow counts as moving once it has gone this far: ten steps of the flex sensor [deg]."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Clinic:
         fit: SuitCalibration | None = None,
         feedforward: float = 0.0,
     ) -> tuple[Trace, Array, Array]:
-        """A law's run, and of each motion its delay [s] and its largest error [deg], as in `motions`."""
+        """A law's run, and of each motion its delay [s] and its largest error [°], as in `motions`."""
         length = LEARNING + len(self.asked.references) / RATE
         trace = run_suit(
             law,
@@ -162,7 +162,7 @@ def run(runs: Runs) -> Finding:
     reference_late = float(np.argmax(wanted[first:] > MOVED_DEG)) / RATE
     latency = seen.score.latency_median_s or 0.0
     return Finding(
-        title="Figs 18 and 19 – the wearer's EMG moves the suit",
+        title="EMG of the wearer moves the suit (Dinh 2017, Figs 18 and 19)",
         values={
             "fig19.motions": float(len(seen.found)),
             "fig19.error": float(error.max()),
@@ -182,7 +182,9 @@ def run(runs: Runs) -> Finding:
         figures=[
             (
                 _figure(emg, seen.detected.active, {"adaptive": adaptive, "ours": ours}),
-                "EMG and, shaded, what the detector makes of it; desired and true angle of the elbow; error.",
+                "Above: EMG; shaded where the detector sees a contraction. Middle: desired and true angle of the "
+                "elbow. Below: "
+                "error; dotted: ±5°.",
             )
         ],
         text=f"EMG: {emg.name}. The detector finds {len(seen.found)} contractions of {len(emg.labels)}, "
@@ -199,7 +201,7 @@ def _figure(emg: StagedRecording, active: Array, traces: dict[str, Trace]) -> An
     figure, (top, middle, bottom) = new_figure(rows=3, width=8.6, height=6.0, share_x=True)
     time = np.arange(len(emg.values)) / RATE
     top.plot(*thin(time, emg.values, most=4000), color=COLOURS["data"], lw=0.6)
-    top.fill_between(time, 0.0, active * float(np.max(np.abs(emg.values))), color=COLOURS["limit"], alpha=0.3, lw=0.0)
+    top.fill_between(time, 0.0, active * float(np.max(np.abs(emg.values))), color=COLOURS["motor"], alpha=0.25, lw=0.0)
     colours = {"adaptive": COLOURS["adaptive"], "ours": COLOURS["bowden"]}
     skip = round(LEARNING * RATE)
     for name, trace in traces.items():
@@ -211,8 +213,8 @@ def _figure(emg: StagedRecording, active: Array, traces: dict[str, Trace]) -> An
     for limit in (-5.0, 5.0):
         bottom.axhline(limit, color=COLOURS["reference"], ls=":", lw=1.0)
     top.set(ylabel="EMG [mV]")
-    middle.set(ylabel="elbow [deg]")
-    bottom.set(ylabel="error [deg]", xlabel="time [s]")
+    middle.set(ylabel="elbow [°]")
+    bottom.set(ylabel="error [°]", xlabel="time [s]")
     legend(middle, columns=3)
     return figure
 

@@ -29,8 +29,8 @@ def run(runs: Runs) -> Finding:
     chosen = worst_margins(plant, base)
     assert chosen is not None
     figure, (axes,) = new_figure(width=8.6, height=4.8)
-    axes.contourf(lambdas, kappas, poles, levels=[0.0, 1.0, 99.0], colors=["#d7ecd9", "#f6d5c9"])
-    axes.contour(lambdas, kappas, poles, levels=[1.0], colors="black", linewidths=1.0)
+    axes.contourf(lambdas, kappas, poles, levels=[0.0, 1.0, 99.0], colors=["#d9ebf7", "#fde3c8"])
+    axes.contour(lambdas, kappas, poles, levels=[1.0], colors=COLOURS["reference"], linewidths=1.0)
     axes.plot(PRINTED.error_gain, PRINTED.feedback_gain, "X", color=COLOURS["error"], markersize=10)
     axes.plot(base.error_gain, base.feedback_gain, "o", color=COLOURS["adaptive"], markersize=9)
     for gains, name, side in ((PRINTED, "printed", "right"), (base, "default", "left")):
@@ -53,7 +53,7 @@ def run(runs: Runs) -> Finding:
             (
                 figure,
                 "Linearised sampled loop at 1 kHz with one sample of delay: stable for every β̂ from 0 to 1.1/αφ, D̂m "
-                "from 0 to 0.4 rad and slope within ± 10 % (green), or not (red).",
+                "from 0 to 0.4 rad and slope within ± 10 % (blue), or not (orange).",
             )
         ],
         text=f"The default gains λ = {base.error_gain:g}, κ = {base.feedback_gain:g} are the ones with the largest κ "

@@ -91,7 +91,8 @@ def section(page: Page, rows: list[dict[str, object]]) -> None:
         "without friction at the spool, so that the cable's stiffness had to become an unknown. "
         f"It needs {2e3 * second.half_width:.0f} mm of play, {100.0 * 2.0 * second.half_width / travel:.0f} % of the "
         f"cable's travel, where the first needs {2e3 * main.half_width:.1f} mm "
-        f"({100.0 * 2.0 * main.half_width / travel:.0f} %) and the bench's 5° of 70° (Fig. 15) are 7 %. Its premises "
+        f"({100.0 * 2.0 * main.half_width / travel:.0f} %) and the bench's 5° of 70° (the paper’s Fig. 15) are 7 %. "
+        f"Its premises "
         "are the weaker ones, and it stands beside the first. "
         f"Our law learns dead zones of up to 0.5 rad of the joint and does not carry this one: {ours.max():.0f}°."
     )
@@ -99,7 +100,7 @@ def section(page: Page, rows: list[dict[str, object]]) -> None:
         ["quantity", "published", "main: PD", "second: integral", "use"],
         [
             [
-                str(row["quantity"]).removeprefix("suit: "),
+                str(row["quantity"]).removeprefix("suit: ").replace("[deg]", "[°]"),
                 *(number(row[key]) for key in ("published", "main", "second")),
                 "fitted" if row["fitted"] else "predicted",
             ]
@@ -112,5 +113,5 @@ def section(page: Page, rows: list[dict[str, object]]) -> None:
             [name, *(f"{value:.4g}" for value in vars(fit).values())]
             for name, fit in (("main", main), ("second", second))
         ],
-        caption="The fitted values, frozen in rig/presets/paper.toml.",
+        caption="The fitted values, as rig/presets/paper.toml has them.",
     )

@@ -6,7 +6,7 @@ A cable is three kernels and the parameters that they are handed:
     advance(cable, memory, before, after, width, slope_factor, dt) -> memory
     look(cable, memory, motor, width, slope_factor) -> Seen
 
-`memory` is a NamedTuple of floats and arrays (the arrays may be changed in place). `advance` is told that the motor has
+`memory` is a NamedTuple of floats and arrays (the arrays may be changed in place). `advance` gets that the motor has
 gone one way from `before` to `after` within `dt`; a cable that does not know time leaves `dt` alone. `width` and
 `slope_factor` are what the sheath's bend makes of them (`bowden.models.cable.sheath`).
 """

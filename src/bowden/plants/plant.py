@@ -198,7 +198,7 @@ class Plant(Protocol):
 
     @property
     def servo(self) -> Servo:
-        """The motor under its position loop, as linear analysis takes it and as a law is told of it."""
+        """The motor under its position loop, as linear analysis takes it and as a law knows it."""
 
     @property
     def motor(self) -> Any:
@@ -282,7 +282,7 @@ def plain(value: Any) -> Any:
 
 
 def check_numbers(value: Any, where: str) -> None:
-    """Refuse parameters among which is no number; only limits may be infinite.
+    """Refuse parameters among which is not a number; only limits may be infinite.
 
     Raises:
         ParameterError: the first such number, by its name.

@@ -19,15 +19,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.matrix import exponential
 from bowden.models.suit.arm import GRAVITY
 from bowden.models.suit.suit_angle import flexor_arm
 from bowden.models.suit.suit_cable import PreparedSuitCable
 from bowden.plants.suit_parts import Suit, prepare_suit
 
 Array = NDArray[np.float64]
-
-_TERMS = 16
-"""Of the exponential's series, at most a quarter in size: 0.25^16/16! is 1e-23."""
 
 
 class LinearSuit(NamedTuple):
@@ -79,7 +77,7 @@ def linear_suit(suit: Suit, angle: float, *, extensor: bool = True, slope_factor
     if integral:
         whole[1, 4] = omega**2
         whole[4, 0], whole[4, states] = -motor.integral, motor.integral * gear
-    held = _exponential(whole * suit.sample_time)
+    held = exponential(whole * suit.sample_time)
     size = states + suit.delay
     a, b, joint, spool = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size)), np.zeros((1, size))
     a[:states, :states], joint[0, 2], spool[0, 0] = held[:states, :states], 1.0, 1.0 / gear
@@ -109,19 +107,6 @@ def without_friction(suit: Suit) -> Suit:
         joint_sensor=sensor._replace(hysteresis=0.0, drift=0.0),
         wearer=wearer._replace(tremor=0.0, swing=0.0),
     )
-
-
-def _exponential(matrix: Array) -> Array:
-    """e^matrix by its series on a part of it, squared; SciPy's takes longer to import than a whole check."""
-    halvings = max(0, int(np.ceil(np.log2(np.linalg.norm(matrix, 1)))) + 2)
-    part = matrix / 2.0**halvings
-    term = found = np.eye(len(matrix))
-    for k in range(1, _TERMS):
-        term = term @ part / k
-        found = found + term
-    for _ in range(halvings):
-        found = found @ found
-    return np.asarray(found)
 
 
 def _spring(cable: PreparedSuitCable, tension: float) -> float:

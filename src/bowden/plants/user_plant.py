@@ -92,7 +92,7 @@ class UserPlant(NamedTuple):
     effort: Callable[[Any, Any, SheathState], float] = effort_unknown
     sheath: Sheath = Sheath()
     servo: Servo = Servo()
-    """As linear analysis takes the motor under its position loop, and as a law is told of it."""
+    """As linear analysis takes the motor under its position loop, and as a law knows it."""
     motor: Motor = Motor()
     joint_encoder: Encoder = Encoder()
     motor_encoder: Encoder = Encoder()

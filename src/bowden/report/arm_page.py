@@ -27,15 +27,15 @@ def arm_page(geometry: SuitGeometry, arm: Arm, found: Agreement) -> Page:
     """
     page = Page(
         "The suit on the arm, checked by MuJoCo",
-        "Eqs 1–2 and the elbow's dynamics against a model that has neither: two tendons through the anchor points, a "
-        "cylinder at the joint, and a body on a hinge.",
+        "Eqs 1–2 of Dinh 2017 and our equation of the elbow, compared with a model that uses neither: two tendons "
+        "through the anchor points, a cylinder at the joint, and a body on a hinge.",
     )
     for reason in found.reasons:
         page.notice(f"Not in agreement: {reason}.")
     picture = arm_data_uri(geometry, arm)
     if picture is not None:
         page.text(
-            '<div class="wide"><img src="{picture}" alt="The arm at four angles" style="width: 100%"></div>'
+            '<div class="wide card"><img src="{picture}" alt="The arm at four angles" style="width: 100%"></div>'
             "<p>Drawn by MuJoCo, with the tension that holds the arm at each angle.</p>",
             picture=picture,
         )
@@ -43,19 +43,22 @@ def arm_page(geometry: SuitGeometry, arm: Arm, found: Agreement) -> Page:
     _cables(page, geometry, found)
     page.heading("Motion")
     page.table(
-        ["motion", "lasts [s]", "largest difference [deg]", "allowed [deg]"],
+        ["motion", "duration [s]", "largest difference [°]", "allowed [°]"],
         [
             [one.name, f"{one.time[-1]:.0f}", f"{one.error * DEGREES:.2g}", f"{MOTION_LIMIT * DEGREES:g}"]
             for one in found.motions
         ],
-        "MuJoCo by its RK4 at 1 ms. The first three against our equation by SciPy; the others against the simulated "
-        "suit: MuJoCo is pulled by its tensions, and begins anew every 2 s.",
+        "MuJoCo with its RK4 at 1 ms. The first three motions are compared with our equation, solved by SciPy; the "
+        "others with the simulated suit: its tensions pull MuJoCo's arm, which starts again from the suit's every 2 s.",
     )
-    page.figure(motion_figure(found), "Elbow by both, one over the other, and the size of their difference.")
+    page.figure(
+        motion_figure(found),
+        "Above: elbow angle by both, one over the other. Below: size of their difference; dashed: what is allowed.",
+    )
     page.figure(
         convergence_figure(found),
-        "Largest difference over MuJoCo's time step. A tension is constant through a step, so that RK4 is of second "
-        "order where cables pull, and of fourth where none does; Euler is of first.",
+        "Largest difference over MuJoCo's time step; dotted: what is allowed. A tension is constant during a step, so "
+        "RK4 is of second order where cables pull and of fourth order where none does; Euler is of first order.",
     )
     return page
 
@@ -71,9 +74,9 @@ def motion_figure(found: Agreement) -> "Figure":
         below.semilogy(*thin(motion.time, abs(motion.mujoco - motion.ours) * DEGREES + 1e-12), color=CYCLE[7])
         below.axhline(MOTION_LIMIT * DEGREES, color=CYCLE[6], linestyle="--", linewidth=1.0)
         below.set(xlabel="time [s]", ylim=(1e-12, 3.0))
-    axes[0].set_ylabel("elbow [deg]")
-    axes[count].set_ylabel("difference [deg]")
-    axes[count - 1].legend(loc="lower center")
+    axes[0].set_ylabel("elbow [°]")
+    axes[count].set_ylabel("difference [°]")
+    legend(axes[0], 1)
     return figure
 
 
@@ -93,7 +96,7 @@ def convergence_figure(found: Agreement) -> "Figure":
             label=f"{name}, {one.integrator}",
         )
     axes.axhline(MOTION_LIMIT * DEGREES, color=CYCLE[6], linewidth=1.0, linestyle=":")
-    axes.set(xlabel="MuJoCo's step [ms]", ylabel="difference [deg]")
+    axes.set(xlabel="MuJoCo's step [ms]", ylabel="difference [°]")
     axes.set_xticks([1, 2, 4, 8], ["1", "2", "4", "8"], minor=False)
     axes.minorticks_off()
     legend(axes, 3)
@@ -103,21 +106,29 @@ def convergence_figure(found: Agreement) -> "Figure":
 def _cables(page: Page, geometry: SuitGeometry, found: Agreement) -> None:
     cables = found.cables
     page.table(
-        ["cable", "travel 0–90° [mm]", "largest difference [mm]", "moment arm, difference [mm]", "allowed [mm]"],
+        [
+            "cable",
+            "travel 0–90° [mm]",
+            "difference [mm]",
+            "allowed [mm]",
+            "moment arm: difference [mm]",
+            "allowed [mm]",
+        ],
         [
             [
                 name,
                 f"{_MM * travel:.2f}",
                 f"{_MM * error:.1e}",
+                f"{_MM * EXCURSION_LIMIT:g}",
                 f"{_MM * lever:.1e}",
-                f"{_MM * EXCURSION_LIMIT:g}, {_MM * MOMENT_ARM_LIMIT:g}",
+                f"{_MM * MOMENT_ARM_LIMIT:g}",
             ]
             for name, travel, error, lever in (
                 ("flexor, Eq. 1", cables.flexor_travel, cables.flexor, cables.flexor_arm),
                 ("extensor, Eq. 2", cables.extensor_travel, cables.extensor, cables.extensor_arm),
             )
         ],
-        "MuJoCo's tendons against Eqs 1–2 and their derivatives; travels are MuJoCo's own.",
+        "MuJoCo's tendons compared with Eqs 1–2 and their derivatives, largest differences; travels are MuJoCo's.",
     )
     page.text(
         "Anchors {b} mm from the joint, {a} mm off the axis; cylinder of {radius} mm. The extensor lies on the "

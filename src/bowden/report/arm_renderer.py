@@ -71,7 +71,7 @@ def gl_backend() -> str:
 def cable_colour(full: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     """Red, green, blue from pale at 0 to `full` at 1, (3,)."""
     part = min(max(share, 0.0), 1.0) if math.isfinite(share) else 0.0
-    return _PALE + (full - _PALE) * part**0.7  # small tensions, too, are to be told from none
+    return _PALE + (full - _PALE) * part**0.7  # small tensions, too, must look unlike none
 
 
 class ArmRenderer:

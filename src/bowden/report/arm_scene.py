@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.extras import extra_module
 from bowden.models.suit.arm import Arm
 from bowden.models.suit.geometry import SuitGeometry
 from bowden.sim.mujoco_arm import arm_xml
@@ -124,11 +125,10 @@ def _sheaths(a: float, b: float) -> str:
 
 def _tube(name: str, through: Sequence[tuple[float, float, float]], radius: float) -> str:
     """A round tube, smooth through points; it must not run along the y axis."""
-    from scipy.interpolate import CubicSpline
-
+    interpolate = extra_module("scipy.interpolate", "mujoco", "the arm's scene")
     points = np.array(through)
     along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
-    curve, at = CubicSpline(along, points), np.linspace(0.0, along[-1], 56)
+    curve, at = interpolate.CubicSpline(along, points), np.linspace(0.0, along[-1], 56)
     tangent = curve(at, 1)
     first = np.cross(tangent, (0.0, 1.0, 0.0))
     first /= np.linalg.norm(first, axis=1)[:, None]
@@ -140,11 +140,10 @@ def _tube(name: str, through: Sequence[tuple[float, float, float]], radius: floa
 
 def _loft(name: str, sections: Sequence[tuple[float, float, float]], unit: float) -> str:
     """A closed mesh through ellipses across the z axis, smooth between them."""
-    from scipy.interpolate import PchipInterpolator
-
+    interpolate = extra_module("scipy.interpolate", "mujoco", "the arm's scene")
     table = np.array(sorted(sections))
     heights = np.linspace(table[0, 0], table[-1, 0], 44)
-    widths = PchipInterpolator(table[:, 0], table[:, 1:])(heights) * unit
+    widths = interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(heights) * unit
     turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
     around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     rings = np.concatenate([widths[:, None] * around, np.broadcast_to(heights[:, None, None], (44, 40, 1))], axis=2)

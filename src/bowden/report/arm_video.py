@@ -34,7 +34,7 @@ def write_video(
         geometry: of the suit that is drawn.
         fps: frames a second.
         speed: how many seconds of the run pass in one of the video.
-        progress: is told what is done now, and the share that is done.
+        progress: called with what is done now, and the share that is done.
 
     Returns:
         How many frames it has.
@@ -116,6 +116,6 @@ def _load_encoder() -> ModuleType:
         import imageio_ffmpeg
     except ImportError as error:
         raise BowdenError(
-            f"a video needs the package imageio-ffmpeg ({error})", do="install it with: pip install 'bowden[mujoco]'"
+            f"a video needs the package imageio-ffmpeg ({error})", do='pip install "bowden[mujoco]"'
         ) from error
     return imageio_ffmpeg

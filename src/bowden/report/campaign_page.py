@@ -1,7 +1,7 @@
 """A campaign as a page: shares, how figures are spread, what they depend on, and the worst cases."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from bowden.core import style
 from bowden.report.page import Page
 from bowden.study.distributions import Distribution
 from bowden.study.figures import LawFigures, Spread, Summary
+from bowden.study.sensitivity import Sensitivity
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _NAMES = {
@@ -29,6 +29,8 @@ _NAMES = {
 _LOGARITHMIC = ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "command_travel_deg", "shown_rmse_deg")
 _SMALL = 6
 """Parameters with a small plot."""
+_MATTERS = 0.02
+"""Share of the variance from which a parameter is named."""
 
 Drawn = tuple[str, str, Distribution]
 """Name, unit and spread of what was drawn."""
@@ -53,20 +55,20 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
     page.table(
         [
             "law",
-            "unstable",
-            "95 % interval",
-            "ran away",
-            "RMSE median",
-            "RMSE 90 %",
-            "RMSE 99 %",
-            "worst",
-            "peak 99 %",
             "runs",
+            "unstable [%]",
+            "95 % interval [%]",
+            "ran away [runs]",
+            "RMSE, median [°]",
+            "RMSE, 90 % [°]",
+            "RMSE, 99 % [°]",
+            "RMSE, worst [°]",
+            "peak error, 99 % [°]",
         ],
         [_row(one) for one in summary.laws],
         caption="Unstable: the joint was further from the reference than the reference's whole stroke (5° at least), "
-        "or the run ran away: a command beyond 1000 rad. The interval is Wilson's. RMSE from rest and peak error [°] "
-        "are of the runs that reached their end.",
+        "or the run ran away: a command beyond 1000 rad. The interval is Wilson's, of the unstable share. RMSE from "
+        "rest and peak error are of the runs that reached their end; 90 %: nine runs in ten have at most this.",
     )
     page.heading("Distributions")
     page.figure(
@@ -76,7 +78,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
     if drawn:
         _dependence(page, summary, drawn)
     page.heading("Worst cases")
-    page.text("<p>Each command runs the case alone, with traces and a page.</p>")
+    page.text("Each command runs its case alone, and writes its traces and a page.")
     for one in summary.laws:
         page.heading(one.law, level=3)
         page.table(
@@ -93,7 +95,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
     page.heading("What was drawn")
     page.table(
         ["parameter", "unit", "spread"],
-        [[name, unit, f"{spread.kind} {', '.join(map(_short, spread.given))}"] for name, unit, spread in drawn],
+        [[name, unit or "–", f"{spread.kind} {', '.join(map(_short, spread.given))}"] for name, unit, spread in drawn],
         caption=f"Study {summary.study_hash}; SHA-256 of the sorted rows {summary.digest}.",
     )
     return page
@@ -111,8 +113,8 @@ def _row(one: LawFigures) -> list[str]:
     rmse, peak = one.figures.get("rmse_deg"), one.figures.get("peak_deg")
     low, high = one.interval
     values = [*_values(rmse), f"{peak.q99:.3g}" if peak else "–"]
-    interval = f"{100.0 * low:.2g} … {100.0 * high:.2g} %"
-    return [one.law, f"{100.0 * one.unstable / one.runs:.3g} %", interval, str(one.ran_away), *values, str(one.runs)]
+    interval = f"{100.0 * low:.2g} … {100.0 * high:.2g}"
+    return [one.law, str(one.runs), f"{100.0 * one.unstable / one.runs:.3g}", interval, str(one.ran_away), *values]
 
 
 def _values(found: Spread | None) -> list[str]:
@@ -122,16 +124,18 @@ def _values(found: Spread | None) -> list[str]:
 def _spread_figure(laws: Sequence[LawFigures], shown: Sequence[str]) -> "Figure":
     """Empirical distribution functions, one plot a figure of merit."""
     rows = -(-len(shown) // 3)
-    figure, axes = style.new_figure(rows, 3, width=9.0, height=2.5 * rows)
-    colours = style.colours_for([one.law for one in laws])
+    names = [one.law for one in laws]
+    figure, axes = style.new_figure(rows, 3, width=9.0, height=2.5 * rows + style.legend_height(names, 9.0))
+    colours, dashes = style.colours_for(names), style.dashes_for(names)
     for place, name in zip(axes, shown, strict=False):
         for one in laws:
             if name in one.quantiles:
                 x = one.quantiles[name]
-                place.plot(x, np.linspace(0.0, 100.0, len(x)), color=colours[one.law], label=one.law)
+                shares = np.linspace(0.0, 100.0, len(x))
+                place.plot(x, shares, color=colours[one.law], ls=dashes[one.law], label=one.law)
         smallest = [one.quantiles[name][0] for one in laws if name in one.quantiles]
         if name in _LOGARITHMIC and smallest and min(smallest) > 0.0:
-            _logarithmic(place, "x")
+            style.logarithmic(place, "x")
         place.set_xlabel(_NAMES[name])
         place.set_ylim(0.0, 100.0)
     for place in axes[len(shown) :]:
@@ -143,69 +147,86 @@ def _spread_figure(laws: Sequence[LawFigures], shown: Sequence[str]) -> "Figure"
 
 
 def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
+    varied = [name for name, _, spread in drawn if spread.kind != "fixed"]
+    of_law = {one.law: {found.name: found for found in one.sensitivities} for one in summary.laws}
+    names = sorted(varied, key=lambda name: -max(found[name].share for found in of_law.values()))
+    if not names:
+        return
     page.heading("What the error depends on")
-    page.text(
-        "<p>Of the ranks of the RMSE from rest, a run that ran away having the highest. <em>Share</em>: how much of "
-        "their variance lies between the means of twenty bins of the parameter with as many runs each (Sobol’s "
-        "first-order index by binned conditional means), less what chance gives (Kelley’s ε²). <em>ρ</em>: Spearman’s "
-        "rank correlation. What the shares leave to 1 is noise, and parameters that act together.</p>"
+    for law, found in of_law.items():
+        first = [name for name in sorted(varied, key=lambda name: -found[name].share) if found[name].share >= _MATTERS]
+        said = ", ".join(f"{name} ({100.0 * found[name].share:.0f} %)" for name in first)
+        page.text("<b>{law}</b>: {said}.", law=law, said=said or "no single parameter matters much")
+    page.figure(
+        _ranking_figure(of_law, names),
+        "Parameters and faults from the one that matters most to the one that matters least: share of the variance of "
+        "the RMSE's rank that each one explains by itself.",
     )
-    names = [one.name for one in summary.laws[0].sensitivities]
-    best = {name: max(s.share for one in summary.laws for s in one.sensitivities if s.name == name) for name in names}
-    names.sort(key=lambda name: -best[name])
+    units = {name: unit for name, unit, _ in drawn}
     rows = []
-    for name in names:
-        row = [name]
-        for one in summary.laws:
-            found = next(s for s in one.sensitivities if s.name == name)
-            row += [
-                f"{100.0 * found.share:.1f} %",
-                "–" if np.isnan(found.correlation) else f"{found.correlation:+.2f}".replace("-", "−"),
-            ]
+    for place, name in enumerate(names, 1):
+        row = [str(place), name, units[name] or "–"]
+        for found in of_law.values():
+            rho = found[name].correlation
+            row += [f"{100.0 * found[name].share:.1f}", "–" if np.isnan(rho) else f"{rho:+.2f}".replace("-", "−")]
         rows.append(row)
-    header = ["parameter"]
-    for one in summary.laws:
-        header += [f"{one.law}: share", "ρ"]
-    page.table(header, rows)
+    header = ["rank", "parameter", "unit"]
+    for law in of_law:
+        header += [f"{law}: share [%]", "ρ [–]"]
+    page.table(
+        header,
+        rows,
+        caption="Of the ranks of the RMSE from rest; a run that ran away has the highest rank. Share: variance between "
+        "the means of twenty bins of the parameter with as many runs each (Sobol’s first-order index), less what "
+        "chance gives (Kelley’s ε²). ρ: Spearman’s rank correlation, a dash for words. What the shares leave to 100 % "
+        "is noise, and parameters that act together.",
+    )
     shown = [name for name in names if any(len(one.steps.get(name, ((),))[0]) > 1 for one in summary.laws)][:_SMALL]
     if shown:
         page.figure(
             _steps_figure(summary.laws, shown, {name for name, _, spread in drawn if spread.kind == "log_uniform"}),
-            "Median RMSE from rest [°] in tenths of the runs by a parameter, for those that matter most; a tenth in "
-            "which more than half ran away is left out.",
+            "Median RMSE from rest over the parameters that matter most, in tenths of the runs; of a word, such as a "
+            "fault's kind, for each of them. A tenth in which more than half of the runs ran away is left out.",
         )
 
 
-def _logarithmic(place: "Axes", which: Literal["x", "y"]) -> None:
-    """A logarithmic axis with plain numbers at 1, 2 and 5, at powers of ten where it is long, or evenly if short."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+def _ranking_figure(of_law: Mapping[str, Mapping[str, Sensitivity]], names: Sequence[str]) -> "Figure":
+    """The share of each parameter, a bar for each law."""
+    laws = list(of_law)
+    height = max(0.12 * len(laws), 0.22)
+    figure, (axes,) = style.new_figure(height=0.8 + height * len(names) + style.legend_height(laws))
+    for i, (law, colour) in enumerate(style.colours_for(laws).items()):
+        places = np.arange(len(names)) + (i + 0.5) * 0.8 / len(laws) - 0.4
+        shares = [100.0 * of_law[law][name].share for name in names]
+        axes.barh(places, shares, height=0.72 / len(laws), color=colour, label=law)
+    axes.set_yticks(range(len(names)), names)
+    axes.set(xlabel="share of variance [%]", ylim=(len(names) - 0.5, -0.5), xlim=(0.0, None))
+    axes.grid(visible=False, axis="y")
+    style.legend(axes)
+    return figure
 
-    (place.set_xscale if which == "x" else place.set_yscale)("log")
-    axis = place.xaxis if which == "x" else place.yaxis
-    low, high = axis.get_data_interval()
-    if high < 4.0 * low:
-        axis.set_major_locator(MaxNLocator(4))
-        axis.set_minor_locator(NullLocator())
-    else:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
-
-def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str], logarithmic: set[str]) -> "Figure":
+def _steps_figure(laws: Sequence[LawFigures], names: Sequence[str], evenly: set[str]) -> "Figure":
+    """Median RMSE over each parameter; those that were drawn `evenly` over orders of magnitude are shown so."""
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
-    figure, axes = style.new_figure(rows, columns, width=9.0 if columns > 1 else 5.0, height=2.5 * rows)
-    colours = style.colours_for([one.law for one in laws])
+    words = laws[0].words
+    all_laws, width = [one.law for one in laws], 9.0 if columns > 1 else 5.0
+    height = 2.5 * rows + style.legend_height(all_laws, width)
+    figure, axes = style.new_figure(rows, columns, width=width, height=height)
+    colours, dashes = style.colours_for(all_laws), style.dashes_for(all_laws)
     for place, name in zip(axes, names, strict=False):
         for one in laws:
             if name in one.steps:
-                x, y = one.steps[name]
-                place.plot(x, y, "o-", markersize=3.0, color=colours[one.law], label=one.law)
+                line = "" if name in words else dashes[one.law]
+                place.plot(*one.steps[name], marker="o", ms=3.0, ls=line, color=colours[one.law], label=one.law)
         place.set_xlabel(name)
-        _logarithmic(place, "y")
-        if name in logarithmic:
-            _logarithmic(place, "x")
+        style.logarithmic(place, "y")
+        if name in words:
+            place.set_xticks(range(len(words[name])), [word.replace("_", "\n") for word in words[name]], fontsize=8.0)
+            place.set_xlim(-0.5, len(words[name]) - 0.5)
+        elif name in evenly:
+            style.logarithmic(place, "x")
     for place in axes[len(names) :]:
         place.set_axis_off()
     for place in axes[::columns]:

@@ -33,52 +33,69 @@ def emg_page(name: str, log: EmgLog, labels: Spans | None, found: Findings) -> P
     """
     page = Page(
         f"Contractions in {name}",
-        f"Channel {log.channel}, {len(log.values) / log.rate:.4g} s at {log.rate:.4g} Hz. Both detectors are causal.",
+        f"Channel {log.channel}, {len(log.values) / log.rate:.4g} s at {log.rate:.4g} Hz. Both detectors use only what "
+        "came before, as in a live run.",
     )
     for warning in log.warnings:
         page.notice(warning[0].upper() + warning[1:] + ".")
     page.heading("What was found")
     page.table(
         [
-            "",
+            "detector",
             "detections",
             "misses",
             "rejected as too short",
             "false activations",
+            "false activations [1/min]",
             "latency, median [ms]",
             "latency, worst [ms]",
-            "false a minute",
         ],
-        [_row("our detector", found.score), _row("plain threshold, 20 % MVC", found.plain_score)],
-        "A detection counts for a label if its contraction begins up to 0.3 s before it or within it; each further one "
-        "is false. A labelled contraction that is not told and is shorter than --shortest-ms is rejected, not missed.",
+        [_row("ours", found.score), _row("plain threshold", found.plain_score)],
+        "Counts, where no unit is given. A detection belongs to a label if its contraction begins within the label "
+        "or up "
+        "to 0.3 s before it; each further detection is false. A labelled contraction that is shorter than "
+        "--shortest-ms "
+        "and not detected is rejected, not missed."
+        + ("" if labels is not None else " Without labels (--labels) only detections are counted."),
     )
     page.figure(
         signal_figure(log, labels, found),
-        "Above: the signal. Middle: its envelope at 8 Hz, and the plain threshold. Below: labels, our detector, the "
-        "plain threshold; trouble is movement, mains or a dead electrode, in which nothing is detected.",
+        "Above: the signal. Middle: its envelope (8 Hz) and the plain threshold. Below: when each detector saw a "
+        "contraction"
+        + (", and the labels" if labels is not None else "")
+        + ". Trouble is movement, mains hum or a dead electrode; nothing is detected in it.",
     )
     page.text(
-        "The plain threshold stands at {share} % of an envelope of {mvc}, which counts as maximum contraction (MVC).",
+        "The plain threshold is {share} % of an envelope of {mvc}, which is taken for the maximum voluntary "
+        "contraction "
+        "(MVC).",
         share=f"{100 * PLAIN_THRESHOLD:g}",
-        mvc=f"{found.mvc:.4g}",
+        mvc=f"{found.mvc:.4g} {_with_unit(log.channel)[1].strip(' []')}".strip(),
     )
     return page
 
 
 def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure":
     """Signal, envelope and spans over time."""
-    figure, (above, middle, below) = new_figure(3, 1, height=5.2, share_x=True)
+    figure, axes = new_figure(3, 1, height=5.2, share_x=True)
+    draw_signal(axes, log, labels, found)
+    return figure
+
+
+def draw_signal(axes: "Sequence[Axes]", log: EmgLog, labels: Spans | None, found: Findings) -> None:
+    """The same on three axes."""
+    above, middle, below = axes
     time = log.start + np.arange(len(log.values)) / log.rate
     above.plot(*_outline(time, log.values), color=COLOURS["data"], linewidth=0.5)
     middle.plot(*_outline(time, found.envelope), color=COLOURS["joint"], linewidth=1.0, label="envelope")
     threshold = PLAIN_THRESHOLD * found.mvc
     middle.axhline(threshold, color=COLOURS["error"], linewidth=1.0, linestyle="--", label="20 % of MVC")
     rows: list[tuple[str, Sequence[tuple[float, float]], str]] = [
-        ("plain", found.plain, COLOURS["error"]),
-        ("ours", found.found, COLOURS["bowden"]),
-        ("trouble", spans(found.detected.trouble, log.rate), COLOURS["limit"]),
+        ("threshold", found.plain, COLOURS["error"]),
+        ("detector", found.found, COLOURS["bowden"]),
     ]
+    if found.detected.trouble.any():
+        rows.append(("trouble", spans(found.detected.trouble, log.rate), COLOURS["data"]))
     if labels is not None:
         rows.append(("labels", [(on - log.start, off - log.start) for on, off in labels], CYCLE[5]))
     for i, (_, stretches, colour) in enumerate(rows):
@@ -86,10 +103,20 @@ def signal_figure(log: EmgLog, labels: Spans | None, found: Findings) -> "Figure
     below.set_yticks(range(len(rows)), [name for name, _, _ in rows])
     below.set(xlabel="time [s]", ylim=(-0.6, len(rows) - 0.4))
     below.grid(False, axis="y")
-    above.set_ylabel(log.channel)
-    middle.set_ylabel("envelope")
+    signal, unit = _with_unit(log.channel)
+    above.set_ylabel(f"{signal}{unit}")
+    middle.set_ylabel(f"envelope{unit}")
     legend(middle)
-    return figure
+
+
+def _with_unit(channel: str) -> tuple[str, str]:
+    """A channel's name and its unit for an axis, where the name ends in one.
+
+    >>> _with_unit("emg_mV"), _with_unit("biceps")
+    (('emg', ' [mV]'), ('biceps', ''))
+    """
+    name, _, unit = channel.rpartition("_")
+    return (name, f" [{unit.replace('u', 'µ')}]") if name and unit in ("V", "mV", "uV", "µV") else (channel, "")
 
 
 def _bars(axes: "Axes", row: int, stretches: Sequence[tuple[float, float]], colour: str) -> None:
@@ -115,7 +142,7 @@ def _row(name: str, score: Score) -> list[str]:
         "–" if score.misses is None else str(score.misses),
         "–" if score.rejected is None else str(score.rejected),
         "–" if score.false_activations is None else str(score.false_activations),
+        "–" if score.false_per_minute is None else f"{score.false_per_minute:.2f}",
         milliseconds(score.latency_median_s),
         milliseconds(score.latency_max_s),
-        "–" if score.false_per_minute is None else f"{score.false_per_minute:.2f}",
     ]

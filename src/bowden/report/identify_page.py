@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.style import COLOURS, legend, new_figure, thin
+from bowden.core.style import COLOURS, legend, new_figure, note_cut, thin, widened
 from bowden.core.units import DEGREES
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.model import meaning
-from bowden.identify.cable.plot import draw_loop
+from bowden.identify.cable.plot import PARTS, draw_loop
 from bowden.report.page import Page, inline
 
 if TYPE_CHECKING:
@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_CELLS = (48, 160)
+"""Of the residual's density, up and across."""
+_DENSITY = (0.2, 0.58, 0.82)
+"""Its colour."""
+_MEANS, _FEWEST = 40, 5
+"""Stretches of the motor's angle over which residuals are averaged, and how many samples a mean needs."""
 _TICKS = 8
 """Of an axis, made before its range is known; what is too many is not drawn."""
 
@@ -64,8 +70,8 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     duration = log.time[-1] - log.time[0]
     page = Page(
         f"The cable of {log.name}",
-        f"{fit.samples} samples, {duration:.4g} s. Models are fitted to the first half, judged on the second, "
-        "and fitted anew to the whole. Errors and curves are those of the first fit, parameters those of the last.",
+        f"{fit.samples} samples, {duration:.4g} s. Each model is fitted to the first half and judged on the second, "
+        "then fitted again to the whole log. Errors and curves are of the first fit, parameters of the last.",
     )
     page.heading("Which model to use")
     page.text("{why}", why=recommendation(fit))
@@ -76,23 +82,25 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.heading("The loop")
     page.figure(
         loop,
-        f"Left: joint over motor, as recorded and as the recommended model ({title}) draws it. Right: the "
-        "same without the straight line that fits the first half best, which shows the motion that the cable loses.",
+        f"Left: joint over motor, recorded (broad) and by the recommended model ({title}, thin). Right: the same less "
+        "the straight line that fits the first half best. What is left is the motion that the cable loses.",
     )
     page.heading("Over time")
     page.figure(
         time,
-        "Motor and joint over time. The shaded half was not fitted: there the model runs on from the motor alone.",
+        "Motor and joint over time. The model was not fitted to the shaded half; there it computes the joint from the "
+        "motor alone.",
     )
     page.figure(
         residual,
-        f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above over time, below over "
-        "the motor's angle; what repeats in every stroke is the cable's, what does not is noise or change.",
+        f"What the model leaves: {best.test_rms * DEGREES:.3f}° RMS in the second half. Above: over time. Below: the "
+        "second half over the motor's angle, darker where the error occurs more often at that angle. The lines are its "
+        "means on the way up and on the way down: they are what the model misses of the cable; the rest is noise.",
     )
     page.heading("Parameters")
     page.text(
-        "One standard deviation stands behind each value; it holds for residuals that are correlated over time too. A "
-        "dash marks where none is stated, of settings and of generalised_play; ∞ what this log does not show."
+        "± is one standard deviation; it allows for errors that are correlated over time. A dash: none is given (for "
+        "settings, and for generalised_play). ∞: this log does not determine the parameter. Unit 1: a pure number."
     )
     names = [fit.best.name] + [name for name in ("bouc_wen",) if name != fit.best.name]
     for name in names + [name for name in fit.models if name not in names]:
@@ -125,7 +133,7 @@ def recommendation(fit: Fit) -> str:
         )
     if fit.best.name != "bouc_wen":
         plain = fit.models["bouc_wen"].test_rms * DEGREES
-        text += f" Simulation and the observer take the plain bouc_wen, which errs by {plain:.2g}° there."
+        text += f" Simulation and the observer use the plain bouc_wen, whose error there is {plain:.2g}°."
     return text
 
 
@@ -133,11 +141,11 @@ def _forecast(fit: Fit) -> str:
     """What a law can make of the model, in a sentence or two."""
     left, without, counts = (value * DEGREES for value in fit.forecast)
     text = (
-        f"Forecast: a law that carries this model as its feed-forward leaves {left:.2g}° RMS at the joint on a motion "
-        f"like this log's, where {without:.2g}° are left without compensation (by a straight line, as known as this "
-        "log shows it). The servo is not counted: its lag, and the time that it takes through the play, come on top."
+        f"Forecast: a law with this model as feed-forward leaves an error of {left:.2g}° RMS at the joint, on a motion "
+        f"like that of this log. Without compensation it is {without:.2g}° (motor and joint related by a straight "
+        "line). The servo's lag, and the time that it needs to cross the play, come on top."
     )
-    return text + (f" The encoders' counts alone are {counts:.2g}° RMS." if counts else "")
+    return text + (f" The steps of the encoders alone make {counts:.2g}° RMS." if counts else "")
 
 
 def _models_table(page: Page, fit: Fit) -> None:
@@ -182,7 +190,7 @@ def _spread(uncertainty: float) -> str:
 def loop_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
     """Joint over motor, whole and without its straight line."""
     draw_loop(panels, fit)
-    return _placed(figure, wspace=0.25, bottom=0.16, top=0.88)
+    return _placed(figure, wspace=0.28, bottom=0.16, top=0.88)
 
 
 def time_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
@@ -191,8 +199,8 @@ def time_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
     time = log.time - log.time[0]
     upper.plot(*_few(time, log.motor * DEGREES), color=COLOURS["motor"])
     upper.set_ylabel("motor [°]")
-    lower.plot(*_few(time, log.joint * DEGREES), color=COLOURS["data"], lw=2.2, label="joint")
-    lower.plot(*_few(time, fit.predicted * DEGREES), color=COLOURS["model"], lw=1.0, label="model")
+    lower.plot(*_few(time, log.joint * DEGREES), color=PARTS["second half"], lw=4.0, label="joint")
+    lower.plot(*_few(time, fit.predicted * DEGREES), color=COLOURS["model"], lw=0.9, label="model")
     lower.set(xlabel="time [s]", ylabel="joint [°]")
     legend(lower)
     for axes in (upper, lower):
@@ -201,27 +209,49 @@ def time_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
 
 
 def residual_figure(fit: Fit, figure: "Figure", panels: "list[Axes]") -> "Figure":
-    """Joint minus model, over time and over the motor's angle."""
+    """Joint minus model, over time and, of the second half, over the motor's angle."""
     log, (upper, lower) = fit.log, panels
     time, residual = log.time - log.time[0], (log.joint - fit.predicted) * DEGREES
     upper.plot(*_few(time, residual), color=COLOURS["error"], lw=0.8)
     upper.set(xlabel="time [s]", ylabel="joint − model [°]")
-    judged = residual[fit.fitted_from :]
-    room = 0.1 * float(np.ptp(judged)) + 1e-6
-    upper.set_ylim(float(judged.min()) - room, float(judged.max()) + room)  # the start may lie far outside
+    low, high = (float(end) for end in np.quantile(residual[fit.fitted_from :], (0.001, 0.999)))
+    upper.set_ylim(*widened(low, high, 0.3))  # the start may lie far outside
+    note_cut(upper, [residual])
     _shade(upper, time, fit)
-    for part, label in ((slice(fit.fitted_from, fit.split), "fitted"), (slice(fit.split, None), "second half")):
-        colour = COLOURS["joint"] if label == "second half" else COLOURS["data"]
-        lower.plot(*_few(log.motor[part] * DEGREES, residual[part]), color=colour, lw=0.7, label=label)
+    late = slice(fit.split, None)
+    _density(lower, log.motor[late] * DEGREES, residual[late], upper.get_ylim())
     lower.set(xlabel="motor [°]", ylabel="joint − model [°]")
     legend(lower)
     return _placed(figure, hspace=0.55, bottom=0.12, top=0.97)
 
 
+def _density(axes: "Axes", motor: Array, residual: Array, ends: tuple[float, float]) -> None:
+    """How often a residual occurs at a motor angle, as depth of colour, and its mean on the way up and down [°]."""
+    across = float(motor.min()), float(motor.max()) or 1.0
+    counts, *_ = np.histogram2d(residual, motor, bins=_CELLS, range=(ends, across))
+    depth = np.sqrt(counts / np.maximum(counts.max(axis=0), 1.0))  # of each angle: the motor rests at some for long
+    image = np.zeros((*depth.shape, 4))
+    image[..., :3], image[..., 3] = _DENSITY, depth
+    axes.imshow(image, origin="lower", aspect="auto", extent=(*across, *ends), interpolation="none")
+    axes.set(xlim=widened(*across, 0.02), ylim=ends)
+    step = max(1, len(motor) // 400)
+    moved = np.zeros_like(motor)
+    moved[step:-step] = motor[2 * step :] - motor[: -2 * step]
+    slow = 0.05 * float(np.abs(moved).max())
+    edges = np.linspace(*across, _MEANS + 1)
+    place = np.clip(np.searchsorted(edges, motor) - 1, 0, _MEANS - 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    for there, label, dashes in ((moved > slow, "mean, motor rising", "-"), (moved < -slow, "mean, falling", "--")):
+        count = np.bincount(place[there], minlength=_MEANS)
+        total = np.bincount(place[there], residual[there], minlength=_MEANS)
+        mean = np.where(count >= _FEWEST, total / np.maximum(count, 1), np.nan)
+        axes.plot(middles, mean, dashes, color=COLOURS["error"], lw=1.2, label=label)
+
+
 def _placed(figure: "Figure", **room: float) -> "Figure":
     """The figure with fixed margins: finding them costs as much time as the drawing itself."""
     figure.set_layout_engine(None)
-    figure.subplots_adjust(left=0.09, right=0.985, **room)
+    figure.subplots_adjust(left=0.115, right=0.985, **room)
     return figure
 
 

@@ -16,14 +16,14 @@ from bowden.report.page import Page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_WIDTH, _HEIGHT = 72.0, 18.0
-"""Of a small plot [px]."""
+_WIDTH, _HEIGHT = 60.0, 16.0
+"""Of a small plot, in its own units: it is as wide as its cell."""
 
 _LOWEST, _HIGHEST = 0.01, 30.0
 """Ends of the small plots' logarithmic scale [deg]."""
 
-_COLOURS = ((0.25, "#bfe6d5"), (0.5, "#e0f3ea"), (1.0, "#f6f6f6"), (2.0, "#fbe6d6"), (math.inf, "#f5c9ab"))
-"""RMSE over the baseline's, up to → background."""
+_SHADES = ((0.25, "much-better"), (0.5, "better"), (1.0, "same"), (2.0, "worse"), (math.inf, "much-worse"))
+"""RMSE over the baseline's, up to → a cell's class in page.css: blue for better, orange for worse."""
 
 
 def league_page(
@@ -45,33 +45,46 @@ def league_page(
     """
     page = Page(
         "League of control laws",
-        "Every law on every plant in every scenario, with one set of gains for each law, told only of the rig's servo "
-        "and delay." + (f" Rig {rig}." if rig else ""),
+        "Every law on every plant in every scenario. Each law has one set of gains for all of them, and knows only the "
+        "rig's servo and delay." + (f" Rig {rig}." if rig else ""),
     )
     if interrupted:
-        page.notice("The league was interrupted: this page holds what had been played.")
+        page.notice("The league was interrupted: this page shows the cells that were played before.")
     if not played:
         page.notice("No cell has been played.")
         return page
     page.heading("Ranking")
     page.table(
-        ["law", "cells won", "RMSE", f"over {BASELINE}", "chatter", "most chatter", "unstable", "cells"],
+        [
+            "law",
+            "cells",
+            "won [%]",
+            "RMSE, median [°]",
+            f"RMSE over {BASELINE}'s, median [–]",
+            "chatter, median [–]",
+            "chatter, largest [–]",
+            "unstable [cells]",
+        ],
         [_ranked(one) for one in standings],
-        caption="Cells won: share in which no law had a lower RMSE from rest. RMSE [°], ratio to the paper's law and "
-        "chatter are medians over the cells; an unstable cell counts as the largest error.",
+        caption="A cell is one plant in one scenario. Won: no law had a lower RMSE from rest. An unstable cell counts "
+        "as the largest error. Chatter: how far the command travels, over how far that of an exact inverse does.",
         classes=["best", *[""] * (len(standings) - 1)],
     )
     laws = [one.law for one in standings]
     page.figure(
         _spread_figure([one.cell for one in played], laws),
-        "RMSE from rest in each law's stable cells, from the best to the worst.",
+        "RMSE from rest in each law's stable cells, from its best cell to its worst. A lower curve is better; laws "
+        "stand in the legend in the order of the ranking.",
     )
     page.heading("Cells")
     page.text(
-        "<p>Each cell shows the RMSE from rest [°], the chatter in brackets, and the largest error over time on a "
-        f"logarithmic scale from {_LOWEST:g}° to {_HIGHEST:g}°, the same in all cells. Colour is the RMSE over that of "
-        f"<code>{BASELINE}</code>: green below a half, darker below a quarter; red above one, darker above two. The "
-        "lowest RMSE of a row is bold.</p>"
+        "<p>In each cell: the RMSE from rest [°], bold where it is the lowest of the row; the chatter [–] in brackets; "
+        f"and the largest error over time as a line, on a logarithmic scale from {_LOWEST:g}° to {_HIGHEST:g}° in all "
+        f"cells. The colour compares the RMSE with that of <code>{BASELINE}</code>:</p>"
+        '<div class="wide cells"><table><tbody><tr><td class="much-better">at most a quarter</td>'
+        '<td class="better">at most a half</td><td class="same">at most the same</td>'
+        '<td class="worse">up to twice as large</td><td class="much-worse">larger</td>'
+        '<td class="unstable">unstable</td></tr></tbody></table></div>'
     )
     page.text(_cells_table(played, laws))
     page.heading("Plants and scenarios")
@@ -83,21 +96,20 @@ def league_page(
 def _ranked(one: Standing) -> list[str]:
     values = (one.rmse_deg, one.ratio, one.chatter, one.most_chatter)
     shown = ["–" if value is None else f"{value:.3g}" for value in values]
-    return [one.law, f"{100.0 * one.won:.0f} %", *shown, str(one.unstable), str(one.cells)]
+    return [one.law, str(one.cells), f"{100.0 * one.won:.0f}", *shown, str(one.unstable)]
 
 
 def _spread_figure(cells: Sequence[Cell], laws: Sequence[str]) -> "Figure":
-    figure, (axes,) = style.new_figure(height=3.4)
-    used: set[str] = set()
-    for law, colour in style.colours_for(laws).items():
-        line = "--" if colour in used else "-"  # more laws than colours
-        used.add(colour)
+    figure, (axes,) = style.new_figure(height=4.2)
+    colours, dashes = style.colours_for(laws), style.dashes_for(laws)
+    for law in laws:
         errors = sorted(cell.rmse_deg for cell in cells if cell.law == law and cell.rmse_deg is not None)
         if errors:
             shares = 100.0 * (np.arange(len(errors)) + 0.5) / len(errors)
-            axes.semilogy(shares, errors, line, color=colour, label=law, marker=".", markersize=3.0)
+            axes.plot(shares, errors, color=colours[law], ls=dashes[law], label=law, marker=".", markersize=3.0)
+    style.logarithmic(axes, "y")
     axes.set(xlabel="share of the law's stable cells [%]", ylabel="RMSE from rest [°]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.0)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8.0, handlelength=2.4)
     return figure
 
 
@@ -105,36 +117,33 @@ def _cells_table(played: Sequence[Played], laws: Sequence[str]) -> str:
     rows: dict[tuple[str, str], dict[str, Played]] = {}
     for one in played:
         rows.setdefault((one.cell.plant, one.cell.scenario), {})[one.cell.law] = one
-    head = Markup("").join(
-        Markup('<th scope="col">{}</th>').format(Markup("_<wbr>").join(name.split("_")))
-        for name in ("plant", "scenario", *laws)
-    )
+    head = Markup("").join(Markup('<th scope="col"><span>{}</span></th>').format(law.replace("_", " ")) for law in laws)
     body = Markup("").join(
-        Markup('<tr><td>{}</td><td style="white-space:nowrap">{}</td>{}</tr>').format(
+        Markup('<tr><th scope="row">{}<br><small>{}</small></th>{}</tr>').format(
             plant, scenario, Markup("").join(_cell(row.get(law), row) for law in laws)
         )
         for (plant, scenario), row in rows.items()
     )
-    return f'<div class="wide"><table><thead><tr>{escape(head)}</tr></thead><tbody>{escape(body)}</tbody></table></div>'
+    return (
+        f'<div class="wide cells"><table><thead><tr><th scope="col" style="width: 13%">plant<br>'
+        f"<small>scenario</small></th>{escape(head)}</tr></thead><tbody>{escape(body)}</tbody></table></div>"
+    )
 
 
 def _cell(one: Played | None, row: Mapping[str, Played]) -> Markup:
     if one is None:
         return Markup("<td>–</td>")
     if one.cell.rmse_deg is None:
-        return Markup('<td style="background:#f0a98a">unstable</td>')
+        return Markup('<td class="unstable">unstable</td>')
     errors = [other.cell.rmse_deg for other in row.values() if other.cell.rmse_deg is not None]
     baseline = row[BASELINE].cell.rmse_deg if BASELINE in row else None
-    colour = "#ffffff"
+    shade = ""
     if baseline is not None and one.cell.law != BASELINE:
-        colour = next(shade for limit, shade in _COLOURS if one.cell.rmse_deg <= limit * baseline)
+        shade = next(name for limit, name in _SHADES if one.cell.rmse_deg <= limit * baseline)
+    least = " least" if one.cell.rmse_deg == min(errors) else ""
     chatter = "" if one.cell.chatter is None else f" ({one.cell.chatter:.2g})"
-    return Markup('<td style="background:{};white-space:nowrap;font-weight:{}">{}{}<br>{}</td>').format(
-        colour,
-        700 if one.cell.rmse_deg == min(errors) else 400,
-        f"{one.cell.rmse_deg:.3g}",
-        chatter,
-        _sparkline(one.errors),
+    return Markup('<td class="{}">{}<small>{}</small>{}</td>').format(
+        f"{shade}{least}".strip(), f"{one.cell.rmse_deg:.3g}", chatter, _sparkline(one.errors)
     )
 
 
@@ -147,6 +156,6 @@ def _sparkline(errors: NDArray[np.float64]) -> Markup:
         f"{x:.0f},{_HEIGHT - 1.0 - y * (_HEIGHT - 2.0):.1f}" for x, y in zip(across, heights, strict=True)
     )
     return Markup(
-        '<svg width="{w:g}" height="{h:g}" viewBox="0 0 {w:g} {h:g}" aria-hidden="true">'
-        '<polyline points="{points}" fill="none" stroke="#444" stroke-width="1"/></svg>'
+        '<svg viewBox="0 0 {w:g} {h:g}" preserveAspectRatio="none" aria-hidden="true">'
+        '<polyline points="{points}" fill="none" stroke="currentColor" vector-effect="non-scaling-stroke"/></svg>'
     ).format(w=_WIDTH, h=_HEIGHT, points=points)

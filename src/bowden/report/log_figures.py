@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.style import COLOURS, CYCLE, legend, new_figure, thin
+from bowden.core.style import COLOURS, CYCLE, legend, logarithmic, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
+from bowden.live.events import UNREAD
 from bowden.report.simulate_figures import law_states as _law_states
 
 if TYPE_CHECKING:
@@ -20,20 +21,25 @@ Array = NDArray[np.float64]
 
 _STATES = ("mode", "reaction", "power", "source")
 _FAR = 1e12
-"""No cycle is so late, and a histogram wants a width that is a number [µs]."""
+"""What is later counts as this, so that a histogram has finite bins [µs]."""
+_SOON = 1.0
+"""What is earlier counts as this: the axis is logarithmic [µs]."""
 _LOADS = ("current", "tension", "temperature", "supervisor.heat.winding")
 
 
 def motion(trace: Trace) -> "Figure":
-    """Reference, joint and error over time."""
-    figure, (above, below) = new_figure(2, 1, height=4.0, share_x=True)
+    """Joint over time and, where there was a reference, that and the error."""
+    follows = np.isfinite(trace.error).any()
+    figure, (above, *rest) = new_figure(2 if follows else 1, 1, height=4.0 if follows else 2.4, share_x=True)
     _line(above, trace, trace["joint"] * DEGREES, "joint", COLOURS["joint"])
-    _line(above, trace, trace["reference"] * DEGREES, "reference", COLOURS["reference"], 1.0, "--")
-    _line(below, trace, trace.error * DEGREES, "error", COLOURS["error"])
-    above.set_ylabel("angle [°]")
-    below.set(ylabel="error [°]", xlabel="time [s]")
-    _same_time(trace, above, below)
-    legend(above)
+    for below in rest:
+        _line(above, trace, trace["reference"] * DEGREES, "reference", COLOURS["reference"], 1.0, "--")
+        _line(below, trace, trace.error * DEGREES, "error", COLOURS["error"])
+        below.set_ylabel("error [°]")
+        legend(above)
+    above.set_ylabel("angle [°]" if follows else "joint [°]")
+    (rest or [above])[-1].set_xlabel("time [s]")
+    _same_time(trace, above, *rest)
     return figure
 
 
@@ -42,21 +48,24 @@ def commands(trace: Trace) -> "Figure":
     figure, (above, below) = new_figure(2, 1, height=4.0, share_x=True)
     motor = trace["motor"] * DEGREES
     colours = {"wish": COLOURS["limit"], "command": COLOURS["command"]}
-    for name, width in (("wish", 2.6), ("command", 1.2)):
-        if name in trace.columns:
+    for name, width in (("wish", 3.6), ("command", 1.4)):
+        if name in trace.columns and np.isfinite(trace[name]).any():
             asked = trace[name] * DEGREES
             _line(above, trace, asked, name, colours[name], width)
             _line(below, trace, asked - motor, f"{name} − motor", colours[name], width)
-    _line(above, trace, motor, "motor", COLOURS["motor"], 1.0)
+    _line(above, trace, motor, "motor", COLOURS["motor"], 1.0, "--")
     above.set_ylabel("angle [°]")
-    below.set(ylabel="difference [°]", xlabel="time [s]")
+    below.set(ylabel="still to go [°]", xlabel="time [s]")
     _same_time(trace, above, below)
     legend(above)
     return figure
 
 
 def states(trace: Trace) -> "Figure | None":
-    """A band for each state column, and a bar for each fault that was ever there; None without any."""
+    """A band for each state column, and a bar for each fault that was ever there; None without any.
+
+    What had not been read yet when the log begins is no fault.
+    """
     columns = [name for name in _STATES if name in trace.columns]
     faults = _faults(trace)
     if not columns and not faults:
@@ -74,7 +83,7 @@ def states(trace: Trace) -> "Figure | None":
     for row, (_, there) in enumerate(faults, len(columns)):
         for first, last, value in _stretches(there):
             if value:
-                width = max(trace.time[last] - trace.time[first], 2e-3 * float(trace.time[-1] - trace.time[0]))
+                width = max(trace.time[last] - trace.time[first], 5e-3 * float(trace.time[-1] - trace.time[0]))
                 axes.barh(row, width, left=trace.time[first], height=0.72, color=COLOURS["error"], linewidth=0)
     axes.set_yticks(range(count), [*columns, *(name.replace("_", " ") for name, _ in faults)])
     axes.set(ylim=(count - 0.5, -0.5), xlabel="time [s]", xlim=(trace.time[0], trace.time[-1]))
@@ -104,8 +113,11 @@ def lateness(trace: Trace) -> "Figure | None":
     figure, panels = new_figure(1, len(columns), height=2.6)
     for axes, name in zip(panels, columns, strict=True):
         values = np.clip(1e6 * trace[name][np.isfinite(trace[name])], -_FAR, _FAR)
-        axes.hist(values, bins=80, color=COLOURS["joint"], log=True)
+        values = np.maximum(values, _SOON)
+        bins = np.geomspace(0.9 * float(values.min()), 1.1 * float(values.max()), 60)
+        axes.hist(values, bins=bins.tolist(), color=COLOURS["joint"], log=True)
         axes.set(xlabel=f"{name.replace('_', ' ')} [µs]", ylabel="cycles")
+        logarithmic(axes, "x")
     return figure
 
 
@@ -133,8 +145,14 @@ def _faults(trace: Trace) -> list[tuple[str, Array]]:
     sets = np.where((column >= 0.0) & (column < 2.0**53), column, 0.0).astype(np.int64)
     ever = int(np.bitwise_or.reduce(sets))
     names = trace.settings.get("names", {}).get("faults", ())
-    bits = [bit for bit in range(ever.bit_length()) if ever >> bit & 1]
-    return [(_named(bit, names), (sets >> bit & 1).astype(float)) for bit in bits]
+    found = []
+    for bit in range(ever.bit_length()):
+        there = (sets >> bit & 1).astype(float)
+        if bit < len(names) and names[bit] in UNREAD and there[0]:
+            there[: int(np.argmin(there)) if not there.all() else 0] = 0.0
+        if there.any():
+            found.append((_named(bit, names), there))
+    return found
 
 
 def _stretches(values: Array) -> list[tuple[int, int, float]]:

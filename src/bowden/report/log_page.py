@@ -1,13 +1,19 @@
-"""The page of ``bowden log plot``: one recorded run, from motion to lateness."""
+"""The page of ``bowden log plot``: one recorded run, from how it ended to how punctual its loop was."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bowden.core.style import COLOURS
 from bowden.core.trace import Trace
+from bowden.core.units import DEGREES
+from bowden.cycle.one_cycle import WishSource
+from bowden.live import stops
 from bowden.report import log_figures as figures
 from bowden.report.page import Page
+from bowden.safety.supervisor import Mode
 
 _MOST_EVENTS = 200
 _LEFT_OUT = ("names",)  # of the settings: the page shows names in their place
@@ -23,7 +29,7 @@ def write_log(
         trace: all rows.
         events: time [s] and text of each.
         facts: ``whole``, ``cycles``, ``missing``, ``duration_s``, ``law``, ``start_utc``, ``lateness_s``,
-            ``run_time_s``, ``overruns`` and ``software``, as ``bowden log info --json`` has them.
+            ``run_time_s``, ``overruns`` and ``stops``, as ``bowden log info --json`` has them.
         title: plain text.
 
     Raises:
@@ -40,45 +46,103 @@ def log_page(trace: Trace, events: Sequence[tuple[float, str]], facts: Mapping[s
         page.notice("This log was not closed properly or is damaged: see bowden log recover.")
     if facts["missing"]:
         page.notice(f"{facts['missing']} cycles of the run are missing in this log.")
+    page.heading("How it went")
+    _summary(page, trace, facts)
     has = set(trace.columns).issuperset
     if has({"reference", "joint"}):
-        page.heading("How well the joint followed")
+        page.heading("How well the joint followed" if np.isfinite(trace.error).any() else "Motion of the joint")
         page.figure(
             figures.motion(trace),
-            "Reference and measured joint angle, and the error, joint − reference, while there was a reference.",
+            "Above: measured joint angle and, while there was one, the reference. Below: error, joint − reference."
+            if np.isfinite(trace.error).any()
+            else "Measured joint angle; this log has no reference.",
         )
     if has({"motor"}) and not {"wish", "command"}.isdisjoint(trace.columns):
-        page.heading("What the motor was told")
+        page.heading("Commands to the motor")
         page.figure(
             figures.commands(trace),
-            "What was wished for the motor, what the supervisor let through, and the measured motor angle; "
-            "below, how far the two commands are from the motor.",
+            "Above: the angle that was wished for the motor, the command that the supervisor sent, and the measured "
+            "motor angle. Below: how far the motor was from both.",
         )
     bands = figures.states(trace)
     if bands is not None:
         page.heading("Modes, reactions and faults")
-        page.figure(bands, "The number of each state, by its name, as long as it held; a bar for each fault.")
+        page.figure(
+            bands, "The states of the loop over time, each with its name; below them, a bar while a fault was there."
+        )
     if events:
         rows = [[f"{time:.3f}", text] for time, text in events[:_MOST_EVENTS]]
         more = len(events) - len(rows)
-        page.table(["time [s]", "event"], rows, caption=f"And {more} more." if more > 0 else "Every change.")
+        left_out = f"The first {_MOST_EVENTS} changes of state; {more} more are in the log."
+        page.table(["time [s]", "event"], rows, caption=left_out if more > 0 else "All changes of state.")
     loads = figures.loads(trace)
     if loads is not None:
         page.heading("Load and heat")
-        page.figure(loads, "What the drive measured beside the angles.")
+        page.figure(loads, "Current and temperatures that the drive measured or that were computed from them.")
     late = figures.lateness(trace)
     if late is not None:
         page.heading("How punctual the loop was")
-        page.figure(late, "How often a cycle began so late, and took so long; the count's axis is logarithmic.")
+        page.figure(
+            late,
+            "How many cycles began how late (left), and took how long (right). All axes are logarithmic; what is below "
+            "1 µs is counted there.",
+        )
         page.table(["", "p50 [µs]", "p99 [µs]", "p99.9 [µs]", "largest [µs]"], list(_punctuality(facts)))
-    inside = figures.law_states(trace, COLOURS["joint"])
+    inside = figures.law_states(trace, COLOURS.get(str(facts["law"]), COLOURS["joint"]))
     if inside is not None:
         page.heading("Inside the law")
-        page.figure(inside, "What the law remembers from one cycle to the next, in SI units and radians.")
+        page.figure(
+            inside,
+            "The state of the law over time, each variable between its smallest and its largest value (right), in SI "
+            "units and radians.",
+        )
     page.heading("What made this run")
+    page.text("Angles are in radians, everything else in SI units.")
     settings = {key: value for key, value in trace.settings.items() if key not in _LEFT_OUT}
     page.table(["setting", "value"], [[key, value] for key, value in _flat(settings)])
     return page
+
+
+def _summary(page: Page, trace: Trace, facts: Mapping[str, Any]) -> None:
+    """The error while the law led, how the run ended, and every stop by a fault with what to do about it."""
+    rows = []
+    if {"reference", "joint"} <= set(trace.columns):
+        leads = trace["source"] >= WishSource.LAW_BEGINS if "source" in trace.columns else np.ones(len(trace), bool)
+        error = trace.error[leads]
+        error = error[np.isfinite(error)] * DEGREES
+        if len(error):
+            rows.append(["RMSE while the law led", f"{np.sqrt(np.mean(error**2)):.3f}", "°"])
+            rows.append(["peak error", f"{np.max(np.abs(error)):.2f}", "°"])
+            rows.append(["the law led for", f"{len(error) * _step(trace):.4g}", "s"])
+    if facts["lateness_s"] is not None:
+        rows.append(["lateness of a cycle, 99 %", f"{1e6 * facts['lateness_s']['p99']:.0f}", "µs"])
+    if facts["overruns"] is not None:
+        rows.append(["cycles left out (overruns)", str(facts["overruns"]), ""])
+    page.text("{how}", how=_ending(trace, facts["stops"]))
+    for stop in facts["stops"]:
+        for line in stops.lines(stop):
+            page.notice(f"Stopped by a fault at {stop['time_s']:.3f} s: {line}.")
+    if rows:
+        page.table(["figure", "value", "unit"], rows)
+
+
+def _ending(trace: Trace, found: Sequence[Mapping[str, Any]]) -> str:
+    """A sentence on how the run ended."""
+    at = f"{trace.time[-1]:.3f} s"
+    mode = float(trace["mode"][-1]) if "mode" in trace.columns and len(trace) else np.nan
+    if mode == Mode.LATCHED and found:
+        return f"The run was stopped by a fault, at {found[-1]['time_s']:.3f} s; the log ends at {at}, power off."
+    if mode == Mode.STOPPED:
+        more = f" Faults had stopped it before ({len(found)})." if found else ""
+        return f"The run ended as it was asked to, at {at}, power off.{more}"
+    if np.isfinite(mode):
+        return f"The log ends at {at} in the mode “{Mode(int(mode)).name.lower()}”: it does not show how the run ended."
+    return f"The log ends at {at}; it does not say how the run ended."
+
+
+def _step(trace: Trace) -> float:
+    """Time from one cycle to the next [s]."""
+    return float(trace.time[-1] - trace.time[0]) / max(1, len(trace) - 1)
 
 
 def _punctuality(facts: Mapping[str, Any]) -> Iterator[list[str]]:

@@ -1,4 +1,8 @@
-"""Self-contained HTML pages: text, tables and figures in one file that needs no network and no script."""
+"""Self-contained HTML pages: text, tables and figures in one file that needs no network and no script.
+
+On a screen they are light or dark, as the reader's system is; on paper they are black on white, and no figure or short
+table is broken between two pages.
+"""
 
 import re
 from collections.abc import Sequence
@@ -14,8 +18,44 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"[<>≤≥≈±+\-−]?\s?\d[\d.,]*(e[+\-]?\d+)?(\s?[±…×]\s?\d[\d.,]*(e[+\-]?\d+)?)*\s?[^\s\d]{0,6}", re.I)
 _EMPTY = ("", "–", "—", "-")
-_LONG = 40  # characters of a table's cell that deserve a wide column
+_LONG, _LONGEST = 40, 200  # characters of a table's cell that deserve a wide column, and a wider one
 _BLOCK = re.compile(r"\s*<(p|ul|ol|dl|div|pre|blockquote|h3|details)\b")
+_SHORT = 14
+"""Rows of a table that is not broken between two printed pages."""
+
+_DARK = {
+    "#000000": "#e4e6e8",
+    "#ffffff": "#15181c",
+    "#222222": "#e4e6e8",
+    "#666666": "#959ba2",
+    "#e3e3e3": "#30353b",
+    "#0072b2": "#4fa8e0",
+    "#d55e00": "#f27b30",
+    "#009e73": "#2dbf95",
+    "#cc79a7": "#de93be",
+    "#e69f00": "#f0b429",
+    "#56b4e9": "#86cdf5",
+    "#8c8c8c": "#a6a6a6",
+    "#5f6b76": "#97a4b1",
+    "#b3b3b3": "#7a8087",
+    "#882255": "#d7709f",
+    "#6a51a3": "#a48fe0",
+    "#999933": "#c6c65e",
+    "#8a5a2b": "#c99560",
+    "#44aa99": "#6fd3c3",
+    "#c9ced3": "#4d555d",
+    "#b5d3e7": "#27506b",
+    "#e8e8e8": "#3a3f45",
+    "#cfe3f1": "#1f4560",
+    "#a9d8c6": "#1f5a45",
+    "#f6dfa8": "#6b5316",
+    "#f3c39f": "#6e3f1c",
+    "#efb0a8": "#6e2f28",
+    "#d9ebf7": "#1b3850",
+    "#fde3c8": "#4a3016",
+}
+"""A figure's colour on white paper → on a dark screen."""
+_SHADE = re.compile(r"\b(fill|stroke): (" + "|".join(_DARK) + r")\b")
 
 
 class _Heading(NamedTuple):
@@ -46,6 +86,7 @@ class _Table(NamedTuple):
     header: list[_Cell]
     rows: list[tuple[str, list[_Cell]]]
     caption: str
+    css: str = ""
     kind: str = "table"
 
 
@@ -117,7 +158,7 @@ class Page:
             return [_Cell(text, name) for text, name in zip(row, css, strict=True)]
 
         marked = [(name, cells(row)) for name, row in zip(classes, rows, strict=True)]
-        self._parts.append(_Table(cells(header), marked, caption))
+        self._parts.append(_Table(cells(header), marked, caption, "short" if len(rows) <= _SHORT else ""))
 
     def html(self) -> str:
         """The page as text; the same content gives the same bytes."""
@@ -137,7 +178,7 @@ class Page:
             lead=self._lead,
             parts=self._parts,
             contents=[part for part in self._parts if isinstance(part, _Heading) and part.level == 2],
-            style=Markup((folder / "page.css").read_text(encoding="utf-8")),
+            style=Markup((folder / "page.css").read_text(encoding="utf-8") + _dark_figures()),
             version=__version__,
         )
 
@@ -152,8 +193,18 @@ class Page:
 
 
 def inline(figure: "Figure", number: int) -> str:
-    """The SVG of a page's figure; its ids begin with the figure's number."""
-    return style.svg(figure, f"figure-{number}-")
+    """The SVG of a page's figure; its ids begin with the figure's number.
+
+    A colour that has another one on a dark screen becomes a variable of the page, with the colour as its default.
+    """
+    drawn = style.svg(figure, f"figure-{number}-")
+    return _SHADE.sub(lambda found: f"{found[1]}: var(--c{found[2][1:]}, {found[2]})", drawn)
+
+
+def _dark_figures() -> str:
+    """CSS: the figures' colours on a dark screen. Paper stays white, whatever the screen is."""
+    shades = " ".join(f"--c{light[1:]}: {dark};" for light, dark in _DARK.items())
+    return f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {shades} }} }}\n"
 
 
 def _column_class(cells: Sequence[str]) -> str:
@@ -161,4 +212,5 @@ def _column_class(cells: Sequence[str]) -> str:
     filled = [cell for cell in cells if cell not in _EMPTY]
     if filled and all(_NUMBER.fullmatch(cell) for cell in filled):
         return "number"
-    return "long" if max(map(len, filled), default=0) > _LONG else ""
+    longest = max(map(len, filled), default=0)
+    return "longest" if longest > _LONGEST else "long" if longest > _LONG else ""

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.motion_plot import draw_motion
-from bowden.core.style import COLOURS, legend, new_figure, stay_near, thin, widened
+from bowden.core.style import (
+    COLOURS,
+    dashes_for,
+    legend,
+    legend_height,
+    new_figure,
+    stay_near,
+    thin,
+)
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
 
@@ -19,6 +27,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Traces = Mapping[str, Trace]
 Colours = Mapping[str, str]
+
+_MANY = 4
+"""With more runs than these, the panel of each is lower."""
 
 
 def rate(trace: Trace) -> float:
@@ -34,7 +45,8 @@ def lasted(trace: Trace) -> float:
 
 def motion(traces: Traces, colours: Colours) -> "Figure":
     """Reference and joint over time, a row for each run."""
-    figure, rows = new_figure(len(traces), 1, height=0.9 + 1.7 * len(traces), share_x=True)
+    each = 1.7 if len(traces) <= _MANY else 1.25
+    figure, rows = new_figure(len(traces), 1, height=0.9 + each * len(traces), share_x=True)
     for axes, (name, trace) in zip(rows, traces.items(), strict=True):
         draw_motion(axes, trace.time, trace["reference"], trace["joint"], colours[name])
         axes.set_title(name)
@@ -44,58 +56,66 @@ def motion(traces: Traces, colours: Colours) -> "Figure":
 
 def error(traces: Traces, colours: Colours) -> "Figure":
     """Error over time, all runs in one."""
-    figure, (axes,) = new_figure(height=2.8)
-    for name, trace in traces.items():
-        _draw(axes, trace, trace.error * DEGREES, colours[name], name)
-    stable = [trace.error * DEGREES for trace in traces.values() if trace.stable]
+    figure, (axes,) = new_figure(height=2.8 + legend_height(list(traces)))
+    errors = {name: trace.error * DEGREES for name, trace in traces.items()}
+    _together(axes, traces, errors, colours)
     swing = [0.1 * (trace["reference"] - np.mean(trace["reference"])) * DEGREES for trace in traces.values()]
-    stay_near(axes, stable or swing, [trace.error * DEGREES for trace in traces.values()])
+    stay_near(axes, _of_stable(traces, errors) or swing, list(errors.values()))
     axes.set(xlabel="time [s]", ylabel="error [°]")
     legend(axes)
     return figure
 
 
 def loops(traces: Traces, colours: Colours) -> "Figure":
-    """Joint over reference and joint over motor, a panel for each run."""
+    """Joint over reference and joint over motor, a panel for each run; all axes have one scale and one range."""
     columns = min(3, max(2, len(traces)))
     rows = math.ceil(len(traces) / columns)
-    figure, panels = new_figure(rows, columns, height=0.5 + 2.5 * rows)
+    figure, panels = new_figure(rows, columns, height=0.3 + (7.0 / columns) * rows)
+    low, high = math.inf, -math.inf
     for axes, (name, trace) in zip(panels, traces.items(), strict=False):
         reference, joint = trace["reference"] * DEGREES, trace["joint"] * DEGREES
+        shown = [reference]
+        if "motor" in trace.columns:
+            motor = trace["motor"] * DEGREES
+            axes.plot(*thin(motor, joint), color=COLOURS["limit"], lw=1.0)
+            shown += [motor] if trace.stable else []
         ends = [float(np.min(reference)), float(np.max(reference))]
         axes.plot(ends, ends, color=COLOURS["reference"], lw=0.7)
-        if "motor" in trace.columns:
-            axes.plot(*thin(trace["motor"] * DEGREES, joint), color=COLOURS["limit"], lw=1.0)
         axes.plot(*thin(reference, joint), color=colours[name], lw=1.2)
-        axes.set(title=name, xlabel="reference, motor [°]", ylabel="joint [°]")
-        stay_near(axes, [reference], [joint])
-        if trace.stable and "motor" in trace.columns:
-            motor = trace["motor"] * DEGREES
-            ends = [min(ends[0], float(motor.min())), max(ends[1], float(motor.max()))]
-        axes.set_xlim(*widened(ends[0], ends[1], 0.06))
+        stay_near(axes, shown, [joint])
+        low, high = min(low, axes.get_ylim()[0]), max(high, axes.get_ylim()[1])
+        axes.set(title=_broken(name, 60 // columns), xlabel="reference, motor [°]", ylabel="joint [°]")
+        axes.locator_params(nbins=6)
+    for axes in panels[: len(traces)]:
+        axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
     for axes in panels[len(traces) :]:
         axes.set_axis_off()
     return figure
+
+
+def _broken(name: str, most: int) -> str:
+    """A name in two lines, broken behind an underscore, where it is longer than that."""
+    cut = name.rfind("_", 0, most) + 1
+    return f"{name[:cut]}\n{name[cut:]}" if len(name) > most and cut else name
 
 
 def effort(traces: Traces, colours: Colours) -> "Figure":
     """Command, command − reference, and current over time where it was recorded."""
     with_current = all("current" in trace.columns for trace in traces.values())
     count = 3 if with_current else 2
-    figure, rows = new_figure(count, 1, height=0.6 + 1.7 * count, share_x=True)
+    height = 0.6 + 1.7 * count + legend_height(list(traces))
+    figure, rows = new_figure(count, 1, height=height, share_x=True)
+    commands = {name: trace["command"] * DEGREES for name, trace in traces.items()}
     added = {name: (trace["command"] - trace["reference"]) * DEGREES for name, trace in traces.items()}
-    for name, trace in traces.items():
-        _draw(rows[0], trace, trace["command"] * DEGREES, colours[name], name)
-        _draw(rows[1], trace, added[name], colours[name])
-        if with_current:
-            _draw(rows[2], trace, trace["current"], colours[name])
-    stable = [name for name, trace in traces.items() if trace.stable] or list(traces)
+    _together(rows[0], traces, commands, colours)
+    _together(rows[1], traces, added, colours)
     references = [trace["reference"] * DEGREES for trace in traces.values()]
-    stay_near(rows[0], references, [trace["command"] * DEGREES for trace in traces.values()])
-    stay_near(rows[1], [added[name] for name in stable], list(added.values()))
+    stay_near(rows[0], references, list(commands.values()))
+    stay_near(rows[1], _of_stable(traces, added) or [0.5 * (one - one.mean()) for one in references], [*added.values()])
     if with_current:
         currents = {name: trace["current"] for name, trace in traces.items()}
-        stay_near(rows[2], [currents[name] for name in stable], list(currents.values()))
+        _together(rows[2], traces, currents, colours)
+        stay_near(rows[2], _of_stable(traces, currents) or list(currents.values()), list(currents.values()))
         rows[2].set_ylabel("current [A]")
     rows[0].set_ylabel("command [°]")
     rows[1].set_ylabel("command −\nreference [°]")
@@ -123,7 +143,8 @@ def law_states(trace: Trace, colour: str) -> "Figure | None":
         finite = values[np.isfinite(values)]
         low, high = float(finite.min()), float(finite.max())
         share = (values - low) / (high - low) if 0.0 < high - low < np.inf else np.full_like(values, 0.5)
-        axes.plot(*thin(trace.time, row + 0.4 - 0.8 * share, 2000), color=colour, lw=1.0)
+        there = _there(values)
+        axes.plot(*thin(trace.time[:there], (row + 0.4 - 0.8 * share)[:there], 2000), color=colour, lw=1.0)
         unit = "" if trace.units[name] == "1" else f" {trace.units[name]}"
         said = f"{low:.3g} … {high:.3g}{unit}" if high > low else f"{low:.3g}{unit}"
         axes.text(1.01, row, said.replace("-", "−"), transform=axes.get_yaxis_transform(), va="center", fontsize=8.0)
@@ -146,6 +167,21 @@ def sheath(traces: Traces) -> "Figure | None":
     return figure
 
 
-def _draw(axes: "Axes", trace: Trace, values: Array, colour: str, label: str = "") -> None:
-    """A signal over time; a run that ran away fills its panel, so it is drawn under the others."""
-    axes.plot(*thin(trace.time, values), color=colour, label=label, lw=1.1, zorder=2.0 if trace.stable else 1.8)
+def _together(axes: "Axes", traces: Traces, values: Mapping[str, Array], colours: Colours) -> None:
+    """A signal of all runs over time; a run that ran away fills its panel, so it is drawn under the others."""
+    dashes = dashes_for(list(traces))
+    for name, trace in traces.items():
+        order = 2.0 if trace.stable else 1.8
+        there = _there(values[name])
+        shown = thin(trace.time[:there], values[name][:there])
+        axes.plot(*shown, color=colours[name], label=name, lw=1.1, ls=dashes[name], zorder=order)
+
+
+def _there(values: Array) -> int:
+    """How many samples a signal has until it is no number any more, for good."""
+    return len(values) - int(np.argmax(np.isfinite(values[::-1]))) if np.isfinite(values).any() else len(values)
+
+
+def _of_stable(traces: Traces, values: Mapping[str, Array]) -> list[Array]:
+    """The signals of the runs that were stable."""
+    return [values[name] for name, trace in traces.items() if trace.stable]

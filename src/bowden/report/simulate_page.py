@@ -11,6 +11,7 @@ from bowden.report import simulate_figures as figures
 from bowden.report import suit_figures
 from bowden.report.page import Page
 
+_CUT = " Where a curve leaves its panel, the panel says how far it goes on."
 _MOST_VALUES = 8  # of a list in the settings; a longer one (way points of a recording) is cut
 
 
@@ -50,24 +51,25 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
     _metrics_table(page, traces, measured)
     page.figure(
         figures.motion(traces, colours),
-        "The joint's desired and true angle over time. Where only one line shows, the other lies under it.",
+        "Reference and joint angle over time. Where only one line shows, the other lies under it."
+        + (_CUT if any(not trace.stable for trace in traces.values()) else ""),
     )
     page.figure(figures.error(traces, colours), "Error, joint − reference.")
     page.heading("Hysteresis that is left")
     page.figure(
         figures.loops(traces, colours),
-        "Joint over reference (a law that compensates everything draws the thin diagonal), and the cable's own loop, "
-        "joint over motor, in grey.",
+        "Coloured: joint over reference; a law that compensates everything draws the thin diagonal. Grey: joint over "
+        "motor, the cable's own loop. Both axes have the same scale.",
     )
     if all("command" in trace.columns for trace in traces.values()):
-        page.heading("What the motor is asked for")
+        page.heading("Commands to the motor")
         page.figure(
             figures.effort(traces, colours),
-            "Command to the motor, and how far it is from the reference: the compensation itself."
-            + (" Below, the motor's current." if "current" in next(iter(traces.values())).columns else ""),
+            "Command to the motor; command − reference, which is the compensation itself"
+            + ("; the motor's current." if "current" in next(iter(traces.values())).columns else "."),
         )
     if suit_figures.is_suit(traces):
-        page.heading("What the suit pulls")
+        page.heading("Forces of the suit")
         page.figure(
             suit_figures.tensions(traces),
             "Tension of both cables where they pull at the arm, and dotted where they leave the spool: the difference "
@@ -75,28 +77,32 @@ def simulation_page(traces: Mapping[str, Trace], title: str) -> Page:
         )
         page.figure(
             suit_figures.torques(traces, colours),
-            "Torque of the suit on the elbow, of the wearer's muscles, and the temperature of the motor's winding.",
+            "Torque of the suit on the elbow, torque of the wearer's muscles (where they do anything), and temperature "
+            "of the motor's winding.",
         )
     if suit_figures.is_pushed(traces):
-        page.heading("What the wearer pushes")
+        page.heading("Push of the wearer")
         page.figure(
             suit_figures.pushes(traces, colours),
-            "Torque of the wearer on the suit, beyond the weight that it is to carry, as the admittance hears it; "
-            "below, the suit's torque on the elbow, and what is estimated of it without a load cell.",
+            "Above: torque of the wearer on the suit, without the weight that the suit carries, as the admittance "
+            "measures it. Below: torque of the suit on the elbow, and its estimate without a load cell.",
         )
     for name, trace in traces.items():
         drawn = figures.law_states(trace, colours[name])
         if drawn is not None:
             page.heading(f"Inside {name}")
-            page.figure(drawn, f"What {name} remembers from one cycle to the next, in SI units and radians.")
+            page.figure(
+                drawn,
+                f"The state of {name} over time, each variable between its smallest and its largest value (right), "
+                f"in SI "
+                "units and radians.",
+            )
     moved = figures.sheath(traces)
     if moved is not None:
         page.heading("How the sheath was moved")
-        page.figure(moved, "Width of the cable's hysteresis and its slope over time, as the sheath's bend sets them.")
+        page.figure(moved, "Width and slope of the cable's hysteresis over time, as the bend of the sheath sets them.")
     page.heading("What made these runs")
-    page.text(
-        "Angles in radians, everything else in SI units. A column for each run; a dash where it has no such value."
-    )
+    page.text("Angles are in radians, everything else in SI units.")
     _settings_table(page, traces)
     return page
 
@@ -159,9 +165,22 @@ def _show(value: float | None, digits: int = 3) -> str:
 
 
 def _settings_table(page: Page, traces: Mapping[str, Trace]) -> None:
+    """What all runs share once, and what differs run by run."""
     flat = {name: dict(_flatten(trace.settings)) | {"seed": str(trace.seed)} for name, trace in traces.items()}
     keys = dict.fromkeys(key for settings in flat.values() for key in settings)  # in order, each once
-    page.table(["setting", *flat], [[key, *(flat[name].get(key, "–") for name in flat)] for key in keys])
+    shared = {}
+    for key in keys:
+        values = {settings.get(key) for settings in flat.values()}
+        if len(values) == 1:
+            shared[key] = values.pop() or ""
+    own = {
+        name: ", ".join(f"{key.removeprefix('gains.')} {value}" for key, value in settings.items() if key not in shared)
+        for name, settings in flat.items()
+    }
+    if any(own.values()):
+        page.table(["run", "gains and other settings of its own"], [list(pair) for pair in own.items()])
+    caption = f"Of {'all' if len(traces) > 2 else 'both'} runs" if len(traces) > 1 else ""
+    page.table(["setting", "value"], [[key, value] for key, value in shared.items()], caption=caption)
 
 
 def _flatten(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from bowden.core.style import COLOURS, legend, new_figure, thin
+import numpy as np
+
+from bowden.core.style import COLOURS, dashes_for, legend, new_figure, thin
 from bowden.core.trace import Trace
 
 if TYPE_CHECKING:
@@ -35,7 +37,7 @@ def is_pushed(traces: Mapping[str, Trace]) -> bool:
 
 
 def pushes(traces: Mapping[str, Trace], colours: Mapping[str, str]) -> "Figure":
-    """The push that the admittance heard, and the estimated torque beside the true one, over time."""
+    """The push that the admittance follows, and the estimated torque beside the true one, over time."""
     figure, rows = new_figure(1 + len(traces), 1, height=0.9 + 1.7 * (1 + len(traces)), share_x=True)
     for name, trace in traces.items():
         rows[0].plot(*thin(trace.time, trace["admittance.push.torque"]), color=colours[name], label=name, lw=1.1)
@@ -44,19 +46,23 @@ def pushes(traces: Mapping[str, Trace], colours: Mapping[str, str]) -> "Figure":
     for axes, (name, trace) in zip(rows[1:], traces.items(), strict=True):
         axes.plot(*thin(trace.time, trace["interaction_torque"]), color=COLOURS["reference"], label="true", lw=1.1)
         axes.plot(*thin(trace.time, trace["admittance.estimate.torque"]), color=colours[name], label="estimate", lw=0.9)
-        axes.set(title=name, ylabel="torque [N·m]")
+        axes.set(title=name, ylabel="suit's torque\n[N·m]")
         legend(axes)
     rows[-1].set_xlabel("time [s]")
     return figure
 
 
 def torques(traces: Mapping[str, Trace], colours: Mapping[str, str]) -> "Figure":
-    """Torque of the suit and of the wearer on the elbow, and the motor's winding, over time."""
-    figure, rows = new_figure(3, 1, height=5.4, share_x=True)
+    """Torque of the suit and, where there is any, of the wearer on the elbow, and the motor's winding, over time."""
     drawn = {"interaction_torque": "suit [N·m]", "wearer_torque": "wearer [N·m]", "winding_temperature": "winding [°C]"}
+    if not any(np.any(trace["wearer_torque"]) for trace in traces.values()):
+        del drawn["wearer_torque"]
+    figure, rows = new_figure(len(drawn), 1, height=0.6 + 1.6 * len(drawn), share_x=True)
+    dashes = dashes_for(list(traces))
     for axes, (column, label) in zip(rows, drawn.items(), strict=True):
         for name, trace in traces.items():
-            axes.plot(*thin(trace.time, trace[column]), color=colours[name], label=name, lw=1.1)
+            line = thin(trace.time, trace[column])
+            axes.plot(*line, color=colours[name], label=name, lw=1.1, ls=dashes[name])
         axes.set(ylabel=label)
     legend(rows[0])
     rows[-1].set_xlabel("time [s]")

@@ -14,7 +14,7 @@ _CHOSEN = document()["chosen"]
 
 
 class ConstantBend(NamedTuple):
-    """A sheath that nobody moves."""
+    """A sheath that is not moved."""
 
     bend: Annotated[
         float | None,

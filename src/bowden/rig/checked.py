@@ -39,17 +39,20 @@ class Gains(Mapping[str, float]):
         return repr(self._values)
 
 
-def checked(value: Any, kind: type[Value], name: str) -> Value:
+def checked(value: Any, kind: type[Value], name: str, default: Any = None) -> Value:
     """A NamedTuple or dataclass of a rig, with plain numbers in it.
 
     Args:
-        value: what was given.
+        value: what was given: one, or a mapping of its fields that differ from the default.
         kind: what it must be.
         name: of the argument.
+        default: the rig's.
 
     Raises:
         ParameterError: it is another thing, or one of its fields is; with the field, what was given and expected.
     """
+    if isinstance(value, Mapping) and hasattr(default, "_fields"):
+        value = _of_mapping(value, default, name)
     if not isinstance(value, kind):
         raise ParameterError(
             f"Rig: {name} is {shown(value)}", expected=article(kind.__name__), do=f"make one: {_like(kind)}"
@@ -59,6 +62,20 @@ def checked(value: Any, kind: type[Value], name: str) -> Value:
         return cast(Value, _looked_at(value, wanted, name))
     except TypeError:  # something in it is no number at all
         return cast(Value, _looked_at.__wrapped__(value, wanted, name))
+
+
+def _of_mapping(values: Mapping[str, Any], default: Any, name: str) -> Any:
+    """A part of which some fields are named; the others are as in the default.
+
+    Raises:
+        ParameterError: a field that there is not.
+    """
+    for field in values:
+        if field not in default._fields:
+            raise ParameterError(
+                f"Rig: {name} has no {field!r}", expected=near(str(field), default._fields), do="name one of them"
+            )
+    return default._replace(**values)
 
 
 @lru_cache(512)
@@ -97,7 +114,7 @@ def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
     if get_origin(kind) is tuple:
         if isinstance(value, str) or not hasattr(value, "__iter__"):
             raise ParameterError(
-                f"Rig: {name} is {shown(value)}", expected="several numbers", do="write [0.0, 1.0], say"
+                f"Rig: {name} is {shown(value)}", expected="several numbers", do="for example [0.0, 1.0]"
             )
         found = tuple(checked_number(one, float, quantity, f"{name}[{i}]") for i, one in enumerate(value))
         return value if value == found and isinstance(value, tuple) and all(type(x) is float for x in value) else found

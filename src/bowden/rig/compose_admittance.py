@@ -51,7 +51,9 @@ class Pushing:
         """
         given = self.suit.motor.integral
         if given > 0.0:
-            said = f"suit.drive_integral_per_s is {given:g} under [admittance], where most wearers come to swing"
+            said = (
+                f"suit.drive_integral_per_s is {given:g} under [admittance], where the loop of most wearers oscillates"
+            )
             raise ParameterError(said, expected="0", do="set it to 0")
 
     def notes(self, laws: list[Law], *, force: bool) -> list[str]:
@@ -91,7 +93,9 @@ def pushing_of(given: AdmittanceSettings, suit: Suit | None) -> Pushing | None:
         return None
     if suit is None:
         raise ParameterError(
-            "[admittance] is enabled without a suit", expected="suit.worn = true", do="wear one, or disable it"
+            "[admittance] is enabled without a suit",
+            expected="suit.worn = true",
+            do="set suit.worn = true, or disable it",
         )
     settings = Admittance(
         inertia=given.virtual_inertia,

@@ -15,12 +15,13 @@ from bowden.control.reference import Trajectory
 from bowden.core import bounded
 from bowden.core.errors import ParameterError, asked_for_by, near
 from bowden.hardware.drives.family import names as families
+from bowden.identify.cable.counting import Counting
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import load_cable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig import emg_setup
 from bowden.rig.checked import Gains
-from bowden.rig.declaration import Section, value_of
+from bowden.rig.declaration import Section, items_of, value_of
 from bowden.rig.given_law import LawFile, law_file
 from bowden.rig.given_plant import PlantFile, plant_file
 from bowden.rig.recorded import RecordedMotion, read_motion
@@ -108,8 +109,15 @@ def checked_file(tree: Mapping[str, Any], path: Path) -> Any:
             expected="a plant of your own, or the model of a cable",
             do="name it, or delete them",
         )
+    counting = {item.key for item in items_of(Counting)}
+    if file.cable.model is None and not value_of(Counting, file.cable.model_dump()).as_recorded:
+        raise ParameterError(
+            f"{path}: [cable] says how a model's angles are counted, and names no model",
+            expected="the model of a cable",
+            do=f"name it, or delete {', '.join(sorted(counting & file.cable.model_fields_set))}",
+        )
     for name in ("model", "plant"):
-        given = sorted(file.cable.model_fields_set - {name, "parameters"})
+        given = sorted(file.cable.model_fields_set - {name, "parameters"} - counting)
         if getattr(file.cable, name) is not None and given:
             raise ParameterError(
                 f"{path}: [cable] has a {name} and its own {', '.join(given)}",
@@ -137,12 +145,14 @@ def _value(name: str, section: Section) -> Any:
 def _cable(section: Any, path: Path, before: Any) -> BoucWen | IdentifiedCable:
     if section.model is None:
         return value_of(BoucWen, section.model_dump())
+    counting = value_of(Counting, section.model_dump())
     same = isinstance(before, IdentifiedCable) and (before.file or MODEL_FILE) == section.model
+    same = same and before.counting == counting
     if same and before.changed.keys() <= section.parameters.keys():
         found: IdentifiedCable = before
     else:
         with asked_for_by(f"{path}: cable.model"):
-            found = load_cable(path.parent / section.model, section.model)
+            found = load_cable(path.parent / section.model, section.model).counted(counting)
     with asked_for_by(f"{path}: cable.parameters"):
         return found.with_parameters(section.parameters)
 

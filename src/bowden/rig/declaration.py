@@ -73,7 +73,7 @@ def from_file(value: Any, quantity: Quantity) -> Any:
 
 
 def rounded(value: Value, digits: int) -> Value:
-    """A value whose numbers are so many digits long where a file has them."""
+    """A value whose numbers are this many digits long where a file has them."""
     changed = value
     for item in items_of(type(value)):
         number = at(value, item.path)

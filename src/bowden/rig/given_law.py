@@ -94,7 +94,7 @@ def packable(law: Law) -> tuple[str | LawFile, dict[str, Any]]:
         known, base = _in_file(law)
     if known is None or base is None:
         raise ParameterError(
-            f"the law {law.name!r} stands in no file, so that it cannot be handed to another process",
+            f"the law {law.name!r} is not in a file, so that it cannot be used in another process",
             do="write it into a file and name that: my_law.py:NAME",
         )
     own = {

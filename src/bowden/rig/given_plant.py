@@ -17,7 +17,7 @@ PARTS = ("sheath", "servo", "motor", "joint_encoder", "motor_encoder", "sample_t
 """What a rig says of any plant, and a plant may say of itself."""
 
 _DIGITS = 1e-12
-"""A number that went through a file's units and back may differ by so much of itself."""
+"""A number that went through a file's units and back may differ by this much of itself."""
 
 
 class PlantFile(NamedTuple):
@@ -85,7 +85,7 @@ def plant_file(name: str, folder: Path | None = None) -> PlantFile:
     file, _ = user_file.split(name)
     if not file.endswith(".py"):
         raise ParameterError(
-            f"the plant {name!r} is no Python file", expected="my_plant.py, or my_plant.py:NAME", do="name its file"
+            f"the plant {name!r} is not a Python file", expected="my_plant.py, or my_plant.py:NAME", do="name its file"
         )
     there = user_file.found(((folder or Path()) / file).absolute(), "plant")
     found = PlantFile(name, str(there.path), there.source, modules=there.modules)
@@ -122,7 +122,7 @@ def as_file(given: UserPlant | PlantFile) -> PlantFile:
     """
     if isinstance(given, UserPlant):
         raise ParameterError(
-            f"the plant {given.name!r} stands in no file, so that it cannot be handed to another process",
+            f"the plant {given.name!r} is not in a file, so that it cannot be used in another process",
             do="write it into a file and name that: my_plant.py:NAME",
         )
     return given
@@ -160,7 +160,7 @@ def agreed(plant: UserPlant, own: dict[str, Any], default: dict[str, Any]) -> di
             continue
         if not _alike(mine, default[name]):
             raise ParameterError(
-                f"the plant {plant.name!r} has its own {name}, and the rig another",
+                f"the plant {plant.name!r} has its own {name}, and the rig has another",
                 expected="one of them",
                 do="leave it out in one place",
             )

@@ -20,6 +20,7 @@ from bowden.core.arguments import said
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.kernel_content import code_of
 from bowden.core.quantity import optional
+from bowden.identify.cable.counting import Counting, Covered
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.plants.user_plant import UserPlant
@@ -36,7 +37,7 @@ FORMAT = 1
 MOST_BYTES = 32 << 20
 """A larger rig is not packed: its recorded motion is too long [bytes]."""
 _DIGITS = 12
-"""Numbers that are alike in so many digits make the same hash: degrees to radians and back is not exact."""
+"""Numbers that are alike in this many digits make the same hash: degrees to radians and back is not exact."""
 
 _REFERENCE_TAGS = {part.kind: tag for tag, part in REFERENCES.items() if tag != "recorded"}
 _BEND_TAGS = {part.kind: tag for tag, part in BENDS.items()}
@@ -55,7 +56,7 @@ def document(values: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a rig as JSON values.
 
     Raises:
-        ParameterError: a reference, cable or law that is known to this process alone, or too much of it.
+        ParameterError: a reference, cable or law that exists only in this process, or too much of it.
     """
     found = {name: _written(name, value) for name, value in values.items()}
     law, more = found["law"], {}
@@ -93,7 +94,10 @@ def _written(name: str, value: Any) -> Any:
         return {"kind": "recorded", "said": _plain(value.said)} | numbers
     if isinstance(value, IdentifiedCable):
         changed = {"changed": dict(value.changed)} if value.changed else {}
-        return {"best": value.best, "models": _dicts(value.models), "file": value.file} | changed
+        counted = {} if value.counting.as_recorded else {"counting": _plain(value.counting)}
+        covered = {} if value.covered is None else {"covered": _plain(value.covered)}
+        found = {"best": value.best, "models": _dicts(value.models), "file": value.file}
+        return found | changed | counted | covered
     if isinstance(value, LawFile):
         return user_file.written(value)
     if isinstance(value, UserPlant | PlantFile):
@@ -104,7 +108,7 @@ def _written(name: str, value: Any) -> Any:
     if name == "reference":
         if type(value) not in _REFERENCE_TAGS:
             raise ParameterError(
-                f"a reference of the type {type(value).__name__} is known to this process alone",
+                f"a reference of the type {type(value).__name__} exists only in this process",
                 expected=f"one of {', '.join(part.kind.__name__ for part in REFERENCES.values())}",
                 do="use one of these, or simulate in this process",
             )
@@ -244,7 +248,7 @@ def _understood(name: str, given: Any) -> Iterator[None]:
         raise ParameterError(
             f"the packed rig's {name} is {said(given)}: {why}",
             expected="what Rig.pack or Rig.document gave",
-            do="pack the rig anew",
+            do="pack the rig again",
         ) from error
 
 
@@ -254,7 +258,7 @@ def _read(pack: bytes) -> Mapping[str, Any]:
         found = json.loads(pack)
     if not isinstance(found, dict):
         raise ParameterError(
-            f"Rig.unpack: {said(pack)} is no packed rig",
+            f"Rig.unpack: {said(pack)} is not a packed rig",
             expected="what Rig.pack or Rig.document gives",
             do="read a rig.toml with Rig.read",
         )
@@ -269,7 +273,14 @@ def _value(name: str, given: Any, remarks: list[str]) -> Any:
         return _made(part.kind, given, part.default, name, remarks)
     if name == "cable":
         if "best" in given:
-            return IdentifiedCable(given["best"], given["models"], given.get("file", ""), given.get("changed", {}))
+            return IdentifiedCable(
+                given["best"],
+                given["models"],
+                given.get("file", ""),
+                given.get("changed", {}),
+                counting=Counting(**given.get("counting", {})),
+                covered=Covered(**given["covered"]) if "covered" in given else None,
+            )
         return _made(BoucWen, given, BoucWen(), name, remarks)
     if name == "reference":
         if given["kind"] == "recorded":

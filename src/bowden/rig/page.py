@@ -32,17 +32,29 @@ class Key(NamedTuple):
     limits: str
 
 
-def toml_text(name: str = "rig.toml") -> str:
-    """The commented rig.toml of the default bench; it says exactly what an empty file says."""
+def toml_text(name: str = "rig.toml", law: str = Control().law) -> str:
+    """The commented rig.toml of the default bench; it says exactly what an empty file says, but for another law."""
     parts = [_HEAD.format(name=name)]
     for title, (chosen, *others) in sections():
-        parts.append(_table(title, chosen))
+        table = _table(title, chosen)
+        parts.append(_with_law(table, law) if title == "control" else table)
         if title != "drive":  # drives of other families are on the page
             parts += [_commented(f"Or, in place of that:\n{_table(title, other)}") for other in others]
         if title == "control":
-            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[Control().law])]
+            gains = [(f"{name} = {value!r}", meaning) for name, value, meaning in gains_of(LAWS[law])]
             parts.append(_commented(_aligned("[control.gains]", gains)))
     return "\n\n".join(part.rstrip() for part in parts) + "\n"
+
+
+def _with_law(table: str, law: str) -> str:
+    """The section of the law with another one than a file without it has."""
+    own = Control().law
+    if law == own:
+        return table
+    before, after = (f'law = "{one}"' for one in (own, law))
+    return table.replace(f"{before:<{len(after)}}", f"{after:<{len(before)}}", 1).replace(
+        "found from this file", f"found from this file; {own} if left out", 1
+    )
 
 
 def gains_of(law: Law) -> list[tuple[str, float, str]]:

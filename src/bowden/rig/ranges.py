@@ -9,7 +9,7 @@ _INSTANTS = 2001
 _SMALLEST = np.radians(5.0)
 """Stroke that stands for a reference that does not move [rad]."""
 _WHOLE = 60.0
-"""A motion counts for at least so long [s]: a run that is cut short is judged as the whole one would be."""
+"""A motion counts for at least this long [s]: a run that is cut short is judged as the whole one would be."""
 
 
 def judged(rig: Rig) -> Plant:

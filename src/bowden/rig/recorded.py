@@ -75,16 +75,11 @@ def read_motion(said: RecordedFile, folder: Path) -> RecordedMotion:
         ParameterError: too few samples, values that are not finite, uneven time.
     """
     path, names = folder / said.file, (said.time_column, said.position_column)
-    table = read_table(path, names)
+    table = read_table(path)
     for name in names:
-        if name not in table.column_names:
-            raise LogError(
-                f"{path} has no column {name!r}", expected=near(name, table.column_names), do="correct it there"
-            )
-    try:
-        time, position = (np.array(table[name].to_numpy(), dtype=np.float64) for name in names)
-    except ValueError as error:
-        raise LogError(f"cannot read {path}: {error}", expected="columns of numbers", do="correct the file") from error
+        if name not in table.names:
+            raise LogError(f"{path} has no column {name!r}", expected=near(name, table.names), do="correct it there")
+    time, position = table.numbers([table.names.index(name) for name in names])
     angle = position * RADIANS if said.unit == "deg" else position
     if said.unit == "rad" and np.any(np.abs(angle) > CABLE_LOG_LIMIT):
         raise LogError(

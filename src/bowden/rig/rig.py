@@ -88,8 +88,9 @@ _CLOCK, _SCENARIO, _CONTROL = Clock(), Scenario(), Control()
 class Rig:
     """Everything that a run needs; the default is the bench of the paper. All numbers are in SI and radians.
 
-    What a file names (a cable's model, a recorded motion, a wearer, a law) is read when the rig is made and is part of
-    it, so that what is checked is what runs.
+    Files that it names (a cable's model, a recorded motion, a wearer, a law) are read when the rig is made and are part
+    of it: what is checked is what runs. A part may also be given by those of its fields that differ from the default,
+    ``suit={"worn": True}``.
 
     >>> rig = Rig(servo=Servo(natural_frequency=20.0, damping=0.8, speed_limit=10.0), law="bowden")
     >>> rig.bench.servo.damping
@@ -130,9 +131,9 @@ class Rig:
     gains: Mapping[str, float] = Gains()
     """Gains of that law that differ from its own."""
     reference: Trajectory = REFERENCES["periodic_minimum_jerk"].default
-    """Where the joint shall be, unless EMG or the wearer's push moves it."""
+    """Where the joint should be, unless EMG or the wearer's push moves it."""
     bend: Bend = ConstantBend()  # noqa: RUF009
-    """How the sheath is bent over the run."""
+    """How the sheath is bent during the run."""
     duration: float = _SCENARIO.duration
     """Of a run [s]."""
     seed: int = _SCENARIO.seed
@@ -174,7 +175,7 @@ class Rig:
                 value = checked_number(getattr(self, one.name), one.kind, one.quantity, one.name)
                 object.__setattr__(self, one.name, value)
         for name, part in {**PARTS, "drive": self._drive_part()}.items():
-            object.__setattr__(self, name, checked(getattr(self, name), part.kind, name))
+            object.__setattr__(self, name, checked(getattr(self, name), part.kind, name, part.default))
         for name, value in self._made().items():
             object.__setattr__(self, name, value)
         if self.plant is not None:
@@ -204,7 +205,9 @@ class Rig:
         if self.cable != fields["cable"].default or self.width != fields["width"].default or self.suit.worn:
             other = "a suit" if self.suit.worn else "a cable"
             raise ParameterError(
-                f"{self.origin}: the rig has a plant of its own and {other}", expected="one of them", do="leave one out"
+                f"{self.origin}: the rig has both a plant of its own and {other}",
+                expected="one of them",
+                do="leave one out",
             )
         default = {name: fields[name].default for name in given_plant.PARTS}
         with asked_for_by(f"{self.origin}: the plant"):
@@ -260,7 +263,7 @@ class Rig:
 
     @classmethod
     def of_tree(cls, tree: Mapping[str, Any], origin: Path, keep: "Rig | None" = None) -> "Rig":
-        """The rig of sections as they stand in a rig.toml.
+        """The rig from the sections of a rig.toml.
 
         Args:
             tree: section → key → value, in the file's units.
@@ -299,7 +302,7 @@ class Rig:
         return toml_text.written(self.tree())
 
     def write(self, path: Path | str) -> None:
-        """Write the rig as a rig.toml, and what it was made of beside it: model, motion, law and wearer.
+        """Write the rig as a rig.toml, and next to it the files that it needs: model, motion, law and wearer.
 
         Raises:
             ParameterError: see `tree`.
@@ -338,7 +341,7 @@ class Rig:
         return dataclasses.replace(self, **changes)
 
     def with_law(self, law: GivenLaw | None = None, preset: str | None = None, folder: Path | None = None) -> "Rig":
-        """The same rig under another law, which takes none of this one's gains; the rig's own where none is given.
+        """The same rig with another law, without the gains of the old one; unchanged if no law is given.
 
         Args:
             law: a name, ``FILE.py:NAME`` or a `Law`.
@@ -354,21 +357,34 @@ class Rig:
             return self if preset is None else self.replace(preset=preset)
         return self.replace(law=given, preset=preset, gains=Gains())
 
-    def with_emg(self, source: str) -> "Rig":
+    def with_emg(self, source: str, wearer: wearer_file.MuscleCalibration | None = None) -> "Rig":
         """The same rig moved by another source of EMG, whose file is found from here.
+
+        Args:
+            source: ``lsl:NAME``, ``trigno:HOST`` or ``file:PATH``.
+            wearer: what `bowden.emg_calibrate` returned, in place of the rig's.
 
         Raises:
             ParameterError: settings that do not fit it.
             StreamError: what names no source.
         """
         arguments.text(source, "Rig.with_emg: source", '"lsl:NAME", "trigno:HOST" or "file:PATH"')
-        return self.replace(emg=emg_setup.found(self.emg, Path(self.origin).parent, source))
+        emg = self.emg
+        if wearer is not None:
+            if not isinstance(wearer, wearer_file.MuscleCalibration):
+                raise ParameterError(
+                    f"Rig.with_emg: wearer is {shown(wearer)}",
+                    expected="what bowden.emg_calibrate returns",
+                    do="call it first",
+                )
+            emg = emg._replace(levels=wearer, wearer=emg.wearer or "wearer.toml")
+        return self.replace(emg=emg_setup.found(emg, Path(self.origin).parent, source))
 
     def offline(self, *, whole: bool = False) -> "Rig":
-        """The same rig as a simulation has it: by EMG, the motion of its recording makes the reference.
+        """The same rig for a simulation: with EMG, the reference is the motion that its recording asks for.
 
-        The run then ends with the recording, unless it is to be of its `whole` duration. Of a live source the reference
-        is the largest motion that it can ask for. The hash stays: it is the same rig.
+        The run then ends with the recording, unless the `whole` duration is wanted. With a live source the reference is
+        the largest motion that it can ask for. The hash stays: it is the same rig.
 
         Raises:
             StreamError: a recording that cannot be used.
@@ -412,7 +428,7 @@ class Rig:
         """The rig as JSON values, contents of files included, as logs keep it.
 
         Raises:
-            ParameterError: a reference, cable or law that is known to this process alone.
+            ParameterError: a reference, cable or law that exists only in this process.
         """
         return packing.document(self._values) | {"origin": self.origin, "hash": self.hash}
 
@@ -453,7 +469,7 @@ class Rig:
         return fragment(f"Rig {self.hash}", display.rows(self), figure)
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
-        """Draw where the joint shall be over the run and, on second axes, how the sheath is bent.
+        """Draw the reference over the run and, on second axes, how the sheath is bent.
 
         Args:
             axes: matplotlib's, one or two; a new figure is made where they are not given.
@@ -472,7 +488,7 @@ class Rig:
 
     @cached_property
     def turned(self) -> bool:
-        """Whether motor angles are counted the other way round, because the joint falls where the motor rises."""
+        """Whether motor angles are counted the other way round, because the joint falls when the motor rises."""
         return self._plain_cable.slope < 0.0 if self.plant is None else self.own_plant.turned
 
     @property
@@ -493,7 +509,7 @@ class Rig:
 
     @property
     def identified(self) -> bool:
-        """Whether the cable is known from a log, and not written by hand."""
+        """Whether the cable comes from a log, and was not written by hand."""
         return isinstance(self.cable, IdentifiedCable)
 
     @cached_property
@@ -522,7 +538,7 @@ class Rig:
 
     @property
     def own_plant(self) -> UserPlant:
-        """The user's plant with what it says of itself.
+        """The user's plant, with the parts that it defines itself.
 
         Raises:
             ParameterError: the rig has none, or its file cannot be used.
@@ -643,6 +659,7 @@ class Rig:
             notes.append(f"{self.emg.wearer} was {wearer_file.EARLIER}")
         if self.worn is None or not self.admittance.enabled:
             notes += self._like_radians()
+            notes += self._beyond_the_log()
         return tuple(notes)
 
     def _bend_notes(self) -> list[str]:
@@ -656,7 +673,7 @@ class Rig:
             seen = f"{low / RADIANS:.4g}°" + (f" to {high / RADIANS:.4g}°" if high - low > _WRITTEN else "")
             found.append(
                 f"the sheath's bend schedules the cable: it is {seen} in this run (scenario.bend, sheath.bend_deg), "
-                f"and not the {own['bend'] / RADIANS:.4g}° among the cable's parameters; laws are told that "
+                f"and not the {own['bend'] / RADIANS:.4g}° among the cable's parameters; laws get that one, "
                 "of the beginning"
             )
         return found
@@ -674,6 +691,23 @@ class Rig:
         meant = f"radians? {furthest:.3g} rad would be {furthest * DEGREES:.3g}°"
         return [f"{what} goes no further than {furthest:.3g}°, less than a cable's dead zone; {meant}"]
 
+    def _beyond_the_log(self) -> list[str]:
+        """What is said of a reference that leaves the motion that the cable's log covered."""
+        covered = self.cable.covered if isinstance(self.cable, IdentifiedCable) else None
+        if covered is None or self.worn is not None or self.plant is not None:
+            return []
+        path = self.trajectory.sample(np.linspace(0.0, min(self.duration, _LOOKED_AT), _INSTANTS))[:, 0]
+        low, high = float(path.min()), float(path.max())
+        span = covered.joint_high - covered.joint_low
+        if max(covered.joint_low - low, high - covered.joint_high) <= _BEYOND * span:
+            return []
+        seen = f"{covered.joint_low / RADIANS:.1f} to {covered.joint_high / RADIANS:.1f}°"
+        return [
+            f"the reference goes from {low / RADIANS:.3g} to {high / RADIANS:.3g}°, and the log of the cable's model "
+            f"covered {seen} of the joint: beyond that the model was not fitted, and its figures there are uncertain; "
+            "keep the reference within, or identify a log of a larger motion"
+        ]
+
     @property
     def law_name(self) -> str:
         """The law as the rig names it."""
@@ -681,7 +715,7 @@ class Rig:
 
     @cached_property
     def knowledge(self) -> Knowledge:
-        """What a law is told of the rig."""
+        """What a law knows of the rig."""
         if self.worn is not None:
             return knowledge_of(self.worn)
         return knowledge_of(self.bench if self.plant is None else self.cabled, identified=self.identified)
@@ -689,11 +723,11 @@ class Rig:
     def fitted(self, law: GivenLaw | None = None, known: Knowledge | None = None) -> Law:
         """The rig's law with the gains that the rig gives it; another law gets none of the rig's own gains.
 
-        In this order: the law's own, what it is told, the preset, the rig's own (`bowden.control.knowledge`).
+        In this order: the law's own, what it knows of the rig, the preset, the rig's own (`bowden.control.knowledge`).
 
         Args:
             law: in place of the rig's.
-            known: what the law is told, in place of `knowledge`.
+            known: what the law knows of the rig, in place of `knowledge`.
 
         Raises:
             ParameterError: an unknown law, preset or gain.
@@ -718,7 +752,7 @@ class Rig:
 
     @property
     def chosen_law(self) -> Law:
-        """The rig's law with the preset and the gains that the rig chooses, and told nothing: for other plants.
+        """The rig's law with the preset and the gains that the rig chooses, and no knowledge: for other plants.
 
         Raises:
             ParameterError: a user's file that cannot be used, or an unknown preset or gain.
@@ -781,6 +815,8 @@ class Rig:
 
 _LOOKED_AT, _INSTANTS = 60.0, 601
 """Of a reference: for how long it is looked at [s], and how often."""
+_BEYOND = 0.1
+"""How far a reference may leave the motion that a log covered, over that motion [–]."""
 _WIDER = 2.0
 """Bend of the sheath over that at which the cable was identified, up to which limits know its dead zone [–]."""
 _WRITTEN = 1e-3
@@ -807,12 +843,14 @@ def _one_file(one: Any, other: Any) -> bool:
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
     if isinstance(given, Fit):
-        given = IdentifiedCable(given.best.name, {name: dict(one.parameters) for name, one in given.models.items()})
+        models = {name: dict(one.parameters) for name, one in given.models.items()}
+        given = IdentifiedCable(given.best.name, models, covered=given.best.covered)
     if isinstance(given, JointFit | Recalibration):
         given = given.best
     if isinstance(given, CableModel):
         own = {given.name: dict(given.parameters)}
-        given = IdentifiedCable(given.name, own | {name: dict(one) for name, one in given.others.items()})
+        others = {name: dict(one) for name, one in given.others.items()}
+        given = IdentifiedCable(given.name, own | others, covered=given.covered)
     if isinstance(given, IdentifiedCable):
         _ = given.bouc_wen
         return given
@@ -876,7 +914,7 @@ def _law(given: Any) -> GivenLaw:
 def _gains(given: Any) -> Gains:
     if not isinstance(given, Mapping):
         raise ParameterError(
-            f"Rig: gains is {shown(given)}", expected="gains by name", do="write {'error_gain': 0.05}, say"
+            f"Rig: gains is {shown(given)}", expected="gains by name", do="for example {'error_gain': 0.05}"
         )
     rule = Quantity("a gain", ge=-1e6, le=1e6)
     return Gains({str(name): checked_number(one, float, rule, f"gains[{name!r}]") for name, one in given.items()})

@@ -16,9 +16,10 @@ from bowden.core.errors import ParameterError
 from bowden.core.quantity import Quantity
 from bowden.core.units import RADIANS
 from bowden.hardware.drives import family as drive_families
+from bowden.identify.cable.counting import Counting
 from bowden.models.cable.bouc_wen import BoucWen
 from bowden.rig.bends import ConstantBend, RandomBend, ScriptedBend
-from bowden.rig.declaration import Section, key_of, rounded, section_of
+from bowden.rig.declaration import Section, at, items_of, key_of, rounded, section_of
 from bowden.rig.presets.bench import chirp, default_bench, document, minimum_jerk
 from bowden.rig.settings import AdmittanceSettings, EmgSettings, LiveSettings, SuitSettings, WearerSettings
 from bowden.safety.limits import Limits
@@ -94,7 +95,7 @@ WIDTH = Quantity("factor on the play, fitted to the paper's dead zone; laws do n
 GAINS = Quantity("gains of that law that differ from its own, in SI units and radians")
 MODEL_FILE = "model.toml"
 """Name of the file of an identified cable that came from none."""
-_MODEL = Quantity("file of an identified cable, in place of all keys below", example=MODEL_FILE)
+_MODEL = Quantity("file of an identified cable, in place of all keys below the next three", example=MODEL_FILE)
 _PLANT = Quantity(
     'your own plant as "file.py:NAME", found from this file, in place of all other keys here', example="my_plant.py"
 )
@@ -230,7 +231,11 @@ _CableSection = section_of(
     "The cable, joint = αφ·motor + αh·h + offset (Eqs 6-7), the model of `bowden identify`, or a plant of your own.",
     BoucWen,
     _BENCH.cable,
-    before={"model": key_of(str | None, _MODEL, None), "plant": key_of(str | None, _PLANT, None)},
+    before={
+        "model": key_of(str | None, _MODEL, None),
+        **{one.key: key_of(one.kind, one.quantity, at(Counting(), one.path)) for one in items_of(Counting)},
+        "plant": key_of(str | None, _PLANT, None),
+    },
     after={
         "width": key_of(float, WIDTH, DEFAULT_WIDTH),
         "parameters": (

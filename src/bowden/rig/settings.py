@@ -123,8 +123,8 @@ class AdmittanceSettings(NamedTuple):
     torque: Annotated[
         Literal["load_cell", "estimate"],
         Quantity(
-            "whence the interaction torque: measured, or estimated from current, angles and the cables' model; "
-            "bowden run has the estimate alone"
+            "source of the interaction torque: measured, or estimated from current, angles and the cables' model; "
+            "bowden run has only the estimate"
         ),
     ] = "load_cell"
     virtual_inertia: Annotated[
@@ -152,7 +152,7 @@ class AdmittanceSettings(NamedTuple):
     friction_share: Annotated[
         float,
         Quantity(
-            "of the friction of drive, gears and sheaths that is made up for, with suit.friction_feedforward_nm",
+            "of the friction of drive, gears and sheaths that is compensated, with suit.friction_feedforward_nm",
             ge=0.0,
             le=1.0,
         ),

@@ -1,7 +1,7 @@
 """The rig.toml that ``bowden init --suit`` writes: the suit on an arm, moved by EMG, live against its twin."""
 
 TEXT = """\
-# {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/live.md tells why.
+# {name}: a suit on an arm, moved by EMG. What is not here is as bowden init writes it; docs/live.md says why.
 #
 #   bowden run {name} --twin --auto --emg file:RECORDING.csv      # a recording, against the twin
 #   bowden run {name} --twin --emg lsl:NAME                       # a stream
@@ -9,7 +9,7 @@ TEXT = """\
 [suit]
 worn = true
 # friction_feedforward_nm = 2.79  # [N·m] 0.7 of what identify.suit_friction reads; the drive has to map object 60B2h
-drive_integral_per_s = 40.0  # [1/s] a drive without one does not follow its target in gears with this much friction
+drive_integral_per_s = 40.0  # [1/s] without an integral a drive does not follow its target against this friction
 
 [wearer]
 mass_kg = 75.0    # [kg] of the body
@@ -24,7 +24,7 @@ duration_s = 60.0  # [s] a run by a recording ends with it
 
 [limits]
 motor_low_deg = -12.0                # [°] room for the law below the straight arm
-motor_margin_deg = 8.0               # [°] the drive's integral runs over its target by this in a release
+motor_margin_deg = 8.0               # [°] the drive's integral overshoots its target by this in a release
 play_deg = 20.0                      # [°] fabric gives way, and the arm falls behind a cable that is let out
 tracking_deg = 15.0                  # [°] the servo's model knows no friction: gears hold the motor as it turns
 thermal_continuous_current_a = 12.0  # [A] the paper's flexion draws 10 A for 25 s, more than its motor's 6 A

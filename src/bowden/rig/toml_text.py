@@ -8,6 +8,7 @@ from bowden.control import Law
 from bowden.core.errors import ParameterError, article
 from bowden.core.quantity import declared
 from bowden.core.toml_text import key_of, quoted
+from bowden.identify.cable.counting import Counting
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.identify.cable.model_file import cable_text
 from bowden.rig import wearer_file
@@ -45,7 +46,7 @@ def tree_of(values: Mapping[str, Any]) -> dict[str, Any]:
         plant = as_file(values["plant"])
         found["cable"] = {"plant": plant.name} | _parameters(plant)
     elif isinstance(cable, IdentifiedCable):
-        found["cable"] = {"model": cable.file or MODEL_FILE} | _parameters(cable)
+        found["cable"] = {"model": cable.file or MODEL_FILE} | _counting(cable) | _parameters(cable)
     else:
         found["cable"] = section_tree(cable) | {"width": values["width"]}
     found["control"] = _control(values)
@@ -60,7 +61,7 @@ def _refuse_unnamed(value: Any, default: Any, name: str) -> None:
             raise ParameterError(
                 f"{name}.{field} is {given:g}, which has no key in rig.toml",
                 expected=f"{getattr(default, field):g}, as it is without a file",
-                do="hand the rig on with pack()",
+                do="pass the rig on with pack()",
             )
 
 
@@ -72,9 +73,15 @@ def _tagged(value: Any, kinds: Mapping[str, Any]) -> dict[str, Any]:
         if type(value) is part.kind:
             return {"kind": tag} | section_tree(value)
     raise ParameterError(
-        f"a rig.toml has no words for {article(type(value).__name__)}",
+        f"a rig.toml cannot express {article(type(value).__name__)}",
         expected=f"one of {', '.join(part.kind.__name__ for part in kinds.values())}",
     )
+
+
+def _counting(cable: IdentifiedCable) -> dict[str, Any]:
+    """The keys that say how the rig counts a log's angles; none where it counts as the log does."""
+    given, default = section_tree(cable.counting), section_tree(Counting())
+    return {key: value for key, value in given.items() if value != default[key]}
 
 
 def _parameters(given: PlantFile | IdentifiedCable) -> dict[str, Any]:
@@ -107,7 +114,7 @@ def files_of(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, bytes
             raise ParameterError(
                 f"two files of the rig have the name {name}",
                 expected="files of different names",
-                do="rename one, or hand the rig on by pack()",
+                do="rename one, or pass the rig on with pack()",
             )
 
     cable, reference, law, emg = (values[name] for name in ("cable", "reference", "law", "emg"))

@@ -4,13 +4,14 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from bowden.core import arguments
 from bowden.core.bounded import read_toml
 from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.sensing.envelope import MAINS_HZ
 
-EARLIER = "measured by an earlier version, and keeps no contraction out of rest: run bowden emg calibrate anew"
+EARLIER = "measured by an earlier version, and does not separate contractions from rest: run bowden emg calibrate again"
 """What is said of a file without `sigma`."""
 
 
@@ -30,9 +31,18 @@ class MuscleCalibration(NamedTuple):
     mains: float = 50.0
     """What was taken out of the envelopes, and is taken out of those that are compared with them: 50, 60 or 0 [Hz]."""
 
+    def write(self, path: str | Path) -> None:
+        """Write the file that ``[emg] wearer`` of a rig.toml names.
+
+        Raises:
+            ParameterError: what is no path.
+            OutputError: the file cannot be written.
+        """
+        write(arguments.path_of(path, "write: path"), self)
+
 
 _LEAST_RATIO = 1.5
-"""The largest envelope is at least so many times rest's, or there is no share of it to speak of."""
+"""The largest envelope is at least this many times rest's, or there is no share of it to speak of."""
 
 
 def check(wearer: MuscleCalibration, where: str) -> MuscleCalibration:
@@ -63,7 +73,7 @@ def check_mains(mains: float, name: str) -> None:
         ParameterError: it is not; `name` says which key or option has it.
     """
     if mains not in MAINS_HZ:
-        raise ParameterError(f"{name} is {mains:g}", expected="50, 60, or 0 for none")
+        raise ParameterError(f"{name} is {mains:g}", expected="50, 60, or 0 for none", do="give one of them")
 
 
 def write(path: Path, wearer: MuscleCalibration) -> None:
@@ -111,6 +121,6 @@ def _number(section: dict[str, Any], key: str) -> float:
     value = section[key]
     if isinstance(value, bool) or not isinstance(value, float | int):
         raise TypeError(
-            f"{key} is {quoted(value) if isinstance(value, str) else str(value).lower()}, which is no number"
+            f"{key} is {quoted(value) if isinstance(value, str) else str(value).lower()}, which is not a number"
         )
     return float(value)

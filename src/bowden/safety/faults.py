@@ -35,7 +35,7 @@ class Fault(IntEnum):
                   "look for a loose plug, interference, a slipping encoder or a wrong direction of the joint encoder")
     JOINT_STALE = (1, 2, 0.020, "joint angle is late", "joint_age > reading_age",
                    "look at the bus load and at the drive's PDO settings")
-    JOINT_FROZEN = (2, 2, 0.008, "joint angle stands still",
+    JOINT_FROZEN = (2, 2, 0.008, "joint angle does not change",
                     "not a count's change over frozen_travel of the motor, or in strokes beyond the dead zone",
                     "look at the joint encoder, its coupling and the cable")
     JOINT_ASTRAY = (2, 2, 0.008, "joint and motor disagree", "joint outside slope_low…slope_high × motor ± play",
@@ -50,7 +50,7 @@ class Fault(IntEnum):
                   "look for a loose plug, interference or a wrong direction of the motor encoder")
     MOTOR_STALE = (1, 3, 0.020, "motor angle is late", "motor_age > reading_age",
                    "look at the bus, its load and the drive's supply")
-    NOT_FOLLOWING = (3, 3, 0.020, "motor does not do what its servo would", "|motor − model| > tracking for 5 ms",
+    NOT_FOLLOWING = (3, 3, 0.020, "motor does not follow its model", "|motor − model| > tracking for 5 ms",
                      "look for a jam, a frozen motor encoder, a wrong servo model (`bowden identify-servo`)")
     MOTOR_OVER_TRAVEL = (3, 3, 0.010, "motor beyond its range", "motor outside motor_low…motor_high ± motor_margin",
                          "let the cable out by hand and home again")
@@ -70,9 +70,9 @@ class Fault(IntEnum):
     TENSION_LOST = (1, 2, 0.008, "no tension", "missing or impossible, where measured", "look at the load cell's plug")
     OVER_TENSION = (3, 3, 0.004, "cable pulls too hard",
                     "tension > tension_high, measured, or, on a suit, what its current leaves no doubt of for 50 ms",
-                    "look for a caught limb or a jam before all else")
+                    "first check for a caught limb or a jam")
     SLACK = (2, 2, 0.060, "cable slack or torn", "tension < tension_low for 50 ms, where measured",
-             "look at the cable; pretension anew")
+             "check the cable; tighten it again")
     HEARTBEAT_LOST = (3, 3, 0.004, "drive silent", "its heartbeat older than heartbeat_age",
                       "look at the bus cable, its termination and the drive's supply")
     NOT_ENABLED = (3, 3, 0.004, "drive does not enable", "not in operation enabled within enable_time of arming",
@@ -80,15 +80,15 @@ class Fault(IntEnum):
     DRIVE_DROPPED = (3, 3, 0.004, "drive switched off or restarted by itself", "its state, while it should be enabled",
                      "look at its enable input, STO, emergency stop and supply; home again after a restart")
     DRIVE_FAULT = (3, 3, 0.004, "drive in fault", "its state is fault or fault reaction",
-                   "read the error code, mend the cause, acknowledge")
+                   "read the error code, correct the cause, acknowledge")
     EMERGENCY = (3, 3, 0.004, "emergency from the drive", "an emergency frame with an error code",
-                 "read the text of the code, mend the cause, acknowledge")
+                 "read the text of the code, correct the cause, acknowledge")
     BUS_ERRORS = (3, 3, 0.008, "bus fails", "more than two frames not sent within a second, or bus-off",
                   "look at the bus cable, both terminations and the bit rate")
     LATE = (2, 2, 0.004, "loop too late", "lateness, or the sum of the last ones, > lateness",
-            "see what `bowden doctor` says; close other programs")
+            "run `bowden doctor`; close other programs")
     CLOCK = (2, 2, 0.004, "clock stepped", "time between cycles not in 0…clock_gap, or a cycle too early",
-             "see what `bowden doctor` says; was the computer asleep?")
+             "run `bowden doctor`; was the computer asleep?")
     WISH_LOST = (1, 2, 0.008, "law's target missing or out of range", "motor_low ≤ target ≤ motor_high does not hold",
                  "look at the reference, the gains, the law's state in the log")
     WISH_STEP = (1, 2, 0.008, "law's target jumps", "change in a cycle > target_speed",
@@ -104,14 +104,14 @@ class Fault(IntEnum):
     RECORDER_LOST = (0, 0, 0.0, "nothing is recorded", "recorder dead, behind, or disk full",
                      "make room on the disk, start the recorder again; a running loop goes on, no new one is armed")
     EMG_LOST = (2, 2, 0.004, "EMG lost", "newest sample older than emg_age, or trouble away from rest, in a run by EMG",
-                "look at the electrodes, their base station, its network and the program that sends; then arm anew")
+                "look at the electrodes, their base station, its network and the program that sends; then arm again")
     NOT_DISABLED = (3, 3, 0.004, "drive keeps its torque", "its state has torque for disable_time after power off",
                     "press the emergency stop, and keep away; do not use this drive before it has been repaired")
     SECOND_MASTER = (3, 3, 0.004, "another master on the bus", "a frame came that this host alone may send",
                      "end the other program or take the other device off the bus")
     EMERGENCY_STOP = (3, 3, 0.004, "emergency stop pressed", "its input, where the rig names one, or safe torque off",
-                      "see what it was pressed for; let it out again, and acknowledge")
-    CURRENT_STUCK = (2, 2, 0.004, "motor current stands still",
+                      "find out why it was pressed; release it, and acknowledge")
+    CURRENT_STUCK = (2, 2, 0.004, "motor current does not change",
                      "not a count's change over frozen_travel of the motor and 1 rad/s of its speed",
                      "look at 6077h of the drive and its PDO")
     RELEASE_PULLS = (3, 3, 0.004, "release pulls", "joint beyond 20° to the slack side, and 6° further since R2 began",

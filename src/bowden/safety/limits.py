@@ -53,7 +53,7 @@ class Limits(NamedTuple):
     tracking: Annotated[
         float, Quantity("largest distance of the motor from the servo's model at rest", "rad", ge=0.0, le=45.0)
     ] = 0.1
-    tracking_lag: Annotated[float, Quantity("what the distance may grow by with speed", "s", ge=0.0, le=0.1)] = 0.01
+    tracking_lag: Annotated[float, Quantity("growth of that distance with speed", "s", ge=0.0, le=0.1)] = 0.01
     tracking_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.005
     slope_low: Annotated[float, Quantity("smallest slope of the cable, joint over motor", "rad/rad")] = 0.7
     slope_high: Annotated[float, Quantity("largest slope of the cable", "rad/rad", ge=0.0, le=10.0)] = 1.05
@@ -73,7 +73,7 @@ class Limits(NamedTuple):
             le=90.0,
         ),
     ] = 0.4
-    measures_current: Annotated[float, Quantity("1 where the drive tells its current, else 0", key=None)] = 1.0
+    measures_current: Annotated[float, Quantity("1 if the drive reports its current, else 0", key=None)] = 1.0
     current_peak: Annotated[float, Quantity("largest current", "A", key=None)] = 20.0
     current_time: Annotated[float, Quantity("how long it may be exceeded", "s", ge=0.0, le=0.1)] = 0.002
     saturation: Annotated[
@@ -89,14 +89,14 @@ class Limits(NamedTuple):
         float,
         Quantity(
             "largest temperature of the housing: by IEC 60601-1 48 where it is touched for a minute, 43 where it lies "
-            "against skin for ten; more only for one that nobody can touch",
+            "against skin for ten; more only for one that cannot be touched",
             "°C",
             ge=0.0,
             le=85.0,
         ),
     ] = 48.0
     measures_temperature: Annotated[
-        float, Quantity("1 where the drive tells its temperature, else 0", ge=0.0, le=1.0)
+        float, Quantity("1 if the drive reports its temperature, else 0", ge=0.0, le=1.0)
     ] = 0.0
     drive_limit: Annotated[float, Quantity("largest temperature of the drive", "°C", ge=0.0, le=120.0)] = 80.0
     measures_tension: Annotated[float, Quantity("1 where the cable's tension is measured, else 0", key=None)] = 0.0
@@ -113,7 +113,7 @@ class Limits(NamedTuple):
     ] = 0.05
     enable_time: Annotated[float, Quantity("from arming to the drive's operation enabled", "s", ge=0.0, le=10.0)] = 1.0
     disable_time: Annotated[
-        float, Quantity("torque at most so long after the power was told off", "s", ge=0.0, le=0.5)
+        float, Quantity("longest time with torque after the power was switched off", "s", ge=0.0, le=0.5)
     ] = 0.05
     bus_errors: Annotated[
         float, Quantity("frames that could not be sent; one is forgiven each second", ge=0.0, le=100.0)
@@ -166,7 +166,7 @@ class Limits(NamedTuple):
         float,
         Quantity(
             "speed at which R2 lets a worn suit's arm down, to where the cable is just taut: 250 mm/s of the hand, "
-            "0.35 m from the elbow, is what ISO 10218-1 allows where somebody is in reach",
+            "0.35 m from the elbow, is what ISO 10218-1 allows where people are within reach",
             "rad/s",
             ge=15.0,
             le=120.0,

@@ -47,7 +47,7 @@ class Observed(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What the drive is told, and why."""
+    """What the drive is sent, and why."""
 
     target: float  # motor angle; always finite, within the limits and within their speed of the one before [rad]
     power: float  # number of a `hardware.ports.Power`, 0 or 3
@@ -61,7 +61,7 @@ class Decided(NamedTuple):
 
     mode: Annotated[float, Quantity("number of a `Mode`")]
     passed: Annotated[float, Quantity("1 from the request to run on, until the power is off, else 0")]
-    target_before: Annotated[float, Quantity("what the drive was told a cycle before the last", "rad")]
+    target_before: Annotated[float, Quantity("what the drive was sent a cycle before the last", "rad")]
     bridged: Annotated[float, Quantity("time in R1, of which good time forgets a share", "s")]
     released: Annotated[float, Quantity("time in R2", "s")]
     eased: Annotated[float, Quantity("time in R2 for which the motor has carried nothing", "s")]
@@ -108,13 +108,13 @@ class Sums(NamedTuple):
     failures: Annotated[float, Quantity("frames that could not be sent; one is forgiven each second")]
     armed: Annotated[float, Quantity("time with power and without a run", "s")]
     strained: Annotated[float, Quantity("time of a current that leaves no doubt of too much tension", "s")]
-    undisabled: Annotated[float, Quantity("time with torque after the power was told off", "s")]
+    undisabled: Annotated[float, Quantity("time with torque after the power was switched off", "s")]
 
 
 class SupervisorState(NamedTuple):
     """What the supervisor decided, and what it sees."""
 
-    target: Annotated[float, Quantity("what the drive was told last", "rad")]
+    target: Annotated[float, Quantity("what the drive was sent last", "rad")]
     decided: Decided
     servo: ModelledServo
     motor: Followed
@@ -176,9 +176,11 @@ class Found(NamedTuple):
 POWER_OFF, POWER_ON = 0.0, 3.0  # of `hardware.ports.Power`, which this floor cannot see
 STOPPED, PREFLIGHT, RUNNING, BRIDGING, RELEASING, LATCHED = (float(mode) for mode in Mode)
 ARM, RUN, STOP, ACKNOWLEDGE = (float(request) for request in list(Request)[1:])
-DEAD_SHARE = 0.8  # of `frozen_travel`: the widest dead zone; the rest tells a frozen joint from one that starts late
+DEAD_SHARE = (
+    0.8  # of `frozen_travel`: the widest dead zone; the rest separates a frozen joint from one that starts late
+)
 SWING = 1.0  # changes of speed that no motor makes at one and the same current [rad/s]
-REST, FURTHER = 0.35, 0.1  # a joint so far to the slack side of its zero, where the cable is just taut, is pulled [rad]
+REST, FURTHER = 0.35, 0.1  # a joint this far to the slack side of zero, where the cable is just taut, is pulled [rad]
 AHEAD = 0.05  # time for which a joint is ahead of the cable before the cable counts as slack [s]
 TAUT = 0.05  # a servo's model so near to zero, where the cable is just taut, has let the load down [rad]
 BIG = 1e6  # what is larger is no number that anything here can mean

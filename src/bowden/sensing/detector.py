@@ -2,7 +2,7 @@
 
 A detector is a NamedTuple of settings and these functions, the last two of them kernels in the portable subset:
 
-    prepare(rate, settings) -> prepared           the settings at so many samples a second, a NamedTuple of numbers
+    prepare(rate, settings) -> prepared           the settings at this many samples a second, a NamedTuple of numbers
     start(prepared, first) -> state               before the first sample, which may be NaN
     step(prepared, state, value) -> (state, active, trouble)
     rest(state) -> size                           of the signal at rest, in its own unit
@@ -39,8 +39,8 @@ class Detector:
     name: str
     """Its key in `DETECTORS`, as ``[emg] detector`` has it."""
     settings: Any
-    """NamedTuple; its field ``shortest`` is the length below which contractions are not told, and by which all others
-    are told later [s]."""
+    """NamedTuple; its field ``shortest`` is the length below which contractions are left out, and by which all others
+    are reported later [s]."""
     prepare: Callable[[float, Any], Any]
     start: Callable[[Any, float], Any]
     step: Callable[[Any, Any, float], Any]

@@ -73,13 +73,13 @@ FOLLOWED_SPEED, FOLLOWED_ACCELERATION = PEAK_SPEED, 100.0
 _SHORTEST = 0.3
 """A motion takes at least this share of `duration`, however short its way [–]."""
 _LESS, _TRIES, _POINTS = 0.8, 10, 20
-"""A motion that would leave its range is tried so much quicker, so often, and looked at in so many points."""
+"""A motion that would leave its range is tried quicker by this factor, this often, and checked in this many points."""
 
 
 _TOGETHER = 0.2
 """Muscles that begin within this time are contracted at once: neither has a motion after that [s]."""
 _ALONE = 0.15
-"""A muscle that began during the other one's contraction has its motion so long after that has ended: two that are let
+"""A muscle that began during the other one's contraction has its motion this long after that ends: two that are let
 go at once end at somewhat different times [s]."""
 
 

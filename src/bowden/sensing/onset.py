@@ -25,7 +25,7 @@ B·((1 − 1/ρ²)·K − log ρ²)·brief = h. There are two such sums, of r av
 steps of at most z standard deviations upward; more than that only at a share of the speed, and in a contraction too, so
 that a step of rest is got over. What is quieter is learned at once: it cannot be a contraction. Nothing is learned from
 a signal that leaks explain, or that is dead. Where an electrode was off, or mains are gone that covered the signal,
-it starts anew.
+it starts again.
 
 A signal is dead that repeats one value for 20 ms, and one on its rails hardly moves for most of the time between its
 largest steps, as hum does that is clipped.
@@ -54,7 +54,7 @@ _SETTLES = 0.05
 _LOOKS = 10.0
 """So often in a second rest has a chance to pass for a contraction: once in `_LONG` [Hz]."""
 _SPIKY = 3.0
-"""Single samples count up to so many times K in the average over 5 ms: noise has them [–]."""
+"""Single samples count up to this many times K in the average over 5 ms: noise has them [–]."""
 
 
 class Ways(NamedTuple):
@@ -162,7 +162,7 @@ class OnsetState(NamedTuple):
     calm: float
     """Evidence of rest."""
     active: float
-    """1 in a contraction, told or not."""
+    """1 in a contraction, reported or not."""
     held: float
     """How long it has lasted [s]."""
     rest: float

@@ -18,16 +18,16 @@ class OnsetSettings(NamedTuple):
     """
 
     ratio: float = 1.8
-    """Contractions are told from so many times the largest that rest is taken for [–]."""
+    """Contractions are reported from this many times the largest value of rest on [–]."""
     hours: float = 10.0
-    """Rest alone passes for a contraction once in so long [h]."""
+    """Rest alone passes for a contraction once in this time [h]."""
     brief: float = 0.05
     """Nothing that lasts less is an onset, however large: a click's ringing, and twice the 20 ms of hum that begins and
     ends [s]."""
     quiet: float = 0.2
     """Rest of less does not end a contraction [s]."""
     bandwidth: float = 100.0
-    """Of a muscle's spectrum: so many independent pairs of samples there are in a second [Hz]."""
+    """Of a muscle's spectrum: this many independent pairs of samples there are in a second [Hz]."""
     band_hz: float = 40.0
     """Lower end of the band: the corner of a twofold high-pass [Hz]."""
     top_hz: float = 400.0
@@ -37,21 +37,21 @@ class OnsetSettings(NamedTuple):
     swing_hz: float = 5.0
     """Lower end of movement [Hz]."""
     sure: float = 1.5
-    """Rest is taken for at most its level and so many standard deviations [–]."""
+    """Rest is taken for at most its level and this many standard deviations [–]."""
     unknown: float = 1.4
     """Standard deviation of the log of rest's power, of which nothing has been seen yet: a factor of two in size."""
     learnt: float = 1.5
-    """By e less of that variance in so much rest; after a contraction, rest is as well known as after so long [s]."""
+    """By e less of that variance in this much rest; after a contraction, rest is as well known as then [s]."""
     spread: float = 0.2
     """Standard deviation of the log of power, averaged over 0.1 s, of noise as wide as the band."""
     weight: float = 3.0
-    """That counts as much as so much of rest that is seen [s]."""
+    """That counts as much as this much of rest that is seen [s]."""
     memory: float = 12.0
     """Rest older than this does not count [s]."""
     falls: float = 0.3
     """Time constant of a level that was taken for too high: a muscle that contracted from the start [s]."""
     doubt: float = 0.15
-    """What is larger than rest is learnt so much slower: it may be a contraction [–]."""
+    """What is larger than rest is learnt this much slower: it may be a contraction [–]."""
     forget: float = 0.05
     """So much less of rest is known with each second of a contraction: what is well known outlasts minutes [–]."""
     share: float = 0.1
@@ -69,9 +69,9 @@ class OnsetSettings(NamedTuple):
     gone: float = 0.25
     """Below this share of their power mains have gone [–]."""
     flat: float = 0.02
-    """A value that lasts so long is no signal [s]."""
+    """A value that lasts this long is no signal [s]."""
     off: float = 0.5
-    """A value that lasts so long is an electrode that is off: rest is measured anew [s]."""
+    """A value that lasts this long is an electrode that is off: rest is measured again [s]."""
     still: float = 0.05
     """A step from one sample to the next that is less than this share of the recent largest is none [–]."""
     stuck: float = 0.6
@@ -81,7 +81,7 @@ class OnsetSettings(NamedTuple):
     least: float = 1e-12
     """σ is never less, in the signal's unit; see `of_wearer`."""
     shortest: float = 0.0
-    """Contractions shorter than this are not told, and all others so much later [s]."""
+    """Contractions shorter than this are left out, and all others are reported this much later [s]."""
 
 
 DEFAULTS = OnsetSettings()

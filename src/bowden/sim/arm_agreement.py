@@ -61,7 +61,7 @@ def check_arm(suit: Suit, laws: Sequence[Law], progress: Callable[[str, float], 
     Args:
         suit: with its geometry and the arm that wears it, the upper arm hanging.
         laws: of the suit's runs, one flexion each.
-        progress: is told what runs now, and the share that is done.
+        progress: called with what runs now, and the share that is done.
 
     Raises:
         BowdenError: MuJoCo is not installed.

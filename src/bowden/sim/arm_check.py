@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.extras import extra_module
 from bowden.core.units import RADIANS
 from bowden.models.minimum_jerk import minimum_jerk_share
 from bowden.models.suit.arm import Arm, gravity_torque, passive_torque, resting_angle
@@ -74,7 +75,7 @@ class ArmMotion(NamedTuple):
     ours: Array  # (n,)
     """Elbow by `bowden.models.suit.arm` [rad]."""
     mujoco: Array  # (n,)
-    """Elbow by MuJoCo [rad]; NaN where it cannot tell."""
+    """Elbow by MuJoCo [rad]; NaN where it does not know."""
 
     @property
     def error(self) -> float:
@@ -189,7 +190,7 @@ def compare_motion(geometry: SuitGeometry, arm: Arm, case: ArmCase) -> ArmMotion
 
 def our_motion(geometry: SuitGeometry, arm: Arm, case: ArmCase, time: Array) -> Array:
     """The elbow by the equation of `bowden.models.suit.arm`, at those times (n,) [s], (n,) [rad]."""
-    from scipy.integrate import solve_ivp
+    integrate = extra_module("scipy.integrate", "mujoco", "the check of the arm")
 
     def rate(now: float, state: Array) -> tuple[float, float]:
         angle, velocity = state
@@ -198,7 +199,7 @@ def our_motion(geometry: SuitGeometry, arm: Arm, case: ArmCase, time: Array) -> 
         torque += flexor * flexor_moment_arm(angle, geometry) + extensor * extensor_moment_arm(angle, geometry)
         return velocity, torque / arm.inertia
 
-    found = solve_ivp(
+    found = integrate.solve_ivp(
         rate, (0.0, float(time[-1])), (case.start, 0.0), "DOP853", time, rtol=1e-11, atol=1e-12, max_step=0.05
     )
     angle: Array = found.y[0]

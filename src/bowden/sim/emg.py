@@ -7,6 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.sensing.biquad import butterworth
+from bowden.sensing.whole_signal import band_pass, filtered
+
 Array = NDArray[np.float64]
 
 NOISE = 0.004
@@ -82,10 +85,7 @@ def rest(
 
 def background(rate: float, count: int, random: np.random.Generator) -> Array:
     """`count` samples of noise [mV]: half of skin and amplifier, white, half of the muscle's band."""
-    from scipy import signal
-
-    band = signal.butter(1, (20.0, min(400.0, 0.4 * rate)), "bandpass", fs=rate, output="sos")
-    shaped = signal.sosfilt(band, random.normal(size=count))
+    shaped = filtered(random.normal(size=count), *band_pass(1, 20.0, min(400.0, 0.4 * rate), rate))
     return NOISE * (shaped / max(float(np.std(shaped)), 1e-12) + random.normal(size=count)) / np.sqrt(2.0)
 
 
@@ -98,10 +98,8 @@ def contractions(rate: float, spans: Sequence[tuple[float, float, float]], count
         count: samples.
         seed: of the noise.
     """
-    from scipy import signal
-
-    band = signal.butter(2, (30.0, min(250.0, 0.4 * rate)), "bandpass", fs=rate, output="sos")
-    carrier = signal.sosfilt(band, np.random.default_rng(seed).normal(size=count))
+    band = band_pass(2, 30.0, min(250.0, 0.4 * rate), rate)
+    carrier = filtered(np.random.default_rng(seed).normal(size=count), *band)
     carrier /= np.std(carrier)
     time, size = np.arange(count) / rate, np.zeros(count)
     for onset, end, amplitude in spans:
@@ -134,8 +132,6 @@ def disturb(
     Returns:
         How long it lasts [s].
     """
-    from scipy import signal
-
     lasts = {
         Artefact.BUMP: (0.08, 0.6),
         Artefact.CLICK: (0.0, 0.0),
@@ -154,8 +150,8 @@ def disturb(
     elif kind is Artefact.CLICK:
         part += sign * size
     elif kind is Artefact.CABLE:
-        low = signal.butter(2, random.uniform(5.0, 12.0), fs=rate, output="sos")
-        swing = signal.sosfilt(low, random.normal(size=len(part)))
+        low = butterworth(random.uniform(5.0, 12.0), "low", rate)
+        swing = filtered(random.normal(size=len(part)), low)
         part += size * swing / np.std(swing) * np.hanning(len(part))
     elif kind is Artefact.FLAT:
         part[:] = random.choice([0.0, 0.3, -1.0])

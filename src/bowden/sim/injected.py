@@ -54,7 +54,7 @@ class Injected(IntEnum):
     MOTOR_OVER_TRAVEL = 20
     """The motor's zero slips away at 2 rad/s."""
     OVER_SPEED = 21
-    """The drive runs at 25 rad/s whatever it is told."""
+    """The drive runs at 25 rad/s whatever it is sent."""
     OVER_TENSION = 22
     JAM = 23
     """The motor stands, the current is at its peak: laws wind up."""

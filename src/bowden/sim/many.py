@@ -257,13 +257,13 @@ class Given:
 
 
 def _noise(ready: Ready) -> tuple[Any, ...]:
-    """By what the normal numbers of runs are told apart: the seed, and all of the plant that `draw` may look at."""
+    """By what the normal numbers of runs are distinguished: the seed, and all of the plant that `draw` may look at."""
     plant = ready.case.plant
     return ready.case.seed, type(plant), plant.joint_encoder, getattr(plant, "motor_encoder", None)
 
 
 def _distinct(values: Sequence[Any], name: Callable[[Any], Any]) -> tuple[list[Any], list[int]]:
-    """Each of them once, told apart by a name, and where each of the given ones is among them."""
+    """Each of them once, distinguished by a name, and where each of the given ones is among them."""
     kept: dict[Any, Any] = {}
     for value in values:
         kept.setdefault(name(value), value)

@@ -43,7 +43,7 @@ def load_mujoco() -> ModuleType:
         import mujoco
     except ImportError as error:
         raise BowdenError(
-            f"the arm's model needs the package mujoco ({error})", do="install it with: pip install 'bowden[mujoco]'"
+            f"the arm's model needs the package mujoco ({error})", do='pip install "bowden[mujoco]"'
         ) from error
     return mujoco
 

@@ -75,7 +75,7 @@ def run_loop(
         conditioning: of its reference.
         source: settings of what makes the reference.
         plant: `Dynamics.plant`.
-        references: what the source is told (3, n); overwritten with what it makes of them.
+        references: what the source gets (3, n); overwritten with what it makes of them.
         sheath: at the edges of the cycles.
         normals: of the sensors (n, m).
         initial_motor: angle at rest before the start [rad].
@@ -253,7 +253,7 @@ def stand_ins(dynamics: Dynamics, law: Law, source: Source, *, fails: bool) -> d
 
 
 def state_columns(law: Law, source: Source) -> tuple[dict[str, str], dict[str, str]]:
-    """What law, conditioner and source remember, as a trace names it, each with its unit; a table's is worth none."""
+    """What law, conditioner and source remember, as a trace names it, each with its unit; a table's is left out."""
     return law.columns(), CONDITIONED | ({} if source is TABLE else source.columns())
 
 
@@ -270,7 +270,7 @@ def check_clock(plant: Plant, duration: float) -> None:
         ("delay", plant.delay, plant.delay >= 0),
     ):
         if not fine:
-            raise ParameterError(f"simulate: {name} is {value}", expected="a positive number that makes sense here")
+            raise ParameterError(f"simulate: {name} is {value}", expected="a positive number in a sensible range")
 
 
 def edges_of(plant: Plant, duration: float) -> Array:

@@ -13,7 +13,7 @@ BendPath = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def constant_bend(bend: float) -> BendPath:
-    """A sheath that nobody moves [rad]."""
+    """A sheath that is not moved [rad]."""
     return lambda time: np.full(len(time), bend)
 
 

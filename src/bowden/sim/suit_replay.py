@@ -41,7 +41,7 @@ def replay(trace: Trace, window: float = 2.0) -> ArmMotion:
     """The same run in MuJoCo.
 
     Under tensions that do not answer to it an elbow near the top runs off, as a pencil on its tip does, whichever model
-    computes it. So MuJoCo begins anew with the trace's angle and speed after each `window`. It has no stops: where the
+    computes it. So MuJoCo starts again with the trace's angle and speed after each `window`. It has no stops: where the
     elbow is at them MuJoCo waits, and its angle is NaN.
 
     Args:
@@ -83,7 +83,9 @@ def _windows(trace: Trace, length: int) -> list[tuple[int, int]]:
     low, high = trace.settings["plant"].get("stops", (-math.inf, math.inf))
     free = (trace["joint"] > low) & (trace["joint"] < high)
     if free.mean() < 0.5:
-        raise LogError("no replay of a run in which the elbow mostly is at its stops", expected="a run between them")
+        raise LogError(
+            "no replay of a run in which the elbow is mostly at its stops", expected="a run that stays between them"
+        )
     edges = np.flatnonzero(np.diff(np.r_[False, free, False].astype(int)))
     return [
         (first, min(first + length, end - 1))

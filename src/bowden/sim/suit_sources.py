@@ -14,7 +14,7 @@ from bowden.models.suit.suit_angle import flexor_arm
 from bowden.plants.suit_parts import Suit, prepare_suit
 
 FRICTION_SHARE = 0.8
-"""How much of the friction is made up for: less than there is, lest the drive hunt [–]."""
+"""How much of the friction is made up for: less than all of it, so that the drive does not hunt [–]."""
 
 
 def chain_of(suit: Suit) -> Chain:

@@ -53,7 +53,7 @@ def on_cluster(study: Study, work: Work, where: str) -> Done:
             except Exception as error:
                 raise ParameterError(
                     f"the cluster cannot compute chunk {chunk}: {type(error).__name__}: {' '.join(str(error).split())}",
-                    do="look into the logs of its workers",
+                    do="read the logs of its workers",
                 ) from error
             following = next_task()
             if following is not None:
@@ -69,7 +69,7 @@ def _client(where: str) -> Iterator[Any]:
         distributed: Any = importlib.import_module("distributed")  # its types are half there
     except ImportError as error:
         raise ParameterError(
-            "--cluster needs dask.distributed, which is not here", do="install it: pip install 'bowden[cluster]'"
+            "--cluster needs dask.distributed, which is not installed", do='pip install "bowden[cluster]"'
         ) from error
     quiet = {
         "distributed.logging.distributed": "critical",

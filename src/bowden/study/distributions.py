@@ -5,6 +5,7 @@ were.
 """
 
 import math
+import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -50,7 +51,7 @@ _Made = tuple[Callable[[float], Value], tuple[Value, ...]] | None
 
 
 def _numbers(given: tuple[Value, ...], count: int) -> tuple[float, ...] | None:
-    """The numbers, if there are so many and all are finite."""
+    """The numbers, if there are this many and all are finite."""
     fine = len(given) == count and all(
         isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one) for one in given
     )
@@ -74,24 +75,27 @@ def _log_uniform(given: tuple[Value, ...]) -> _Made:
     return lambda u: min(max(low * math.exp(span * u), low), high), (low, high)
 
 
+_NORMAL = statistics.NormalDist()
+
+
 def _normal(given: tuple[Value, ...]) -> _Made:
     found = _numbers(given, 4)
     if found is None or not (found[1] > 0.0 and found[2] < found[3]):
         return None
-    from scipy.special import ndtr, ndtri
-
     mean, deviation, low, high = found
     # seen from the side on which the numbers are small, where their differences are exact
     side = 1.0 if low + high <= 2.0 * mean else -1.0
     ends = sorted(side * (end - mean) / deviation for end in (low, high))
-    least, most = (float(ndtr(end)) for end in ends)
+    least, most = (0.5 * math.erfc(-end / math.sqrt(2.0)) for end in ends)
     if most - least < 1e-12:
         return None
 
     def value(u: float) -> float:
         share = u if side > 0.0 else 1.0 - u
-        drawn = mean + side * deviation * float(ndtri(least + (most - least) * share))
-        return min(max(drawn, low), high)
+        below = least + (most - least) * share
+        if not 0.0 < below < 1.0:  # so far out that it has no share of its own
+            return low if (below <= 0.0) == (side > 0.0) else high
+        return min(max(mean + side * deviation * _NORMAL.inv_cdf(below), low), high)
 
     return value, (low, high)
 

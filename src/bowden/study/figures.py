@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,7 +65,10 @@ class LawFigures:
     sensitivities: tuple[Sensitivity, ...]
     """Of `RANKING`, the parameter that matters most first."""
     steps: dict[str, tuple[Array, Array]]
-    """Parameter → its median, and the median of `RANKING`, in tenths of the runs by the parameter."""
+    """Parameter → its median, and the median of `RANKING`, in tenths of the runs by the parameter; of one that is a
+    word, its place in `words`."""
+    words: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Parameter that is a word, such as a fault's kind → the words that were drawn, sorted."""
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -157,14 +160,16 @@ def _of_law(law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[s
     for i in np.lexsort((number, -ranking))[:_WORST].tolist():
         row = {name: table[name][i].as_py() for name in drawn}
         worst.append(Worst(int(number[i]), finite(float(ranking[i])), row))
-    dependences, steps = [], {}
+    dependences, steps, known = [], {}, {}
     for name in drawn:
         column = table[name]
-        words = str(column.type) == "string"
-        parameter = _coded(column.to_pylist()) if words else column.to_numpy().astype(np.float64)
+        words = tuple(sorted(set(column.to_pylist()))) if str(column.type) == "string" else ()
+        parameter = _coded(column.to_pylist(), words) if words else column.to_numpy().astype(np.float64)
         dependences.append(sensitivity(name, parameter, ranking, ordered=not words))
-        if not words and np.ptp(parameter) > 0.0:
-            steps[name] = _steps(parameter, ranking)
+        if words:
+            known[name] = words
+        if np.ptp(parameter) > 0.0:
+            steps[name] = _steps(parameter, ranking, of_words=bool(words))
     return LawFigures(
         law=law,
         runs=len(table),
@@ -175,18 +180,19 @@ def _of_law(law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[s
         worst=tuple(worst),
         sensitivities=tuple(ranked(dependences)),
         steps=steps,
+        words=known,
     )
 
 
-def _coded(words: list[str]) -> Array:
-    known = sorted(set(words))
-    return np.array([known.index(word) for word in words], dtype=np.float64)
+def _coded(words: list[str], known: Sequence[str]) -> Array:
+    place = {word: float(i) for i, word in enumerate(known)}
+    return np.array([place[word] for word in words])
 
 
-def _steps(parameter: Array, figure: Array) -> tuple[Array, Array]:
-    """Median of both in tenths by the parameter, or for each value where there are no more than ten."""
+def _steps(parameter: Array, figure: Array, *, of_words: bool = False) -> tuple[Array, Array]:
+    """Median of both in tenths by the parameter, or for each value of words, or where there are no more than ten."""
     distinct = np.unique(parameter)
-    if len(distinct) <= _STEPS:
+    if of_words or len(distinct) <= _STEPS:
         groups = [parameter == value for value in distinct]
     else:
         order = np.argsort(parameter, kind="stable")

@@ -25,12 +25,14 @@ class DistributionSection(Section):
     low: _Number | None = _key(None, "smallest value of normal", examples=[0.8])
     high: _Number | None = _key(None, "largest value of normal", examples=[1.2])
     integer: list[int] | None = _key(None, "[low, high], whole numbers, both included", examples=[[0, 3]])
-    choice: list[_Word] | None = _key(None, "any of these, all alike; twice named, twice as likely", examples=[[1, 2]])
+    choice: list[_Word] | None = _key(
+        None, "one of these, all equally likely; named twice, twice as likely", examples=[[1, 2]]
+    )
     fixed: _Word | None = _key(None, "always this", examples=[1.0])
 
 
 class ToldSection(Section):
-    """What the laws are told wrongly of the rig of each run, as a factor on what is true."""
+    """Wrong knowledge that the laws get of the rig of each run, as a factor on the true value."""
 
     servo_frequency: DistributionSection | None = _key(None, "natural frequency of the servo", examples=[{}])
     servo_damping: DistributionSection | None = _key(None, "damping ratio of the servo", examples=[{}])
@@ -64,6 +66,6 @@ class StudyFile(Section):
         {}, "numeric keys of the rig, dotted, or control.gains.NAME, and how each is spread over the runs"
     )
     told: Annotated[ToldSection | None, Field(json_schema_extra={"unit": "–"})] = _key(
-        None, "what the laws are told wrongly of the rig of each run; left out, they are told what is true"
+        None, "what the laws get as wrong knowledge of the rig of each run; left out, they get the true values"
     )
     fault: FaultSection | None = _key(None, "a sensor that fails; left out, none")

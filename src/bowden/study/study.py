@@ -88,7 +88,7 @@ class Study:
 
     @cached_property
     def gains_varied(self) -> frozenset[str]:
-        """Gains of the first law that its runs are told differently, judged by the first of them."""
+        """Gains of the first law that differ between its runs, judged by the first of them."""
         nominal, first = self.nominal[0].numbers, range(min(self.file.runs, _LOOKED_AT))
         laws = [self.run(number)[1][0] for number in first]
         return frozenset(name for name, value in nominal.items() if any(law.numbers[name] != value for law in laws))
@@ -104,7 +104,7 @@ class Study:
         return Drawn(seed, {c.name: c.spread.value(u) for c, u in zip(self.columns, even, strict=True)})
 
     def rig_of(self, drawn: Drawn) -> Rig:
-        """The rig of one run, with its seed; gains of the laws and what they are told are not in it.
+        """The rig of one run, with its seed; gains of the laws and their knowledge of the rig are not in it.
 
         Raises:
             ParameterError: values that do not fit one another.
@@ -142,7 +142,7 @@ class Study:
         return law.with_gains(**{key: value for key, value in gains.items() if key in law.numbers})
 
     def _believed(self, known: Knowledge, drawn: Drawn) -> Knowledge:
-        """What the laws of a run are told: what its rig knows, wrong by the factors of [told]."""
+        """What the laws of a run know: what its rig knows, wrong by the factors of [told]."""
         factors = {key: float(drawn.values.get(f"told.{key}", 1.0)) for key in ToldSection.model_fields}
         return known._replace(**{key: getattr(known, key) * factor for key, factor in factors.items()})
 

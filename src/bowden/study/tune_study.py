@@ -45,7 +45,7 @@ class StudyRuns:
         return [case._replace(laws=()) for case in _cases(self.pack, 0, self.count)]
 
     def laws(self, law: Law) -> Sequence[Law]:
-        """The law in each run: with its gains, but for what the run tells it of the servo, and of its cable."""
+        """The law in each run: with its gains, but for what the run says of the servo, and of its cable."""
         return [_in_run(unpacked(self.pack), case, law) for case in _cases(self.pack, 0, self.count)]
 
 

@@ -71,7 +71,7 @@ def in_processes(study: Study, work: Work, count: int) -> Done:
             if deaths >= _PATIENCE:
                 raise ParameterError(
                     f"the processes that compute died {deaths} times in a row",
-                    do="look for what kills them (memory?), or compute with --workers 1",
+                    do="find what kills them (memory?), or compute with --workers 1",
                 )
     finally:
         for one in workers:

@@ -94,7 +94,7 @@ class InteractionState(NamedTuple):
     flexor_node: Annotated[float, Quantity("u of the flexor", "m")]
     extensor_node: Annotated[float, Quantity("u of the extensor", "m")]
     torque: Annotated[float, Quantity("of the suit on the elbow, flexing positive", "N·m")]
-    doubt: Annotated[float, Quantity("its standard deviation, as it is reckoned", "N·m")]
+    doubt: Annotated[float, Quantity("its standard deviation, as estimated", "N·m")]
     from_current: Annotated[float, Quantity("τ_c", "N·m")]
     from_stretch: Annotated[float, Quantity("τ_s", "N·m")]
 

@@ -59,7 +59,7 @@ class BacklashInverseGains(NamedTuple):
     integral_limit: float = 0.35
     """Largest size of ki·∫e dt [rad]."""
     hold: float = 0.05
-    """How long after a change of side the feedback stands still [s]."""
+    """How long the feedback is held after a change of side [s]."""
     lead: float = LEAD
     """Lag of servo and delay that is taken away [s]."""
     lead_square: float = LEAD_SQUARE

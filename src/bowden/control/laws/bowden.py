@@ -1,6 +1,6 @@
 """Our law: it learns while it runs how the cable loses motion, and makes up for it ahead of time.
 
-Its equations are in `bowden.control.our_law`, their derivation in ``docs/our_law.md``.
+Its equations are in `bowden.control.our_law`, their derivation in ``docs/background/our_law.md``.
 """
 
 import math
@@ -12,15 +12,15 @@ from bowden.control.our_law.law import start, step
 
 
 def settling(gains: BowdenGains) -> float:
-    """Ten strokes [s]: five touches teach the width to a tenth, and a swing is told by a few of its half-waves.
+    """Ten strokes [s]: five touches teach the width to a tenth, and a swing is recognised by a few of its half-waves.
 
     A stroke of the check's trial takes 2 s; no gain sets how soon the law learns.
     """
     return 20.0
 
 
-HEARD = 0.015
-"""`Law.heard`: six times what counts as no news at rest on the default bench [rad]."""
+DEADBAND = 0.015
+"""`Law.deadband`: six times what counts as no news at rest on the default bench [rad]."""
 
 
 def surely_wide(known: Knowledge) -> float:
@@ -33,8 +33,8 @@ def reading_noise(known: Knowledge) -> float:
     return math.hypot(known.joint_noise, known.joint_step / math.sqrt(12.0))
 
 
-_LEARNED = "nothing in its place: the law learns it"
-_DERIVED = "nothing in its place: it follows from servo, delay and noise"
+_LEARNED = "nothing instead: the law learns it"
+_DERIVED = "nothing instead: it follows from servo, delay and noise"
 
 FORMER = {
     "height": "width, the dead zone in motor angle",
@@ -43,7 +43,7 @@ FORMER = {
     "feedback": "bandwidth",
     "least_speed": _DERIVED,
     "wander": _LEARNED,
-    "doubt": "nothing in its place: width is the lower end of what is known",
+    "doubt": "nothing instead: width is the lower end of what is known",
     **dict.fromkeys(
         ("most", "budget", "lead", "smoothing", "quiet", "crossing", "early", "reach", "worth", "tolerance", "search"),
         _DERIVED,
@@ -58,7 +58,7 @@ LAW = Law(
     gains=BowdenGains(),
     start_kernel=start,
     step_kernel=step,
-    source="this project, docs/our_law.md",
+    source="this project, docs/background/our_law.md",
     presets={"suit": SUIT},
     suit_preset="suit",
     from_rig={
@@ -71,7 +71,7 @@ LAW = Law(
     },
     compensates_lag=True,
     settling=settling,
-    heard=HEARD,
+    deadband=DEADBAND,
     tunable=frozenset({"bandwidth", "lag"}),
     limits=LIMITS,
     former=FORMER,

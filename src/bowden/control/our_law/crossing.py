@@ -1,8 +1,8 @@
-"""What is worth knowing of the cable: how wide its dead zone is, where its contact is, and how steep it is.
+"""What matters of the cable: how wide its dead zone is, where its contact is, and how steep it is.
 
 Both angles are measured at the same instant, so that o = motor − joint/a, the contact, is known without any model of
 the servo. While the cable is engaged o stays; after a turn the motor crosses the dead zone, and o moves by its width.
-All is in motor angle; a is the slope as learned, a₀ as told, I and F the observer's correction, asked for and sent.
+All is in motor angle; a is the slope as learned, a₀ as given, I and F the observer's correction, asked for and sent.
 
 - **Width** w, the lower end of what it may be: a measurement below it is believed at once, one above it by a share. A
   jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where
@@ -63,7 +63,7 @@ SLACK = 0.2
 """Share of the width that the motor may have gone without having begun to cross: the slope's error [–]."""
 
 UNSURE = 0.15
-"""Standard deviation of the told slope, as a share of it [–]."""
+"""Standard deviation of the given slope, as a share of it [–]."""
 
 WANDERS = 0.02
 """By how much a slope changes from a stretch to the next, standard deviation [–]."""
@@ -78,7 +78,7 @@ ODD = 9.0
 """Square of an innovation over its variance beyond which it is not believed [–]."""
 
 FLATTEST, STEEPEST = 0.6, 1.7
-"""Bounds of 1/a over the told one [–]."""
+"""Bounds of 1/a over the given one [–]."""
 
 UNANSWERED = 0.6
 """How far the correction goes without any motion of the joint, no further than the widest dead zone: beyond, the cable
@@ -104,7 +104,7 @@ class Crossing(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What a cycle of `crossed` is told."""
+    """What a cycle of `crossed` gets."""
 
     joint: float
     """As measured [rad]."""
@@ -117,7 +117,7 @@ class Known(NamedTuple):
     acceleration: float
     """[rad/s²]"""
     inverse: float
-    """1/a₀, as told [–]."""
+    """1/a₀, as given [–]."""
     noise: float
     """σ [rad]."""
     omega: float
@@ -142,32 +142,32 @@ class Crossed(NamedTuple):
 
 @kernel
 def at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
-    """Nothing is known but what was told."""
+    """Nothing is known but what was given."""
     doubt = UNSURE * inverse
     return Crossing(0.0, UNSEEN, 0.0, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt, joint, contact)
 
 
 @kernel
-def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt: float) -> Crossed:
+def crossed(before: Crossing, given: Known, asked_before: float, asked: float, dt: float) -> Crossed:
     """One cycle.
 
     Args:
         before: one cycle ago.
-        told: both angles, the reference, and what is told of the rig.
+        given: both angles, the reference, and what is known of the rig.
         asked_before: I one cycle ago [rad].
         asked: I as the observer wants it [rad].
         dt: cycle [s].
     """
-    joint, motor, speed, loop = told.joint, told.motor, told.velocity, told.inverse
+    joint, motor, speed, loop = given.joint, given.motor, given.velocity, given.inverse
     first = before.furthest >= UNSEEN
-    pace = PACE * told.omega
-    ahead = told.delay + MIDDLE / pace
-    here = told.position + ahead * (speed + 0.5 * ahead * told.acceleration)
+    pace = PACE * given.omega
+    ahead = given.delay + MIDDLE / pace
+    here = given.position + ahead * (speed + 0.5 * ahead * given.acceleration)
     fresh = before.side == 0.0
     reached = before.side * larger(before.side * here, before.side * before.furthest)
-    furthest = sel(first, told.position, sel(fresh, before.furthest, reached))
+    furthest = sel(first, given.position, sel(fresh, before.furthest, reached))
     back = sel(fresh, np.abs(here - furthest), before.side * (furthest - here))
-    turns = (back > TURN + TURN_SIGMAS * told.noise) * (1.0 - first) > 0.0
+    turns = (back > TURN + TURN_SIGMAS * given.noise) * (1.0 - first) > 0.0
     side = sel(turns, sel(fresh, np.sign(here - furthest), -before.side), before.side)
     furthest = sel(turns, here, furthest)
     crossing = before.mode > 0.5
@@ -192,11 +192,11 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     # touch, and the width
     old_side = side * smaller(side * joint, side * before.extreme)
     extreme = sel(turns, sel(crossing, old_side, joint), sel(crossing, old_side, before.extreme))
-    moved = side * (joint - extreme) > TOUCH + TOUCH_SIGMAS * told.noise
+    moved = side * (joint - extreme) > TOUCH + TOUCH_SIGMAS * given.noise
     touches = crossing * (1.0 - turns) * moved > 0.0
     mode = sel(turns, sel(fresh, FOLLOW, sel(crossing, FOLLOW, CROSS)), sel(touches, FOLLOW, before.mode))
     gone = side * (contact - before.contact)
-    late = 1.0 + told.omega * told.lag
+    late = 1.0 + given.omega * given.lag
     believed = sel(gone < before.width, 1.0, BELIEVED / (late * late))
     wider = larger(smaller(before.width + believed * (gone - before.width), WIDEST), 0.0)
     width = sel(touches, wider, before.width)
@@ -205,12 +205,12 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     place = sel(touches, contact, sel(turns, at_turn, before.contact))
 
     # hold, and no further than a cable reaches
-    behind = side * (joint - told.position) * loop
+    behind = side * (joint - given.position) * loop
     forward = larger(side * speed, 0.0) * loop
-    waits = (behind * behind < 2.0 * before.width * forward * told.answer) * (behind > 0.0) * (mode < CROSS) > 0.0
+    waits = (behind * behind < 2.0 * before.width * forward * given.answer) * (behind > 0.0) * (mode < CROSS) > 0.0
     kept = asked_before + side * larger(side * (asked - asked_before), -forward * dt)
     asked = sel(waits, kept, asked)
-    answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * told.noise
+    answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * given.noise
     answer_contact = sel(answers, contact, before.answer_contact)
     lowest = smaller(asked_before, answer_contact - UNANSWERED)
     highest = larger(asked_before, answer_contact + UNANSWERED)
@@ -227,7 +227,7 @@ def crossed(before: Crossing, told: Known, asked_before: float, asked: float, dt
     pull = -pace * (pace * (stiff + 3.0 * damp) + 3.0 * before.jump_bend)
     bend = before.jump_bend + pull * (dt / (slower * slower * slower))
     rate = before.jump_rate + dt * bend
-    shift = jump - change * told.position
+    shift = jump - change * given.position
     return Crossed(
         Crossing(
             side,

@@ -1,10 +1,10 @@
-"""What our law is told: eight numbers, their values for the suit, and the limits within which they make sense."""
+"""What our law is given: eight numbers, their values for the suit, and the limits within which they make sense."""
 
 from typing import NamedTuple
 
 
 class BowdenGains(NamedTuple):
-    """What the law is told; the defaults are for the paper's bench, of whose cable it knows nothing."""
+    """What the law is given; the defaults are for the paper's bench, of whose cable it knows nothing."""
 
     servo_frequency: float = 53.6
     """ω, natural frequency of the servo, to about ± 25 % [rad/s]."""

@@ -1,6 +1,6 @@
-"""Our law: a wide disturbance observer, what is worth knowing of the cable, and a watch over its own swing.
+"""Our law: a wide disturbance observer, what matters of the cable, and a watch over its own swing.
 
-With s = 1/a₀, a₀ the told slope, a the learned one, φ the reference, F the observer's correction and J a jump:
+With s = 1/a₀, a₀ the given slope, a the learned one, φ the reference, F the observer's correction and J a jump:
 
     m = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
     command = m + 2ζ/ω·m' + m''/ω²                                       what the servo must be asked for
@@ -9,7 +9,7 @@ With s = 1/a₀, a₀ the told slope, a the learned one, φ the reference, F the
 joint for one disturbance and takes it away (F), `crossing` knows the dead zone (J) and learns a, `swing` slows the
 observer where the loop rings. In the feedback stands a₀, in the plan a: what is learned must not be the loop's gain.
 
-Derivation, stability and limits: ``docs/our_law.md``. Portable subset.
+Derivation, stability and limits: ``docs/background/our_law.md``. Portable subset.
 """
 
 from typing import Annotated, NamedTuple
@@ -122,7 +122,7 @@ def step(
     )
     answer = 1.0 / kappa + 2.0 / pace.quick + delay
     motor = sel(seen, sign * sample.motor, known.contact + joint * known.inverse)
-    told = Known(
+    given = Known(
         joint,
         motor,
         there,
@@ -135,7 +135,7 @@ def step(
         gains.lag + 2.0 * LOAD_DAMPING * time,
         answer,
     )
-    after = crossed(known, told, before.asked, observer.asked, dt)
+    after = crossed(known, given, before.asked, observer.asked, dt)
     observer = shifted(observer, after.asked, after.shift)
     cable = after.crossing
     position = (

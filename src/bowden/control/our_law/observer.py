@@ -1,6 +1,6 @@
 """A disturbance observer through servo and delay, whose correction is smooth enough for the servo's inverse.
 
-All that moves the joint beside the plan is one disturbance d, in motor angle. With s = 1/a₀, a₀ the slope as told, the
+All that moves the joint beside the plan is one disturbance d, in motor angle. With s = 1/a₀, a₀ the slope as given, the
 error e = joint − reference, the delay τ, and F, which is sent to the servo beside the plan:
 
     d̂ = e·s − F(t − τ) behind the joint's lag              what the joint would do without the correction
@@ -8,11 +8,11 @@ error e = joint − reference, the delay τ, and F, which is sent to the servo b
     I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v + s·|φ̇|               the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
-The load is T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ): its lag is told, the time T of a load that swings is learned
-(`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as told nothing is fed
-back: the loop's gain is the error of what was told. Hence κ can be wide, and is bounded by what is not known of servo
+The load is T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ): its lag is given, the time T of a load that swings is learned
+(`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as given nothing is fed
+back: the loop's gain is the error of what was given. Hence κ can be wide, and is bounded by what is not known of servo
 and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run away.
-κ, q and v follow from what is told (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
+κ, q and v follow from what is given (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
@@ -64,7 +64,7 @@ class Observer(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Rates that follow from what is told."""
+    """Rates that follow from what is given."""
 
     kappa: float
     """κ, whole: what `swing` leaves of it is used [1/s]."""
@@ -134,7 +134,7 @@ def corrected(
         slow: its slow part [rad].
         arrived: the correction at the joint.
         kappa: κ now [1/s].
-        pace: what follows from what is told.
+        pace: what follows from what is given.
         least: innovation that is no news: the noise, or more where the reference rests [rad].
         speed: of the reference, at the motor; NaN counts as 0, or it would stay in I [rad/s].
         dt: cycle [s].

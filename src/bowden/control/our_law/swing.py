@@ -1,6 +1,6 @@
 """Does the loop swing by itself? Half-waves that do not decay raise a suspicion; a trial decides.
 
-Nothing in one steady swing tells a loop that rings (an arm in springs, a lag that nobody told) from a wearer who
+Nothing in one steady swing separates a loop that rings (an arm in springs, a lag that was not given) from a wearer who
 trembles or walks: the law's correction and what it observes are tied by the law itself. Only an experiment does. So:
 
 - **suspicion**: half-waves of the disturbance's fast part that are alike in time, and as large as the one before or

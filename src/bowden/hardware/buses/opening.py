@@ -99,7 +99,7 @@ def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -
                 f"there is no CAN interface {interface!r}", expected="socketcan or bowden_unix", do="correct [drive]"
             ) from error
         number = getattr(error, "errno", None)
-        do = _REMEDIES.get(interface, "see to its adapter and driver, or correct [drive]").format(channel=channel)
+        do = _REMEDIES.get(interface, "check its adapter and driver, or correct [drive]").format(channel=channel)
         if number == errno.EAFNOSUPPORT:
             do = "this kernel has no CAN: load its module can_raw, or use bowden_unix"
         reason = os.strerror(number) if isinstance(error, OSError) and number else str(error)

@@ -59,7 +59,7 @@ def _check_own(channel: str) -> None:
     place = bus_folder(channel).parent
     found = os.lstat(place)
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
-        raise PermissionError(errno.EPERM, f"{place} is not this user's alone: remove it, or set its mode to 700")
+        raise PermissionError(errno.EPERM, f"{place} belongs to other users too: remove it, or set its mode to 700")
 
 
 class UnixBus(can.BusABC):

@@ -31,7 +31,7 @@ _TRIES = 2
 """Of a question, since a frame may get lost."""
 
 
-class Overheard(can.Listener):
+class BusListener(can.Listener):
     """What has come over the bus beside answers.
 
     Args:
@@ -44,7 +44,7 @@ class Overheard(can.Listener):
         self.foreign: int | None = None
         """COB-ID of the first frame that nobody but this host may send; None where none has come."""
         self.booted = False
-        """Whether the node has started anew."""
+        """Whether the node has started again."""
         self.emergencies: list[int] = []
         """Error codes of the node, in their order."""
 
@@ -68,11 +68,11 @@ class Dialogue:
         network: the library's.
         node_id: whom to ask.
         timeout: how long an answer may take [s].
-        heard: what comes beside answers.
+        listener: what comes besides answers.
     """
 
-    def __init__(self, network: canopen.Network, node_id: int, timeout: float, heard: Overheard) -> None:
-        self._network, self.heard = network, heard
+    def __init__(self, network: canopen.Network, node_id: int, timeout: float, listener: BusListener) -> None:
+        self._network, self.listener = network, listener
         self._node = network.add_node(canopen.RemoteNode(node_id, _no_dictionary()))
         self._node.sdo.RESPONSE_TIMEOUT, self._node.sdo.MAX_RETRIES = timeout, _TRIES
         self._kept: dict[tuple[int, int], tuple[int, int]] = {}
@@ -85,7 +85,7 @@ class Dialogue:
         """An order of NMT.
 
         Raises:
-            DriveError: nobody is on the bus.
+            DriveError: no other device is on the bus.
         """
         self.send(frames.NMT, bytes((order, self._id)))
 
@@ -93,13 +93,14 @@ class Dialogue:
         """A frame.
 
         Raises:
-            DriveError: nobody is on the bus.
+            DriveError: no other device is on the bus.
         """
         try:
             self._network.send_message(cob_id, data)
         except _FAILURES as error:
             raise DriveError(
-                f"nobody is on the bus: {error}", do="switch the drive on, or start bowden twin; see to cable and ends"
+                f"no other device is on the bus: {error}",
+                do="switch the drive on, or start bowden twin; check the cable and its termination",
             ) from error
 
     def answers(self) -> bool:
@@ -140,7 +141,7 @@ class Dialogue:
         except canopen.SdoAbortedError as error:
             if error.code in NOT_THERE:
                 return None
-            raise DriveError(f"{self.name} does not tell {index:04X}h:{sub}: {error}") from error
+            raise DriveError(f"{self.name} does not report {index:04X}h:{sub}: {error}") from error
         except _FAILURES as error:
             raise DriveError(f"{self.name} does not answer for {index:04X}h:{sub}: {error}") from error
 
@@ -212,7 +213,7 @@ class Dialogue:
         return sorted(set(self._network.scanner.nodes) - {self._id})
 
     def reaches(self, state: int, patience: int = 3) -> bool:
-        """Whether one of the next heartbeats tells that NMT state."""
+        """Whether one of the next heartbeats has that NMT state."""
         for _ in range(patience):
             with contextlib.suppress(canopen.nmt.NmtError):
                 self._node.nmt.wait_for_heartbeat(self._timeout)
@@ -231,12 +232,12 @@ def dialogue(bus: can.BusABC, node_id: int, host_id: int, timeout: float) -> Ite
         host_id: who we are.
         timeout: how long an answer may take [s].
     """
-    network, heard = canopen.Network(bus), Overheard(node_id, host_id)
-    network.listeners.append(heard)  # type: ignore[arg-type]  # it takes any listener
+    network, listener = canopen.Network(bus), BusListener(node_id, host_id)
+    network.listeners.append(listener)  # type: ignore[arg-type]  # it takes any listener
     network.NOTIFIER_CYCLE = 0.02  # the thread is waited for at the end
     network.connect()
     try:
-        yield Dialogue(network, node_id, timeout, heard)
+        yield Dialogue(network, node_id, timeout, listener)
     finally:
         if network.notifier is not None:
             network.notifier.stop(5.0)

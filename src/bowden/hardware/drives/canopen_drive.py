@@ -28,10 +28,10 @@ CLOSING_CYCLES = 20
 """How often `close` asks for the power to go off, 2 ms apart, while the drive still has torque."""
 
 MOST_INPUTS_AGE = 10
-"""Cycles for which the digital inputs may not be told; after that the emergency stop counts as pressed, by a node that
-tells the rest: one that tells nothing is not there, which its age says."""
+"""Cycles for which the digital inputs may be missing; after that the emergency stop counts as pressed, by a node that
+sends the rest: one that sends nothing is not there, which its age shows."""
 MOST_ANGLES_AGE = 5
-"""Cycles in which a node that is there has told both angles."""
+"""Cycles in which a node that is there has sent both angles."""
 
 NOTHING = DriveReading(
     math.nan, math.nan, math.nan, math.nan, math.nan, math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -126,8 +126,8 @@ class CanopenDrive:
                 self._heartbeat_at = now
                 self._operational = self._operational and state == frames.OPERATIONAL
             elif cob_id == frames.EMERGENCY + node and (code := frames.unpack_emergency(data)):
-                told = EMERGENCY_STOP if code == SAFE_TORQUE_OFF else float(code)
-                emergency = emergency or told  # of several in a cycle the first is the cause
+                sent = EMERGENCY_STOP if code == SAFE_TORQUE_OFF else float(code)
+                emergency = emergency or sent  # of several in a cycle the first is the cause
             elif cob_id == frames.TPDO3 + node and (inputs := frames.unpack_tpdo3(data)) is not None:
                 self._stop_released, self._inputs_age = bool(inputs >> drive.emergency_stop_input & 1), 0
             elif cob_id & ~REMOTE in self._ours:
@@ -151,7 +151,7 @@ class CanopenDrive:
 
         Until operation is enabled the target sent is the position itself, so that enabling moves nothing. A target
         that is no number, or beyond the drive's counts, is never sent: the torque goes off. There is none before the
-        drive has told its position. A drive that has left
+        drive has sent its position. A drive that has left
         operation by itself is not switched on again before `Power.OFF` has been wanted. A torque offset goes out only
         with the order to follow the target, to a drive that does, and within the rig's bound.
         """
@@ -199,7 +199,7 @@ class CanopenDrive:
         """
         values, drive = self._values, self._drive
         if not (math.isfinite(values.motor) and math.isfinite(values.joint)):
-            raise DriveError("the drive has told no position yet", do="read a few cycles first")
+            raise DriveError("the drive has not reported a position yet", do="read a few cycles first")
         if drive.home == "here":  # the next bring-up finds the present position by itself
             return drive._replace(motor_home=motor, joint_home=joint)
         return drive._replace(
@@ -209,8 +209,8 @@ class CanopenDrive:
     def close(self) -> TorqueLeft:
         """See `hardware.ports.Drive.close`.
 
-        The drive is told to watch our heartbeat no longer only once it has said that it has no torque. What it said
-        before it was told off for the last time does not count.
+        The drive stops watching our heartbeat only once it has said that it has no torque. What it said
+        before it was switched off for the last time does not count.
         """
         left = TorqueLeft.OFF
         if self._bus is not None and self._found is not None:

@@ -31,7 +31,7 @@ NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL, NMT_RESET_NODE, NMT_RESET_COMMUNICATIO
 """Commands of NMT node control."""
 
 BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
-"""NMT states as a heartbeat tells them."""
+"""NMT states as a heartbeat has them."""
 
 INT16, INT32 = 2**15, 2**31
 

@@ -41,7 +41,7 @@ LISTENING = 1.0
 _SAME_SCALE = 1e-3
 """Two scales that differ by less are the same, but for a rounding [–]."""
 UNCHANGED = 1
-"""1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still tells its state."""
+"""1029h:1, error behaviour: a lost heartbeat leaves the drive operational, so that it still reports its state."""
 
 
 class DriveFindings(NamedTuple):
@@ -68,10 +68,10 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
             torque, or the rig's limits are beyond its own.
     """
     with dialogue(bus, drive.node_id, drive.host_id, drive.answer_timeout) as node:
-        node.waits(LISTENING, lambda: node.heard.foreign is not None)
+        node.waits(LISTENING, lambda: node.listener.foreign is not None)
         _check_alone(node, drive)
-        node.heard.booted = False  # one that has just been switched on
-        if not node.answers():  # an end of ours has stopped it: only then may it be told anything before it is known
+        node.listener.booted = False  # one that has just been switched on
+        if not node.answers():  # an end of ours has stopped it: only then may it be written to before it is known
             node.command(frames.NMT_PRE_OPERATIONAL)
         _check_profile(node)
         state = _check_torque_free(node)
@@ -96,20 +96,24 @@ def set_up(bus: can.BusABC, drive: DriveParameters) -> DriveFindings:
         _start(node)
         _try_watch(node, drive, state)
         _check_alone(node, drive)
-    if node.heard.booted:
+    if node.listener.booted:
         raise DriveError(
-            f"{node.name} has started anew during its bring-up",
+            f"{node.name} has restarted during its bring-up",
             expected="a drive that stays on",
-            do="look at its supply, and begin again",
+            do="check its supply, and start again",
         )
     return DriveFindings(identity, motor, joint, rated_torque, state)
 
 
 def _check_alone(node: Dialogue, drive: DriveParameters) -> None:
-    """Nobody else may be heard who does what a host does."""
-    cob_id = node.heard.foreign
+    """No other device may send what only a host sends."""
+    cob_id = node.listener.foreign
     if cob_id is not None:
-        who = f"a node {drive.host_id}, which is our own number," if cob_id > frames.HEARTBEAT else "another master"
+        who = (
+            f"a node {drive.host_id}, which is the number of this computer,"
+            if cob_id > frames.HEARTBEAT
+            else "another master"
+        )
         raise DriveError(
             f"{who} is on the bus already (a frame {cob_id:03X}h)",
             expected="one host",
@@ -118,7 +122,7 @@ def _check_alone(node: Dialogue, drive: DriveParameters) -> None:
 
 
 def _start(node: Dialogue) -> None:
-    """Operational; and all settings as written, of which one that has started anew meanwhile has nothing left."""
+    """Operational; and all settings as written, of which one that has started again meanwhile has nothing left."""
     node.command(frames.NMT_START)
     if not node.reaches(frames.OPERATIONAL):
         raise DriveError(f"{node.name} does not become operational", expected="NMT state 5 in its heartbeat")
@@ -133,9 +137,11 @@ def _try_watch(node: Dialogue, drive: DriveParameters, state: DriveState) -> Non
     """
     if state is DriveState.FAULT and node.read_if_there(0x603F) == HEARTBEAT_LOST:
         return
-    node.heard.emergencies.clear()
+    node.listener.emergencies.clear()
     node.send(frames.HEARTBEAT + drive.host_id, bytes((frames.OPERATIONAL,)))
-    if not node.waits(drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.heard.emergencies):
+    if not node.waits(
+        drive.heartbeat_timeout + drive.answer_timeout, lambda: HEARTBEAT_LOST in node.listener.emergencies
+    ):
         raise DriveError(
             f"{node.name} does not notice that its host is silent",
             expected=f"an emergency 0x{HEARTBEAT_LOST:X} {1e3 * drive.heartbeat_timeout:g} ms after our last heartbeat",
@@ -173,7 +179,7 @@ def _check_profile(node: Dialogue) -> None:
         raise DriveError(
             f"no drive answers as {node.name}" + (f"; there is node {', '.join(map(str, there))}" if there else ""),
             expected="a CANopen drive with that number",
-            do="correct node_id in [drive]" if there else "switch the drive on; see to cable, bitrate and ends",
+            do="correct node_id in [drive]" if there else "switch the drive on; check cable, bit rate and termination",
         ) from error
     profile, kind = device_type & 0xFFFF, device_type >> 16 & 0xFF
     if profile != 402:
@@ -213,7 +219,7 @@ def _check_mode(node: Dialogue) -> None:
 
 
 def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
-    """The rig's counts a turn against the drive's own, where it tells them (CiA 402, "factor group").
+    """The rig's counts a turn against the drive's own, where it reports them (CiA 402, "factor group").
 
     Positions must be in the motor encoder's counts: a wrong scale passes everything else that is checked here.
     """
@@ -234,12 +240,12 @@ def _check_scale(node: Dialogue, drive: DriveParameters) -> None:
 
 
 def _check_rated(node: Dialogue, drive: DriveParameters, rated: float) -> None:
-    """Whether thousandths of the `rated` current [A] can tell the rig's: 16 bits must hold its largest, and finely."""
+    """Whether thousandths of the `rated` current [A] can express the rig's: 16 bits must hold its largest finely."""
     most, least = 1e-3 * frames.INT16 * rated, 1e-3 * rated
     if drive.current_limit > 0.0 and not 100.0 * least <= drive.current_limit <= most:
         raise DriveError(
-            f"{node.name} tells currents from {least:.3g} to {most:.3g} A by its rated torque (6076h) and the motor's "
-            f"torque constant, and the rig's largest is {drive.current_limit:g} A",
+            f"{node.name} reports currents from {least:.3g} to {most:.3g} A by its rated torque (6076h) and the "
+            f"motor's torque constant, and the rig's largest is {drive.current_limit:g} A",
             expected="a rated torque of the motor's size, in µN·m",
             do="set the motor's data in the drive with its maker's tool, or correct the torque constant in [motor]",
         )
@@ -251,8 +257,8 @@ def _check_limits(node: Dialogue, drive: DriveParameters, motor: Scale | SuitSca
     def refuse(what: str, wanted: float, own: float, unit: str) -> None:
         raise DriveError(
             f"the rig's {what} is {wanted:.6g} {unit}, beyond the drive's own {own:.6g} {unit}",
-            expected="a rig within its drive",
-            do="narrow it in the rig, or widen the drive's with its maker's tool",
+            expected="a rig within the drive's limits",
+            do="reduce it in the rig, or extend the drive's with its maker's tool",
         )
 
     low, high = node.read_if_there(0x607D, 1, signed=True), node.read_if_there(0x607D, 2, signed=True)
@@ -305,7 +311,7 @@ def _configure(node: Dialogue, drive: DriveParameters) -> None:
         raise DriveError(
             f"{node.name} stays in mode {node.read(0x6061, signed=True)} (6061h)",
             expected=f"{OperationMode.CYCLIC_SYNCHRONOUS_POSITION:d}, cyclic synchronous position, as written to 6060h",
-            do="see with its maker's tool what holds it there",
+            do="see with its maker's tool what keeps it there",
         )
     node.write(0x60C2, 1, round(1e3 * drive.sample_time), 1)
     node.write(0x60C2, 2, -3, 1)
@@ -359,7 +365,7 @@ def _map_inputs(node: Dialogue, drive: DriveParameters) -> None:
         _map(node, 0x1802, NO_REMOTE | frames.TPDO3 + drive.node_id, frames.TPDO3_MAPPING)
     except DriveError as error:
         raise DriveError(
-            f"{node.name} does not tell its digital inputs in every cycle: {error.what}",
+            f"{node.name} does not send its digital inputs in every cycle: {error.what}",
             expected="a drive that maps object 60FDh",
             do="set drive.emergency_stop_input to -1, or take another drive or firmware",
         ) from error

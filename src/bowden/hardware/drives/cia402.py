@@ -71,7 +71,7 @@ A quick stop that has begun is let go to its end while it is wanted; any other w
 
 
 def decode(statusword: int) -> DriveState:
-    """The state that a statusword tells; what fits no state counts as not ready.
+    """The state that a statusword has; what fits no state counts as not ready.
 
     >>> decode(0x1637).name, decode(0x0250).name, decode(0x0008).name
     ('OPERATION_ENABLED', 'SWITCH_ON_DISABLED', 'FAULT')

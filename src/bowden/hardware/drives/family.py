@@ -84,7 +84,7 @@ class DriveFamily:
     moved: Callable[[Any, str | None, str | None], Any]
     """``moved(parameters, channel, interface)``: the same drive on another bus, where one is given."""
     address: Callable[[Any], Mapping[str, str]]
-    """Which drive it is: what tells it from others on this computer."""
+    """Which drive it is: what distinguishes it from others on this computer."""
     control: Callable[[Any], Path]
     """Socket of its twin."""
     claim: Callable[[Any], Callable[[], None]]
@@ -95,7 +95,7 @@ class DriveFamily:
     most_push: Callable[[Any, DriveNeeds], float]
     """``most_push(parameters, needs)``: largest torque offset that it takes, at the spool [N·m]."""
     measures_tension: Callable[[Any], bool]
-    """Whether it tells the cable's tension."""
+    """Whether it reports the cable's tension."""
     scales: Callable[[Any], Sequence[Any]]
     """``scales(parameters)``: what makes angles of its counts, for whoever has confirmed them by hand."""
     homed: Callable[[Any], bool]

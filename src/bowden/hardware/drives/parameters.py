@@ -18,7 +18,7 @@ class DriveParameters(NamedTuple):
     stands above the drive knows the joint's coordinate alone.
     """
 
-    family: Annotated[Literal["cia402"], Quantity("how the drive is spoken to: its family")] = "cia402"
+    family: Annotated[Literal["cia402"], Quantity("family of the drive")] = "cia402"
     interface: Annotated[
         str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig")
     ] = "bowden_unix"
@@ -26,7 +26,7 @@ class DriveParameters(NamedTuple):
     """A bare name is a folder in the user's temporary one."""
     bitrate: Annotated[int, Quantity("of the bus; SocketCAN takes its interface's own", "bit/s", gt=0)] = 1_000_000
     node_id: Annotated[int, Quantity("the drive's number on the bus", ge=1, le=126)] = 1
-    host_id: Annotated[int, Quantity("ours, under which our heartbeat goes out", ge=1, le=127)] = 127
+    host_id: Annotated[int, Quantity("number of this computer on the bus; its heartbeat has it", ge=1, le=127)] = 127
     motor_counts_per_turn: Annotated[
         float, Quantity("of the motor's encoder, at the motor's shaft", gt=0.0, lt=1e9)
     ] = 16384.0
@@ -64,11 +64,17 @@ class DriveParameters(NamedTuple):
     sample_time: float = 1e-3
     """One cycle, which is the drive's interpolation time too; whole milliseconds [s]."""
     heartbeat_time: Annotated[
-        float, Quantity("between two heartbeats of ours", "s", shown="ms", key="heartbeat_ms", gt=0.0, le=13.0)
+        float, Quantity("between two heartbeats of this computer", "s", shown="ms", key="heartbeat_ms", gt=0.0, le=13.0)
     ] = 5e-3
     heartbeat_timeout: Annotated[
         float,
-        Quantity("without our heartbeat the drive takes its torque off after this", "s", shown="ms", gt=0.0, le=40.0),
+        Quantity(
+            "the drive switches its torque off when it has not received our heartbeat for this long",
+            "s",
+            shown="ms",
+            gt=0.0,
+            le=40.0,
+        ),
     ] = 40e-3
     drive_heartbeat_time: Annotated[
         float,
@@ -134,7 +140,7 @@ def check_parameters(drive: DriveParameters) -> None:
             "heartbeat_time",
             drive.heartbeat_time > 0.0
             and max(drive.heartbeat_time, drive.sample_time) <= drive.heartbeat_timeout / 3.0,
-            "a third of heartbeat_timeout at most, like sample_time, so that one lost frame is none",
+            "at most a third of heartbeat_timeout, like sample_time, so that one lost frame does no harm",
         ),
         ("drive_heartbeat_time", 1e-3 <= drive.drive_heartbeat_time <= 1.0, "from 0.001 to 1 s"),
         ("highest_motor", drive.lowest_motor < drive.highest_motor, "more than lowest_motor"),

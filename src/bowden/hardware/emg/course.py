@@ -30,7 +30,7 @@ COLUMNS = {
 
 
 _BEFORE = SECOND // 2
-"""A run by a recording ends so long before it, so that the end of a recording is no lost stream [ns]."""
+"""A run by a recording ends this long before it, so that the end of a recording is no lost stream [ns]."""
 
 
 TROUBLED = SECOND

@@ -20,7 +20,7 @@ class StreamReading(NamedTuple):
     newest: int = 0
     """When that sample was taken, on the monotonic clock, or came, whichever is earlier; 0 before the first [ns]."""
     onset: int = 0
-    """When the sample was taken with which the last contraction was told; 0 before the first [ns]."""
+    """When the sample was taken with which the last contraction was detected; 0 before the first [ns]."""
     samples: int = 0
     """That have come, those that are missing included."""
     lost: int = 0

@@ -36,7 +36,7 @@ class Levels(NamedTuple):
 
 
 def filters_of(levels: Levels | None, detector: Detector = DEFAULT) -> tuple[Any, EnvelopeSettings]:
-    """What a wearer's flexor is heard with: settings of detector and envelope; the defaults without levels."""
+    """How a wearer's flexor is detected: settings of detector and envelope; the defaults without levels."""
     if levels is None:
         return detector.settings, CLEANED
     return detector.of_wearer(levels.sigma), CLEANED._replace(mains_hz=levels.mains)

@@ -4,7 +4,7 @@ A sample's stamp is the sender's; liblsl's time correction takes it to this comp
 measured once to its monotonic clock; `SampleTimes` takes the jitter out. A silence in the stamps becomes missing
 samples (NaN), at most a second of them. liblsl finds a stream that has died again by its source id.
 
-Nothing on the network says who it is. What can be told apart is: stamps that are none, of the future, or of a time that
+Nothing on the network says who it is. What can be noticed is: stamps that are none, of the future, or of a time that
 is over; a rate that is not kept; a second stream of the name; a stream that comes back from another computer. Such a
 stream is lost, and nothing of it is handed on, until it is in order again.
 """
@@ -27,27 +27,27 @@ from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.log import largest
 
 SILENCE = 0.25
-"""A stream that has sent nothing for so long is lost, and a gap in its stamps of more is filled [s]."""
+"""A stream that has sent nothing for this long is lost, and a gap in its stamps of more is filled [s]."""
 _OTHERS = 0.6
 """How long others of the same name are looked for [s]."""
 _ANSWER = 5.0
-"""How long a stream that was found may take to tell of itself and of its clock [s]."""
+"""How long a stream that was found may take to answer about itself and its clock [s]."""
 _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
 """What comes in this time shows whether the rate is what was said; the longer one where it does not at first [s]."""
 _RATE_ERROR = 0.1
 """How far it may be off."""
 _CORRECTIONS = 5
-"""The median of so many of liblsl's estimates of the sender's clock is taken: a busy computer spoils single ones."""
+"""The median of this many of liblsl's estimates of the sender's clock is taken: a busy computer spoils single ones."""
 _OFF = 10.0
 """Stamps that are further off when the stream is opened are of another clock [s]."""
 _AHEAD = SILENCE
 """Stamps that are further in the future are of no sample that has been taken [s]."""
 _BLOCK = 3.0
-"""The rate is counted over so much time; what stamps may be late by, `SILENCE`, is less than a tenth of it [s]."""
+"""The rate is counted over this time; what stamps may be late by, `SILENCE`, is less than a tenth of it [s]."""
 _LOOK = 1.0
-"""How often it is looked for a second stream of the name, and what is wrong is said anew [s]."""
+"""How often it is looked for a second stream of the name, and what is wrong is said again [s]."""
 _FORGET = 3.0
-"""A stream that has gone is still listed for so long; two that are listed for longer are two [s]."""
+"""A stream that has gone is still listed for this long; two that are listed for longer are two [s]."""
 _BUFFER = 10
 """What liblsl keeps of samples that are not read [s]."""
 _MOST = 8192
@@ -156,7 +156,7 @@ class LslStream:
                 raise StreamError(
                     f"no LSL stream {self._said()} in {self._wait:g} s; there "
                     f"{_there(sorted({info.name() for info in there}))}",
-                    do="start its sender, or look at the network (bowden doctor lists streams)",
+                    do="start its sender, or check the network (bowden doctor lists streams)",
                 )
         found = lsl.resolve_bypred(where, 2, _OTHERS) or lsl.resolve_bypred(where, 1, self._wait)
         if len(found) > 1:
@@ -218,7 +218,7 @@ class LslStream:
             raise StreamError(
                 f"the stamps of the LSL stream {self._name!r} are {off:.3g} s off this computer's clock",
                 expected="stamps of LSL's local_clock",
-                do="let its sender stamp with it, or not at all",
+                do="let its sender use that clock for its stamps, or send none",
             )
 
     def read(self, now: float) -> EmgChunk:
@@ -234,7 +234,7 @@ class LslStream:
         try:
             values, stamps = self._inlet.pull_chunk(0.0, max_samples=_MOST, as_numpy=True)
         except self._gone:  # liblsl finds streams again by their source id alone
-            self._lost = f"the sender of {self._name!r} has gone; it has no source id to be found again by"
+            self._lost = f"the sender of {self._name!r} has ended; it has no source id by which it could be found again"
             self._inlet = None
             return []
         with contextlib.suppress(RuntimeError):  # there is none for a moment after a stream has come back
@@ -301,7 +301,7 @@ class LslStream:
         self._two_since = min(self._two_since, now) if len(hosts) > 1 else math.inf
         self._another = ""
         if now - self._two_since > _FORGET:
-            self._another = f"has another one of its name and source beside it, of {shown(hosts)}"
+            self._another = f"shares its name and source with another one, of {shown(hosts)}"
         elif hosts and self._host not in hosts:
             self._another = f"has come back from another computer, {shown(hosts)}"
 

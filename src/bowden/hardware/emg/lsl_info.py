@@ -112,10 +112,10 @@ def which(name: str, sources: Sequence[str]) -> str:
     """What to do about several streams of one name, given their source ids.
 
     >>> which("EMG", ["a", "b"]), which("EMG", ["a", "a"])
-    ('say which by its source id, lsl:EMG#ID', 'end all of them but one, or give each a name or source id of its own')
+    ('choose one by its source id, lsl:EMG#ID', 'end all of them but one, or give each a name or source id of its own')
     """
     if any(source and sources.count(source) == 1 for source in sources):
-        return f"say which by its source id, lsl:{name}#ID"
+        return f"choose one by its source id, lsl:{name}#ID"
     return "end all of them but one, or give each a name or source id of its own"
 
 

@@ -23,12 +23,10 @@ def library() -> Any:
     try:
         import pylsl
     except ImportError as error:
-        raise StreamError(
-            "the Lab Streaming Layer is not installed", do="install the extra lsl: pip install 'bowden[lsl]'"
-        ) from error
+        raise StreamError("the Lab Streaming Layer is not installed", do='pip install "bowden[lsl]"') from error
     except (RuntimeError, OSError) as error:
         raise StreamError(
-            f"liblsl does not load: {error}", do="install the extra lsl anew: pip install --force-reinstall pylsl"
+            f"liblsl does not load: {error}", do="install the extra lsl again: pip install --force-reinstall pylsl"
         ) from error
     text = _configuration()
     if "[log]" not in text.lower() and hasattr(pylsl.util.lib, "lsl_set_config_content"):

@@ -22,7 +22,7 @@ _LOOK = 0.6
 
 
 def check_alone(name: str, source: str) -> None:
-    """See that there is no stream of this name and source id yet: readers could tell neither from the other.
+    """See that there is no stream of this name and source id yet: readers could not distinguish them.
 
     Raises:
         StreamError: there is one, or liblsl is not there.
@@ -100,7 +100,7 @@ def replay(
         rate: samples a second [Hz].
         loop: whether it begins again at its end.
         until: whether to end now.
-        progress: told how much was sent [s].
+        progress: called with how much was sent [s].
         wait: whether to begin when somebody reads.
         clock: the pace.
     """

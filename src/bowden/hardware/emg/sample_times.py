@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _WINDOW = 1.0
-"""The least delay is looked for in so much time; in less at the start [s]."""
+"""The least delay is looked for in this time; in less at the start [s]."""
 _GROWING = 4
 """The first windows double; the fourth is whole."""
 _PHASE, _RATE = 0.3, 0.04
@@ -21,13 +21,13 @@ _PHASE, _RATE = 0.3, 0.04
 _MISSED = 0.03
 """Delays of more throughout a window are samples that never came [s]."""
 _TURNED = 0.5
-"""Times so much too early are of a clock that was turned back: the count goes on from the last time [s]."""
+"""Times this much too early are of a clock that was turned back: the count goes on from the last time [s]."""
 _SLOWEST = 0.5
 """Least period that the loop may take to get back, as a share of it."""
 _CLOSEST = 1e-9
 """Least time between two samples, where those that would lie in the future are packed [s]."""
 LONGEST_FILL = 1.0
-"""Of a gap, at most its last so many seconds are filled with missing samples [s]."""
+"""Of a gap, at most its last this many seconds are filled with missing samples [s]."""
 
 
 class SampleTimes:

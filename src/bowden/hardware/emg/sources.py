@@ -25,7 +25,7 @@ def open_source(text: str, wanted: Sequence[str] = (), clock: TimeSource | None 
     """
     kind, _, rest = text.partition(":")
     if not rest.strip():
-        raise StreamError(f"{text!r} is no source of EMG", expected=FORMS)
+        raise StreamError(f"{text!r} is not a source of EMG", expected=FORMS)
     if kind == "lsl":
         from bowden.hardware.emg.lsl import LslStream
 
@@ -39,12 +39,12 @@ def open_source(text: str, wanted: Sequence[str] = (), clock: TimeSource | None 
         from bowden.hardware.emg.playback import Playback
 
         return Playback(Path(rest), wanted)
-    raise StreamError(f"{text!r} is no source of EMG", expected=FORMS)
+    raise StreamError(f"{text!r} is not a source of EMG", expected=FORMS)
 
 
 def _address(text: str, rest: str) -> Address:
     """Host and ports of a Trigno server."""
     host, *ports = rest.split(":")
     if not host or len(ports) > 2 or not all(port.isdecimal() and 0 < int(port) < 65536 for port in ports):
-        raise StreamError(f"{text!r} is no source of EMG", expected=FORMS)
+        raise StreamError(f"{text!r} is not a source of EMG", expected=FORMS)
     return Address(host, *map(int, ports))

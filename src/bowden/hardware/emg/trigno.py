@@ -2,7 +2,7 @@
 
 A thread receives, so that a sample's arrival is known to well below a millisecond and `read` never waits. Samples carry
 no numbers and no times: `SampleTimes` makes times of their count and arrival. A connection that breaks, falls silent or
-sends what no electrode can have is given up and made anew, once a second; the silence becomes missing samples (NaN).
+sends what no electrode can have is given up and made again, once a second; the silence becomes missing samples (NaN).
 """
 
 import contextlib
@@ -23,9 +23,9 @@ from bowden.hardware.emg.trigno_protocol import LARGEST, LEAST, Samples
 from bowden.hardware.ports import EmgChunk
 
 SILENCE = 0.25
-"""A server that has sent nothing sensible for so long is lost [s]."""
+"""A server that has sent nothing sensible for this long is lost [s]."""
 _GIVE_UP = 1.0
-"""After so long a loss the connection is made anew, and once in so long tried again [s]."""
+"""After a loss of this length the connection is made again, and once in this time tried again [s]."""
 _WAIT = 5.0
 """How long the first samples may take [s]."""
 _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
@@ -33,9 +33,9 @@ _TRIAL, _LONGEST_TRIAL = 0.5, 3.0
 _RATE_ERROR = 0.2
 """How far it may be off; frames of 13.5 ms are counted whole."""
 _BLOCK = 4.0
-"""Later the rate is counted over so much time; frames that are late by half a second are an eighth of it [s]."""
+"""Later the rate is counted over this time; frames that are late by half a second are an eighth of it [s]."""
 _BURST = 0.5
-"""After a silence what was held back comes in so much time, and is not counted [s]."""
+"""After a silence what was held back comes in this time, and is not counted [s]."""
 _BUFFER = 10.0
 """What is kept of samples that are not read [s]."""
 _JUDGED = 500.0
@@ -108,8 +108,8 @@ class TrignoStream:
         while not self._sensible and self._now() < until:
             self._clock.sleep_until(self._clock.now() + SECOND // 200)
         if not self._sensible:
-            said = self._lost or f"{self._address.said()} has started, and sends nothing"
-            raise StreamError(f"{said}, in {_WAIT:g} s", do="look whether the sensors are on and in reach")
+            said = self._lost or f"{self._address.said()} has started, but sends nothing"
+            raise StreamError(f"{said}, in {_WAIT:g} s", do="check that the sensors are on and in range")
         first, begin = self._held, self._received_at
         measured, until = 0.0, self._now() + _LONGEST_TRIAL
         while abs(measured / self.rate - 1.0) > _RATE_ERROR and self._now() < until:  # a computer may stall meanwhile
@@ -144,7 +144,7 @@ class TrignoStream:
         self._lost = "it is closed"
 
     def _run(self, dialogue: TrignoDialogue | None) -> None:
-        """The thread: receive, and connect anew."""
+        """The thread: receive, and connect again."""
         tried = -math.inf
         while not self._closing.is_set():
             if dialogue is None:
@@ -236,7 +236,7 @@ class TrignoStream:
                 self._chunks.popleft()
 
     def _again(self) -> TrignoDialogue | None:
-        """Try once to connect anew."""
+        """Try once to connect again."""
         dialogue = None
         try:
             dialogue = TrignoDialogue(self._address, self._clock)
@@ -252,4 +252,4 @@ class TrignoStream:
     def _check_same(self, base: Base) -> None:
         if (base.rate, base.columns) != (self._base.rate, self._base.columns):
             names = ", ".join(column.name for column in base.columns)
-            raise StreamError(f"{self._address.said()} has come back as another one: {names} at {base.rate:.6g} Hz")
+            raise StreamError(f"{self._address.said()} has come back as a different one: {names} at {base.rate:.6g} Hz")

@@ -100,7 +100,8 @@ class TrignoDialogue:
         greeting = self._line()
         if not greeting.startswith(GREETING):
             raise StreamError(
-                f"{self._address.said()} greets with {shown(greeting.encode())}", expected=f"{GREETING} …"
+                f"{self._address.said()} answers the connection with {shown(greeting.encode())}",
+                expected=f"{GREETING} …",
             )
         self._must("ENDIAN LITTLE")
         settings = [
@@ -212,10 +213,10 @@ class TrignoDialogue:
 
     def _gone(self, error: OSError | None) -> StreamError:
         said = f": {error.strerror or error}" if error else ""
-        return StreamError(f"{self._address.said()} has closed the connection{said}", do="start it anew")
+        return StreamError(f"{self._address.said()} has closed the connection{said}", do="start it again")
 
     def close(self, stop: bool = False) -> None:
-        """Let go of the server; with `stop` tell it to stop as well. Safe to call twice."""
+        """Let go of the server; with `stop` stop it as well. Safe to call twice."""
         if stop and self._sockets:
             with contextlib.suppress(OSError):
                 self._command.sendall(b"STOP\r\n\r\nQUIT\r\n\r\n")

@@ -14,15 +14,15 @@ class TrignoFaults:
     """Faults of a server; without any it does as the guide says."""
 
     late: float = 0.0
-    """One frame in 20 is held back by up to so much, and with it all after it [s]."""
+    """One frame in 20 is held back by up to this much, and with it all after it [s]."""
     torn: bool = False
     """Frames are sent in pieces of 1 to 97 bytes."""
     missing: float = 0.0
     """Share of frames that are never sent."""
     disconnect: float = 0.0
-    """All connections are closed so long after each START [s]; 0 for never."""
+    """All connections are closed this long after each START [s]; 0 for never."""
     silent: float = 0.0
-    """Nothing is sent any more so long after each START [s]; 0 for never."""
+    """Nothing is sent any more this long after each START [s]; 0 for never."""
     garbage: str = ""
     """``greeting``: random bytes in its place. ``data``: random bytes in place of samples, in the second and third
     second. ``values``: one sample in ten has NaN, infinity or 1e30 in it."""

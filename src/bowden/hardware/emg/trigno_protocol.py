@@ -142,7 +142,7 @@ def columns_of(sensors: Sequence[SensorAnswers]) -> list[EmgColumn]:
     places = [column.place for column in columns]
     if len(set(places)) < len(places) or not all(0 <= place < SLOTS for place in places):
         raise StreamError(
-            f"the sensors' start indices are {starts}", expected=f"{SLOTS} different places", do="pair them anew"
+            f"the sensors' start indices are {starts}", expected=f"{SLOTS} different places", do="pair them again"
         )
     return columns
 
@@ -171,7 +171,7 @@ def rate_of(port: int, compatible: str, upsampling: str, interval: str, most: st
     if not (seconds > 0.0 and samples > 0.0):
         raise StreamError(
             f"the Trigno server has {samples:g} samples of EMG in a frame of {seconds:g} s",
-            do="take a sensor out of its dock, and start the server anew",
+            do="take a sensor out of its dock, and restart the server",
         )
     return samples / seconds
 
@@ -214,4 +214,4 @@ def _whole(answer: str, question: str) -> int:
 
 
 def _odd(answer: str, question: str) -> StreamError:
-    return StreamError(f"the Trigno server answers {question} with {answer!r}", do="start it anew")
+    return StreamError(f"the Trigno server answers {question} with {answer!r}", do="start it again")

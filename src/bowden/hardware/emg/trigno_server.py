@@ -32,7 +32,7 @@ from bowden.hardware.emg.trigno_protocol import (
 Array = NDArray[np.float64]
 
 _PENDING = 1 << 20
-"""A client that leaves so much unread is let go [bytes]."""
+"""A client that leaves this much unread is let go [bytes]."""
 
 
 class Ports(NamedTuple):
@@ -127,7 +127,8 @@ class TrignoServer:
         except OSError as error:
             self.close()
             raise StreamError(
-                f"cannot listen at {host}:{port}: {error.strerror or error}", do="choose other ports, or end who has it"
+                f"cannot listen at {host}:{port}: {error.strerror or error}",
+                do="choose other ports, or end the program that uses them",
             ) from error
         self._listeners.append(one)
         found = int(one.getsockname()[1])
@@ -138,7 +139,7 @@ class TrignoServer:
         return found
 
     def serve(self, until: Callable[[], bool], progress: Callable[[float], None] = lambda seconds: None) -> None:
-        """Serve clients until `until` says so, asked every few milliseconds; tell how much was played [s]."""
+        """Serve clients until `until` says so, asked every few milliseconds; report how much was played [s]."""
         while not until():
             for key, _ in self._selector.select(self._pause()):
                 if isinstance(key.data, str):

@@ -110,7 +110,7 @@ class TwinControl:
             self._socket.close()
             raise DriveError(
                 f"no twin listens at {path}",
-                do="start one: bowden twin RIG.toml; what bowden run --twin starts has the channel that the run tells",
+                do="start one: bowden twin RIG.toml; the twin of bowden run --twin has the channel that the run prints",
             ) from error
 
     def __enter__(self) -> "TwinControl":
@@ -133,7 +133,7 @@ class TwinControl:
             self._socket.send(json.dumps(request).encode())
             answer = json.loads(self._socket.recv(LARGEST))
         except (OSError, ValueError) as error:
-            raise DriveError("the twin does not answer", do="see whether it still runs") from error
+            raise DriveError("the twin does not answer", do="check whether it still runs") from error
         if "error" in answer:
             raise DriveError(f"the twin says: {answer['error']}")
         return dict(answer)

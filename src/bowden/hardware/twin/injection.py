@@ -1,4 +1,4 @@
-"""Faults that the twin can be told to have, and when each is there. Pure."""
+"""Faults that the twin can be given, and when each is there. Pure."""
 
 import math
 from typing import NamedTuple
@@ -25,7 +25,7 @@ class Kind(NamedTuple):
 
 KINDS: dict[str, Kind] = {
     "silence": Kind("the drive sends nothing"),
-    "deaf": Kind("the drive hears nothing"),
+    "deaf": Kind("the drive receives nothing"),
     "late_pdos": Kind("the drive's PDOs arrive late", amount=5.0, unit="ms"),
     "dropped_pdos": Kind("a share of the drive's PDOs is lost", amount=0.3, unit="1", most=1.0),
     "bus_off": Kind("the drive's controller has left the bus"),
@@ -35,11 +35,11 @@ KINDS: dict[str, Kind] = {
     ),
     "emergency_stop": Kind("the emergency stop is pressed: its input opens, and the torque goes"),
     "reboot": Kind("the drive loses its supply for a moment", moment=True),
-    "encoder_frozen": Kind("an encoder stays where it is", side=True),
+    "encoder_frozen": Kind("an encoder keeps its value", side=True),
     "encoder_spike": Kind("an encoder jumps for one cycle in ten", side=True, amount=10.0, unit="deg", least=-1e6),
     "encoder_offset": Kind("an encoder is off by an angle", side=True, amount=400.0, unit="deg", least=-1e6),
     "encoder_flipped": Kind("an encoder counts the wrong way from here on", side=True),
-    "encoder_nan": Kind("an encoder gives the number that stands for none, −2³¹", side=True),
+    "encoder_nan": Kind("an encoder sends the number that means no value, −2³¹", side=True),
     "broken_cable": Kind("the cable is torn: the joint goes where its spring pulls it"),
     "slack_cable": Kind("the cable has slack, at the spool", amount=20.0, unit="deg"),
     "over_temperature": Kind("the power stage is this hot", amount=95.0, unit="°C", least=-273.15),
@@ -101,7 +101,7 @@ def parse(text: str) -> Injection:
             amount = math.nan
         if not kind.least <= amount <= kind.most:
             expected = f"a number from {kind.least:g} to {kind.most:g} ({kind.unit})"
-            raise ParameterError(f"{name}: {word!r} is no amount", expected=expected)
+            raise ParameterError(f"{name}: {word!r} is not a number for it", expected=expected)
     if words:
         raise ParameterError(f"{name}: {' '.join(words)!r} is too much", expected=f"like {name} {side}".rstrip())
     return Injection(name, side, amount)

@@ -37,6 +37,6 @@ class TwinNode(Protocol):
         """What the drive knows of itself, for `bowden twin --status`.
 
         ``state``, a name of `core.signals.DriveState`; ``torque``, whether the motor may have it; ``error_code``, 0 for
-        none; ``last_heartbeat``, when the host was heard last [s] or None; and what else this family has.
+        none; ``last_heartbeat``, when the host last sent something [s] or None; and what else this family has.
         """
         ...

@@ -59,7 +59,7 @@ class Sampler:
 
 
 def _int(value: float, bits: int) -> int:
-    """The nearest whole number that so many bits and a sign hold; the least of them for what is no number."""
+    """The nearest whole number that this many bits and a sign hold; the least of them for what is no number."""
     if math.isnan(value):
         return -(1 << bits)
     return int(max(-(1 << bits), min((1 << bits) - 1, _half_up(value))))

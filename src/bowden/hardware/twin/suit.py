@@ -2,7 +2,7 @@
 
 The same kernel as in a simulation, a sub-step a call. Without torque the motor gives no current: what holds or
 lets sink are the gears' friction, the cables and the arm's weight. A quick stop holds the spool where it was when it
-began. A torn flexor has no tension, a slack one is longer by so much of the spool. The load cell sits at the flexor's
+began. A torn flexor has no tension, a slack one is longer by this much of the spool. The load cell sits at the flexor's
 spool, and the power stage is that of `twin_bench`.
 
 A wearer who swings keeps still until the scenario begins, as the preflight wants it, swings from then on, and comes to

@@ -1,7 +1,7 @@
 """A user's own plant behind the twin, moved on in real time by whole control cycles with its own kernels.
 
 A command takes effect at the next whole cycle, as in a simulation; between two of them joint and motor go straight from
-one to the other. How its motor stops is not known of such a plant: without torque, and under a quick stop, it is told
+one to the other. How its motor stops is not known of such a plant: without torque, and under a quick stop, it is sent
 to stay where it is, a stated choice. Its current is what its ``effort`` says; without one it is what the rig's motor
 needs for itself and for the bench's spring at the joint, a stated choice too: a current that stands still is refused.
 """

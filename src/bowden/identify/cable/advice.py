@@ -19,6 +19,9 @@ _SLOW = 0.5 / DEGREES
 """Below this peak speed friction makes most cables stick and slip [rad/s]; a rule of thumb."""
 
 
+WORSE, SLIGHT = 1.5, 0.05 / DEGREES
+"""Error on the half that was not fitted over that on the fitted one, and its size [rad], from which on the cable is
+taken to have changed."""
 FOLLOWS = 0.5
 """Least correlation with the motor of a joint that follows it; below it nothing but a line is recommended."""
 
@@ -51,8 +54,8 @@ def advise(
     correlation = following(log, split)
     if correlation < FOLLOWS:
         return [
-            f"the joint does not follow the motor (correlation {correlation:.2f}), nothing here can be relied on: "
-            "check the columns, the units, and whether the two were recorded on one clock; or the motion is too small "
+            f"the joint does not follow the motor (correlation {correlation:.2f}), do not rely on these results: "
+            "check the columns, the units, and whether both were recorded on one clock; or the motion is too small "
             "for the cable's play, and a larger one is needed"
         ]
     return [
@@ -74,9 +77,9 @@ def _about_motion(log: Log, split: int, path: Path) -> list[str]:
         )
     elif path.strokes < 6:
         found.append(
-            f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to tell a loop "
-            f"from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least six "
-            "cycles"
+            f"the first half has only {path.strokes - 1} reversal{'s' * (path.strokes > 2)}, too few to separate a "
+            f"loop from what happens once{', and the whole log chose the model' * (path.strokes < 4)}: record at least "
+            "six cycles"
         )
     fitted = path.stroke[path.weight > 0]
     inner = path.turning[int(fitted[0]) + 1 : -1]
@@ -140,7 +143,7 @@ def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
     )
     return [
         f"nearly unidentifiable in bouc_wen: {listed}; the curve it draws is still determined, single values are not: "
-        "record reversals in mid-stroke, at several amplitudes, and move slowly through them"
+        "record reversals in the middle of strokes, at several amplitudes, and move slowly through them"
     ]
 
 
@@ -163,9 +166,9 @@ def _about_the_second_half(log: Log, split: int, path: Path, best: "ModelFit") -
             f"the second half goes {beyond * DEGREES:.3g}° beyond the range of the first: the models are judged where "
             "they were not fitted"
         )
-    if best.test_rms > 1.5 * best.train_rms and best.test_rms > 0.05 / DEGREES:
+    if best.test_rms > WORSE * best.train_rms and best.test_rms > SLIGHT:
         found.append(
-            f"the second half is predicted worse than the first was fitted ({best.test_rms * DEGREES:.2g}° against "
+            f"the error in the second half is larger than in the first ({best.test_rms * DEGREES:.2g}° against "
             f"{best.train_rms * DEGREES:.2g}°): the cable changed during the log; let it settle, or record longer"
         )
     return found

@@ -14,7 +14,7 @@ _LEADS = 0.005
 """Of the loop that `swapped` looks at: a quarter of the least that a recorded cable shows [–]."""
 
 FEWEST_SAMPLES = 50
-"""Below this a loop cannot be told from noise."""
+"""Below this a loop cannot be distinguished from noise."""
 
 _LIKE_DEGREES = (0.8 * DEGREES, 1.15 * DEGREES)
 """Ratios of two motions that are rather a mistaken unit than a cable's slope: those of cables are 0.8 to 1.15."""
@@ -53,7 +53,7 @@ def check_same_unit(motor: Array, joint: Array, where: str) -> None:
             raise LogError(
                 f"{where}: the {large} moves {factor:.3g} times as far as the {small}, which looks like degrees beside "
                 "radians",
-                expected="both in one unit",
+                expected="both in the same unit",
                 do="convert one of them; with a gear between them give each unit (--unit deg,deg, unit='deg,deg')",
             )
 
@@ -73,7 +73,7 @@ def swapped(motor: Array, joint: Array) -> list[str]:
     if area >= -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j)):
         return []
     return [
-        "the joint turns round before the motor does, as a cable's near end would: motor and joint look swapped "
+        "the joint turns round before the motor does, as the driven end of a cable does: motor and joint look swapped "
         "(--motor and --joint, motor= and joint= in Python)"
     ]
 

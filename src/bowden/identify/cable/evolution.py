@@ -34,7 +34,7 @@ def evolve(
         high: largest candidate (k,).
         seed: of the random numbers.
         each: candidates for each unknown.
-        generations: at most so many.
+        generations: at most this many.
         spread: ends the search where the costs' standard deviation is a smaller share of their mean.
     """
     random, count = np.random.default_rng(seed), each * len(low)

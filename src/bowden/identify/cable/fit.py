@@ -1,6 +1,6 @@
 """From three signals to a recommended model: each family fitted to a log's first half and judged on its second.
 
-What is reported of a model, and what a rig takes, was fitted anew to the whole log; its errors are those of the same
+What is reported of a model, and what a rig takes, was fitted again to the whole log; its errors are those of the same
 family fitted to the first half, since nothing is left to judge the other on.
 """
 
@@ -23,6 +23,7 @@ from bowden.identify.cable.lag import time_lag
 from bowden.identify.cable.model import CableModel
 from bowden.identify.cable.part import Progress, fit_part, refit_whole
 from bowden.identify.cable.path import Path, path_of
+from bowden.identify.cable.trust import Trust, parameter_lines, trust
 from bowden.identify.cable.turns import motor_noise
 from bowden.identify.cable.uncertainty import standard_errors
 from bowden.identify.cable.validation import simplest_of_the_best
@@ -35,12 +36,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _TOLD = 4
-"""Strokes from which on the first half tells families apart; with fewer of them the whole log does."""
+"""Strokes from which on the first half decides between families; with fewer of them the whole log does."""
 _OUTWARD = ("line", "play", "prandtl_ishlinskii")
-"""What is offered where one reversal was seen: left-out stretches then do not tell how a bent loop goes on."""
+"""What is offered where one reversal was seen: left-out stretches then do not show how a bent loop goes on."""
 _WORSE, _SLIGHT = 1.3, 0.01 / DEGREES
-"""A model fitted to the whole log is not taken where its error on it is so many times, and so much [rad] above, that of
-the fit to the first half: weights that fade towards the past cost less."""
+"""A model fitted to the whole log is not taken where its error on it exceeds that of the fit to the first half by this
+factor and by this much [rad]: weights that fade towards the past cost less."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,11 @@ class Fit:
         """The joint's error with the recommended model as feed-forward, and without any."""
         return forecast(self.log, self.split, self.predicted, self.chosen, self.models["line"])
 
+    @property
+    def trust(self) -> Trust:
+        """Whether to trust the recommended model, and why."""
+        return trust(self)
+
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.
 
@@ -144,11 +150,7 @@ class Fit:
         return f"Fit of {self.log.name}: use {self.best.name}, {error} RMS on the unseen half"
 
     def _rows(self) -> list[tuple[str, str]]:
-        spreads = self.chosen.uncertainty
-        given = [
-            f"{name} {value:.4g}" + (f" ± {spreads[name]:.2g}" if np.isfinite(spreads[name]) else "")
-            for name, value in self.best.parameters.items()
-        ]
+        given = [f"{name} {text}" for name, text in parameter_lines(self.best.parameters, self.chosen.uncertainty)]
         others = [
             f"{name} {shown.number(model.test_rms * DEGREES, '°')}"
             for name, model in self.models.items()
@@ -156,11 +158,12 @@ class Fit:
         ]
         notes = [("note", warning) for warning in self.warnings]
         length = self.log.time[-1] - self.log.time[0]
-        log = f"{self.samples} samples, {length:.4g} s, fitted in {self.seconds:.2g} s"
+        log = f"{self.samples} samples, {length:.4g} s"
         ahead = self.forecast
         left, without = (shown.number(one * DEGREES, "°") for one in (ahead.compensated, ahead.uncompensated))
         return [
             ("log", log),
+            ("trust", str(self.trust)),
             ("parameters", ", ".join(given)),
             ("others", ", ".join(others)),
             ("forecast", f"{left} RMS with the model as feed-forward, {without} without"),
@@ -180,7 +183,7 @@ def identify(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit every family of cable models to a log's first half, judge it on the second, and fit it anew to the whole.
+    """Fit every family of cable models to a log's first half, judge it on the second, and fit it again to the whole.
 
     Args:
         time: (n,) increasing and even [s]; None where a rate is given.
@@ -223,7 +226,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     """`identify` for a log that was read and checked.
 
     Raises:
-        LogError: the motor's or the joint's motion cannot be told from its noise.
+        LogError: the motor's or the joint's motion cannot be distinguished from its noise.
     """
     begin = clock.perf_counter()
     tell = progress or (lambda what, share: None)
@@ -282,6 +285,7 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
         best=replace(
             models[best].model,
             others={name: dict(one.parameters) for name, one in models.items() if name != best},
+            covered=log.covered,
         ),
         warnings=(*log.warnings, *warnings),
         samples=len(log.time),

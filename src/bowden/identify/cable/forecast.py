@@ -7,7 +7,7 @@ A law that commands the motor to where the model has the joint at its reference 
 which is the model's own error along that motion. On a motion like the log's it is what the model errs by on the half
 that it has not seen, but for the time spent at each place: the inverse runs through the play at once, where the log's
 motor took its time. At a place where the model's joint moves by dm per dx of the motor, the law spends dm/(c·dx) of the
-log's time (c: slope of the straight line), and there the error counts by so much. Without compensation the motor goes
+log's time (c: slope of the straight line), and there the error counts by this much. Without compensation the motor goes
 to where the straight line has the joint at r, and the line's error is left. Neither counts the servo: it is taken to
 follow at once.
 """

@@ -66,7 +66,7 @@ class GeneralisedPlay:
     def refit(self, path: Path, near: Estimate) -> Estimate:
         """See `Family.refit`; the plays stay, and so does where each is in contact.
 
-        Where the path reaches beyond the nodes they are laid anew over all of it, and λ and the contacts with them.
+        Where the path reaches beyond the nodes they are laid again over all of it, and λ and the contacts with them.
         """
         lag, of_mean, of_gap = (float(value) for value in near.theta)
         cable = branches_of(near.parameters)

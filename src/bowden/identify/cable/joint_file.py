@@ -11,6 +11,7 @@ from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.loads import JointFit
 from bowden.identify.cable.model import meaning
+from bowden.identify.cable.model_file import covered_lines
 from bowden.identify.cable.recalibrate import Recalibration
 
 
@@ -34,6 +35,7 @@ def joint_text(fit: JointFit) -> str:
         f"source = {quoted(', '.join(_line(one.name) for one in fit.logs))}",
         f"samples = {fit.samples}",
         *_warnings(fit.warnings),
+        *([] if fit.best.covered is None else covered_lines(fit.best.covered)),
         "",
         f"[models.{fit.best.name}]",
         *_errors({name: getattr(fit, name) for name in ("train_rms", "test_rms")} | {"judged_rms": fit.judged}),
@@ -77,6 +79,7 @@ def recalibrated_text(found: Recalibration, source: str) -> str:
         f"gain = {found.gain!r}  # over that model's",
         f"samples = {found.samples}",
         *_warnings(found.warnings),
+        *([] if found.best.covered is None else covered_lines(found.best.covered)),
     ]
     for name, parameters in ((found.best.name, found.best.parameters), *found.best.others.items()):
         lines += ["", f"[models.{name}]"]

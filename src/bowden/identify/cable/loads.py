@@ -23,7 +23,7 @@ import itertools
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
+from bowden.identify.cable.counting import covered_by
 from bowden.identify.cable.model import SCHEDULED, CableModel
 from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.part import Progress
@@ -49,6 +50,9 @@ from bowden.models.cable.scheduled import (
     powers,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 Array = NDArray[np.float64]
 
 _NODES, _SEARCHED = 1500, 150
@@ -56,7 +60,7 @@ _NODES, _SEARCHED = 1500, 150
 _KNOTS = 20
 """Ordinates of f and of g. With 14 or 30 the figures of docs/decisions/0032 change by 0.006° at most."""
 _GRID = np.geomspace(2e-3, 0.3, 14)
-"""Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can tell."""
+"""Half-widths offered, over the motor's range [–]; those of the stack that a log of one amplitude can show."""
 _EDGE = 0.005
 """Share of the samples beyond the first knot, and beyond the last: a jerk of the motor shall not stretch the knots."""
 _STATIC_DEGREE = 8
@@ -95,12 +99,12 @@ class JudgedLog:
     same_rms: float
     """Of a model fitted to all logs but this one; NaN where no other has its load [rad]."""
     same_offset_rms: float
-    """The same on the second half, once the offset was fitted anew to the first [rad]."""
+    """The same on the second half, once the offset was fitted again to the first [rad]."""
     unseen_rms: float
     """Of a model fitted to all logs but those of this load, and of this bend where both schedule; NaN where fewer than
     two values of either are left [rad]."""
     unseen_offset_rms: float
-    """The same on the second half, once the offset was fitted anew to the first [rad]."""
+    """The same on the second half, once the offset was fitted again to the first [rad]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,7 +143,7 @@ class JointFit:
 
     @property
     def judged(self) -> float:
-        """What to expect of another log of this cable once its offset was fitted anew: on unseen loads where those were
+        """What to expect of another log of this cable once its offset was refitted: on unseen loads where those were
         judged, then on unseen logs, then on second halves [rad]."""
         for name in ("unseen_offset_rms", "same_offset_rms", "test_rms"):
             found = [getattr(one, name) for one in self.logs]
@@ -162,17 +166,48 @@ class JointFit:
                 )
         return replace(self.best, parameters={**self.best.parameters, **values})
 
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw the two branches of the loop without its straight line, at the least, the middle and the largest load.
+
+        Args:
+            axes: matplotlib's; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        from bowden.identify.cable.plot import draw_loads
+
+        drawn = shown.axes_for(axes, 1, 1, 7.0, 3.6)
+        draw_loads(drawn[0], self)
+        return drawn
+
     def __repr__(self) -> str:
         """One screen: errors of each log, and what to know."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        from bowden.core.style import new_figure
+        from bowden.identify.cable.plot import draw_loads
+
+        figure, axes = new_figure(height=3.6)
+        draw_loads(axes[0], self)
+        return shown.fragment(self._title(), self._rows(), figure)
+
+    def _title(self) -> str:
         by = " and ".join(self.variables)
-        title = f"Fit of {len(self.logs)} logs{f', scheduled by {by}' if by else ''}"
+        return f"Fit of {len(self.logs)} logs{f', scheduled by {by}' if by else ''}"
+
+    def _rows(self) -> list[tuple[str, str]]:
         rows = []
         for one in self.logs:
             errors = (("second half", one.test_rms), ("left out", one.same_rms), ("load left out", one.unseen_rms))
             said = [f"{what} {shown.number(v * DEGREES, '°')}" for what, v in errors if np.isfinite(v)]
             at = [f"{name} {value:.4g}" for name, value in zip(self.variables, one.values, strict=True)]
             rows.append((one.name, ", ".join([*at, *said])))
-        return shown.screen(title, [*rows, *(("note", warning) for warning in self.warnings[:4])])
+        return [*rows, *(("note", warning) for warning in self.warnings[:4])]
 
 
 class _Moved(NamedTuple):
@@ -246,7 +281,8 @@ def identify_loads(
     tell("bouc_wen", 0.8)
     near = int(np.argmin(np.abs(values - middle).sum(axis=1))) if len(names) else 0
     plain = BoucWenCable(_path(logs[near], _SEARCHED).first(30), seed).fit(paths[near]).parameters
-    best = CableModel(SCHEDULED, parameters_of(cable, names, middle), others={"bouc_wen": plain})
+    seen = covered_by([log.covered for log in logs])
+    best = CableModel(SCHEDULED, parameters_of(cable, names, middle), others={"bouc_wen": plain}, covered=seen)
     tell("done", 1.0)
     return JointFit(
         best=best,
@@ -285,7 +321,7 @@ def _prepared(log: Log, path: Path, frame: _Frame) -> _Moved:
     if path.strokes < 2 or whole == 0.0:
         raise LogError(
             f"{log.name}: the motor does not turn back",
-            expected="a log in which it goes to and fro",
+            expected="a log in which it goes back and forth",
             do="record six cycles, or leave this log out",
         )
     weight = weight / whole
@@ -361,12 +397,12 @@ def _scheduling(
         columns.append(values)
     if len(columns) == 2 and abs(float(np.corrcoef(columns[0], columns[1])[0, 1])) > _TOGETHER:
         raise ParameterError(
-            "load and bend change together from log to log, so that nothing can tell which of them does what",
+            "load and bend change together from log to log, so that their effects cannot be separated",
             expected="logs in which one changes and the other does not",
             do="record such a log, or schedule by one of them (none for the other)",
         )
     if not names and not warnings:
-        warnings.append("nothing tells the logs apart (no load, no bend): one model was fitted to all of them")
+        warnings.append("the logs do not differ in load or bend: one model was fitted to all of them")
     found = np.array(columns).T if columns else np.empty((len(logs), 0))
     return names, found, warnings
 
@@ -496,7 +532,7 @@ def _judged(
 
 
 def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> list[str]:
-    """What is to be said of logs that lie beside the others at their load: an encoder that was zeroed anew."""
+    """What is to be said of logs that lie beside the others at their load: an encoder that was zeroed again."""
     found, least = [], _BESIDE * cable.step * (cable.middle.shape[1] - 1)
     for one, at in zip(moved, values, strict=True):
         error, _ = _error(one, cable, at)
@@ -507,7 +543,7 @@ def _beside(moved: Sequence[_Moved], values: Array, cable: ScheduledCable) -> li
         return []
     return [
         f"{', '.join(found[:4])}{', …' if len(found) > 4 else ''} beside the model of all logs: their encoders were "
-        "zeroed anew, or the cable changed; record all with one zero, since it is the offset that a load changes most"
+        "zeroed again, or the cable changed; record all with one zero, since it is the offset that a load changes most"
     ]
 
 

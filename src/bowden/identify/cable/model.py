@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bowden.core.arguments import number
 from bowden.core.errors import ParameterError, near
 from bowden.identify.cable.bouc_wen import cable_of, simulate
+from bowden.identify.cable.counting import Counting, Covered, recounted
 from bowden.identify.cable.generalised import GeneralisedPlay
 from bowden.identify.cable.line import Line
 from bowden.identify.cable.play import PlayOperator
@@ -124,7 +125,9 @@ class CableModel:
     parameters: Mapping[str, float]
     """By name; SI and radians."""
     others: Mapping[str, Mapping[str, float]] = field(default_factory=dict, compare=False, repr=False)
-    """The parameters of other models of the same log, by their names: a rig tells laws what ``bouc_wen`` says."""
+    """The parameters of other models of the same log, by their names: laws get from a rig what ``bouc_wen`` says."""
+    covered: Covered | None = field(default=None, compare=False, repr=False)
+    """The motion that the log covered; None where nothing says it."""
 
     def joint_angle(self, motor: Array) -> Array:
         """Joint angle along a recorded motion of the motor, simulated straight through: (n,) [rad] → (n,) [rad].
@@ -176,6 +179,10 @@ class IdentifiedCable:
     """Parameters of the simulated model that differ from the file's; `models` has them already."""
     units: Mapping[str, str] = field(default_factory=dict, compare=False)
     """Of what schedules the recommended model, by name; what nothing says of is not in it."""
+    counting: Counting = field(default=Counting(), compare=False)
+    """How the parameters' angles are counted, against the log's; `models` has them so already."""
+    covered: Covered | None = field(default=None, compare=False)
+    """The motion that the log covered, counted likewise; None where the file does not say it."""
 
     @property
     def simulated(self) -> str:
@@ -189,7 +196,7 @@ class IdentifiedCable:
         return distributed_parameters(self.simulated) | given if self.simulated in DISTRIBUTED else given
 
     def with_parameters(self, given: Mapping[str, float]) -> "IdentifiedCable":
-        """The same cable with these parameters of the simulated model; other models, which laws are told, stay.
+        """The same cable with these parameters of the simulated model; other models, which laws take, stay.
 
         Args:
             given: by name; SI and radians.
@@ -218,6 +225,24 @@ class IdentifiedCable:
         identified(self.simulated, changed)
         models = {**self.models, self.simulated: changed}
         return replace(self, models=models, changed={**self.changed, **differing})
+
+    def counted(self, counting: Counting) -> "IdentifiedCable":
+        """The same cable, all its models, as a rig counts its angles.
+
+        Raises:
+            ParameterError: a model whose angles are no log's, or a cable that is not counted as it was recorded.
+        """
+        if counting == self.counting:
+            return self
+        if not self.counting.as_recorded:
+            raise ParameterError(
+                f"{self.file or 'the identified cable'} already counts its angles in another way than its log",
+                expected="the cable as it was identified",
+                do="take the first one",
+            )
+        models = {name: recounted(name, parameters, counting) for name, parameters in self.models.items()}
+        covered = None if self.covered is None else self.covered.counted(counting)
+        return replace(self, models=models, counting=counting, covered=covered)
 
     def model(self, name: str | None = None) -> CableModel:
         """A model by its name; the recommended one where it is not given.

@@ -13,6 +13,7 @@ from bowden.core.errors import ParameterError
 from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
+from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.fit import Fit, ModelFit
 from bowden.identify.cable.model import KNOWN, NAMES, CableModel, IdentifiedCable, meaning
 from bowden.models.cable.scheduled import VARIABLES
@@ -47,6 +48,7 @@ def model_text(fit: Fit, source: str) -> str:
         f"samples = {fit.samples}",
         "warnings = [" + "".join(f"\n  {quoted(_one_line(warning))}," for warning in fit.warnings) + "\n]",
     ]
+    lines += covered_lines(fit.log.covered)
     left, without, counts = (_number(value * DEGREES) for value in fit.forecast)
     lines += [
         "",
@@ -58,6 +60,17 @@ def model_text(fit: Fit, source: str) -> str:
     for name in NAMES:
         lines += _model_lines(name, fit.models[name])
     return "\n".join(lines) + "\n"
+
+
+def covered_lines(covered: Covered) -> list[str]:
+    """The section of model.toml with the motion that the log covered."""
+    ends = [f"{angle * DEGREES:.4f}" for angle in covered]
+    return [
+        "",
+        "[covered]  # by the log, in its own angles; the models were not fitted beyond this motion",
+        f"motor_deg = [{ends[0]}, {ends[1]}]",
+        f"joint_deg = [{ends[2]}, {ends[3]}]",
+    ]
 
 
 def _model_lines(name: str, fitted: ModelFit) -> list[str]:
@@ -111,7 +124,7 @@ def load_cable(path: Path | str, name: str = "") -> IdentifiedCable:
     found = {one: _checked(file, one, table) for one, table in models.items() if one in KNOWN}
     said = {one: models[best].get(f"{one}_unit") for one in VARIABLES}
     units = {one: unit for one, unit in said.items() if isinstance(unit, str) and unit}
-    return IdentifiedCable(best, found, name or str(file), units=units)
+    return IdentifiedCable(best, found, name or str(file), units=units, covered=_covered(file))
 
 
 def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, float]:
@@ -132,10 +145,30 @@ def load_judged(path: Path | str, name: str = "") -> tuple[IdentifiedCable, floa
 def cable_text(cable: IdentifiedCable) -> str:
     """A model.toml that `load_cable` reads back; what an identification says beside the models is not in it."""
     lines = [f"# An identified cable, written by bowden {__version__}.", f"best = {quoted(cable.best)}"]
+    lines += [] if cable.covered is None else covered_lines(cable.covered)
     for name, parameters in cable.models.items():
         lines += ["", f"[models.{name}.parameters]"]
         lines += [f"{key} = {float(value)!r}  # [{meaning(key)[0]}]" for key, value in parameters.items()]
     return "\n".join(lines) + "\n"
+
+
+def _covered(file: Path) -> Covered | None:
+    """The motion that the log covered; None where the file does not say it."""
+    said = read_toml(file).get("covered")
+    if said is None:
+        return None
+    ends: list[float] = []
+    for key in ("motor_deg", "joint_deg"):
+        pair = said.get(key) if isinstance(said, dict) else None
+        numbers = [one for one in pair if type(one) in (int, float)] if isinstance(pair, list) else []
+        if not (len(numbers) == 2 and pair == numbers and -math.inf < numbers[0] < numbers[1] < math.inf):
+            raise ParameterError(
+                f"{file}: {key} of [covered] is {pair!r}",
+                expected="two angles, the lower one first",
+                do="write the file again, or delete the section",
+            )
+        ends += [one / DEGREES for one in numbers]
+    return Covered(*ends)
 
 
 def _document(file: Path) -> tuple[dict[str, Any], str]:
@@ -155,7 +188,7 @@ def _document(file: Path) -> tuple[dict[str, Any], str]:
 def _checked(file: Path, name: str, table: Any) -> Mapping[str, float]:
     parameters = table.get("parameters") if isinstance(table, dict) else None
     if not isinstance(parameters, dict):
-        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file anew")
+        raise ParameterError(f"{file}: [models.{name}.parameters] is missing", do="write the file again")
     for key, value in parameters.items():
         meaning(key)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):

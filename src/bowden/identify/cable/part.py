@@ -60,7 +60,7 @@ def fit_part(log: Log, stop: int, noise: float, seed: int, tell: Progress) -> Fi
         stop: how many of its samples are fitted.
         noise: of the motor's readings [rad].
         seed: of the global search.
-        tell: is told how far it is.
+        tell: called with what is being done and the share done.
     """
     fine, judged, searched = (_path(log, stop, noise, nodes) for nodes in (_FINE, _JUDGED, _SEARCHED))
     branches = GeneralisedPlay()

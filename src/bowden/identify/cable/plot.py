@@ -1,20 +1,27 @@
-"""How a fit is drawn: joint over motor, whole and without its straight line."""
+"""How fits are drawn: joint over motor, whole, without its straight line and at several loads, and what is left."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bowden.core.style import COLOURS, legend, thin
+from bowden.core.style import COLOURS, legend, note_cut, thin, widened
 from bowden.core.units import DEGREES
+from bowden.models.cable.scheduled import cable_of, hats, powers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from bowden.identify.cable.fit import Fit
+    from bowden.identify.cable.loads import JointFit
+    from bowden.identify.cable.recalibrate import Recalibration
 
 _POINTS = 1500
-"""Of a curve: more are not told apart."""
+"""Of a curve: more make no visible difference."""
+PARTS = {"first half": "#c9ced3", "second half": "#b5d3e7"}
+"""Half of the log → its colour: pale and broad, so that the model's thin line hides nothing of it."""
+_SHOWN = (("#0072b2", "-"), ("#009e73", "--"), ("#d55e00", "-."))
+"""Colour and line at the least, the middle and the largest load."""
 
 
 def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
@@ -23,15 +30,49 @@ def draw_loop(axes: "Sequence[Axes]", fit: "Fit") -> None:
     line = fit.models["line"].model.joint_angle(log.motor)
     motor = log.motor * DEGREES
     for panel, base in zip(axes, (np.zeros_like(line), line), strict=False):
-        for part, label in ((slice(0, fit.split), "first half"), (slice(fit.split, None), "second half")):
-            colour = COLOURS["data"] if part.start == 0 else COLOURS["joint"]
+        for part, (label, colour) in zip((slice(0, fit.split), slice(fit.split, None)), PARTS.items(), strict=True):
             shown = thin(motor[part], (log.joint - base)[part] * DEGREES, _POINTS)
-            panel.plot(*shown, color=colour, lw=1.0, label=label)
+            panel.plot(*shown, color=colour, lw=2.8, label=label)
         late = slice(fit.split, None)
         drawn = thin(motor[late], (fit.predicted - base)[late] * DEGREES, _POINTS)
-        panel.plot(*drawn, color=COLOURS["model"], lw=1.2, label="model")
+        panel.plot(*drawn, color=COLOURS["model"], lw=0.8, label="model")
         panel.set_xlabel("motor [°]")
     axes[0].set_ylabel("joint [°]")
     if len(axes) > 1:
         axes[1].set_ylabel("joint − straight line [°]")
     legend(axes[-1], 3)
+
+
+def draw_loads(axes: "Axes", fit: "JointFit") -> None:
+    """Both branches over the motor, at the ends and in the middle of what schedules them."""
+    cable, values = cable_of(fit.best.parameters)
+    count = cable.middle.shape[1]
+    motor = np.linspace(cable.first, cable.first + cable.step * (count - 1), 200)
+    middle, height = (hats(motor, cable.first, cable.step, count, outward) for outward in (1.0, 0.0))
+    ends = [cable.low.tolist(), list(values), cable.high.tolist()] if fit.variables else [[]]
+    line = np.polyfit(motor, middle @ (powers(values, cable) @ cable.middle), 1)
+    degrees = [unit == "rad" for unit in fit.units]
+    for at, (colour, dashes) in zip(ends, _SHOWN, strict=False):
+        weights = powers(at, cable)
+        curve, half = middle @ (weights @ cable.middle), height @ (weights @ cable.height)
+        label = ", ".join(
+            f"{name} {value * DEGREES:.3g}°" if angle else f"{name} {value:.3g} {unit}".strip()
+            for name, value, unit, angle in zip(fit.variables, at, fit.units, degrees, strict=False)
+        )
+        for side in (1.0, -1.0):
+            drawn = (curve + side * half - np.polyval(line, motor)) * DEGREES
+            said = label if label and side > 0.0 else None
+            axes.plot(motor * DEGREES, drawn, color=colour, ls=dashes, lw=1.3, label=said)
+    axes.set(xlabel="motor [°]", ylabel="joint − straight line [°]")
+    if fit.variables:
+        legend(axes)
+
+
+def draw_residual(axes: "Axes", found: "Recalibration") -> None:
+    """Joint minus recalibrated model over time."""
+    time, rest = found.log.time - found.log.time[0], (found.log.joint - found.predicted) * DEGREES
+    axes.plot(*thin(time, rest, _POINTS), color=COLOURS["error"], lw=0.8)
+    low, high = np.quantile(rest, (0.002, 0.998))  # but for the start
+    axes.set_ylim(*widened(float(low), float(high), 0.3))
+    note_cut(axes, [rest])
+    axes.set(xlabel="time [s]", ylabel="joint − model [°]")

@@ -3,7 +3,7 @@
     joint = a·m(motor) + b
 
 m is the joint as the old model has it, from the state in which its loop fits best (the motor may have come from either
-side). Both are told by least squares. Where the motion is too short for a gain, a = 1 stays and only b is fitted: the
+side). Both are fitted by least squares. Where the motion is too short for a gain, a = 1 stays and only b is fitted: the
 gain's standard error, from leaving out one block after the other (jackknife), must be at most `_VAGUE` of it.
 
 The cable has changed where what is left is clearly more than the old model was judged to leave:
@@ -22,9 +22,10 @@ Source: Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Chapter 
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,16 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.order import distinct
 from bowden.core.units import DEGREES
+from bowden.identify.cable.counting import Covered
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.turns import resolution
 from bowden.identify.log.read import Log
 from bowden.models.cable.scheduled import VARIABLES
 from bowden.plants.cables import DISTRIBUTED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -85,7 +90,7 @@ class Recalibration:
     before_rms: float
     """Error of the old model on the new log [rad]."""
     after_rms: float
-    """The same with gain and offset fitted anew [rad]."""
+    """The same with gain and offset fitted again [rad]."""
     judged_rms: float
     """Error of the old model on data that it had not seen, as its file says; NaN where it does not [rad]."""
     changed: bool | None
@@ -104,30 +109,61 @@ class Recalibration:
     units: Mapping[str, str] = field(default_factory=dict, compare=False)
     """Of what schedules the model, by name."""
 
+    def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
+        """Draw what the recalibrated model leaves of the joint's angle, over time.
+
+        Args:
+            axes: matplotlib's; a new figure is made where they are not given.
+
+        Returns:
+            The axes; ``axes[0].figure`` is theirs.
+
+        Raises:
+            ParameterError: something else than axes.
+        """
+        from bowden.identify.cable.plot import draw_residual
+
+        drawn = shown.axes_for(axes, 1, 1, 7.0, 2.8)
+        draw_residual(drawn[0], self)
+        return drawn
+
     def __repr__(self) -> str:
         """One screen: gain, offset, errors, verdict."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        from bowden.core.style import new_figure
+        from bowden.identify.cable.plot import draw_residual
+
+        figure, axes = new_figure(height=2.8)
+        draw_residual(axes[0], self)
+        return shown.fragment(self._title(), self._rows(), figure)
+
+    def _title(self) -> str:
+        return f"Recalibration of {self.best.name} on {self.log.name}"
+
+    def _rows(self) -> list[tuple[str, str]]:
         errors = f"{shown.number(self.before_rms * DEGREES, '°')} before, {shown.number(self.after_rms * DEGREES, '°')}"
-        rows = [
+        return [
             ("gain", f"{self.gain:.4f} ± {self.gain_error:.2g}"),
             ("offset", shown.number(self.offset * DEGREES, "°")),
             ("RMS", f"{errors} after; judged {shown.number(self.judged_rms * DEGREES, '°')}"),
             ("verdict", verdict(self)),
             *(("note", warning) for warning in self.warnings[:4]),
         ]
-        return shown.screen(f"Recalibration of {self.best.name} on {self.log.name}", rows)
 
 
 def verdict(found: Recalibration) -> str:
     """What came out, in one sentence."""
     if found.beyond > 0.0:
         return (
-            f"the motor goes {found.beyond * DEGREES:.3g}° outside the identified stroke, so that nobody can tell "
+            f"the motor goes {found.beyond * DEGREES:.3g}° outside the identified stroke, so it is not known "
             "whether the cable has changed"
         )
     if found.changed is None:
-        return "the model's file does not say how good it was, so nobody can tell whether the cable has changed"
+        return "the model's file does not say how good it was, so it is not known whether the cable has changed"
     if found.changed:
-        return "the cable has changed: identify it anew"
+        return "the cable has changed: identify it again"
     return "the same cable: use the recalibrated model"
 
 
@@ -160,8 +196,8 @@ def recalibrate(
     path = path_of(log.time, log.motor, log.joint, _NODES)
     if path.strokes < 2:
         raise LogError(
-            f"{log.name}: the motor does not turn back, so that offset and half the loop cannot be told apart",
-            expected="a stroke to and fro at least",
+            f"{log.name}: the motor does not turn back, so that offset and half the loop cannot be separated",
+            expected="at least one stroke back and forth",
             do="record some seconds more",
         )
     _check_units(cable, units or {})
@@ -176,7 +212,7 @@ def recalibrate(
         raise LogError(
             f"{log.name}: the joint moves {gain:+.3g} times as far as the model {cable.file or given.best} says",
             expected="a gain near 1",
-            do="check the columns and which cable it is, or identify this log anew",
+            do="check the columns and which cable it is, or identify this log",
         )
     counted = path.weight > 0
     predicted = np.interp(log.time, path.time[counted], (gain * drawn + offset)[counted])
@@ -200,18 +236,21 @@ def recalibrate(
     elif far:
         changed = True
         warnings.append(
-            f"the gain is {gain:.3g}, further from 1 than a bend or a stretch makes it "
+            f"the gain is {gain:.3g}, further from 1 than a bend or stretch of the cable explains "
             f"({1.0 / _GAIN:.2g} to {_GAIN:g}): check the units and the gear, or identify the "
-            "cable anew (bowden identify NEW.csv)"
+            "cable again (bowden identify NEW.csv)"
         )
     elif changed:
         warnings.append(
-            f"with gain and offset fitted anew {after * DEGREES:.2g}° are left, the model was judged to leave "
-            f"{judged * DEGREES:.2g}°: identify the cable anew (bowden identify NEW.csv)"
+            f"with gain and offset fitted again {after * DEGREES:.2g}° are left, the model was judged to leave "
+            f"{judged * DEGREES:.2g}°: identify the cable again (bowden identify NEW.csv)"
         )
     if not known:
-        warnings.append("the motion is too short or too small to tell a gain: only the offset was fitted anew")
-    best = CableModel(given.best, models[given.best], {k: v for k, v in models.items() if k != given.best})
+        warnings.append("the motion is too short or too small for a gain: only the offset was fitted again")
+    others = {name: parameters for name, parameters in models.items() if name != given.best}
+    joints = None if given.covered is None else [gain * one + offset for one in given.covered[2:]]
+    covered = None if joints is None or given.covered is None else Covered(*given.covered[:2], *joints)
+    best = CableModel(given.best, models[given.best], others, covered)
     return Recalibration(
         best=best,
         gain=gain,

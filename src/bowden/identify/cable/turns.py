@@ -1,6 +1,6 @@
 """Where the motor turns, and how well a noisy, counting encoder lets that be known.
 
-A reversal's angle matters: it is where the cable's hysteresis begins anew, and an error of it shifts the whole branch
+A reversal's angle matters: it is where the cable's hysteresis starts again, and an error of it shifts the whole branch
 that follows. The extreme reading itself lies too far out by a few times the noise.
 """
 
@@ -96,7 +96,7 @@ def _common_error(motor: Array) -> float:
 
 
 def resolution(angle: Array) -> float:
-    """One count of the encoder behind a recorded angle [rad]; zero where none can be told.
+    """One count of the encoder behind a recorded angle [rad]; zero where none can be determined.
 
     >>> float(round(resolution(np.round(np.linspace(0.0, 1.0, 999) ** 2 / 0.01) * 0.01), 9))
     0.01
@@ -126,7 +126,7 @@ def zigzag(motor: Array, threshold: float, found: NDArray[np.int64]) -> int:
             low = k
         if direction >= 0 and motor[high] - motor[k] >= threshold:
             found[count] = high
-            count += direction  # the first swing only tells where the motor sets out to
+            count += direction  # the first swing only shows where the motor sets out to
             direction, high, low = -1, k, k
         elif direction <= 0 and motor[k] - motor[low] >= threshold:
             found[count] = low

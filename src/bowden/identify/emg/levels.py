@@ -11,12 +11,13 @@ from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import DEFAULTS as CLEANED
 from bowden.sensing.envelope import EnvelopeSettings
 from bowden.sensing.stream import Enveloped, EnvelopeFilter, OnsetDetector
+from bowden.sensing.whole_signal import running_quantile
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SETTLES = 0.5
-"""An envelope is none before so long after the beginning of its signal, or after what leaves filters ringing [s]."""
+"""An envelope is none before this long after the beginning of its signal, or after what leaves filters ringing [s]."""
 _FILLS = 0.2
 """Rest is looked for from here on, since what a beginning leaves in filters only adds to it [s]."""
 _LEAST = 1.0
@@ -24,11 +25,11 @@ _LEAST = 1.0
 _LONG, _CLOSE = 0.3, 0.05
 """Shorter trouble is what the end of a contraction has, too; with so short a pause it is one trouble [s]."""
 _BEFORE, _AFTER = 0.15, 0.15
-"""Movement and trouble are told up to so long after their cause, and have gone from the envelope so long after [s]."""
+"""Movement and trouble are reported up to this long after their cause, and leave the envelope this long after [s]."""
 _RINGS = 3.0
-"""What is so many times stronger than the strongest hundredth leaves filters ringing for `SETTLES` [–]."""
+"""What is this many times stronger than the strongest hundredth leaves filters ringing for `SETTLES` [–]."""
 _AROUND, _STANDS_OUT = 0.1, 6.0
-"""A sample above so many times the 90 % quantile in so long around it is a click; a muscle has none such [s, –]."""
+"""A sample above this many times the 90 % quantile in this time around it is a click; a muscle has none such [s, –]."""
 _CLICK = 0.02
 """What is left out before it [s]."""
 _HUMS = 0.6
@@ -37,13 +38,13 @@ _SWING_HZ, _MUSCLE = 5.0, 0.7
 """Of the envelope from here on a muscle leaves at least this share to that of the chain, from 20 Hz on: 0.77 and more
 was seen in three recordings wherever the envelope is above 30 % of its largest [Hz, –]."""
 _CALM, _STRONG = 3.0, 0.1
-"""That is asked where the chain's envelope is above so many times the calmest tenth of it and such a share of the
+"""That is asked where the chain's envelope is above this many times the calmest tenth of it and such a share of the
 strongest hundredth; what is below changes neither level [–]."""
 _CONTRACTION = 2.5
 """Rest's own strongest quarter second was 2.5 times its calmest half second at most in stretches of six recordings."""
 _CALMEST, _STRONGEST = 0.5, 0.25
-"""The calmest so long is rest, where a recording has less than a tenth of it, and the strongest so long a contraction;
-short contractions last as long [s]."""
+"""Lengths of the calmest part, which is rest where a recording has less than a tenth of it, and of the strongest part,
+a contraction; short contractions last as long [s]."""
 
 
 class EnvelopeLevels(NamedTuple):
@@ -57,8 +58,8 @@ class EnvelopeLevels(NamedTuple):
     """Never above."""
     strongest: float
     """Mean over its strongest quarter second: the fluctuation of rest has little of it, as it has of `high`."""
-    told: bool
-    """Whether the detector tells a contraction."""
+    contraction: bool
+    """Whether the detector finds a contraction."""
     sigma: float
     """Size at rest as the detector measures it: a tenth of the time without contraction and trouble it is below; 0 if
     there is no such time."""
@@ -75,7 +76,7 @@ def envelope_levels(
 ) -> EnvelopeLevels:
     """Levels of a signal's envelope without its first half second; the envelope, free of mains, that the live loop has.
 
-    Left out are dead electrodes, movement, mains and clicks, with what tells them late and the time in which filters
+    Left out are dead electrodes, movement, mains and clicks, with their late detection and the time in which filters
     ring after them.
 
     Args:
@@ -110,14 +111,14 @@ def envelope_levels(
     off[: round(_FILLS * rate)] = True
     low = min(low, float(_means(cleaned.envelope, off, _CALMEST, rate).min(initial=low)))
     strongest = float(_means(cleaned.envelope, out, _STRONGEST, rate).max(initial=middle))
-    told = bool(np.any(detected.active[~out] > 0.5))
+    contraction = bool(np.any(detected.active[~out] > 0.5))
     calm = detected.rest[~out & (detected.active < 0.5) & (detected.trouble == 0.0)]
     sigma = float(np.quantile(calm, 0.1)) if len(calm) else 0.0
-    return EnvelopeLevels(low, middle, high, strongest, told, sigma, (len(values) - begin - len(left)) / rate)
+    return EnvelopeLevels(low, middle, high, strongest, contraction, sigma, (len(values) - begin - len(left)) / rate)
 
 
 def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
-    """See that there is a contraction in a recording: that the detector tells one, or that its envelope says so.
+    """See that there is a contraction in a recording: that the detector finds one, or that its envelope shows it.
 
     Args:
         found: its levels.
@@ -127,17 +128,17 @@ def check_contraction(found: EnvelopeLevels, rest: float, where: str) -> None:
     Raises:
         LogError: there is none.
     """
-    if not found.told and found.strongest < _CONTRACTION * rest:
+    if not found.contraction and found.strongest < _CONTRACTION * rest:
         raise LogError(
             f"{where}: no contraction: the envelope is {rest:.4g} at rest and {found.strongest:.4g} in its strongest "
             f"{_STRONGEST:g} s",
-            expected=f"at least {_CONTRACTION:g} times as much, or one that the detector tells",
+            expected=f"at least {_CONTRACTION:g} times as much, or a contraction that the detector finds",
             do="contract as hard as you can in the recording, rest longer or apart (--rest), or look at the electrodes",
         )
 
 
 def _means(values: Array, out: Flags, lasting: float, rate: float) -> Array:
-    """Means over every stretch so long [s] in which nothing is left out."""
+    """Means over every stretch this long [s] in which nothing is left out."""
     window = round(lasting * rate)
     sums, lacking = (np.concatenate([[0.0], np.cumsum(part)]) for part in (values, out.astype(np.float64)))
     whole = lacking[window:] - lacking[:-window] < 0.5
@@ -148,8 +149,6 @@ def _artefacts(
     values: Array, rate: float, cleaned: Enveloped, dead: Flags, chain: EnvelopeSettings, detector: Detector
 ) -> Flags:
     """Samples of movement, mains and clicks, each with what is around it (n,)."""
-    from scipy.ndimage import percentile_filter
-
     swung = EnvelopeFilter(rate, chain._replace(offset_hz=_SWING_HZ)).feed(values)
     calm, strong = (float(level) for level in np.quantile(cleaned.envelope[~dead], (0.1, 0.99)))
     large = cleaned.envelope > max(_CALM * calm, _STRONG * strong)
@@ -160,7 +159,7 @@ def _artefacts(
     for first, end in _stretches(odd):
         odd[first:end] &= end - first >= _LONG * rate
     size = np.abs(swung.signal)
-    click = size > _STANDS_OUT * percentile_filter(size, 90, size=round(_AROUND * rate) | 1)
+    click = size > _STANDS_OUT * running_quantile(size, 0.9, round(_AROUND * rate) | 1)
     if np.mean(odd[~dead]) > _HUMS:
         return np.ones(len(values), dtype=bool)
     before, after = round(_BEFORE * rate), round(_AFTER * rate)
@@ -173,7 +172,7 @@ def _artefacts(
 
 
 def _wider(flags: Flags, before: int, after: int) -> Flags:
-    """Flagged, and so many samples before and after it as well."""
+    """Flagged, and this many samples before and after it as well."""
     found = np.zeros(len(flags), dtype=bool)
     for first, end in _stretches(flags):
         found[max(0, first - before) : end + after] = True

@@ -5,13 +5,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import LogError
-from bowden.core.table import read_table
+from bowden.core.table import Table, read_table
 from bowden.identify.cable.checks import check_finite
 from bowden.identify.log.clock import even_clock
 from bowden.identify.log.columns import FACTORS, TIMES, split_name
@@ -34,9 +33,9 @@ _MOST_VOLTS, _MOST = 100.0, LARGEST
 _CLIPPED = 0.02
 """Share of samples at an end of the range above which a recording counts as clipped."""
 _DEAD = 0.02
-"""A value that lasts so long is no signal, as the detectors have it [s]."""
+"""A value that lasts this long is no signal, as the detectors have it [s]."""
 _COARSE, _SATURATED = 16, 0.5
-"""A converter of so few steps is at an end of its range more often; above this share that is clipped, too."""
+"""A converter with this few steps is at an end of its range more often; above this share that is clipped, too."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,8 @@ class EmgLog:
     channel: str
     """Name of the column."""
     warnings: tuple[str, ...]
+    name: str = "the recording"
+    """Of the recording, for messages."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,24 @@ def read_emg(path: Path, channel: str | None = None, rate: float | None = None) 
     warnings = found.warnings
     if channel is None and len(others) > 1:
         warnings = (*warnings, f"{len(others)} channels, {name!r} is taken")
-    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings)
+    return EmgLog(found.values[:, 0].copy(), found.rate, found.start, name, warnings, str(path))
+
+
+def checked_emg(values: Array, rate: float, channel: str) -> EmgLog:
+    """One channel of samples at an even rate, checked as those of a file are; see `read_emg`.
+
+    Args:
+        values: of the channel, in any unit (n,).
+        rate: samples a second [Hz].
+        channel: its name, with its unit at its end where it has one.
+
+    Raises:
+        LogError: as `read_emg`.
+    """
+    given = np.asarray(values, dtype=np.float64)
+    table = Table(Path("the recording"), (channel,), lambda _: [given])
+    found = _recording(table, (channel,), rate, "the recording")
+    return EmgLog(found.values[:, 0].copy(), found.rate, 0.0, channel, found.warnings)
 
 
 def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None = None) -> EmgRecording:
@@ -103,37 +121,37 @@ def read_channels(path: Path, channels: Sequence[str] = (), rate: float | None =
     return _recording(table, tuple(channels) or tuple(_signals(table, path)), rate, path)
 
 
-def _times(table: dict[str, Any]) -> list[str]:
-    return [name for name in table if split_name(name)[0] in TIMES]
+def _times(table: Table) -> list[str]:
+    return [name for name in table.names if split_name(name)[0] in TIMES]
 
 
-def _signals(table: dict[str, Any], path: Path) -> list[str]:
+def _signals(table: Table, path: str | Path) -> list[str]:
     """Columns that are no times."""
     times = _times(table)
-    others = [name for name in table if name not in times]
+    others = [name for name in table.names if name not in times]
     if not others:
         raise LogError(f"{path}: no channel beside {', '.join(map(repr, times))}", expected="a column such as emg_mV")
     return others
 
 
-def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | None, path: Path) -> EmgRecording:
+def _recording(table: Table, names: tuple[str, ...], declared: float | None, path: str | Path) -> EmgRecording:
     def where(sample: int) -> str:
         return f"{path}, row {sample + 1}"
 
     times = _times(table)
     if not times and declared is None:
         raise LogError(
-            f"{path}: no column of times among {_listed(table)}",
+            f"{path}: no column of times among {_listed(table.names)}",
             expected="a column such as time_s",
             do="or say how many samples a second it has with --rate",
         )
     for name in names:
-        if name not in table or name in times:
+        if name not in table.names or name in times:
             others = _listed(_signals(table, path))
             raise LogError(f"{path}: no channel {name!r} among {others}", do="name one of them with --channel")
-    columns = [_numbers(table, name, path) for name in names]
+    columns = _numbers(table, [*names, *times[:1]])
     if times:
-        time = _numbers(table, times[0], path) * FACTORS.get(split_name(times[0])[1] or "s", 1.0)
+        time = columns.pop() * FACTORS.get(split_name(times[0])[1] or "s", 1.0)
     else:
         time = np.arange(len(columns[0])) / (declared or 1.0)
     if len(time) < 2:
@@ -145,7 +163,7 @@ def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | 
     rate = (len(even) - 1) / float(even[-1] - even[0])
     if declared is not None and not abs(rate / declared - 1.0) <= _RATE_ERROR:
         raise LogError(
-            f"{path}: {declared:g} Hz are declared, and the times in {times[0]!r} are of {rate:.4g} Hz",
+            f"{path}: {declared:g} Hz are declared, but the times in {times[0]!r} are of {rate:.4g} Hz",
             expected=f"the same, within {100 * _RATE_ERROR:g} %",
             do="correct --rate, or the unit of the time (time_s, time_ms)",
         )
@@ -153,7 +171,7 @@ def _recording(table: dict[str, Any], names: tuple[str, ...], declared: float | 
         raise LogError(
             f"{path}: {rate:.4g} samples a second",
             expected=f"{SLOWEST:g} to {QUICKEST:g} Hz",
-            do="look at the unit of the time (time_s, time_ms), or resample",
+            do="check the unit of the time (time_s, time_ms), or resample",
         )
     if rate < SAFE:
         slow = f"{rate:.4g} samples a second are few: below {SAFE:g} an open input may pass for a contraction"
@@ -180,14 +198,14 @@ def read_labels(path: Path) -> list[tuple[float, float]]:
     table = _read(path)
     times = []
     for choices in _LABELS:
-        name = next((name for choice in choices for name in table if split_name(name)[0] == choice), None)
+        name = next((name for choice in choices for name in table.names if split_name(name)[0] == choice), None)
         unit = (split_name(name)[1] or "s") if name else ""
         if name is None or unit not in ("s", "ms", "us"):
             raise LogError(
-                f"{path}: columns {_listed(table)}",
+                f"{path}: columns {_listed(table.names)}",
                 expected="onset_s and offset_s, or start_s and end_s, named in the first row; _ms will do as well",
             )
-        values = _numbers(table, name, path)
+        (values,) = _numbers(table, [name])
         unknown = np.flatnonzero(~np.isfinite(values))
         if len(unknown):
             row = int(unknown[0])
@@ -246,38 +264,25 @@ def check_signal(name: str, values: Array, rate: float, where: str) -> None:
     clipped = float(lengths[clips].sum()) / len(values)
     if clipped > (_CLIPPED if len(np.unique(values)) > _COARSE else _SATURATED):
         raise LogError(
-            f"{where}: {100 * clipped:.1f} % of {name} stand at an end of its range ({low:g} or {high:g})",
+            f"{where}: {100 * clipped:.1f} % of {name} are at an end of its range ({low:g} or {high:g})",
             expected=f"at most {100 * _CLIPPED:g} %",
             do="lower the amplifier's gain and record again",
         )
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> Table:
     table = read_table(path)
-    try:
-        names = table.column_names
-    except UnicodeDecodeError as error:
-        raise LogError(f"{path}: a column's name is no text", expected="UTF-8", do="export it as that") from error
-    twice = next((name for name in names if names.count(name) > 1), None)
+    twice = next((name for name in table.names if table.names.count(name) > 1), None)
     if twice is not None:
         raise LogError(f"{path}: two columns are named {twice!r}", expected="a name for each")
-    odd = next((name for name in names if not name.isprintable()), None)
+    odd = next((name for name in table.names if not name.isprintable()), None)
     if odd is not None:
         raise LogError(f"{path}: a column is named {odd[:40]!r}", expected="names that can be printed")
-    return dict(zip(names, table.columns, strict=True))
+    return table
 
 
-def _numbers(table: dict[str, Any], name: str, path: Path) -> Array:
-    """A column, of what pyarrow has read."""
-    column = table[name].to_numpy()
-    if column.dtype.kind in "fiub":
-        return np.asarray(column, dtype=np.float64)
-    for row, value in enumerate(column):
-        try:
-            float(value)
-        except (TypeError, ValueError):
-            raise LogError(f"{path}, row {row + 1}: {name} is {value!r}", expected="a number") from None
-    return np.asarray(column, dtype=np.float64)
+def _numbers(table: Table, names: Sequence[str]) -> list[Array]:
+    return table.numbers([table.names.index(name) for name in names])
 
 
 def _listed(names: Iterable[str]) -> str:

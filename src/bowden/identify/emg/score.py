@@ -20,7 +20,7 @@ Spans = list[tuple[float, float]]
 PAPERS = EnvelopeSettings(offset_hz=1.0, mains_hz=0.0)
 """The paper's chain: offset, rectification, 8 Hz; it names no filter for the mains."""
 EARLY = 0.3
-"""A detection may begin so long before the label of its contraction: labels are made by eye [s]."""
+"""A detection may begin this long before the label of its contraction: labels are made by eye [s]."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Score:
     misses: int | None = None
     """Labelled contractions without a detection, but for those that are `rejected`."""
     rejected: int | None = None
-    """Labelled contractions without a detection that are shorter than the shortest that is told."""
+    """Labelled contractions without a detection that are shorter than the shortest that is reported."""
     false_activations: int | None = None
     """Detections without a label, and every detection of a contraction after its first."""
     latency_median_s: float | None = None
@@ -71,13 +71,13 @@ def score(found: Spans, labels: Sequence[tuple[float, float]] | None, duration: 
     """Set detections against labels.
 
     A contraction's detection is the first one whose contraction begins between `EARLY` before the label's onset and its
-    end; it is told later by `shortest`, which may be after the end.
+    end; it is reported later by `shortest`, which may be after the end.
 
     Args:
-        found: detections, from when they are told.
+        found: detections, from when they are reported.
         labels: contractions; None where there are no labels, empty where there are no contractions.
         duration: of the recording [s].
-        shortest: contractions that are shorter are not told, and all others so much later [s].
+        shortest: contractions that are shorter are left out, and all others are reported this much later [s].
     """
     if labels is None:
         return Score(len(found))

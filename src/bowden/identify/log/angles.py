@@ -157,11 +157,11 @@ def angles_of(
 
 
 def unwrapped(angle: Angle) -> tuple[Angle, list[str]]:
-    """The angle without the jumps of an encoder that begins anew at a turn, or of a counter that overflows.
+    """The angle without the jumps of an encoder that starts again at a turn, or of a counter that overflows.
 
     It is taken to be one where all readings lie within a turn (a counter's range), some steps are larger than half of
-    it, and no step is larger than a quarter once these are taken out. Counts that begin far from zero are told from
-    within the turn of the first one.
+    it, and no step is larger than a quarter once these are taken out. From counts that begin far from
+    zero whole turns are taken off.
     """
     values, warnings = angle.values, []
     turn = _TURN / angle.factor

@@ -19,7 +19,7 @@ _GAP = 1.5
 """A step longer than this many medians is a gap, where the others do not scatter as much: a sample may be missing."""
 
 _LATE = 10
-"""Rows within which a dropped one tells of a step that is longer because rows were late, and not missing."""
+"""Rows within which a dropped one stands for a step that is longer because rows were late, and not missing."""
 
 _REPEATED = 0.5
 """Largest share of rows that repeat the stamp before them. Two rows within every tick are half; above it most rows say
@@ -33,7 +33,7 @@ def even_clock(
 
     A row that repeats the stamp before it (a second row within one tick) is dropped. A step within ten rows of k
     dropped ones more than are usual may be k ticks longer: rows were late until then, the last of them by so much as to
-    fall into the next one's tick. Where every tick has two rows a dropped one tells of nothing, and k is 1.
+    fall into the next one's tick. Where every tick has two rows a dropped one means nothing, and k is 1.
 
     Args:
         time: (n,) finite [s].
@@ -114,7 +114,7 @@ def _first_of_each(time: Array, steps: Array, where: Callable[[int], str]) -> tu
     share = f"{len(repeated)} of {len(time)} rows repeat the time stamp of the row before them"
     if len(repeated) > min(_REPEATED * len(time), len(time) - 2):
         raise LogError(
-            f"{where(int(repeated[0]))}: time repeats ({time[repeated[0]]:.9g} s); {share}, which is no clock",
+            f"{where(int(repeated[0]))}: time repeats ({time[repeated[0]]:.9g} s); {share}, which is not a clock",
             expected=f"at most {100 * _REPEATED:g} %, as two rows within each tick have",
             do="record with a finer clock, or leave the times out and give the rows' rate (--rate, or rate= in Python)",
         )

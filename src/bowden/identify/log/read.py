@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from bowden.core.arguments import said
 from bowden.core.bounded import open_file
 from bowden.core.errors import LogError, ParameterError
-from bowden.core.table import read_parquet, readable
+from bowden.core.table import read_table
 from bowden.identify.cable import checks
+from bowden.identify.cable.counting import Covered
 from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, geared, unwrapped
 from bowden.identify.log.clock import even_clock, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
@@ -37,6 +38,12 @@ class Log:
     """The file's name, for reports."""
     warnings: tuple[str, ...]
     """What was mended or guessed."""
+
+    @property
+    def covered(self) -> Covered:
+        """The motion that is in it."""
+        ends = (float(choose(values)) for values in (self.motor, self.joint) for choose in (np.min, np.max))
+        return Covered(*ends)
 
 
 @dataclass(frozen=True)
@@ -143,29 +150,19 @@ def read_columns(
         raise LogError(f"{file} does not exist", do="check the path") from error
     except OSError as error:
         raise LogError(
-            f"{file} cannot be read: {error.strerror or error}", do="check the file and its rights"
+            f"{file} cannot be read: {error.strerror or error}", do="check the file and its permissions"
         ) from error
 
 
 def _read_parquet(
     path: Path, given: Mapping[str, str | None], known: Mapping[str, Sequence[str]], optional: Collection[str] = ()
 ) -> tuple[dict[str, LogColumn], dict[str, Array], Callable[[int], str]]:
-    columns: dict[str, LogColumn] = {}
-
-    def choose(schema: Any) -> list[str]:
-        columns.update(find_columns(schema.names, given, str(path), known, optional))
-        for role, column in columns.items():
-            unit = (schema.field(column.index).metadata or {}).get(b"unit", b"").decode()  # of a trace
-            columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(unit))
-        return [schema.names[column.index] for column in columns.values()]
-
-    with readable(path):
-        table = read_parquet(path, choose)
-    try:
-        values = {role: np.array(table[i].to_numpy(), dtype=np.float64) for i, role in enumerate(columns)}
-    except (TypeError, ValueError) as error:
-        raise LogError(f"{path} cannot be read: {error}", expected="numbers in the columns of a log") from error
-    return columns, values, lambda sample: f"{path}, row {sample + 1}"
+    table = read_table(path)
+    columns = find_columns(table.names, given, str(path), known, optional)
+    for role, column in columns.items():
+        columns[role] = LogColumn(column.index, column.name, column.unit or unit_of(table.units.get(column.name, "")))
+    values = table.numbers([column.index for column in columns.values()])
+    return columns, dict(zip(columns, values, strict=True)), lambda sample: f"{path}, row {sample + 1}"
 
 
 def seconds_of(raw: RawLog, rate: float | None, file: Path) -> tuple[Array, list[str]]:
@@ -224,7 +221,7 @@ def prepare(
     checks.check_length(len(time), name)
     for what, values in (("time", time), *((one.name, one.values) for one in angles.values())):
         checks.check_finite(what, values, place)
-    (motor, told), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
+    (motor, notes), (joint, more) = (unwrapped(angles[side]) for side in SIDES)
     check_plausible(motor, joint, place)
     if not apart:
         checks.check_same_unit(motor.radians, joint.radians, name)
@@ -232,4 +229,4 @@ def prepare(
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
     checks.check_length(len(even), name)
     swapped = checks.swapped(motor_at, joint_at)
-    return Log(even, motor_at, joint_at, name, (*warnings, *told, *more, *clock, *odd_time(even, motor_at), *swapped))
+    return Log(even, motor_at, joint_at, name, (*warnings, *notes, *more, *clock, *odd_time(even, motor_at), *swapped))

@@ -81,7 +81,7 @@ def _check_length(path: Path) -> None:
     except DAMAGED as error:
         raise _damaged(path, error) from error
     if lines > MOST_ROWS:
-        raise LogError(f"{path} has more than {MOST_ROWS} rows", do="cut it, or thin it to about 1 kHz")
+        raise LogError(f"{path} has more than {MOST_ROWS} rows", do="shorten it, or reduce it to about 1 kHz")
 
 
 def _open(path: Path, encoding: str, errors: str = "replace") -> IO[str]:
@@ -156,7 +156,7 @@ def _names(
             raise LogError(
                 f"{path}, line {number}: {line.strip()[:60]!r} is neither column names nor numbers",
                 expected="one number for each column",
-                do="remove or mend that row",
+                do="remove or correct that row",
             )
         else:
             return cells, [declared.get(cell, unit) for cell, unit in zip(cells, units, strict=True)]
@@ -225,7 +225,7 @@ def _explained(path: Path, layout: _Layout, columns: Mapping[str, LogColumn], er
                 return LogError(
                     f"{path}, line {number}: {what} in column {column.name!r}",
                     expected="a number",
-                    do="remove or mend that row",
+                    do="remove or correct that row",
                 )
     return LogError(f"{path} cannot be read: {error}", do="export it as CSV, a number in every field")
 
@@ -261,6 +261,6 @@ def _data_lines(path: Path, layout: _Layout) -> Iterator[tuple[int, str]]:
                 raise LogError(
                     f"{path}, line {number}: {count} fields where there are {most} columns",
                     expected="rows of one length",
-                    do="remove or mend that row (decimal commas ask for semicolons between the columns)",
+                    do="remove or correct that row (decimal commas ask for semicolons between the columns)",
                 )
             yield number, text

@@ -20,6 +20,7 @@ from bowden.core.errors import LogError
 from bowden.core.kernel import compiled, kernel
 from bowden.core.metrics import sample_time
 from bowden.core.units import DEGREES, RADIANS
+from bowden.identify.cable.bounded import ProblemAt, bounded_least_squares
 from bowden.models.drive.servo import Servo, ServoState, ServoStep, prepare, servo_step
 
 Array = NDArray[np.float64]
@@ -29,6 +30,10 @@ _SMALLEST_STEP = 0.5 * RADIANS
 """Span of the command below which nothing was asked of the servo [rad]."""
 _LONGEST_DELAY = 0.2
 """[s]"""
+_NONE: Array = np.empty(0)
+"""Linear in the problem is nothing."""
+_MOST = 500
+"""How often the model is looked at at most."""
 _PARTS = 3
 """Steps into which each part of a sample is divided, for the limits."""
 
@@ -99,7 +104,7 @@ def identify_servo(time: Array, command: Array, motor: Array) -> ServoFit:
 
     Raises:
         LogError: too short or uneven, values that are not finite, a command that asks for too little, a motor that does
-            not follow, or a log that does not tell the servo's frequency.
+            not follow, or a log that does not show the servo's frequency.
     """
     dt = _checked(time, command, motor)
     fits = {limits: _fit(command, motor, dt, limits) for limits in ("", "v")}
@@ -145,8 +150,6 @@ def _model(values: Array, limits: str, command: Array, start: float, dt: float) 
 
 
 def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None = None) -> _Fit:
-    from scipy.optimize import least_squares
-
     speed = _slopes(motor, dt)
     first_limits = {"v": float(np.max(np.abs(speed))), "a": float(np.max(np.abs(_slopes(speed, dt))))}
     tail = [np.log(max(first_limits[limit], 1e-6)) for limit in limits]
@@ -166,18 +169,27 @@ def _fit(command: Array, motor: Array, dt: float, limits: str, near: _Fit | None
     span = float(np.ptp(command))
     low = [np.log(0.1), np.log(0.02), 0.0, -span, *(np.log(1e-6) for _ in limits)]
     high = [np.log(1e4), np.log(20.0), _LONGEST_DELAY, span, *(np.log(1e9) for _ in limits)]
-    scale = [0.1, 0.1, dt, 0.01 * span, *(0.1 for _ in limits)]
+    scale = np.array([0.1, 0.1, dt, 0.01 * span, *(0.1 for _ in limits)])
     inside = np.clip(start, np.array(low) + 1e-9, np.array(high) - 1e-9)
-    found = least_squares(residuals, inside, bounds=(low, high), x_scale=scale, diff_step=[1e-5] * len(low))
-    left = np.asarray(found.fun, dtype=np.float64)
-    jacobian = np.asarray(found.jac, dtype=np.float64)
+
+    def problem(values: Array) -> ProblemAt:
+        here = residuals(values)
+        step = 1e-5 * np.maximum(np.abs(values), scale)
+        step = np.where(values + step < np.array(high), step, -step)
+        moved = [residuals(values + np.eye(len(values))[i] * step[i]) for i in range(len(values))]
+        return ProblemAt(here, np.stack([(one - here) / h for one, h in zip(moved, step, strict=True)], axis=1), _NONE)
+
+    best = bounded_least_squares(
+        problem, inside, np.array(low), np.array(high), scale, step_tolerance=1e-8, cost_tolerance=1e-8, most=_MOST
+    ).theta
+    left, jacobian, _ = problem(best)
     n = len(left)
     near_one = float(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300))
     independent = n * max(1.0 - near_one, 1e-3) / (1.0 + max(near_one, 0.0))
     variance = float(np.sum(left**2)) / max(n - len(inside), 1) * n / independent
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
     return _Fit(
-        np.asarray(found.x, dtype=np.float64),
+        best,
         np.asarray(covariance, dtype=np.float64),
         float(np.sqrt(np.mean(left**2))),
         left + motor,
@@ -196,7 +208,7 @@ def _result(fit: _Fit, limits: str, motor: Array, dt: float) -> ServoFit:
         )
     if not relative < 0.25 or fit.values[0] > np.log(0.5 * np.pi / dt):
         raise LogError(
-            "the log does not tell the servo's frequency: the motor follows the command without a lag to be seen",
+            "the log does not show the servo's frequency: the motor follows the command without a visible lag",
             expected="a step, or a chirp up to beyond the servo's frequency",
             do="log one, with samples that are short against the servo's rise",
         )

@@ -7,10 +7,10 @@
     push' = (direction of the target − push)/T, and τ* + F_ff·push in place of τ*
 
 The paper's loop is PD (Section 3.1): y = 0, and friction and load leave the spool behind its target. Drives that one
-buys add an integral, dy/dt = k_i·e, here held inside ± `BAND` of the target, lest it hunt about the friction, and while
+buys add an integral, dy/dt = k_i·e, here held inside ± `BAND` of the target, or it hunts about the friction, and while
 the current is at a limit. F_ff, 0 unless it is asked for, makes up for friction ahead of any error, as the torque
 offset that drives take beside a position (CiA 402, object 60B2h). Its direction is that of the target's last motion
-beyond `DEAD`, so that noise turns nothing, and fades where the target rests. A drive on a bus is told its offset by the
+beyond `DEAD`, so that noise turns nothing, and fades where the target rests. A drive on a bus gets its offset by the
 loop, which makes it with the same kernel, `turn_push`.
 
 The current loop is taken as immediate. Friction is Coulomb's, solved implicitly: what it cannot stop it slows, and it
@@ -70,7 +70,7 @@ class SpoolState(NamedTuple):
     push: float
     """Direction of the feed-forward, −1…1 [–]."""
     torque_offset: float
-    """Torque offset that the drive is told from outside, at the spool [N·m]."""
+    """Torque offset that the drive gets from outside, at the spool [N·m]."""
 
 
 class FrictionPush(NamedTuple):

@@ -19,7 +19,7 @@ from bowden.core.quantity import Quantity
 
 @part
 class Servo(NamedTuple):
-    """What is to be known of a position-controlled motor.
+    """A position-controlled motor: how quickly it follows its target.
 
     >>> Servo(natural_frequency=20.0).damping
     1.0

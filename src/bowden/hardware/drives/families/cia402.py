@@ -30,7 +30,7 @@ def completed(given: DriveParameters, needs: DriveNeeds) -> DriveParameters:
         raise ParameterError(
             f"drive.drive_heartbeat_ms is {1e3 * given.drive_heartbeat_time:g}, and limits.heartbeat_age_s is "
             f"{needs.heartbeat_age:g}",
-            expected="two of the drive's heartbeats within that age, so that one lost frame is none",
+            expected="two heartbeats of the drive within that age, so that one lost frame does no harm",
             do="correct one of them",
         )
     return parameters

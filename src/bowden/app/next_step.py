@@ -1,0 +1,35 @@
+"""The last line of a command: the one that comes next, with the files that are there now.
+
+From a log to a running law: identify, init, simulate, check, tune, run, export.
+"""
+
+import shlex
+from pathlib import Path
+
+
+def say_next(*words: str | Path, why: str = "") -> None:
+    """Print the command that comes next.
+
+    Args:
+        words: after ``bowden``.
+        why: what it does, where that is not plain.
+
+    >>> say_next("simulate", "my rig.toml")
+    Next: bowden simulate 'my rig.toml'
+    """
+    print(f"Next: {shlex.join(['bowden', *map(str, words)])}{f'  # {why}' if why else ''}")
+
+
+def free_name(path: Path) -> Path:
+    """The path itself, or one with a number, under which nothing is."""
+    found, count = path, 1
+    while found.exists():
+        count += 1
+        found = path.with_name(f"{path.stem}-{count}{path.suffix}")
+    return found
+
+
+def after_model(model: Path) -> None:
+    """What comes after a model has been written."""
+    rig = free_name(Path("rig.toml"))
+    say_next("init", *([] if rig == Path("rig.toml") else [rig]), "--model", model)

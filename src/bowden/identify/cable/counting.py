@@ -1,0 +1,124 @@
+"""A model counted from other zeros, or with its motor counted the other way: from a log's angles to a rig's.
+
+A log counts its angles from where its encoders happened to be zero. A rig counts from where its cable is just taut, and
+counts its motor so that the joint follows in the same direction; limits and supervisor build on that. With the motor's
+direction d and the zeros m₀ and j₀ a rig has
+
+    motor = d·(motor of the log − m₀),    joint = joint of the log − j₀
+
+and the same cable has other parameters: what these functions say.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal, NamedTuple
+
+from bowden.core.errors import ParameterError
+from bowden.core.quantity import Quantity
+from bowden.models.cable import scheduled as scheduling
+from bowden.plants.cables import DISTRIBUTED, whole_slope
+
+
+class Counting(NamedTuple):
+    """How a rig counts the angles of a log."""
+
+    direction: Annotated[
+        Literal[1, -1],
+        Quantity("of a model: -1 where this rig counts its motor the other way round than the log", key="direction"),
+    ] = 1
+    motor_zero: Annotated[
+        float, Quantity("of a model: motor angle of its log that is zero here", "rad", ge=-36000.0, le=36000.0)
+    ] = 0.0
+    joint_zero: Annotated[
+        float, Quantity("of a model: joint angle of its log that is zero here", "rad", ge=-36000.0, le=36000.0)
+    ] = 0.0
+
+    @property
+    def as_recorded(self) -> bool:
+        """Whether the rig counts as the log does."""
+        return self == Counting()
+
+
+class Covered(NamedTuple):
+    """The motion that a log covered; beyond it a model says what nothing was seen of."""
+
+    motor_low: float
+    """[rad]"""
+    motor_high: float
+    """[rad]"""
+    joint_low: float
+    """[rad]"""
+    joint_high: float
+    """[rad]"""
+
+    def counted(self, counting: Counting) -> "Covered":
+        """The same motion as a rig counts it."""
+        ends = sorted(counting.direction * (one - counting.motor_zero) for one in (self.motor_low, self.motor_high))
+        joint = (one - counting.joint_zero for one in (self.joint_low, self.joint_high))
+        return Covered(*ends, *joint)
+
+
+def covered_by(all_of: Sequence[Covered]) -> Covered:
+    """What several logs covered together, as if nothing lay between them."""
+    low = (min(one[k] for one in all_of) for k in (0, 2))
+    high = (max(one[k] for one in all_of) for k in (1, 3))
+    (motor_low, joint_low), (motor_high, joint_high) = low, high
+    return Covered(motor_low, motor_high, joint_low, joint_high)
+
+
+def recounted(name: str, parameters: Mapping[str, float], counting: Counting) -> dict[str, float]:
+    """The parameters of a model as a rig counts, see above.
+
+    >>> line = {"slope": -0.9, "offset": 1.0}
+    >>> found = recounted("line", line, Counting(-1, 0.5, 0.4))
+    >>> {key: round(value, 9) for key, value in found.items()}
+    {'slope': 0.9, 'offset': 0.15}
+
+    Raises:
+        ParameterError: a model that is not identified from logs, and has no log's angles.
+    """
+    found = dict(parameters)
+    if counting.as_recorded:
+        return found
+    if name in DISTRIBUTED:
+        raise ParameterError(
+            f"the model {name!r} is not identified from a log",
+            expected="a model whose angles are a log's, for other zeros or another direction",
+            do="leave out direction, motor_zero_deg and joint_zero_deg of [cable]",
+        )
+    if counting.direction < 0:
+        found = _turned(found)
+    zero = counting.direction * counting.motor_zero
+    for node in ("static_centre", "first_node", "last_node", "knot_first"):
+        if node in found:
+            found[node] -= zero
+    if "knot_first" in found:
+        return {
+            key: value - counting.joint_zero if re.fullmatch(r"middle_\d+", key) else value
+            for key, value in found.items()
+        }
+    found["offset"] += whole_slope(found) * zero - counting.joint_zero
+    return found
+
+
+def _turned(given: Mapping[str, float]) -> dict[str, float]:
+    """The parameters with the motor counted the other way."""
+    if "knot_first" in given:
+        cable, values = scheduling.cable_of(given)
+        variables = [one for one in scheduling.VARIABLES if f"{one}_low" in given]
+        return scheduling.parameters_of(scheduling.turned(cable), variables, values)
+    found = dict(given)
+    for key, value in given.items():
+        mirrored = re.fullmatch(r"(static|hysteresis_gain)_(\d+)", key)
+        if mirrored:  # Tₖ(−u) = (−1)ᵏ·Tₖ(u), and h(−motor) = −h
+            odd = int(mirrored[2]) + (mirrored[1] == "hysteresis_gain")
+            found[key] = -value if odd % 2 else value
+        elif re.fullmatch(r"slope|hysteresis_gain|weight_\d+|initial_(h|lag)|static_centre", key):
+            found[key] = -value
+    if "first_node" in given:
+        found |= {"first_node": -given["last_node"], "last_node": -given["first_node"]}
+        for kind in ("bend", "gap"):
+            nodes = [key for key in given if re.fullmatch(rf"{kind}_\d+", key)]
+            count = len(nodes)
+            found |= {f"{kind}_{k}": given[f"{kind}_{count + 1 - k}"] for k in range(1, count + 1)}
+    return found

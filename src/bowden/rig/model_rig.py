@@ -1,0 +1,171 @@
+"""The rig.toml that ``bowden init --model`` writes: a bench round an identified cable, within what its log covered."""
+
+import math
+from typing import NamedTuple
+
+from bowden.core.toml_text import quoted
+from bowden.core.units import DEGREES, RADIANS
+from bowden.identify.cable.counting import Counting, Covered
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.rig.presets.bench import default_bench
+from bowden.safety.limits import Limits
+
+_INSIDE = 0.1
+"""Share of the joint's covered motion that the reference keeps away from its ends."""
+_ROOM = 15.0
+"""What motor and joint may go beyond the covered motion [deg]: a law crosses the play, and overshoots."""
+_GENTLER, _STEEPER = 0.75, 1.15
+"""Smallest and largest slope that the supervisor takes for the cable's, over its own."""
+_PLAYS = 1.5
+"""Distance of the joint from where these slopes have it that is the cable's play, over its dead zone."""
+
+TEXT = """\
+# {name}: a bench with your cable. Next: bowden simulate {name}
+# What is not here is as on the paper's bench; `bowden init OTHER.toml` writes every key, docs/rig.md explains them.
+
+[cable]
+model = {model}
+{counting}
+[servo]  # of the paper's bench: put your own here; bowden identify-servo finds it from a log
+natural_frequency_hz = {frequency:.4g}  # [Hz] it decides how much gain a law may have
+damping = {damping:.1f}                 # ratio; 1 is critical
+
+[encoder.joint]  # of the paper's bench: put your own here
+resolution_deg = {count:.11g}  # [°] one count
+noise_deg = {noise:.2f}                # [°] standard deviation
+
+[encoder.motor]  # at the spool
+resolution_deg = {count:.11g}  # [°] one count
+noise_deg = {noise:.2f}                # [°] standard deviation
+
+[control]
+law = {law}  # {why}
+
+[reference]  # {within}
+kind = "periodic_minimum_jerk"
+low_deg = {low:.1f}    # [°] lower end
+high_deg = {high:.1f}  # [°] upper end
+period_s = 10.0  # [s] there and back
+
+[scenario]
+duration_s = 60.0  # [s]
+
+[limits]  # of bowden run: {limited}; all others as bowden init writes them
+{limits}
+"""
+
+
+class Chosen(NamedTuple):
+    """The law that is written, and why."""
+
+    law: str
+    why: str
+
+
+def counting_of(cable: IdentifiedCable) -> Counting:
+    """How a rig counts the angles of a cable's log.
+
+    As the log does, where its joint rises with its motor and both are zero together, but for what play and sheath
+    explain. Else the motor is counted so that the joint rises with it, and both from the lower end of the motion.
+    """
+    slope = cable.bouc_wen.slope
+    direction, covered = (1 if slope > 0.0 else -1), cable.covered
+    if covered is None:
+        return Counting(1 if slope > 0.0 else -1)
+    middle = 0.5 * (covered.joint_low + covered.joint_high - slope * (covered.motor_low + covered.motor_high))
+    usual = Limits()
+    if direction > 0 and abs(middle) < 0.5 * usual.play and covered.motor_low > usual.motor_low:
+        return Counting()
+    motor = covered.motor_low if direction > 0 else covered.motor_high
+    return Counting(1 if direction > 0 else -1, _tenth(motor), _tenth(covered.joint_low))
+
+
+def model_text(name: str, model: str, cable: IdentifiedCable, chosen: Chosen) -> str:
+    """The rig.toml.
+
+    Args:
+        name: of the file, as it is typed.
+        model: the path of model.toml, from the file's folder.
+        cable: what is in it, as it was recorded.
+        chosen: the law.
+    """
+    counting = counting_of(cable)
+    counted = cable.counted(counting)
+    bench, seen = default_bench(), counted.covered
+    low, high, within = _reference(seen)
+    return TEXT.format(
+        name=name,
+        model=quoted(model),
+        counting=_counting_lines(counting),
+        frequency=bench.servo.natural_frequency / (2.0 * math.pi),
+        damping=bench.servo.damping,
+        count=bench.joint_encoder.resolution * DEGREES,
+        noise=bench.joint_encoder.noise * DEGREES,
+        law=quoted(chosen.law),
+        why=chosen.why,
+        within=within,
+        low=low,
+        high=high,
+        limited=f"angles {_ROOM:g}° beyond what the log covered, slopes round the model's" if seen else "of the model",
+        limits="\n".join(_limits(counted)),
+    )
+
+
+def _counting_lines(counting: Counting) -> str:
+    if counting.as_recorded:
+        return ""
+    lines = []
+    if counting.direction < 0:
+        lines.append(
+            "direction = -1  # the joint falls as the log's motor rises: the motor is counted the other way here"
+        )
+    if (counting.motor_zero, counting.joint_zero) != (0.0, 0.0):
+        lines.append(
+            "# The log does not count from where the cable is just taut; the lower end of its motion stands for that."
+        )
+        lines.append(f"motor_zero_deg = {counting.motor_zero * DEGREES:.1f}  # [°] of the log, zero here")
+        lines.append(f"joint_zero_deg = {counting.joint_zero * DEGREES:.1f}  # [°] of the log, zero here")
+    return "\n".join(lines) + "\n"
+
+
+def _reference(seen: Covered | None) -> tuple[float, float, str]:
+    """Both ends [deg], and what is said of them."""
+    if seen is None:
+        return 0.0, 70.0, "model.toml does not say what motion its log covered: check that this lies within it"
+    low, high = seen.joint_low * DEGREES, seen.joint_high * DEGREES
+    inside, digits = _INSIDE * (high - low), 0 if high - low > 20.0 else 2
+    scale = 10.0**digits
+    ends = math.ceil(scale * (low + inside)) / scale, math.floor(scale * (high - inside)) / scale
+    return *ends, f"within the motion that the log covered, {low:.1f} to {high:.1f}° at the joint"
+
+
+def _limits(cable: IdentifiedCable) -> list[str]:
+    """Keys of [limits], with their units."""
+    seen, slope = cable.covered, cable.bouc_wen.slope
+    lost = 2.0 * cable.models["play"]["half_width"] * slope * DEGREES if "play" in cable.models else 0.0
+    found = [
+        ("slope_low", _GENTLER * slope, "[rad/rad] joint over motor"),
+        ("slope_high", _STEEPER * slope, "[rad/rad]"),
+        (
+            "play_deg",
+            max(Limits().play * DEGREES, _PLAYS * lost),
+            "[°] the joint's distance from these slopes",
+        ),
+    ]
+    if seen is not None:
+        angles = [one * DEGREES for one in seen]
+        found = [
+            ("motor_low_deg", math.floor(angles[0] - _ROOM), "[°] smallest target of the motor"),
+            ("motor_high_deg", math.ceil(angles[1] + _ROOM), "[°] largest target of the motor"),
+            ("joint_low_deg", math.floor(angles[2] - _ROOM), "[°] smallest angle of the joint"),
+            ("joint_high_deg", math.ceil(angles[3] + _ROOM), "[°] largest angle of the joint"),
+            *found,
+        ]
+    rows = [(f"{name} = {float(f'{value:.4g}')}", said) for name, value, said in found]
+    room = max(len(left) for left, _ in rows)
+    return [f"{left:<{room}}  # {said}" for left, said in rows]
+
+
+def _tenth(angle: float) -> float:
+    """An angle rounded to a tenth of a degree [rad]."""
+    return round(angle * DEGREES, 1) * RADIANS

@@ -1,0 +1,125 @@
+"""A model as a rig counts its angles: the same cable, whatever its zeros and its motor's direction."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowden.core.errors import ParameterError
+from bowden.identify.cable.counting import Counting, Covered, covered_by, recounted
+from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.identify.cable.model_file import cable_text, load_cable
+from bowden.rig.rig import Rig
+
+BOUC_WEN = {
+    "slope": -0.9,
+    "hysteresis_gain": 0.1,
+    "rate": 9.0,
+    "shape": 8.0,
+    "exponent": 2.0,
+    "offset": 1.5,
+    "initial_h": 0.1,
+}
+KNOTS = {f"middle_{k}": 1.5 - 0.2 * k + 0.01 * k**2 for k in range(1, 6)} | {
+    f"height_{k}": 0.03 + 0.002 * k for k in range(1, 6)
+}
+MODELS = {
+    "line": {"slope": -0.9, "offset": 1.5},
+    "play": {"slope": -0.9, "half_width": 0.05, "offset": 1.5, "initial_lag": 0.02},
+    "bouc_wen": BOUC_WEN,
+    "bouc_wen_static": BOUC_WEN
+    | {"static_2": 0.02, "static_3": -0.01, "hysteresis_gain_1": 0.01, "hysteresis_gain_2": 0.02}
+    | {"static_centre": 0.4, "static_half_range": 0.6},
+    "prandtl_ishlinskii": {"slope": -0.5, "offset": 1.5, "initial_lag": 0.02}
+    | {"half_width_1": 0.02, "weight_1": -0.3, "half_width_2": 0.05, "weight_2": -0.1},
+    "generalised_play": {"slope": -0.9, "offset": 1.5, "first_node": -0.2, "last_node": 1.0, "initial_lag": 0.02}
+    | {"reach_1": 0.5, "share_1": 0.4, "reach_2": 1.3, "share_2": 0.6}
+    | {f"bend_{k}": 0.01 * k**2 for k in range(1, 5)}
+    | {f"gap_{k}": 0.02 + 0.01 * k for k in range(1, 6)},
+    "scheduled": {"knot_first": -0.1, "knot_step": 0.25, "half_width_1": 0.02, "eta_1": 50.0}
+    | KNOTS
+    | {"load": 0.5, "load_low": 0.0, "load_high": 1.0}
+    | {f"{name}_load_1": 0.02 for name in KNOTS},
+}
+MOTION = 0.4 + 0.4 * np.sin(np.linspace(0.0, 9.0, 300)) * np.linspace(1.0, 0.5, 300)
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("counting", [Counting(1, 0.3, 0.8), Counting(-1), Counting(-1, 0.7, 0.4)])
+def test_a_recounted_model_is_the_same_cable(name: str, counting: Counting) -> None:
+    before = CableModel(name, MODELS[name]).joint_angle(MOTION)
+    motor = counting.direction * (MOTION - counting.motor_zero)
+    after = CableModel(name, recounted(name, MODELS[name], counting)).joint_angle(motor)
+    assert np.ptp(before) > 0.3
+    assert np.allclose(after, before - counting.joint_zero, rtol=0.0, atol=1e-12)
+
+
+def test_a_cable_that_is_no_logs_has_no_other_zeros() -> None:
+    assert recounted("sliding", {"length": 1.0}, Counting()) == {"length": 1.0}
+    with pytest.raises(ParameterError, match="not identified from a log"):
+        recounted("sliding", {"length": 1.0}, Counting(-1))
+
+
+def test_the_covered_motion_goes_with_the_zeros_and_is_what_all_logs_cover() -> None:
+    seen = Covered(0.1, 1.1, 0.5, 1.4)
+    assert seen.counted(Counting(-1, 1.1, 0.5)) == pytest.approx((0.0, 1.0, 0.0, 0.9))
+    assert covered_by([seen, Covered(-0.2, 0.9, 0.6, 1.6)]) == Covered(-0.2, 1.1, 0.5, 1.6)
+
+
+def test_a_rigs_file_keeps_how_it_counts(tmp_path: Path) -> None:
+    models = {name: MODELS[name] for name in ("line", "play", "bouc_wen")}
+    cable = IdentifiedCable("play", models, covered=Covered(0.0, 1.0, 0.6, 1.5))
+    (tmp_path / "model.toml").write_text(cable_text(cable))
+    assert load_cable(tmp_path / "model.toml").covered == pytest.approx(cable.covered, abs=1e-5)
+    head = '[cable]\nmodel = "model.toml"\n'
+    plain, file = tmp_path / "plain.toml", tmp_path / "rig.toml"
+    plain.write_text(head)
+    file.write_text(
+        f"{head}direction = -1\nmotor_zero_deg = 57.0\njoint_zero_deg = 30.0\n[reference]\nhigh_deg = 50.0\n"
+    )
+    rig = Rig.read(file)
+    assert Rig.read(plain).turned
+    assert not rig.turned
+    assert rig.cable.model().parameters["slope"] == 0.9  # type: ignore[union-attr]
+    (tmp_path / "again.toml").write_text(rig.to_toml())
+    assert "motor_zero_deg = 57.0" in rig.to_toml()
+    again, unpacked = Rig.read(tmp_path / "again.toml"), Rig.unpack(rig.pack())
+    assert again.hash == unpacked.hash == rig.hash
+    assert unpacked.cable.covered == rig.cable.covered  # type: ignore[union-attr]
+    (tmp_path / "apart").mkdir()
+    rig.write(tmp_path / "apart" / "rig.toml")
+    assert Rig.read(tmp_path / "apart" / "rig.toml").hash == rig.hash
+
+
+def test_a_reference_beyond_the_log_is_said() -> None:
+    models = {name: MODELS[name] | {"slope": 0.9} for name in ("line", "play", "bouc_wen")}
+    cable = IdentifiedCable("play", models, covered=Covered(0.0, 1.0, 0.0, np.radians(65.0)))
+    assert not [note for note in Rig(cable=cable).notes if "covered" in note]  # 70°, a tenth beyond at most
+    narrow = IdentifiedCable("play", models, covered=Covered(0.0, 1.0, 0.0, np.radians(50.0)))
+    (note,) = Rig(cable=narrow).notes
+    assert note.startswith("the reference goes from 0 to 70°, and the log of the cable's model covered 0.0 to 50.0°")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("direction = -1", "[cable] says how a model's angles are counted, and names no model"),
+        ('model = "model.toml"\ndirection = 0', "cable.direction is 0; expected 1 or -1"),
+        ('model = "model.toml"\nslope = 1.0\ndirection = -1', "[cable] has a model and its own slope"),
+    ],
+)
+def test_counting_that_makes_no_sense_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "model.toml").write_text(cable_text(IdentifiedCable("line", {"line": MODELS["line"]})))
+    (tmp_path / "rig.toml").write_text(f"[cable]\n{text}\n")
+    with pytest.raises(ParameterError) as error:
+        Rig.read(tmp_path / "rig.toml")
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize("pair", ["[1.0]", "[2.0, 1.0]", "[0.0, nan]", '["a", 1.0]', "3"])
+def test_a_covered_motion_that_is_none_is_refused(pair: str, tmp_path: Path) -> None:
+    text = cable_text(IdentifiedCable("bouc_wen", {"bouc_wen": BOUC_WEN}))
+    head, models, rest = text.partition("[models")
+    (tmp_path / "model.toml").write_text(f"{head}[covered]\nmotor_deg = {pair}\njoint_deg = [0.0, 1.0]\n{models}{rest}")
+    with pytest.raises(ParameterError, match=r"motor_deg of \[covered\]"):
+        load_cable(tmp_path / "model.toml")
