@@ -5,14 +5,15 @@ With s = 1/a₀, a₀ the given slope, a the learned one, φ the reference, F th
     m = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
     command = m + 2ζ/ω·m' + m''/ω²                                       what the servo must be asked for
 
-ω, ζ are the servo's, τ the delay. Three parts, each with a file of its own: `observer` takes everything that moves the
-joint for one disturbance and takes it away (F), `crossing` knows the dead zone (J) and learns a, `swing` slows the
-observer where the loop rings. In the feedback stands a₀, in the plan a: what is learned must not be the loop's gain.
+ω, ζ are the servo's, τ the delay. Four parts, each with a file of its own: `observer` takes everything that moves the
+joint for one disturbance and takes it away (F), `drive` knows what of the command the motor did not do, `crossing`
+knows the dead zone (J) and learns a, `swing` slows the observer where the loop rings. In the feedback stands a₀, in the
+plan a: what is learned must not be the loop's gain.
 
 Derivation, stability and limits: ``docs/background/our_law.md``. Portable subset.
 """
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from bowden.control.our_law.crossing import (
     at_start,
     crossed,
 )
+from bowden.control.our_law.drive import Drive, missed, moves_on
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import (
     LOAD_DAMPING,
@@ -42,11 +44,11 @@ from bowden.control.our_law.observer import (
 from bowden.control.our_law.swing import Swing, load_time, no_swing, watched
 from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
-from bowden.core.quantity import Quantity
 from bowden.core.signals import Reference, Sample
 
-UNTOLD = 0.3
-XB0, XK = 0.01, 0.5
+UNKNOWN_LAG = 0.3
+"""Lag of the joint that the observer expects beside the one that is known, over 1/ω, until it has found a load that
+swings: most joints follow a little late. Too much of it costs a slower answer, too little a loop that rings [–]."""
 
 FURTHEST = 1e6
 """Angles beyond it are none; a motor may have made many turns [rad]."""
@@ -60,13 +62,6 @@ REST = 0.3
 IDLE, IDLE_SIGMAS = 0.002, 3.0
 """Innovation that is no news while the reference rests: within a dead zone whose joint first runs the wrong way the
 feedback drives itself, and grows from nothing; and the same in standard deviations of the noise [rad, –]."""
-
-
-class Drive(NamedTuple):
-    """What the servo is expected to do with what it was asked for, a delay ahead of it."""
-
-    position: Annotated[float, Quantity("p, where the motor is to be a delay later", "rad")]
-    velocity: Annotated[float, Quantity("its rate", "rad/s")]
 
 
 class BowdenState(NamedTuple):
@@ -99,11 +94,9 @@ def step(
     noise = gains.noise * inverse
 
     time = load_time(state.swing)
-    lag = gains.lag + sel(time > 0.0, 0.0, UNTOLD / omega)
-    off = sign * sample.motor - state.drive.position + delay * state.drive.velocity
-    bound = XB0 + XK * (2.0 * gains.servo_damping / omega + delay) * np.abs(state.drive.velocity)
-    lost = sel(seen * (np.abs(off) <= 1.0) > 0.0, off - larger(smaller(off, bound), -bound), 0.0)
-    arrived = arrives(before, lost, delay, lag, time, dt)
+    lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
+    short = sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0)
+    arrived = arrives(before, short, delay, lag, time, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
     joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)
@@ -147,10 +140,7 @@ def step(
         velocity + observer.rate + cable.jump_rate,
         reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
     )
-    asked_of = through_servo(wanted, omega, gains.servo_damping)
-    pull = omega * omega * dt
-    speed = (state.drive.velocity + pull * (asked_of - state.drive.position)) / (
-        1.0 + 2.0 * gains.servo_damping * omega * dt + pull * dt
-    )
-    drive = Drive(state.drive.position + dt * speed, speed)
-    return BowdenState(observer, swing, cable, drive), sign * asked_of
+    command = through_servo(wanted, omega, gains.servo_damping)
+    sane = sel(np.abs(command) <= FURTHEST, command, state.drive.position)
+    drive = moves_on(state.drive, sane, omega, gains.servo_damping, dt)
+    return BowdenState(observer, swing, cable, drive), sign * command

@@ -145,7 +145,7 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
         sel(turned, fast, sel(fast < 0.0, -top, top)),
         sel(suspected, 0.0, sel(tried, late, sel(turned, top, before.last))),
         sel(turned, 0.0, smaller(before.lasts + dt, 1.0)),
-        sel(suspected, period, sel(turned * (1.0 - tried) > 0.0, before.lasts, before.lasted)),
+        sel(suspected, period, sel(turned * (1.0 - tried) > 0.0, larger(before.lasts, dt), before.lasted)),
         counted,
         sel(suspected, slowed, sel(theirs, 1.0, back)),
         sel(own, of_swing(before.lasted), before.time),
