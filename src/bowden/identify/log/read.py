@@ -15,7 +15,16 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import Covered
-from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, geared, unit_doubt, unwrapped
+from bowden.identify.log.angles import (
+    SIDES,
+    Angle,
+    angle_units,
+    angles_of,
+    check_plausible,
+    geared,
+    unit_doubt,
+    unwrapped,
+)
 from bowden.identify.log.clock import even_clock, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
