@@ -32,9 +32,10 @@ class Trust(NamedTuple):
 def trust(fit: "Fit") -> Trust:
     """Whether to trust the recommended model.
 
-    *No* where the joint does not follow the motor or turns round before it, or where the model errs by more than half of what a straight line
-    does (and more than its encoders' counts explain), a line being no loop. *With care* where the angles hardly have
-    the unit they were taken in, where the half that was not fitted is predicted clearly worse than the other one was fitted, or where that half helped to choose the model.
+    *No* where the joint does not follow the motor or turns round before it, or where the model errs by more than half
+    of what a straight line does (and more than its encoders' counts explain), a line being no loop. *With care* where
+    the angles hardly have the unit they were taken in, where the half that was not fitted is predicted clearly worse
+    than the other one was fitted, or where that half helped to choose the model.
     """
     chosen, line, counts = fit.chosen, fit.models["line"], fit.forecast.resolution
     seen, unseen = chosen.train_rms, chosen.test_rms

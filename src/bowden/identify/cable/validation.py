@@ -6,9 +6,9 @@ weight; the model is still simulated straight through them), the family is fitte
 model so has to predict a stretch from those beside it and from the same stretch of other strokes, and not, as where
 whole strokes of a short log are left out, a branch from which nothing is left. Of two models that differ by less than
 the scatter of their difference the one with fewer parameters is taken, so that a richer model must earn its place; but
-never one whose error is a tenth above the least, unless what it errs more is below the encoders' noise. A model of which
-the log does not show every parameter (or some are at the bounds of their search) gives way to one whose error is as small
-within a tenth, and all of whose parameters are shown.
+never one whose error is a tenth above the least, unless what it errs more is below the encoders' noise. A model of
+which the log does not show every parameter (or some are at the bounds of their search) gives way to one whose error is
+as small within a tenth, and all of whose parameters are shown.
 
 The start of a log is never judged, where enough is left without it: a cable settles (`bowden.identify.cable.settling`).
 
