@@ -106,6 +106,8 @@ def test_a_reference_beyond_the_log_is_said() -> None:
     [
         ("direction = -1", "[cable] says how a model's angles are counted, and names no model"),
         ('model = "model.toml"\ndirection = 0', "cable.direction is 0; expected 1 or -1"),
+        ('model = "model.toml"\ndirection = true', "cable.direction is true; expected 1 or -1"),
+        ('model = "model.toml"\ndirection = -1.0', "cable.direction is -1.0; expected 1 or -1"),
         ('model = "model.toml"\nslope = 1.0\ndirection = -1', "[cable] has a model and its own slope"),
     ],
 )
