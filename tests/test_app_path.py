@@ -131,6 +131,9 @@ def test_a_swing_at_rest_counts_from_what_the_play_leaves_on(
     swing: float, zone: float, confirmed: bool, verdict: str, said: str
 ) -> None:
     trial = Trial(40.0, True, "", float(np.radians(swing)), 1.0, 0.0, 0.0, ())
-    found = _at_rest([trial], [float(np.radians(zone))], "as it was", confirmed=confirmed)
+    found = _at_rest([trial], [float(np.radians(zone))], "holds", "as it was", confirmed=confirmed)
     assert found[0] == verdict
     assert said in found[1]
+    little = _at_rest([trial], [float(np.radians(zone))], "little_margin", "as it was", confirmed=confirmed)
+    assert little[0] == verdict.replace("holds", "little_margin")
+    assert little[1].startswith("as it was")
