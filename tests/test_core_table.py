@@ -179,3 +179,36 @@ def test_a_package_that_is_there_but_broken_says_why(tmp_path: Path, monkeypatch
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(MissingExtraError, match=r"cannot be imported .*no_such_part"):
         extra_module("broken_package", "parquet", "it")
+
+
+@pytest.mark.parametrize(
+    ("names", "rows"),
+    [
+        ("time_s,emg_mV", ["0.001,-0.5", "0.002,1e-3"]),
+        ("time_s;emg_mV", ["0.001;-0.5", "0.002;1e-3"]),
+        ("time_s;emg_mV", ["0,001;-0,5", "0,002;1e-3"]),
+        ("time_s\temg_mV", ["0,001\t-0,5", "0.002\t1e-3"]),
+    ],
+)
+def test_commas_semicolons_and_tabs(names: str, rows: list[str], tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows, ""]))
+    table = read_table(tmp_path / "a.csv")
+    assert table.names == ("time_s", "emg_mV")
+    assert [list(one) for one in table.numbers([0, 1])] == [[0.001, 0.002], [-0.5, 0.001]]
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows, rows[0].replace("-0", "none"), ""]))
+    with pytest.raises(LogError, match=r"row 3: emg_mV is 'none"):
+        read_table(tmp_path / "a.csv").numbers([0, 1])
+
+
+@pytest.mark.parametrize("first", ["0.001,-0.5", "0;1,5", "3\t4", "0.1,0.2,"])
+def test_a_first_row_of_numbers_is_refused(first: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"{first}\n{first}\n")
+    with pytest.raises(LogError, match="the first row has numbers") as refused:
+        read_table(tmp_path / "a.csv")
+    assert "row of names" in str(refused.value)
+
+
+def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time_s,emg_mV\n0,001,0,5\n")
+    with pytest.raises(LogError, match="decimal commas need"):
+        read_table(tmp_path / "a.csv").numbers([0, 1])
