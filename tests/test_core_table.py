@@ -141,6 +141,9 @@ def test_empty_fields_are_no_numbers_and_text_elsewhere_is_left_alone(tmp_path: 
         ("a,b\n1,2\n3\n", "row 2: 1 fields where there are 2 columns"),
         ("a,b,c\n1,2\n3,4\n", "row 1: 2 fields where there are 3 columns"),
         ("a,b\n1,2\n3,\x1b[31m\n", "row 2: b is '"),
+        ("a,b\n1,2\n3,1_000\n", "row 2: b is '1_000'; expected a number"),
+        ("a,b\n1,2\n3,１２\n", "row 2: b is '１２'"),
+        ("a,b\n1,2\n#REF!,3\n", "row 2: a is '#REF!'"),
         ("", "it is empty"),
     ],
 )
@@ -152,6 +155,17 @@ def test_text_that_is_no_table_of_numbers_is_refused_with_its_row(text: str, sai
     assert said in str(caught.value)
     assert "\x1b" not in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("above", ["", "\ufeff", "\ufeff# a comment\n", "\n \n# a comment\r\n", "\ufeff\n"])
+@pytest.mark.parametrize("below", ["", "   ", "\n  \n", "# the end", "\n# the end, of all\r\n"])
+@pytest.mark.parametrize("last", ["3,4", "3,"])
+def test_comments_and_empty_lines_do_not_count(above: str, below: str, last: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(f"{above}a,b\n1,2\n \n# between\n{last}\n{below}".encode())
+    table = read_table(path)
+    assert table.names == ("a", "b")
+    assert table.numbers([0])[0].tolist() == [1.0, 3.0]
 
 
 def test_names_without_rows_are_a_table_of_none(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from scipy import signal
 
 from bowden.core.errors import BowdenError, LogError, OutputError, ParameterError
 from bowden.core.trace import Trace
+from bowden.core.traces import Traces
 
 KINDS = ("parquet", "csv")
 doubles = st.floats(width=64, allow_nan=False) | st.just(float("nan"))  # one NaN: its payload is not part of the value
@@ -197,3 +198,10 @@ def test_bandwidth_and_convergence_of_a_run() -> None:
 def test_errors_are_one_family() -> None:
     assert issubclass(LogError, BowdenError)
     assert issubclass(OutputError, BowdenError)
+
+
+def test_traces_without_a_reference_are_shown_by_dashes() -> None:
+    t = np.linspace(0.0, 1.0, 101)
+    one = Trace({"time": t, "joint": t}, {"time": "s", "joint": "rad"})
+    assert repr(Traces({"recorded": one})).splitlines()[1].split() == ["recorded", "–"]
+    assert "–" in Traces({"recorded": one})._repr_html_()

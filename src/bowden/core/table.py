@@ -1,10 +1,12 @@
 """Tables of recordings: CSV, also gzipped, and Parquet."""
 
+import codecs
 import contextlib
 import csv
 import io
 import json
 import os
+import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +30,8 @@ MOST_CELLS = 50_000_000
 _PACKED = 4
 """A compressed Parquet file may have so many fields more for each of its bytes; what was recorded has some bytes for a
 field."""
+_IDLE = re.compile(rb"^(?:#(?!N/A|DIV/|VALUE!|REF!|NAME\?|NULL!|NUM!)[^\n]*|[ \r]+|[ \r]*(?=\n))(?:\n|\Z)", re.MULTILINE | re.IGNORECASE)
+"""Lines of a text without fields: comments, which no error of a spreadsheet is, and what is empty but for spaces."""
 _MISSING = frozenset(("", "na", "n/a", "null", "none", "#n/a"))
 """What stands for no number in a field of text."""
 
@@ -56,7 +60,7 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """A file with column names in its first row; in text, lines that begin with # may stand above.
+    """A file with column names in its first row; in text, lines that begin with # and empty ones do not count.
 
     Fields of text stand between commas, or between semicolons or tabs, where numbers may have decimal commas.
 
@@ -165,24 +169,19 @@ def _as_numbers(column: Any, name: str, path: Path) -> Array:
     if column.dtype.kind not in "fiub":
         for row, value in enumerate(column):
             try:
-                float(value)
+                _number(value)
             except (TypeError, ValueError):
                 raise _no_number(path, row, name, value) from None
     return np.array(column, dtype=np.float64)
 
 
 def _text_table(path: Path) -> Table:
-    text = read_whole(path)
-    above = 0
-    while text[above : above + 1] == b"#":
-        above = text.find(b"\n", above) + 1 or len(text)
-    if (cells := max(text.count(one, above) for one in (b",", b";", b"\t")) + text.count(b"\n", above)) > MOST_CELLS:
+    text = _IDLE.sub(b"", read_whole(path).removeprefix(codecs.BOM_UTF8))
+    if (cells := max(text.count(one) for one in (b",", b";", b"\t")) + text.count(b"\n")) > MOST_CELLS:
         raise _too_many(path, cells)
 
     def opened() -> IO[str]:
-        file = io.BytesIO(text)
-        file.seek(above)
-        return io.TextIOWrapper(file, "utf-8", errors="replace")
+        return io.TextIOWrapper(io.BytesIO(text), "utf-8", errors="replace")
 
     return csv_table(path, opened)
 
@@ -235,6 +234,17 @@ def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
     return Table(path, names, read)
 
 
+def _number(text: Any) -> float:
+    """What `float` makes of a field, but for digits of other scripts and with underscores, which are no file's numbers.
+
+    Raises:
+        ValueError: no number.
+    """
+    if isinstance(text, str) and ("_" in text or not text.strip().isascii()):
+        raise ValueError(f"{text!r} is no number")
+    return float(text)
+
+
 def _is_number(text: str) -> bool:
     """Whether a field is a number, with a decimal comma, too.
 
@@ -242,7 +252,7 @@ def _is_number(text: str) -> bool:
     [True, True, False, False]
     """
     try:
-        float(text.replace(",", "."))
+        _number(text.replace(",", "."))
     except ValueError:
         return False
     return True
@@ -276,7 +286,7 @@ def _field_by_field(
             for values, place in zip(found, columns, strict=True):
                 cell = fields[place]
                 try:
-                    values.append(float(cell if separator == "," else cell.replace(",", ".")))
+                    values.append(_number(cell if separator == "," else cell.replace(",", ".")))
                 except ValueError:
                     if cell.strip().lower() not in _MISSING:
                         raise _no_number(path, row, names[place], cell) from None
