@@ -140,7 +140,9 @@ def _instead(rig: Rig, law: Law, error: NoGainsError) -> NoGainsError:
         said = f"{other}: write law = {quoted(other.law)} into [control]"
     elif own is not None:
         lines = " and ".join(f"{name} = {value:.3g}" for name, value in own.gains.items())
-        said = f"{own}, with less margin than is looked for" + (f": write {lines} into [control.gains]" if lines else "")
+        said = f"{own}, with less margin than is looked for" + (
+            f": write {lines} into [control.gains]" if lines else ""
+        )
     found = NoGainsError(error.what, expected=error.expected, do=listed((error.do, said), "; "))
     if better and other is not None:
         found.instead = other.law
