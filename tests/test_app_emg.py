@@ -95,7 +95,7 @@ def test_a_wearer_is_calibrated_and_gives_the_plain_threshold_its_mvc(capsys: py
     calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
     found = document(["emg", "calibrate", recording, "--rest", calm], capsys, "emg_calibrate")
     wearer = wearer_file.read(Path("wearer.toml"))
-    assert (wearer.rest, wearer.mvc) == pytest.approx((found["rest"], found["mvc"]), rel=1e-5)
+    assert (wearer.rest, wearer.mvc) == (found["rest"], found["mvc"]), "the file keeps every digit, and a rig its hash"
     assert 0.3 < wearer.mvc < 0.6
     assert 0.002 < wearer.rest < 0.006
     score = document(["emg", "score", recording, "--wearer", "wearer.toml"], capsys, "emg_score")
@@ -115,6 +115,30 @@ def test_a_wearer_of_another_channel_and_a_dead_electrode_are_told(capsys: pytes
         assert ("measured on 'triceps_mV', and this is 'emg_mV'" in said.err) == (channel == "triceps_mV")
         # a second without electrode, and a tenth until the step to it has faded from the movement's peak
         assert "nothing can be detected in 1.1 s" in said.out
+
+
+def test_a_wearer_in_another_unit_is_hard_to_miss(capsys: pytest.CaptureFixture[str]) -> None:
+    recording = str(write("a.csv", 1e3 * signal(), head="time_s,emg_uV"))
+    wearer_file.write(Path("wearer.toml"), wearer_file.MuscleCalibration(0.004, 0.358, "emg_mV", "a"))
+    assert run(["emg", "score", recording, "--wearer", "wearer.toml"]) == 0
+    said = capsys.readouterr()
+    assert "UNITS DIFFER: wearer.toml was measured in mV, and 'emg_uV' is in uV" in said.err
+    assert "UNITS DIFFER" in said.out
+    assert run(["emg", "score", str(write("b.csv", signal())), "--wearer", "wearer.toml"]) == 0
+    said = capsys.readouterr()
+    assert "plain threshold: 0.0716 mV = 20 % of MVC 0.358 mV, from wearer.toml" in said.out
+    assert "UNITS" not in said.out + said.err
+
+
+def test_contractions_in_a_recording_of_rest_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    recording = str(write("a.csv", signal()))
+    assert run(["emg", "calibrate", recording, "--rest", recording]) == 0
+    said = capsys.readouterr().err
+    assert "REST HAS CONTRACTIONS: a.csv from 2." in said
+    assert " to 3." in said
+    calm = str(write("rest.csv", background(1000.0, 5000, np.random.default_rng(2))))
+    assert run(["emg", "calibrate", recording, "--rest", calm]) == 0
+    assert "CONTRACTIONS" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("hum", [0.0, pytest.param(0.1, marks=pytest.mark.long)])
@@ -364,7 +388,7 @@ def test_bytes_that_are_no_table_are_one_line_that_can_be_printed(capsys: pytest
         ([(2.0, 3.0)], "a,b", "expected onset_s and offset_s, or start_s and end_s, named in the first row"),
         ([(2.0, 3.0)], "onset_s,off_s", "columns 'onset_s', 'off_s'; expected onset_s and offset_s"),
         ([(2.0, 3.0)], "onset_deg,offset_deg", "columns 'onset_deg', 'offset_deg'; expected onset_s and offset_s"),
-        ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "columns '2.0', '3.0'; expected onset_s and offset_s"),
+        ([(2.0, 3.0), (5.0, 6.0)], "2.0,3.0", "the first row has numbers: 2.0,3.0; expected a row of names"),
         ([(2.0, 3.0)], "on\x1b[31mset_s,offset_s", "a column is named 'on\\x1b[31mset_s'"),
         ([(2.0, 30.0)], "onset_s,offset_s", "the recording lasts from 0 to 8 s"),
     ],

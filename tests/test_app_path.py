@@ -94,8 +94,27 @@ def test_a_model_that_does_not_say_what_its_log_covered(
     assert run(["init", "--model", "model.toml", "--suit"]) == 2
     assert run(["init", "--model", "model.toml"]) == 0
     printed = capsys.readouterr()
-    assert "Reference: 0 to 70°, for want of what the log covered" in printed.out
+    assert "Reference: 0 to 70°, the model does not say what its log covered" in printed.out
     assert "--suit with --model" in printed.err
+    falling = Path("model.toml").read_text().replace("0.938", "-0.938")
+    Path("falling.toml").write_text(falling)
+    assert run(["init", "--model", "falling.toml", "other.toml"]) == 2
+    assert "falling.toml does not say what motion its log covered" in (said := capsys.readouterr().err)
+    assert "identify the log again" in said
+
+
+@pytest.mark.parametrize(("span", "code"), [(0.3, 2), (1.9, 0)])
+def test_a_log_of_a_small_motion(span: float, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("model.toml").write_text(
+        f'best = "bouc_wen"\n[covered]\nmotor_deg = [0.0, {span}]\njoint_deg = [0.07, {span}]\n'
+        "[models.bouc_wen.parameters]\nslope = 0.938\nhysteresis_gain = -0.001\nrate = 10.5\n"
+        "shape = 9.4\nexponent = 3.0\noffset = 0.0\ninitial_h = 0.0\n"
+    )
+    assert run(["init", "--model", "model.toml"]) == code
+    if not code:
+        reference = tomllib.loads(Path("rig.toml").read_text())["reference"]
+        assert (reference["low_deg"], reference["high_deg"]) == (0.26, 1.71)
 
 
 @pytest.mark.parametrize(
@@ -112,6 +131,9 @@ def test_a_swing_at_rest_counts_from_what_the_play_leaves_on(
     swing: float, zone: float, confirmed: bool, verdict: str, said: str
 ) -> None:
     trial = Trial(40.0, True, "", float(np.radians(swing)), 1.0, 0.0, 0.0, ())
-    found = _at_rest([trial], [float(np.radians(zone))], "as it was", confirmed=confirmed)
+    found = _at_rest([trial], [float(np.radians(zone))], "holds", "as it was", confirmed=confirmed)
     assert found[0] == verdict
     assert said in found[1]
+    little = _at_rest([trial], [float(np.radians(zone))], "little_margin", "as it was", confirmed=confirmed)
+    assert little[0] == verdict.replace("holds", "little_margin")
+    assert little[1].startswith("as it was")

@@ -141,6 +141,9 @@ def test_empty_fields_are_no_numbers_and_text_elsewhere_is_left_alone(tmp_path: 
         ("a,b\n1,2\n3\n", "row 2: 1 fields where there are 2 columns"),
         ("a,b,c\n1,2\n3,4\n", "row 1: 2 fields where there are 3 columns"),
         ("a,b\n1,2\n3,\x1b[31m\n", "row 2: b is '"),
+        ("a,b\n1,2\n3,1_000\n", "row 2: b is '1_000'; expected a number"),
+        ("a,b\n1,2\n3,１２\n", "row 2: b is '１２'"),
+        ("a,b\n1,2\n#REF!,3\n", "row 2: a is '#REF!'"),
         ("", "it is empty"),
     ],
 )
@@ -152,6 +155,17 @@ def test_text_that_is_no_table_of_numbers_is_refused_with_its_row(text: str, sai
     assert said in str(caught.value)
     assert "\x1b" not in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("above", ["", "\ufeff", "\ufeff# a comment\n", "\n \n# a comment\r\n", "\ufeff\n"])
+@pytest.mark.parametrize("below", ["", "   ", "\n  \n", "# the end", "\n# the end, of all\r\n"])
+@pytest.mark.parametrize("last", ["3,4", "3,"])
+def test_comments_and_empty_lines_do_not_count(above: str, below: str, last: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(f"{above}a,b\n1,2\n \n# between\n{last}\n{below}".encode())
+    table = read_table(path)
+    assert table.names == ("a", "b")
+    assert table.numbers([0])[0].tolist() == [1.0, 3.0]
 
 
 def test_names_without_rows_are_a_table_of_none(tmp_path: Path) -> None:
@@ -179,3 +193,36 @@ def test_a_package_that_is_there_but_broken_says_why(tmp_path: Path, monkeypatch
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(MissingExtraError, match=r"cannot be imported .*no_such_part"):
         extra_module("broken_package", "parquet", "it")
+
+
+@pytest.mark.parametrize(
+    ("names", "rows"),
+    [
+        ("time_s,emg_mV", ["0.001,-0.5", "0.002,1e-3"]),
+        ("time_s;emg_mV", ["0.001;-0.5", "0.002;1e-3"]),
+        ("time_s;emg_mV", ["0,001;-0,5", "0,002;1e-3"]),
+        ("time_s\temg_mV", ["0,001\t-0,5", "0.002\t1e-3"]),
+    ],
+)
+def test_commas_semicolons_and_tabs(names: str, rows: list[str], tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows, ""]))
+    table = read_table(tmp_path / "a.csv")
+    assert table.names == ("time_s", "emg_mV")
+    assert [list(one) for one in table.numbers([0, 1])] == [[0.001, 0.002], [-0.5, 0.001]]
+    (tmp_path / "a.csv").write_text("\n".join([names, *rows, rows[0].replace("-0", "none"), ""]))
+    with pytest.raises(LogError, match=r"row 3: emg_mV is 'none"):
+        read_table(tmp_path / "a.csv").numbers([0, 1])
+
+
+@pytest.mark.parametrize("first", ["0.001,-0.5", "0;1,5", "3\t4", "0.1,0.2,"])
+def test_a_first_row_of_numbers_is_refused(first: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"{first}\n{first}\n")
+    with pytest.raises(LogError, match="the first row has numbers") as refused:
+        read_table(tmp_path / "a.csv")
+    assert "row of names" in str(refused.value)
+
+
+def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time_s,emg_mV\n0,001,0,5\n")
+    with pytest.raises(LogError, match="decimal commas need"):
+        read_table(tmp_path / "a.csv").numbers([0, 1])

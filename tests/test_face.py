@@ -14,6 +14,7 @@ import pytest
 
 import bowden
 from bowden.core.errors import BowdenError, ParameterError
+from bowden.face.progress import reported
 from bowden.live.log_rig import rig_of_log
 from live_runs import SHARED_LIMITS, tries
 
@@ -421,3 +422,18 @@ def test_emg_that_cannot_be_used_is_refused(what: str) -> None:
     call, said = WRONG_EMG[what]
     with pytest.raises(BowdenError, match=said):
         call()
+
+
+def test_a_line_of_progress_ends_where_the_call_fails(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+
+    def failing() -> None:
+        with reported(True, "tune") as report:
+            report("a step", 0.5)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        failing()
+    assert capsys.readouterr().err.endswith("a step\n")

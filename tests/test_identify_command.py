@@ -1,11 +1,13 @@
 """``bowden identify``: its document, its two files, and that a failure is one line, code 2 and nothing written."""
 
 import json
+import math
 import os
 import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+from bowden.app import identify_command
 from bowden.app.main import run
 from bowden.core.errors import OutputError, ParameterError
 from bowden.identify.cable.fit import Fit, identify
@@ -99,6 +102,13 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert "bouc_wen *" in printed.out
     assert "as feed-forward" in printed.out
     assert "out/identify/model.toml" in printed.out.replace("\\", "/")
+
+
+def test_a_model_without_deviations_says_those_of_a_simpler_one(fit: Fit, capsys: pytest.CaptureFixture[str]) -> None:
+    unknown = replace(fit.chosen, uncertainty=dict.fromkeys(fit.chosen.uncertainty, math.nan))
+    identify_command._print_table(replace(fit, models={**fit.models, fit.best.name: unknown}))
+    said = capsys.readouterr().out
+    assert re.search(r"play, a simpler model, has slope -0\.\d+ ± \S+, half_width 0\.\d+ ± \S+\n", said)
 
 
 def test_the_table_is_there_before_the_page_is_drawn(

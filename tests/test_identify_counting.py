@@ -9,6 +9,7 @@ from bowden.core.errors import ParameterError
 from bowden.identify.cable.counting import Counting, Covered, covered_by, recounted
 from bowden.identify.cable.model import CableModel, IdentifiedCable
 from bowden.identify.cable.model_file import cable_text, load_cable
+from bowden.rig.model_rig import with_stroke
 from bowden.rig.rig import Rig
 
 BOUC_WEN = {
@@ -105,6 +106,8 @@ def test_a_reference_beyond_the_log_is_said() -> None:
     [
         ("direction = -1", "[cable] says how a model's angles are counted, and names no model"),
         ('model = "model.toml"\ndirection = 0', "cable.direction is 0; expected 1 or -1"),
+        ('model = "model.toml"\ndirection = true', "cable.direction is true; expected 1 or -1"),
+        ('model = "model.toml"\ndirection = -1.0', "cable.direction is -1.0; expected 1 or -1"),
         ('model = "model.toml"\nslope = 1.0\ndirection = -1', "[cable] has a model and its own slope"),
     ],
 )
@@ -116,10 +119,18 @@ def test_counting_that_makes_no_sense_is_refused(text: str, said: str, tmp_path:
     assert said in str(error.value)
 
 
-@pytest.mark.parametrize("pair", ["[1.0]", "[2.0, 1.0]", "[0.0, nan]", '["a", 1.0]', "3"])
+@pytest.mark.parametrize("pair", ["[1.0]", "[2.0, 1.0]", "[0.0, nan]", "[-1e30, 1e30]", '["a", 1.0]', "3"])
 def test_a_covered_motion_that_is_none_is_refused(pair: str, tmp_path: Path) -> None:
     text = cable_text(IdentifiedCable("bouc_wen", {"bouc_wen": BOUC_WEN}))
     head, models, rest = text.partition("[models")
     (tmp_path / "model.toml").write_text(f"{head}[covered]\nmotor_deg = {pair}\njoint_deg = [0.0, 1.0]\n{models}{rest}")
     with pytest.raises(ParameterError, match=r"motor_deg of \[covered\]"):
         load_cable(tmp_path / "model.toml")
+
+
+@pytest.mark.parametrize(("name", "ends"), [("bouc_wen_static", (-0.2, 1.0)), ("scheduled", (-0.1, 0.9))])
+def test_a_file_without_the_covered_motion_has_its_models(name: str, ends: tuple[float, float]) -> None:
+    found = with_stroke(IdentifiedCable(name, {one: MODELS[one] for one in ("bouc_wen", name)})).covered
+    assert found is not None
+    assert found[:2] == pytest.approx(ends)
+    assert 0.6 < found.joint_high - found.joint_low < 1.3

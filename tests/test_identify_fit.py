@@ -369,13 +369,14 @@ def test_a_lag_in_time_is_said() -> None:
     late = np.interp(TIME - 0.03, TIME, motor)
     fit = identify(TIME, motor, 0.9 * late + 0.05)
     (said,) = (warning for warning in fit.warnings if "looks like a lag" in warning)
-    assert 20.0 < float(re.findall(r"([\d.e+]+) ms", said)[0]) < 40.0
+    assert 15.0 < float(re.findall(r"([\d.e+]+) ms", said)[0]) < 40.0  # of 30; a stack takes some of it for hysteresis
 
 
 def test_no_reversal_means_no_loop_parameters() -> None:
     ramp = identify(TIME, 0.02 * TIME, cable(0.02 * TIME))
     assert math.isinf(ramp.models["play"].uncertainty["half_width"])
-    assert any("nearly unidentifiable" in warning and "record reversals" in warning for warning in ramp.warnings)
+    assert ramp.best.name == "line"
+    assert not any("nearly unidentifiable" in warning for warning in ramp.warnings)  # of a family that was not chosen
 
 
 def test_a_joint_that_does_not_follow_is_said() -> None:
@@ -471,6 +472,30 @@ def test_the_richer_model_must_earn_its_place() -> None:
     simple, rich = 1.0 + noise, 0.98 + noise[::-1]
     assert simplest_of_the_best({"rich": rich, "simple": simple}, {"rich": 9, "simple": 2}) == "simple"
     assert simplest_of_the_best({"rich": 0.5 * rich, "simple": simple}, {"rich": 9, "simple": 2}) == "rich"
+
+
+def test_what_the_noise_hides_and_parameters_that_are_not_shown_decide_for_the_simpler_model() -> None:
+    size = {"rich": 9, "simple": 2}
+    errors = {"rich": np.array([1.0, 1.1, 0.9]), "simple": np.array([1.5, 1.6, 1.4])}
+    assert simplest_of_the_best(errors, size) == "rich"
+    assert simplest_of_the_best(errors, size, noise=0.8) == "simple"
+    near = errors | {"simple": 1.15 * errors["rich"]}  # clearly above, and less than a tenth in the root mean square
+    assert simplest_of_the_best(near, size) == "rich"
+    assert simplest_of_the_best(near, size, unseen=["rich"]) == "simple"
+    assert simplest_of_the_best(errors, size, unseen=["rich"]) == "rich"
+
+
+def test_a_pure_play_under_noise_is_a_play() -> None:
+    t = np.arange(0.0, 30.0, 1e-3)
+    motor = 20.0 * np.sin(math.pi * t) + 15.0 * np.sin(2.0 * math.pi * 0.17 * t)
+    joint, last = np.empty_like(t), float(motor[0])
+    for i, angle in enumerate(motor):
+        last = joint[i] = min(max(last, angle - 3.0), angle + 3.0)
+    draw = np.random.default_rng(1)
+    read = [one + draw.normal(0.0, 0.02, len(t)) for one in (motor, 0.85 * joint)]
+    fit = identify(t, *read, unit="deg")
+    assert fit.best.name == "play"
+    assert not any("bouc_wen" in warning for warning in fit.warnings)
 
 
 def test_judged_blocks_do_not_overlap() -> None:

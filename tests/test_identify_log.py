@@ -18,6 +18,7 @@ from scipy.io import savemat
 from bowden.core.errors import BowdenError, LogError, ParameterError
 from bowden.core.trace import Trace
 from bowden.identify.cable import checks
+from bowden.identify.cable.fit import identify
 from bowden.identify.log import text as log_text
 from bowden.identify.log.angles import angle_units
 from bowden.identify.log.clock import even_clock
@@ -455,3 +456,23 @@ def test_a_log_whose_columns_are_swapped_is_suspected() -> None:
         assert not checks.swapped(motor, slope * late)
         assert "look swapped" in checks.swapped(slope * late, motor)[0]
     assert not checks.swapped(motor, 0.9 * motor)
+
+
+def test_no_trust_in_a_log_whose_columns_look_swapped() -> None:
+    """What the warning doubts is not trusted."""
+    t = np.arange(0.0, 20.0, 0.01)
+    motor, joint = np.sin(2.0 * t), np.empty_like(t)
+    last = 0.0
+    for i, angle in enumerate(motor):
+        last = joint[i] = min(max(last, angle - 0.05), angle + 0.05)
+    assert identify(t, motor, joint).trust.level == "yes"
+    swapped = identify(t, joint, motor)
+    assert any("look swapped" in warning for warning in swapped.warnings)
+    assert swapped.trust.level == "no"
+    assert "look swapped" in swapped.trust.why
+    few = identify(t, np.rad2deg(0.15 * motor), np.rad2deg(0.15 * joint))  # ±8.6°, without a unit
+    assert few.trust.level == "with care"
+    assert any("is it in degrees" in warning for warning in few.warnings)
+    small = identify(t, motor, joint, unit="deg")
+    assert small.trust.level == "with care"
+    assert any("is it in radians" in warning for warning in small.warnings)

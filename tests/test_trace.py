@@ -222,3 +222,10 @@ def test_a_trace_that_is_not_there_is_named_with_what_there_is() -> None:
 
 def test_help_of_a_folder_that_can_be_called_shows_the_arguments() -> None:
     assert "counts_per_turn" in (bowden.identify.__doc__ or "")
+
+
+def test_traces_without_a_reference_are_shown_by_dashes() -> None:
+    t = np.linspace(0.0, 1.0, 101)
+    one = Trace({"time": t, "joint": t}, {"time": "s", "joint": "rad"})
+    assert repr(Traces({"recorded": one})).splitlines()[1].split() == ["recorded", "–"]
+    assert "–" in Traces({"recorded": one})._repr_html_()

@@ -60,8 +60,10 @@ def _say_next(rig: Path, given: "Rig", found: "Check", options: list[str]) -> No
         say_next("run", rig, *options, "--twin", "--auto")
     elif found.instead:
         say_next("simulate", rig, "--law", found.instead)
+    elif found.advice:
+        print("Next: change the rig as the advice says, then check it again")
     else:
-        say_next("check", rig)
+        print("Next: change the law or the rig, then check it again")
 
 
 def _document(found: "Check") -> dict[str, Any]:

@@ -85,10 +85,12 @@ def _from_recordings(
     log = read_emg(recording, channel, checked_rate(rate))
     if not quiet:
         warn(log)
-    wearer, left_out = calibrated(log, None if rest is None else read_emg(rest, log.channel, rate), mains, kind)
+    wearer, left_out, odd = calibrated(log, None if rest is None else read_emg(rest, log.channel, rate), mains, kind)
     if not quiet:
         for note in left_out:
             _tell(f"note: {note}")
+    for warning in odd:
+        _tell(f"bowden: warning: {warning}")
     return wearer, sum(left_out.values())
 
 

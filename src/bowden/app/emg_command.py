@@ -13,7 +13,7 @@ from bowden.core.files import output_folder
 if TYPE_CHECKING:
     from bowden.face.emg import Contractions
     from bowden.identify.emg.log import EmgLog
-    from bowden.identify.emg.score import Findings, Score
+    from bowden.identify.emg.score import Score
 
 ChannelOption = Annotated[str | None, typer.Option(help="Column of the signal; the first one by default.")]
 DetectorOption = Annotated[str, typer.Option(help="What finds contractions in the signal.")]
@@ -68,7 +68,7 @@ def score(
         print_json(document)
         return
     warn(log)
-    _print(found, shortest_ms, source)
+    _print(whole, shortest_ms, source)
     if document["trouble_s"] >= 0.05:
         print(f"nothing can be detected in {document['trouble_s']:.1f} s of movement, mains or a dead electrode")
     print(f"\nPage: {out / 'emg.html'}  ({seconds():.1f} s)")
@@ -111,11 +111,18 @@ def warn(log: "EmgLog") -> None:
         print(f"note: {warning}", file=sys.stderr)
 
 
-def _print(found: "Findings", shortest_ms: float, source: str) -> None:
+def _print(whole: "Contractions", shortest_ms: float, source: str) -> None:
+    from bowden.identify.emg.log import channel_unit
+    from bowden.sensing.envelope import PLAIN_THRESHOLD
+
+    found, unit = whole.findings, channel_unit(whole.log.channel) or "(no unit in the channel's name)"
     print(f"{'':18}{'detections':>11}{'misses':>8}{'false':>7}{'a minute':>10}{'latency, median':>17}{'worst':>9}")
     for name, one in (("our detector", found.score), ("plain threshold", found.plain_score)):
         print(f"{name:18}{one.detections:11}{_text(one.misses, 8)}{_text(one.false_activations, 7)}{_rest(one)}")
-    print(f"plain threshold: 20 % of MVC, an envelope of {found.mvc:.4g}, from {source}")
+    share, level = f"{100.0 * PLAIN_THRESHOLD:g} %", PLAIN_THRESHOLD * found.mvc
+    print(f"plain threshold: {level:.3g} {unit} = {share} of MVC {found.mvc:.3g} {unit}, from {source}")
+    if whole.units_differ:
+        print(whole.units_differ)
     if shortest_ms:
         rejected = found.score.rejected
         said = f"; {rejected} labelled ones are, and count neither as missed nor as found" if rejected else ""

@@ -212,11 +212,9 @@ def _print_table(fit: "Fit") -> None:
         print(f"  {name:<{room}}  {text}")
     if all(math.isnan(one) for one in fit.chosen.uncertainty.values()):
         play = fit.models["play"]
-        told = ("slope", "half_width")
-        about = ", ".join(f"{name} {play.parameters[name]:.4g} ± {play.uncertainty[name]:.2g}" for name in told)
-        print(
-            f"  its curves are smoothed, so that no deviation is stated; play, a simpler model, has {', '.join(about)}"
-        )
+        stated = ("slope", "half_width")
+        about = ", ".join(f"{name} {play.parameters[name]:.4g} ± {play.uncertainty[name]:.2g}" for name in stated)
+        print(f"  its curves are smoothed, so that no deviation is stated; play, a simpler model, has {about}")
     for warning in fit.warnings:
         print(f"- {warning}")
     print(f"Trust it? {fit.trust.level[0].upper()}{fit.trust.level[1:]}: {fit.trust.why}")

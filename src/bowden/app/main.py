@@ -66,7 +66,10 @@ def run(arguments: list[str]) -> int:
         with delivered():
             code = application(arguments[0] if arguments else "")(arguments, prog_name="bowden", standalone_mode=False)
     except BowdenError as error:
-        return _fail(str(error), 2)
+        code = _fail(str(error), 2)
+        for note in getattr(error, "__notes__", ()):  # a Next:, of a command that has one though it failed
+            print(printable(note), file=sys.stderr)
+        return code
     except _USAGE_ERROR as error:
         where = getattr(getattr(error, "ctx", None), "command_path", "bowden")
         message = getattr(error, "format_message", error.__str__)()

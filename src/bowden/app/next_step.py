@@ -17,7 +17,12 @@ def say_next(*words: str | Path, why: str = "") -> None:
     >>> say_next("simulate", "my rig.toml")
     Next: bowden simulate 'my rig.toml'
     """
-    print(f"Next: {shlex.join(['bowden', *map(str, words)])}{f'  # {why}' if why else ''}")
+    print(next_line(*words, why=why))
+
+
+def next_line(*words: str | Path, why: str = "") -> str:
+    """The line that `say_next` prints."""
+    return f"Next: {shlex.join(['bowden', *map(str, words)])}{f'  # {why}' if why else ''}"
 
 
 def free_name(path: Path) -> Path:

@@ -9,10 +9,10 @@ import typer
 from bowden.app.command import Command
 from bowden.app.console import InterruptedPartway, print_json, progress_bar, seconds
 from bowden.app.given_rig import read_given
-from bowden.app.next_step import say_next
+from bowden.app.next_step import next_line, say_next
 
 if TYPE_CHECKING:
-    from bowden.design.tune import Tuning
+    from bowden.design.tune import NoGainsError, Tuning
 
 
 def tune(
@@ -30,7 +30,7 @@ def tune(
     Interrupted, the command writes the best gains that it has, if they are better than those before.
     """
     from bowden.core.units import DEGREES
-    from bowden.design.tune import BrokenOff
+    from bowden.design.tune import BrokenOff, NoGainsError
     from bowden.face.tune import tuned
 
     given = read_given(rig)
@@ -40,6 +40,10 @@ def tune(
             found = tuned(given, study, seed=seed, progress=report)
         except BrokenOff as broken:
             found, interrupted = broken.tuning, True
+        except NoGainsError as error:
+            if not json:
+                error.add_note(_next_without(rig, error))
+            raise
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     evidence = _evidence(found, interrupted=interrupted)
@@ -77,6 +81,15 @@ def tune(
         say_next("tune", rig, why="writes these gains")
     else:
         say_next("run", rig, "--twin", "--auto")
+
+
+def _next_without(rig: Path, error: "NoGainsError") -> str:
+    """What comes next where no gains were found: a law that holds, the rig's own with other gains, or why neither."""
+    if error.instead:
+        return next_line("simulate", rig, "--law", error.instead)
+    if error.gains:
+        return next_line("simulate", rig, why="once these gains are in it")
+    return next_line("check", rig, why="says what the loop lacks")
 
 
 def _evidence(found: "Tuning", *, interrupted: bool) -> list[str]:

@@ -1,10 +1,12 @@
 """Tables of recordings: CSV, also gzipped, and Parquet."""
 
+import codecs
 import contextlib
 import csv
 import io
 import json
 import os
+import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +30,11 @@ MOST_CELLS = 50_000_000
 _PACKED = 4
 """A compressed Parquet file may have so many fields more for each of its bytes; what was recorded has some bytes for a
 field."""
+_IDLE = re.compile(
+    rb"^(?:#(?!N/A|DIV/|VALUE!|REF!|NAME\?|NULL!|NUM!)[^\n]*|[ \r]+|[ \r]*(?=\n))(?:\n|\Z)",
+    re.MULTILINE | re.IGNORECASE,
+)
+"""Lines of a text without fields: comments, which no error of a spreadsheet is, and what is empty but for spaces."""
 _MISSING = frozenset(("", "na", "n/a", "null", "none", "#n/a"))
 """What stands for no number in a field of text."""
 
@@ -56,7 +63,9 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """A file with column names in its first row; in text, lines that begin with # may stand above.
+    """A file with column names in its first row; in text, lines that begin with # and empty ones do not count.
+
+    Fields of text stand between commas, or between semicolons or tabs, where numbers may have decimal commas.
 
     Args:
         path: CSV, which may be gzipped, or Parquet.
@@ -163,24 +172,19 @@ def _as_numbers(column: Any, name: str, path: Path) -> Array:
     if column.dtype.kind not in "fiub":
         for row, value in enumerate(column):
             try:
-                float(value)
+                _number(value)
             except (TypeError, ValueError):
                 raise _no_number(path, row, name, value) from None
     return np.array(column, dtype=np.float64)
 
 
 def _text_table(path: Path) -> Table:
-    text = read_whole(path)
-    above = 0
-    while text[above : above + 1] == b"#":
-        above = text.find(b"\n", above) + 1 or len(text)
-    if (cells := text.count(b",", above) + text.count(b"\n", above)) > MOST_CELLS:
+    text = _IDLE.sub(b"", read_whole(path).removeprefix(codecs.BOM_UTF8))
+    if (cells := max(text.count(one) for one in (b",", b";", b"\t")) + text.count(b"\n")) > MOST_CELLS:
         raise _too_many(path, cells)
 
     def opened() -> IO[str]:
-        file = io.BytesIO(text)
-        file.seek(above)
-        return io.TextIOWrapper(file, "utf-8", errors="replace")
+        return io.TextIOWrapper(io.BytesIO(text), "utf-8", errors="replace")
 
     return csv_table(path, opened)
 
@@ -194,7 +198,7 @@ def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
 
     Raises:
         ValueError: no row of names.
-        LogError: one of them is no text.
+        LogError: one of them is no text, or all are numbers.
     """
     with opened() as file:
         first = next((line for line in file if line.strip()), "").removeprefix("\ufeff")
@@ -202,7 +206,16 @@ def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
         raise ValueError("it is empty")
     if "\ufffd" in first:
         raise LogError(f"{path}: a column's name is not text", expected="UTF-8", do="export it as that")
-    names = tuple(next(csv.reader([first.rstrip("\r\n")])))
+    separator = next((one for one in (";", "\t") if one in first and "," not in first), ",")
+    if separator == "," and ";" in first and all(map(_is_number, first.split(";"))):
+        separator = ";"  # a row of numbers with decimal commas
+    names = tuple(next(csv.reader([first.rstrip("\r\n")], delimiter=separator)))
+    if (filled := [name for name in names if name.strip()]) and all(map(_is_number, filled)):
+        raise LogError(
+            f"{path}: the first row has numbers: {_printable(first.strip(), 60)}",
+            expected="a row of names",
+            do="add a row of names above it, such as time_s,emg_mV (onset_s,offset_s of labels)",
+        )
 
     def read(columns: Sequence[int]) -> list[Array]:
         with opened() as file:
@@ -211,14 +224,41 @@ def csv_table(path: Path, opened: Callable[[], IO[str]]) -> Table:
             if not (begin := _first_row(file)):
                 return [np.empty(0) for _ in columns]
             try:
-                found = np.loadtxt(_with(begin, file), delimiter=",", quotechar='"', comments=None, ndmin=2)
+                lines = _with(begin, file)
+                if separator != ",":
+                    lines = (line.replace(",", ".") for line in lines)
+                found = np.loadtxt(lines, delimiter=separator, quotechar='"', comments=None, ndmin=2)
             except ValueError:  # text in it, or nothing, or rows of different length
                 found = None
         if found is not None and found.shape[1] == len(names):
             return [np.ascontiguousarray(found[:, i]) for i in columns]
-        return _field_by_field(path, opened, names, columns)
+        return _field_by_field(path, opened, names, columns, separator)
 
     return Table(path, names, read)
+
+
+def _number(text: Any) -> float:
+    """What `float` makes of a field, but for digits of other scripts and with underscores, which are no file's numbers.
+
+    Raises:
+        ValueError: no number.
+    """
+    if isinstance(text, str) and ("_" in text or not text.strip().isascii()):
+        raise ValueError(f"{text!r} is no number")
+    return float(text)
+
+
+def _is_number(text: str) -> bool:
+    """Whether a field is a number, with a decimal comma, too.
+
+    >>> [_is_number(text) for text in ("1e-3", " 0,5", "emg_mV", "")]
+    [True, True, False, False]
+    """
+    try:
+        _number(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _first_row(file: IO[str]) -> str:
@@ -231,24 +271,25 @@ def _with(first: str, rest: IO[str]) -> Iterator[str]:
 
 
 def _field_by_field(
-    path: Path, opened: Callable[[], IO[str]], names: tuple[str, ...], columns: Sequence[int]
+    path: Path, opened: Callable[[], IO[str]], names: tuple[str, ...], columns: Sequence[int], separator: str
 ) -> list[Array]:
     """What has fields that are no numbers: the same, slower, with a reason where it cannot be."""
     found = [array("d") for _ in columns]
     with opened() as file:
         while not file.readline().strip():
             pass
-        for row, fields in enumerate(cells for cells in csv.reader(file) if cells):
+        for row, fields in enumerate(cells for cells in csv.reader(file, delimiter=separator) if cells):
             if len(fields) != len(names):
                 raise LogError(
                     f"{path}, row {row + 1}: {len(fields)} fields where there are {len(names)} columns",
                     expected="as many in each row",
-                    do="remove or mend that row",
+                    do="remove or mend that row"
+                    + ("; numbers with decimal commas need ; or tabs between them" if separator == "," else ""),
                 )
             for values, place in zip(found, columns, strict=True):
                 cell = fields[place]
                 try:
-                    values.append(float(cell))
+                    values.append(_number(cell if separator == "," else cell.replace(",", ".")))
                 except ValueError:
                     if cell.strip().lower() not in _MISSING:
                         raise _no_number(path, row, names[place], cell) from None

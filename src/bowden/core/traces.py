@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 _COLUMNS = ("RMSE", "after 10 s", "peak", "delay", "hysteresis width")
 
+_DRAWN = {"time", "reference", "joint"}
+"""Columns without which a trace has no figures of merit, and no curves."""
+
 
 class Traces(dict[str, Trace]):
     """A dictionary, name → trace, that shows itself as a table of figures of merit and can be drawn.
@@ -74,14 +77,14 @@ class Traces(dict[str, Trace]):
         rows = []
         for name, cells in self._table():
             named = zip(_COLUMNS, cells, strict=False)
-            rows.append((name, shown.listed(f"{what} {text}" for what, text in named if text) or "unstable"))
+            rows.append((name, shown.listed(f"{what} {text}" for what, text in named if text) or "–"))
         return shown.screen(self._title(), rows)
 
     def _repr_html_(self) -> str:
         from bowden.core.style import new_figure
 
         figure = None
-        if self and all({"time", "reference", "joint"} <= set(trace.columns) for trace in self.values()):
+        if self and all(set(trace.columns) >= _DRAWN for trace in self.values()):
             figure, axes = new_figure(2, 1, height=4.2, share_x=True)
             self._draw(axes)
         rows = [(name, *(text or "–" for text in cells)) for name, cells in self._table()]
@@ -93,6 +96,9 @@ class Traces(dict[str, Trace]):
     def _table(self) -> list[tuple[str, list[str]]]:
         rows = []
         for name, trace in self.items():
+            if not set(trace.columns) >= _DRAWN:
+                rows.append((name, [""] * len(_COLUMNS)))
+                continue
             found = trace.metrics() if trace.stable else None
             if found is None:
                 rows.append((name, ["unstable", *[""] * (len(_COLUMNS) - 1)]))

@@ -48,13 +48,29 @@ def advise(
     return "; ".join(parts)
 
 
-def _remedy(
-    bench: Plant, law: Law, found: Check, bends: tuple[float, float] | None, stroke: tuple[float, float]
-) -> str:
+def mending_gain(
+    bench: Plant,
+    law: Law,
+    found: Check,
+    *,
+    bends: tuple[float, float] | None = None,
+    stroke: tuple[float, float] = STROKE,
+) -> tuple[str, float] | None:
+    """The smallest change of one gain that makes the loop hold: its name and new value; None where there is none."""
     linear = linear_plant(bench, bends or (bench.sheath.bend,), stroke)
     for name, value in _candidates(bench, linear, law, found)[:_TRIED]:
         if check(bench, law.with_gains(**{name: value}), bends=bends, stroke=stroke).verdict == "holds":
-            return f"set {name} to {value:.3g} (now {law.numbers[name]:.3g})"
+            return name, value
+    return None
+
+
+def _remedy(
+    bench: Plant, law: Law, found: Check, bends: tuple[float, float] | None, stroke: tuple[float, float]
+) -> str:
+    gain = mending_gain(bench, law, found, bends=bends, stroke=stroke)
+    if gain is not None:
+        name, value = gain
+        return f"set {name} to {value:.3g} (now {law.numbers[name]:.3g})"
     holding, failing = -1, bench.delay  # the longest delay known to hold lies between the two
     while failing - holding > 1:
         delay = (holding + failing) // 2 if holding >= 0 else 0

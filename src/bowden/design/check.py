@@ -204,9 +204,10 @@ def check(
         reserve = _reserve(bench, law, points, worst.bend, stroke, seed)
     cycle = None if linear.leaves_out else _predicted_cycle(bench, law, ends, estimates, stroke)
     verdict, reason = _judge(worst, trials, apart, chatters, reserve, refuted=refuted, whole=not linear.leaves_out)
-    if verdict == "holds" and not linear.leaves_out:
+    if verdict != "does_not_hold" and not linear.leaves_out:
         zones = [transmission(bench, bend, stroke).dead_zone for bend in dict.fromkeys(ends)]
-        verdict, reason = _at_rest(trials, zones, reason, confirmed=bool(_confirmed(cycle, _swing(trials))))
+        confirmed = bool(_confirmed(cycle, _swing(trials)))
+        verdict, reason = _at_rest(trials, zones, verdict, reason, confirmed=confirmed)
     bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
     if law.proven is not None and not linear.leaves_out:
         found = transmission(bench, ends[1], stroke)
@@ -396,21 +397,23 @@ def _judge(
 
 
 def _at_rest(
-    trials: Sequence[Trial], dead_zones: Sequence[float], reason: str, *, confirmed: bool
+    trials: Sequence[Trial], dead_zones: Sequence[float], verdict: VerdictName, reason: str, *, confirmed: bool
 ) -> tuple[VerdictName, str]:
-    """Whether a loop with its margins holds at rest too: it swings no further than play leaves a joint without a law.
+    """Whether a bounded loop is calm at rest too: it swings no further than play leaves a joint without a law.
 
-    That is half of the dead zone to either side. A loop that swings further is worse at rest than none.
+    That is half of the dead zone to either side. A loop that swings further is worse at rest than none, with its
+    margins or with little of them.
     """
     pairs = [(trial.swing or 0.0, 0.5 * zone) for trial, zone in zip(trials, dead_zones, strict=True)]
     swing, left = max(pairs, key=lambda pair: pair[0] / max(pair[1], _AT_REST))
     play = f"the ±{left / RADIANS:.2g}° that the play leaves without a law"
     said = f"at rest the joint swings by ±{swing / RADIANS:.2g}° in a limit cycle"
+    held = "every linear loop has its margins" if verdict == "holds" else reason
     if swing > max(left, _AT_REST):
-        return "limit_cycle", f"every linear loop has its margins, but {said}, more than {play}"
-    if confirmed:
-        return "holds", f"every linear loop has its margins; {said}, within {play}"
-    return "holds", reason
+        return "limit_cycle", f"{held}{', but' if verdict == 'holds' else ', and'} {said}, more than {play}"
+    if confirmed and verdict == "holds":
+        return "holds", f"{held}; {said}, within {play}"
+    return verdict, reason
 
 
 def _checked(law: Law, bends: tuple[float, float], stroke: tuple[float, float]) -> tuple[float, float]:

@@ -1,16 +1,20 @@
 """Which law holds on a rig where another one does not, and with what error.
 
-Laws are checked one after the other, ours first, up to the first that holds; so the time is that of a few checks. On a
-suit, whose check takes tens of seconds, ours alone is looked at.
+Laws are checked one after the other, ours first, up to the first that holds, and none is begun after a minute; so the
+time is that of a few checks. On a suit, whose check takes tens of seconds, ours alone is looked at.
 """
 
-from collections.abc import Collection
+import time
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from bowden.control import LAWS
+from bowden.control import LAWS, Law
 from bowden.core.errors import BowdenError
 from bowden.core.shown import number
+from bowden.design.advice import mending_gain
 from bowden.design.check_rig import check_rig
+from bowden.rig import ranges
 from bowden.rig.one_run import run_of
 from bowden.rig.rig import Rig
 
@@ -21,6 +25,14 @@ OURS = "bowden"
 """The law that is looked at first, and that `bowden init` writes where it holds."""
 LONGEST = 20.0
 """Of the run whose error is said [s]."""
+PATIENCE = 60.0
+"""After which no further law is looked at [s]."""
+_WORDS = {
+    "holds": "holds",
+    "little_margin": "has little margin",
+    "limit_cycle": "swings at rest",
+    "does_not_hold": "does not hold",
+}
 
 
 class OtherLaw(NamedTuple):
@@ -31,6 +43,10 @@ class OtherLaw(NamedTuple):
     rmse_deg: float
     """Over `seconds`, from rest."""
     seconds: float
+    gains: Mapping[str, float] = MappingProxyType({})
+    """Name → value of those that are not the rig's own: of `mended_law`."""
+    untried: tuple[str, ...] = ()
+    """Laws that were not looked at, since the time for it was over."""
 
     def __str__(self) -> str:
         """The same in words.
@@ -40,7 +56,9 @@ class OtherLaw(NamedTuple):
         """
         how = {"holds": "holds here", "little_margin": "stays bounded here, with little margin"}
         said = how.get(self.verdict, "stays bounded here, in a limit cycle")
-        return f"the law {self.law} {said}, with {number(self.rmse_deg, '°')} RMS over {self.seconds:g} s"
+        given = "".join(f" with {name} = {value:.3g}" for name, value in self.gains.items())
+        rest = f" ({', '.join(self.untried)} not tried: {PATIENCE:g} s were over)" if self.untried else ""
+        return f"the law {self.law}{given} {said}, with {number(self.rmse_deg, '°')} RMS over {self.seconds:g} s{rest}"
 
 
 def chosen_law(rig: Rig) -> tuple[str, str]:
@@ -49,11 +67,36 @@ def chosen_law(rig: Rig) -> tuple[str, str]:
     found = check_rig(ours, ours.fitted())
     if isinstance(found, str) or found.verdict == "holds":
         return OURS, "our own, which learns the cable while it runs; bowden check says that it holds here"
-    said = f"the law {OURS} {found.verdict}: {found.reason}"
+    said = f"{_WORDS[found.verdict]} here: {found.reason}"
     better = other_law(rig, [OURS])
     if better is None or (better.verdict != "holds" and found.verdict != "does_not_hold"):
-        return OURS, f"though {said}"
-    return better.law, f"since {said}; {better}"
+        return OURS, f"our own, though it {said}"
+    return better.law, f"since our own, {OURS}, {said}; {better}"
+
+
+def mended_law(rig: Rig, law: Law) -> OtherLaw | None:
+    """The rig's own law, with the gain that the check advises where it does not hold; None where that mends nothing.
+
+    Args:
+        rig: whose bench, bends and stroke count.
+        law: with the rig's gains.
+    """
+    found = check_rig(rig, law)
+    if isinstance(found, str):
+        return None
+    verdict, gains = found.verdict, {}
+    if verdict != "holds":
+        gain = mending_gain(ranges.judged(rig), law, found, bends=ranges.bends(rig), stroke=ranges.stroke(rig))
+        if gain is not None:
+            verdict, gains = "holds", dict([gain])
+    return None if verdict == "does_not_hold" else _with_error(rig, law.with_gains(**gains), verdict, gains)
+
+
+def _with_error(rig: Rig, law: Law, verdict: "VerdictName", gains: Mapping[str, float]) -> OtherLaw | None:
+    """What is said of a law, with its error; None where its run is unstable."""
+    short = rig.replace(duration=min(rig.duration, LONGEST))
+    rmse = run_of(short, law).metrics().rmse_deg
+    return None if rmse is None else OtherLaw(law.name, verdict, rmse, short.duration, gains)
 
 
 def other_law(rig: Rig, without: Collection[str]) -> OtherLaw | None:
@@ -63,28 +106,25 @@ def other_law(rig: Rig, without: Collection[str]) -> OtherLaw | None:
         rig: whatever its own law is.
         without: names of laws that are known not to.
     """
-    names = [OURS, *(name for name in LAWS if name != OURS and LAWS[name].choices)]
+    names = [OURS, *(name for name in LAWS if name != OURS and LAWS[name].choices)] if rig.worn is None else [OURS]
+    names = [name for name in names if name not in without]
     bounded: OtherLaw | None = None
-    for name in names if rig.worn is None else [OURS]:
-        if name in without:
-            continue
+    end = time.monotonic() + PATIENCE
+    for i, name in enumerate(names):
+        if time.monotonic() > end:
+            return None if bounded is None else bounded._replace(untried=tuple(names[i:]))
         try:
             under = rig.with_law(name)
             law = under.fitted()
             checked = check_rig(under, law)
             if isinstance(checked, str) or checked.verdict == "does_not_hold":
                 continue
-            verdict = checked.verdict
-            if verdict != "holds" and bounded is not None:
+            if checked.verdict != "holds" and bounded is not None:
                 continue
-            short = under.replace(duration=min(under.duration, LONGEST))
-            rmse = run_of(short, law).metrics().rmse_deg
+            found = _with_error(under, law, checked.verdict, {})
         except BowdenError:  # a law that this rig cannot have is none to name
             continue
-        if rmse is None:
-            continue
-        found = OtherLaw(name, verdict, rmse, short.duration)
-        if verdict == "holds":
+        if found is not None and found.verdict == "holds":
             return found
-        bounded = found
+        bounded = bounded or found
     return bounded

@@ -157,6 +157,11 @@ class Tuning:
 class NoGainsError(ParameterError):
     """No gains keep the margins and follow."""
 
+    instead: str = ""
+    """Law to take in place of the rig's own, where one follows better; empty where none was found."""
+    gains: Mapping[str, float] = {}
+    """Name → value of gains with which the rig's own law holds with less margin; empty where none were found."""
+
 
 class BrokenOff(KeyboardInterrupt):
     """The search was interrupted, and has gains that are better than those before: it carries them."""

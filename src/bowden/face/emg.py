@@ -12,12 +12,13 @@ from bowden.core import arguments, shown
 from bowden.core.errors import LogError, ParameterError
 from bowden.face import given
 from bowden.identify.emg.levels import EnvelopeLevels, check_contraction, envelope_levels
-from bowden.identify.emg.log import EmgLog, checked_emg, read_emg, read_labels
-from bowden.identify.emg.score import Findings, Score, Spans, find
+from bowden.identify.emg.log import EmgLog, channel_unit, checked_emg, read_emg, read_labels
+from bowden.identify.emg.score import Findings, Score, Spans, find, spans
 from bowden.rig import wearer_file
 from bowden.rig.wearer_file import MuscleCalibration
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import detector_named
+from bowden.sensing.stream import OnsetDetector
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +27,8 @@ Recording = str | Path | EmgLog | ArrayLike
 """The path of a recording, or the samples of one channel (n,)."""
 LONGEST = 5.0
 """Contractions up to this long can be left out [s]."""
+_MOST_SPANS = 5
+"""Contractions that a warning lists."""
 _MUCH = 1.0
 """What is left out of a recording is a warning from here on; the end of a strong contraction has less of it [s]."""
 
@@ -44,6 +47,8 @@ class Contractions:
     """Contractions that are shorter are left out [s]."""
     mvc_from: str
     """Where the maximum contraction of the plain threshold comes from."""
+    units_differ: str = ""
+    """What is wrong where the wearer was measured in another unit; empty where not."""
 
     @property
     def spans(self) -> Spans:
@@ -203,7 +208,15 @@ def scored(
             do="call emg_calibrate first, or leave it out",
         )
     other = of is not None and of.channel != log.channel
-    if of is not None and other:
+    here, there = channel_unit(log.channel), "" if of is None else channel_unit(of.channel)
+    differ = ""
+    if here and there and here != there:
+        differ = (
+            f"UNITS DIFFER: {where} was measured in {there}, and {log.channel!r} is in {here}: its MVC and the plain "
+            f"threshold are wrong here; calibrate on a recording in {here}"
+        )
+        log = replace(log, warnings=(*log.warnings, differ))
+    elif of is not None and other:
         note = (
             f"{where} was measured on {of.channel!r}, and this is {log.channel!r}: is its MVC of this muscle and unit?"
         )
@@ -215,7 +228,7 @@ def scored(
     mvc, mains = (None, 0.0) if of is None else (of.mvc, of.mains)
     findings = find(log.values, log.rate, moved, mvc, settings._replace(shortest=shortest), mains, kind)
     source = "this recording" if of is None else where
-    return Contractions(log, known, findings, shortest, source)
+    return Contractions(log, known, findings, shortest, source, differ)
 
 
 def emg_calibrate(
@@ -260,16 +273,16 @@ def emg_calibrate(
         wearer_file.check_mains(hum, "mains")
         log = _recording(recording, channel, rate, "emg_calibrate")
         calm = None if rest is None else _recording(rest, None if channel is None else log.channel, rate, "rest")
-        wearer, left_out = calibrated(log, calm, hum, kind)
+        wearer, left_out, odd = calibrated(log, calm, hum, kind)
     notes = [*log.warnings, *(() if calm is None else calm.warnings)]
-    given.tell([*notes, *(note for note, seconds in left_out.items() if seconds >= _MUCH)])
+    given.tell([*notes, *odd, *(note for note, seconds in left_out.items() if seconds >= _MUCH)])
     return wearer
 
 
 def calibrated(
     log: EmgLog, rest: EmgLog | None, mains: float, kind: Detector
-) -> tuple[MuscleCalibration, dict[str, float]]:
-    """A wearer's levels from channels that were read, and the note on what was left out → how much [s].
+) -> tuple[MuscleCalibration, dict[str, float], list[str]]:
+    """A wearer's levels from channels that were read, the note on what was left out → how much [s], and warnings.
 
     Raises:
         LogError: too little is left of a recording, or there is no contraction in it.
@@ -284,7 +297,29 @@ def calibrated(
     source = " and ".join(Path(one.name).name for one, _ in read)
     wearer = MuscleCalibration(low, levels.high, log.channel, source, calm.sigma, mains)
     notes = {note_left_out(found.left_out, one.name): found.left_out for one, found in read if found.left_out >= 0.05}
-    return wearer_file.check(wearer, source), notes
+    return wearer_file.check(wearer, source), notes, [] if rest is None else _rest_warnings(rest, log, kind)
+
+
+def _rest_warnings(rest: EmgLog, log: EmgLog, kind: Detector) -> list[str]:
+    """What is odd about a recording of rest: contractions in it, or another unit than the other recording's."""
+    found = [(rest.start + on, rest.start + off) for on, off in _contractions(rest, kind)]
+    warnings = []
+    if found:
+        listed = ", ".join(f"{on:.1f} to {off:.1f} s" for on, off in found[:_MOST_SPANS])
+        more = f" and {len(found) - _MOST_SPANS} more" if len(found) > _MOST_SPANS else ""
+        warnings.append(
+            f"REST HAS CONTRACTIONS: {rest.name} from {listed}{more}; its rest is too high for what the detector "
+            "compares with it: record rest again, or leave --rest (rest=) out"
+        )
+    here, there = channel_unit(log.channel), channel_unit(rest.channel)
+    if here and there and here != there:
+        warnings.append(f"UNITS DIFFER: {rest.name} is in {there}, and {log.name} in {here}")
+    return warnings
+
+
+def _contractions(log: EmgLog, kind: Detector) -> Spans:
+    """Contractions that the detector finds, from the first sample on [s]."""
+    return spans(OnsetDetector(log.rate, None, kind).feed(log.values).active, log.rate)
 
 
 def note_left_out(seconds: float, where: str) -> str:

@@ -29,9 +29,11 @@ def reported(progress: Any, function: str) -> Iterator[Progress]:
         yield lambda what, share: None
     elif progress is True:
         line = _notebook_line() or _terminal_line()
-        yield lambda what, share: line(f"{function}: {100.0 * share:3.0f} %  {what}")
-        line(f"{function}: done")
-        line("")
+        try:
+            yield lambda what, share: line(f"{function}: {100.0 * share:3.0f} %  {what}")
+            line(f"{function}: done")
+        finally:  # what follows, an error too, begins on a line of its own
+            line("")
     elif callable(progress):
         yield progress
     else:

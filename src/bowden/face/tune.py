@@ -11,7 +11,7 @@ from bowden.control.knowledge import preset_of
 from bowden.core import arguments
 from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
-from bowden.design.other_law import other_law
+from bowden.design.other_law import mended_law, other_law
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, NoGainsError, Tuning
 from bowden.design.tune import tune as search
@@ -120,15 +120,35 @@ def tuned(
         except BrokenOff as broken:
             raise BrokenOff(whole(broken.tuning)) from None
         except NoGainsError as error:
-            better = other_law(looked_at, [law.name])
-            more = "" if better is None else f"{better}: write law = {quoted(better.law)} into [control]"
-            raise NoGainsError(error.what, expected=error.expected, do=listed((error.do, more), "; ")) from None
+            raise _instead(looked_at, law, error) from None
         if plants is None:
             return whole(found)
         try:
             return replace(whole(found), study=_judged(plants, law, found.law, workers, progress))
         except KeyboardInterrupt:
             raise BrokenOff(whole(found)) from None
+
+
+def _instead(rig: Rig, law: Law, error: NoGainsError) -> NoGainsError:
+    """The same error with what may be done: the rig's own law with less margin, or another one that follows better."""
+    own, other = mended_law(rig, law), other_law(rig, [law.name])
+    better = other is not None and (
+        own is None or (other.rmse_deg < own.rmse_deg and (other.verdict == "holds" or own.verdict != "holds"))
+    )
+    said = ""
+    if better and other is not None:
+        said = f"{other}: write law = {quoted(other.law)} into [control]"
+    elif own is not None:
+        lines = " and ".join(f"{name} = {value:.3g}" for name, value in own.gains.items())
+        said = f"{own}, with less margin than is looked for" + (
+            f": write {lines} into [control.gains]" if lines else ""
+        )
+    found = NoGainsError(error.what, expected=error.expected, do=listed((error.do, said), "; "))
+    if better and other is not None:
+        found.instead = other.law
+    elif own is not None:
+        found.gains = own.gains
+    return found
 
 
 def _judged(plants: Study, before: Law, after: Law, workers: Mapper, progress: Progress) -> dict[str, Any]:

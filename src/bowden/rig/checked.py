@@ -112,7 +112,7 @@ def checked_number(value: Any, kind: Any, quantity: Quantity, name: str) -> Any:
         return None if value is None else checked_number(value, inner, quantity, name)
     if get_origin(kind) is Literal:
         choices = get_args(kind)
-        if value not in choices:
+        if value not in choices or isinstance(value, bool | float):  # true and 1.0 equal 1, and are no choice
             raise ParameterError(
                 f"Rig: {name} is {shown(value)}", expected=near(str(value), map(str, choices)), do=_GIVE
             )

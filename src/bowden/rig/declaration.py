@@ -1,10 +1,11 @@
 """From a declared NamedTuple to a section of a file and back: keys, defaults, pydantic's class, values in SI."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic_core import PydanticCustomError
 
 from bowden.core.quantity import Quantity, declared, in_unit, optional
 
@@ -163,4 +164,17 @@ def key_of(kind: Any, quantity: Quantity, default: Any) -> tuple[Any, Any]:
         least: dict[str, Any] = {"min_length": quantity.least} if quantity.least else {}
         element: Any = Annotated[float, Field(**rules)] if rules else float
         return list[element], Field(given, **about, **least)
+    if get_origin(inner) is Literal:
+        return Annotated[kind, BeforeValidator(_one_of(get_args(inner)))], Field(given, **about, **rules)
     return kind if optional(kind) is None else inner | None, Field(given, **about, **rules)
+
+
+def _one_of(choices: tuple[Any, ...]) -> Callable[[Any], Any]:
+    """A validator that refuses what is equal to a choice and of another type: true or 1.0, where 1 is one."""
+
+    def seen(value: Any) -> Any:
+        if value in choices and type(value) not in map(type, choices):
+            raise PydanticCustomError("literal_error", "{expected}", {"expected": " or ".join(map(str, choices))})
+        return value
+
+    return seen

@@ -1,17 +1,23 @@
 """The rig.toml that ``bowden init --model`` writes: a bench round an identified cable, within what its log covered."""
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
+from bowden.core.errors import ParameterError
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES, RADIANS
-from bowden.identify.cable.counting import Counting, Covered
+from bowden.identify.cable.counting import Counting, Covered, fitted_range
 from bowden.identify.cable.model import IdentifiedCable
 from bowden.rig.presets.bench import default_bench
 from bowden.safety.limits import Limits
 
 _INSIDE = 0.1
 """Share of the joint's covered motion that the reference keeps away from its ends."""
+_LEAST_SPAN = 1.0
+"""Of the joint's covered motion, from which on a rig is made of it [deg]: a dozen counts of its encoder."""
 _ROOM = 15.0
 """What motor and joint may go beyond the covered motion [deg]: a law crosses the play, and overshoots."""
 _GENTLER, _STEEPER = 0.75, 1.15
@@ -43,8 +49,8 @@ law = {law}  # {why}
 
 [reference]  # {within}
 kind = "periodic_minimum_jerk"
-low_deg = {low:.1f}    # [°] lower end
-high_deg = {high:.1f}  # [°] upper end
+low_deg = {low}    # [°] lower end
+high_deg = {high}  # [°] upper end
 period_s = 10.0  # [s] there and back
 
 [scenario]
@@ -60,6 +66,39 @@ class Chosen(NamedTuple):
 
     law: str
     why: str
+
+
+def with_stroke(cable: IdentifiedCable) -> IdentifiedCable:
+    """The cable with the motion that its log covered; where its file does not say that, with its models' own.
+
+    Raises:
+        ParameterError: its file says neither, though its angles cannot be counted as they are; or it is too small.
+    """
+    if cable.covered is None and (ends := _own_ends(cable)) is not None:
+        joint = cable.model().joint_angle(np.concatenate([np.linspace(*ends, 200), np.linspace(*ends[::-1], 200)]))
+        cable = replace(cable, covered=Covered(*ends, float(joint.min()), float(joint.max())))
+    seen, where = cable.covered, cable.file or "the model"
+    if seen is None:
+        offset = cable.models.get("bouc_wen", {}).get("offset", 0.0)
+        if cable.bouc_wen.slope < 0.0 or abs(offset) > 0.5 * Limits().play:
+            raise ParameterError(
+                f"{where} does not say what motion its log covered, so that no zeros and limits follow from it",
+                expected="what bowden identify writes",
+                do="identify the log again",
+            )
+    elif (span := (seen.joint_high - seen.joint_low) * DEGREES) < _LEAST_SPAN:
+        raise ParameterError(
+            f"{where}: its log covered {span:.2g}° of the joint",
+            expected=f"{_LEAST_SPAN:g}° or more, for a reference within it",
+            do="identify a log with more motion",
+        )
+    return cable
+
+
+def _own_ends(cable: IdentifiedCable) -> tuple[float, float] | None:
+    """Ends of the motor's motion that all models with such ends have [rad]; None where none has."""
+    ends = [found for one in cable.models.values() if (found := fitted_range(one)) is not None]
+    return (max(one[0] for one in ends), min(one[1] for one in ends)) if ends else None
 
 
 def counting_of(cable: IdentifiedCable) -> Counting:
@@ -133,10 +172,10 @@ def _reference(seen: Covered | None) -> tuple[float, float, str]:
     if seen is None:
         return 0.0, 70.0, "model.toml does not say what motion its log covered: check that this lies within it"
     low, high = seen.joint_low * DEGREES, seen.joint_high * DEGREES
-    inside, digits = _INSIDE * (high - low), 0 if high - low > 20.0 else 2
+    inside, digits = _INSIDE * (high - low), 0 if high - low > 20.0 else 2  # that no rounding leaves the motion
     scale = 10.0**digits
     ends = math.ceil(scale * (low + inside)) / scale, math.floor(scale * (high - inside)) / scale
-    return *ends, f"within the motion that the log covered, {low:.1f} to {high:.1f}° at the joint"
+    return *ends, f"within the motion that the log covered, {low:.4g} to {high:.4g}° at the joint"
 
 
 def _limits(cable: IdentifiedCable) -> list[str]:

@@ -89,8 +89,8 @@ def text_of(wearer: MuscleCalibration) -> str:
     """What stands in the file."""
     return (
         "# Measured by bowden emg calibrate; envelopes in the unit of the channel.\n\n[emg]\n"
-        f"channel = {quoted(wearer.channel)}\nrest = {wearer.rest:.6g}\nmvc = {wearer.mvc:.6g}\n"
-        f"sigma = {wearer.sigma:.6g}\n"
+        f"channel = {quoted(wearer.channel)}\nrest = {float(wearer.rest)!r}\nmvc = {float(wearer.mvc)!r}\n"
+        f"sigma = {float(wearer.sigma)!r}\n"
         f"source = {quoted(wearer.source)}\nmains_hz = {wearer.mains:g}\n"
     )
 

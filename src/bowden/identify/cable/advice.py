@@ -62,7 +62,7 @@ def advise(
         *_about_motion(log, split, path),
         *_about_settling(log, fitted_from),
         *_about_size(log, split, path, models),
-        *_about_parameters(models),
+        *_about_parameters(models[best], best),
         *_about_rate(lag),
         *_about_the_second_half(log, split, path, models[best]),
     ]
@@ -126,10 +126,12 @@ def _about_size(log: Log, split: int, path: Path, models: Mapping[str, "ModelFit
     return found
 
 
-def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
-    fitted = models["bouc_wen"]
+def _about_parameters(fitted: "ModelFit", name: str) -> list[str]:
+    """What the log shows of the recommended model's shape, where it is a Bouc–Wen one."""
     shape = ("hysteresis_gain", "rate", "shape", "exponent")
-    vague = [key for key in shape if not fitted.uncertainty[key] < abs(fitted.parameters[key])]
+    vague = [
+        key for key in shape if key in fitted.parameters and not fitted.uncertainty[key] < abs(fitted.parameters[key])
+    ]
     if not vague:
         return []
     listed = ", ".join(
@@ -142,7 +144,7 @@ def _about_parameters(models: Mapping[str, "ModelFit"]) -> list[str]:
         for key in vague
     )
     return [
-        f"nearly unidentifiable in bouc_wen: {listed}; the curve it draws is still determined, single values are not: "
+        f"nearly unidentifiable in {name}: {listed}; the curve it draws is still determined, single values are not: "
         "record reversals in the middle of strokes, at several amplitudes, and move slowly through them"
     ]
 

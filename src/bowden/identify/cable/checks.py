@@ -58,8 +58,8 @@ def check_same_unit(motor: Array, joint: Array, where: str) -> None:
             )
 
 
-def swapped(motor: Array, joint: Array) -> list[str]:
-    """A warning where motor and joint look swapped: a cable's far end lags, and so its loop is gone round one way.
+def look_swapped(motor: Array, joint: Array) -> bool:
+    """Whether motor and joint look swapped: a cable's far end lags, and so its loop is gone round one way.
 
     What is looked at is ½∮(m·dj − j·dm), over the motor's travel and the joint's range: 0.019 to 0.052 on 24 recordings
     of cables, and nothing on one without play.
@@ -70,7 +70,12 @@ def swapped(motor: Array, joint: Array) -> list[str]:
     """
     m, j = motor - motor.mean(), joint - joint.mean()
     area = 0.5 * float(np.sum(m[:-1] * np.diff(j) - j[:-1] * np.diff(m)) * np.sign(np.sum(m * j)))
-    if area >= -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j)):
+    return area < -_LEADS * float(np.abs(np.diff(m)).sum() * np.ptp(j))
+
+
+def swapped(motor: Array, joint: Array) -> list[str]:
+    """A warning where motor and joint look swapped; see `look_swapped`."""
+    if not look_swapped(motor, joint):
         return []
     return [
         "the joint turns round before the motor does, as the driven end of a cable does: motor and joint look swapped "

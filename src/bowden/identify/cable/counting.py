@@ -66,6 +66,19 @@ def covered_by(all_of: Sequence[Covered]) -> Covered:
     return Covered(motor_low, motor_high, joint_low, joint_high)
 
 
+def fitted_range(parameters: Mapping[str, float]) -> tuple[float, float] | None:
+    """Ends of the motor's fitted range, of a model that has them among its parameters [rad]."""
+    if "knot_first" in parameters:
+        knots = sum(re.fullmatch(r"middle_\d+", name) is not None for name in parameters)
+        return parameters["knot_first"], parameters["knot_first"] + (knots - 1) * parameters["knot_step"]
+    if "first_node" in parameters:
+        return parameters["first_node"], parameters["last_node"]
+    if "static_centre" in parameters:
+        centre, half = parameters["static_centre"], parameters["static_half_range"]
+        return centre - half, centre + half
+    return None
+
+
 def recounted(name: str, parameters: Mapping[str, float], counting: Counting) -> dict[str, float]:
     """The parameters of a model as a rig counts, see above.
 

@@ -246,7 +246,15 @@ def identify_log(log: Log, seed: int = 0, progress: Progress | None = None) -> F
     shown_by_log = seen.fine.strokes > 1 and advice.following(log, split) >= advice.FOLLOWS  # a reversal, and a cable
     names = ("line",) if not shown_by_log else _OUTWARD if seen.fine.strokes < 3 else tuple(errors)
     offered = {name: errors[name] for name in names}
-    best: str = simplest_of_the_best(offered, {name: len(seen.estimates[name].slopes) for name in offered})
+    unseen = [
+        family.name
+        for family in seen.families
+        if math.inf in standard_errors(seen.fine, seen.estimates[family.name], family).values()
+    ]
+    slope = seen.estimates["line"].parameters["slope"]
+    blur = math.hypot(slope * noise, motor_noise(log.joint[:split]))
+    complexity = {name: len(seen.estimates[name].slopes) for name in offered}
+    best: str = simplest_of_the_best(offered, complexity, unseen, blur)
 
     fine, start = half.fine, half.settling.start
     fitted_from = int(np.searchsorted(log.time, fine.time[np.flatnonzero(fine.weight)[0]])) if start else 0

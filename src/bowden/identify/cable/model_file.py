@@ -158,13 +158,13 @@ def _covered(file: Path) -> Covered | None:
     if said is None:
         return None
     ends: list[float] = []
-    for key in ("motor_deg", "joint_deg"):
+    for key, most in (("motor_deg", 1e5), ("joint_deg", 1e4)):
         pair = said.get(key) if isinstance(said, dict) else None
         numbers = [one for one in pair if type(one) in (int, float)] if isinstance(pair, list) else []
-        if not (len(numbers) == 2 and pair == numbers and -math.inf < numbers[0] < numbers[1] < math.inf):
+        if not (len(numbers) == 2 and pair == numbers and -most <= numbers[0] < numbers[1] <= most):
             raise ParameterError(
                 f"{file}: {key} of [covered] is {pair!r}",
-                expected="two angles, the lower one first",
+                expected=f"two angles within ±{most:.0f}, the lower one first",
                 do="write the file again, or delete the section",
             )
         ends += [one / DEGREES for one in numbers]

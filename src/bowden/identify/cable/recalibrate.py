@@ -35,7 +35,7 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.order import distinct
 from bowden.core.units import DEGREES
-from bowden.identify.cable.counting import Covered
+from bowden.identify.cable.counting import Covered, fitted_range
 from bowden.identify.cable.model import SCHEDULED, CableModel, IdentifiedCable
 from bowden.identify.cable.path import Path, path_of
 from bowden.identify.cable.turns import resolution
@@ -288,25 +288,12 @@ def _check_units(cable: IdentifiedCable, units: Mapping[str, str]) -> None:
 
 def _outside_stroke(log: Log, cable: IdentifiedCable) -> float:
     """How far the motor leaves the range that a model of the cable says it was fitted to; 0 where none does [rad]."""
-    ends = [found for one in cable.models.values() if (found := _fitted_range(one)) is not None]
+    ends = [found for one in cable.models.values() if (found := fitted_range(one)) is not None]
     if not ends:
         return 0.0
     low, high = min(one[0] for one in ends), max(one[1] for one in ends)
     beyond = float(max(low - log.motor.min(), log.motor.max() - high))
     return beyond if beyond > _BEYOND * (high - low) else 0.0
-
-
-def _fitted_range(parameters: Mapping[str, float]) -> tuple[float, float] | None:
-    """Ends of the motor's fitted range, of a model that has them among its parameters [rad]."""
-    if "knot_first" in parameters:
-        knots = sum(re.fullmatch(r"middle_\d+", name) is not None for name in parameters)
-        return parameters["knot_first"], parameters["knot_first"] + (knots - 1) * parameters["knot_step"]
-    if "first_node" in parameters:
-        return parameters["first_node"], parameters["last_node"]
-    if "static_centre" in parameters:
-        centre, half = parameters["static_centre"], parameters["static_half_range"]
-        return centre - half, centre + half
-    return None
 
 
 def _placed(cable: IdentifiedCable, values: Mapping[str, float]) -> tuple[IdentifiedCable, list[str]]:

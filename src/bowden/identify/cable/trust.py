@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from bowden.core.units import DEGREES
 from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following
+from bowden.identify.cable.checks import look_swapped
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit
@@ -31,15 +32,18 @@ class Trust(NamedTuple):
 def trust(fit: "Fit") -> Trust:
     """Whether to trust the recommended model.
 
-    *No* where the joint does not follow the motor, or where the model errs by more than half of what a straight line
-    does (and more than its encoders' counts explain), a line being no loop. *With care* where the half that was not
-    fitted is predicted clearly worse than the other one was fitted, or where that half helped to choose the model.
+    *No* where the joint does not follow the motor or turns round before it, or where the model errs by more than half
+    of what a straight line does (and more than its encoders' counts explain), a line being no loop. *With care* where
+    the angles hardly have the unit they were taken in, where the half that was not fitted is predicted clearly worse
+    than the other one was fitted, or where that half helped to choose the model.
     """
     chosen, line, counts = fit.chosen, fit.models["line"], fit.forecast.resolution
     seen, unseen = chosen.train_rms, chosen.test_rms
     correlation = following(fit.log, fit.split)
     if correlation < FOLLOWS:
         return Trust("no", f"the joint does not follow the motor (correlation {correlation:.2f})")
+    if look_swapped(fit.log.motor, fit.log.joint):
+        return Trust("no", "the joint turns round before the motor does: motor and joint look swapped")
     said = f"{_degrees(unseen)} RMS on the half that was not fitted, {_degrees(seen)} on the fitted one"
     said += f", {_degrees(line.test_rms)} of a straight line" if fit.best.name != "line" else ""
     said += f"; the encoders' counts are {_degrees(counts)}" if counts else ""
@@ -47,6 +51,8 @@ def trust(fit: "Fit") -> Trust:
         return Trust("with care", f"no loop is shown by this log, a straight line is all; {said}")
     if unseen > _OF_LINE * line.test_rms and unseen > max(_COUNTS * counts, SLIGHT):
         return Trust("no", f"the model predicts hardly better than a straight line; {said}")
+    if fit.log.unit_doubt:
+        return Trust("with care", f"{fit.log.unit_doubt}; {said}")
     if fit.chosen_on_whole:
         return Trust("with care", f"too few strokes: the half that judges it helped to choose it; {said}")
     if unseen > WORSE * seen and unseen > SLIGHT:

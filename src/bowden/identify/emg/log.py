@@ -225,6 +225,16 @@ def read_labels(path: Path) -> list[tuple[float, float]]:
     return [(float(first), float(last)) for first, last in zip(onset, end, strict=True)]
 
 
+def channel_unit(name: str) -> str:
+    """Unit at the end of a channel's name; empty where there is none, µV as uV.
+
+    >>> [channel_unit(name) for name in ("emg_mV", "biceps (µV)", "emg")]
+    ['mV', 'uV', '']
+    """
+    suffix = _UNIT.search(name)
+    return (suffix[1] or "").replace("µ", "u") if suffix else ""
+
+
 def largest(unit: str) -> float:
     """What no value of a signal exceeds, in its unit; empty where it is not known."""
     return _MOST_VOLTS / _VOLTS[unit] if unit in _VOLTS else _MOST

@@ -210,6 +210,23 @@ def check_plausible(motor: Angle, joint: Angle, where: Callable[[int], str]) -> 
             raise _beyond(one, one is motor, where(worst), float(one.values[worst]))
 
 
+def unit_doubt(joint: Angle) -> str:
+    """Why a joint's angle is hardly in the unit that it was taken in; empty where it may well be.
+
+    A joint moves by less than half a turn, and a log of one that is worth a fit by more than π°: what is taken for
+    radians and moves by more than π may be degrees, and what is taken for degrees and moves by less than π, radians.
+
+    Args:
+        joint: as the log has it.
+    """
+    span = float(np.ptp(joint.values))
+    if joint.unit == "rad" and span > math.pi:
+        return f"{joint.name} was taken as rad and so moves by {span / RADIANS:.4g}°: is it in degrees?"
+    if joint.unit == "deg" and span < math.pi:
+        return f"{joint.name} was taken as deg and so moves by {span:.2g}° only: is it in radians?"
+    return ""
+
+
 def geared(motor: Angle, joint: Angle) -> list[str]:
     """A note where the motor moves so much further than the joint that a gear or a spool must be between them."""
     ratio = float(np.ptp(motor.radians) / np.ptp(joint.radians))

@@ -15,7 +15,16 @@ from bowden.core.errors import LogError, ParameterError
 from bowden.core.table import read_table
 from bowden.identify.cable import checks
 from bowden.identify.cable.counting import Covered
-from bowden.identify.log.angles import SIDES, Angle, angle_units, angles_of, check_plausible, geared, unwrapped
+from bowden.identify.log.angles import (
+    SIDES,
+    Angle,
+    angle_units,
+    angles_of,
+    check_plausible,
+    geared,
+    unit_doubt,
+    unwrapped,
+)
 from bowden.identify.log.clock import even_clock, odd_time
 from bowden.identify.log.columns import CABLE, FACTORS, LogColumn, find_columns, unit_of
 from bowden.identify.log.mat import is_matlab, read_matlab
@@ -38,6 +47,8 @@ class Log:
     """The file's name, for reports."""
     warnings: tuple[str, ...]
     """What was mended or guessed."""
+    unit_doubt: str = ""
+    """Why the angles hardly have the unit that they were taken in; empty where they may well have it."""
 
     @property
     def covered(self) -> Covered:
@@ -228,5 +239,7 @@ def prepare(
     more += geared(motor, joint)
     even, (motor_at, joint_at), clock = even_clock(time, (motor.radians, joint.radians), place)
     checks.check_length(len(even), name)
-    swapped = checks.swapped(motor_at, joint_at)
-    return Log(even, motor_at, joint_at, name, (*warnings, *notes, *more, *clock, *odd_time(even, motor_at), *swapped))
+    doubt = unit_doubt(joint)
+    doubts = [*([f"{doubt} (--unit, unit= in Python)"] if doubt else []), *checks.swapped(motor_at, joint_at)]
+    said = (*warnings, *notes, *more, *clock, *odd_time(even, motor_at), *doubts)
+    return Log(even, motor_at, joint_at, name, said, doubt)

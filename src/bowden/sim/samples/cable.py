@@ -34,7 +34,7 @@ GAIN_AT_NO_LOAD, GAIN_PER_LOAD = -0.06, -0.6
 OFFSET_PER_LOAD = -0.25
 """[rad/(N·m)]"""
 NEW_GAIN, NEW_OFFSET = 1.012, 0.7 * RADIANS
-"""Of ``new.csv`` against ``log.csv``: the joint's encoder was mounted anew; [–] and [rad]."""
+"""Of ``new.csv`` against ``log.csv``: the joint's encoder was mounted again; [–] and [rad]."""
 SERVO = Servo()
 SERVO_DELAY = 0.0024
 """From a command to the servo [s]."""
@@ -160,7 +160,7 @@ def _truth(seed: int) -> str:
 [log]  # log.csv and raw.csv: the paper's cable, Bouc-Wen
 {cable(CABLE)}
 
-[new]  # new.csv: the joint of log.csv, seen by an encoder that was mounted anew
+[new]  # new.csv: the joint of log.csv, seen by an encoder that was mounted again
 gain = {NEW_GAIN:g}
 offset_deg = {NEW_OFFSET * DEGREES:.6g}
 
