@@ -30,7 +30,10 @@ MOST_CELLS = 50_000_000
 _PACKED = 4
 """A compressed Parquet file may have so many fields more for each of its bytes; what was recorded has some bytes for a
 field."""
-_IDLE = re.compile(rb"^(?:#(?!N/A|DIV/|VALUE!|REF!|NAME\?|NULL!|NUM!)[^\n]*|[ \r]+|[ \r]*(?=\n))(?:\n|\Z)", re.MULTILINE | re.IGNORECASE)
+_IDLE = re.compile(
+    rb"^(?:#(?!N/A|DIV/|VALUE!|REF!|NAME\?|NULL!|NUM!)[^\n]*|[ \r]+|[ \r]*(?=\n))(?:\n|\Z)",
+    re.MULTILINE | re.IGNORECASE,
+)
 """Lines of a text without fields: comments, which no error of a spreadsheet is, and what is empty but for spaces."""
 _MISSING = frozenset(("", "na", "n/a", "null", "none", "#n/a"))
 """What stands for no number in a field of text."""

@@ -80,7 +80,7 @@ class Traces(dict[str, Trace]):
         from bowden.core.style import new_figure
 
         figure = None
-        if self and all(_DRAWN <= set(trace.columns) for trace in self.values()):
+        if self and all(set(trace.columns) >= _DRAWN for trace in self.values()):
             figure, axes = new_figure(2, 1, height=4.2, share_x=True)
             self._draw(axes)
         rows = [(name, *(text or "–" for text in cells)) for name, cells in self._table()]
@@ -92,7 +92,7 @@ class Traces(dict[str, Trace]):
     def _table(self) -> list[tuple[str, list[str]]]:
         rows = []
         for name, trace in self.items():
-            if not _DRAWN <= set(trace.columns):
+            if not set(trace.columns) >= _DRAWN:
                 rows.append((name, [""] * len(_COLUMNS)))
                 continue
             found = trace.metrics() if trace.stable else None
