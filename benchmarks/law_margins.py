@@ -25,6 +25,7 @@ from scipy.linalg import expm
 
 from bowden.control.law_parts import Filtered, through_servo
 from bowden.control.our_law.gains import BowdenGains
+from bowden.control.our_law.law import UNKNOWN_LAG
 from bowden.control.our_law.observer import Observer, arrives, corrected, pace_of
 from bowden.control.stability import Array, StateSpace, frequencies, margins, response
 
@@ -98,15 +99,20 @@ CHANGES = {
 
 
 def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> StateSpace:
-    """The frozen law from joint to minus command, for a lag [s], a load's frequency [Hz] and a share of κ."""
+    """The frozen law from joint to minus command, for a lag [s], a load's frequency [Hz] and a share of κ.
+
+    The motor misses nothing: the motions are small.
+    """
     gains = BowdenGains(told.frequency, told.damping, (told.delay + 0.5) * told.dt, noise=NOISE, lag=lag)
     pace = pace_of(gains, 1.0, told.dt)
     kappa, unbounded = share * pace.kappa, pace._replace(stopping=1e9)
     time = 1.0 / (2.0 * np.pi * learned) if learned else 0.0
 
+    expected = lag + (0.0 if learned else UNKNOWN_LAG / told.frequency)
+
     def after(numbers: Array, joint: float) -> Array:
         before = Observer(*numbers.tolist())
-        arrived = arrives(before, gains.delay, lag, time, told.dt)
+        arrived = arrives(before, 0.0, gains.delay, expected, time, told.dt)
         seen = joint - arrived.position
         now, acceleration = corrected(before, seen, 0.0, arrived, kappa, unbounded, 0.0, 0.0, told.dt)
         wanted = Filtered(now.sent, now.rate, acceleration)

@@ -154,3 +154,13 @@ def test_what_a_killed_process_left_half_written_is_removed(tmp_path: Path) -> N
     (rest / "part-000001.parquet").write_bytes(b"PAR1")
     assert store.open() == []
     assert not rest.exists()
+
+
+@pytest.mark.parametrize(("runs", "least", "most"), [(40, 0.10, 0.15), (200, 0.050, 0.066), (2000, 0.004, 0.007)])
+def test_what_chance_gives_is_what_permutations_give(runs: int, least: float, most: float) -> None:
+    random = np.random.default_rng(5)
+    found = [sensitivity("p", random.random(runs), random.random(runs)) for _ in range(400)]
+    assert least < found[0].chance < most
+    assert np.mean([one.above_chance for one in found]) == pytest.approx(0.05, abs=0.03)
+    line = np.linspace(0.0, 1.0, runs)
+    assert sensitivity("p", line, line).above_chance

@@ -100,6 +100,8 @@ def test_our_law_holds_on_a_suit_by_its_trials(tmp_path: Path, capsys: pytest.Ca
     assert found["worst"]["largest_pole"] > 1.0
     assert found["simulated_peak_deg"] < 10.0
     assert (found["limit_cycle"]["predicted"], found["ultimate_bound_deg"]) == (False, None)
+    assert main.run(["check", str(path)]) == 0
+    assert "gain margin   not defined for a suit: trials decide" in capsys.readouterr().out
 
 
 def test_gains_of_the_bench_do_not_hold_on_a_suit() -> None:

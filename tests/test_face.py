@@ -1,6 +1,5 @@
 """What ``import bowden`` offers: quick to import, documented, shown on one screen, and refusals that say what to do."""
 
-import contextlib
 import inspect
 import subprocess
 import sys
@@ -429,7 +428,12 @@ def test_a_line_of_progress_ends_where_the_call_fails(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    with contextlib.suppress(ZeroDivisionError), reported(True, "tune") as report:
-        report("a step", 0.5)
-        raise ZeroDivisionError
+
+    def failing() -> None:
+        with reported(True, "tune") as report:
+            report("a step", 0.5)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        failing()
     assert capsys.readouterr().err.endswith("a step\n")

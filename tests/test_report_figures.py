@@ -160,6 +160,14 @@ def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     assert "<b>adaptive</b>: fault.kind (60 %), servo (4 %)." in html
     rows = re.findall(r"<tr><td class=\"number\">(\d)</td><td>(\S+?)</td>", html)
     assert rows == [("1", "fault.kind"), ("2", "servo")]
+    weak = (Sensitivity("servo", -0.2, 0.04, 0.2), found[1], Sensitivity("gain", float("nan"), 0.0, taken=False))
+    law = LawFigures("adaptive", 9, 0, 0, {}, {}, (), weak, steps, {"fault.kind": ("nothing", "spike")}, oscillating=3)
+    drawn.append(("gain", "", distribution("uniform", (1.0, 2.0))))
+    html = campaign_page(Summary("h", "d", 9, (law,)), "t", drawn, "", 1.0).html()
+    assert "<b>adaptive</b>: fault.kind (60 %)." in html
+    assert "4.0 (not more than chance)" in html
+    assert "are below 20 %" in html
+    assert "Oscillating: the command travelled more than 5 times" in html
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -377,7 +377,7 @@ def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:
         "closed": True,
         "whole": True,
     }
-    nothing = dict.fromkeys(("law", "rig", "seed", "lateness_s", "run_time_s", "overruns"))
+    nothing = dict.fromkeys(("law", "rig", "seed", "twin", "lateness_s", "run_time_s", "overruns"))
     stop = {
         "time_s": 0.9,
         "causes": ["loop too late"],

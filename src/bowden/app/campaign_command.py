@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,23 +75,51 @@ def campaign(
     print(f"Page: {files[-1]}  ({seconds():.1f} s)")
 
 
+_TITLES = (
+    "unstable\n%",
+    "oscil.\n%",
+    "worse\n%",
+    "RMSE\nmedian",
+    "\n90 %",
+    "\n99 %",
+    "\nworst",
+    "peak\nworst",
+    "worst\nrun",
+)
+"""Of the columns after the first, angles in degrees."""
+
+
 def _print_table(summary: "Summary") -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
+    from bowden.study.figures import MOVING, UNSTABLE
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("law", no_wrap=True)
-    for title in ("unstable\n%", "RMSE\nmedian °", "\n90 % °", "\n99 % °", "\nworst °", "peak\nworst °", "worst\nrun"):
+    for title in _TITLES:
         table.add_column(title, justify="right", no_wrap=True)
     for one in summary.laws:
         found, peak = one.figures.get("rmse_deg"), one.figures.get("peak_deg")
-        values: list[Any] = [100.0 * one.unstable / one.runs]
+        counts = (one.unstable, one.oscillating, one.worse)
+        values: list[Any] = [None if count is None else 100.0 * count / one.runs for count in counts]
         values += [found.median, found.q90, found.q99, found.most] if found else [None] * 4
         values.append(peak.most if peak else None)
         shown = ("–" if value is None else f"{value:.3g}" for value in values)
         table.add_row(one.law, *shown, str(one.worst[0].number) if one.worst else "–")
     Console(width=None if sys.stdout.isatty() else 100).print(table)
+    print(textwrap.fill(f"Errors in degrees. {UNSTABLE} {MOVING}", 100))
+    for one in summary.laws:
+        varied = [found for found in one.sensitivities if found.taken and found.chance]
+        if not varied:
+            continue
+        named = ", ".join(f"{found.name} {100.0 * found.share:.0f} %" for found in varied if found.above_chance)
+        chance = 100.0 * max(found.chance for found in varied)
+        print(
+            f"{one.law}: its RMSE depends on {named or 'nothing that shows'} "
+            f"(shares of up to {chance:.2g} % are not more than chance with {one.runs} runs)"
+        )
 
 
 COMMANDS = (

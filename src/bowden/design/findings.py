@@ -23,15 +23,16 @@ _SAID = {True: "confirmed in simulation", False: "refuted in simulation", None: 
 def check_rows(found: "Check") -> list[tuple[str, str]]:
     """What a check found, a line for each thing."""
     cycle, swing, ripple = found.cycle, found.swing, found.command_per_count
+    none = "not defined for a suit: trials decide" if found.leaves_out else "none"
     predicted = "none predicted"
     if cycle is not None:
         about = f"±{cycle.amplitude * DEGREES:.2g}° every {cycle.period:.2g} s predicted"
         predicted = f"{about}, {_SAID[found.cycle_confirmed]}"
     return [
         ("verdict", f"{found.verdict}: {found.reason}"),
-        ("gain margin", number(found.gain_margin_db, "dB") or "none"),
-        ("phase margin", number(found.phase_margin_deg, "°") or "none"),
-        ("delay margin", _milliseconds(found.delay_margin_s) or "none"),
+        ("gain margin", number(found.gain_margin_db, "dB") or none),
+        ("phase margin", number(found.phase_margin_deg, "°") or none),
+        ("delay margin", _milliseconds(found.delay_margin_s) or none),
         ("limit cycle", predicted),
         ("at rest", "" if swing is None else f"±{swing * DEGREES:.3g}° at the joint in simulation"),
         ("chatter", f"{ripple * DEGREES:.3g}° of command for one count of the encoder" if ripple else ""),

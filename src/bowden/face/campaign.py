@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bowden.core import arguments, shown
 from bowden.core.clock import unix_seconds
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.core.extras import extra_module
 from bowden.core.files import output_folder, whole_files
 from bowden.core.trace import Trace
+from bowden.core.units import DEGREES
 from bowden.face import given
 from bowden.face.given import GivenRig
 from bowden.face.progress import GivenProgress, Progress, reported
@@ -254,12 +257,34 @@ def _clock_in(wait: float) -> str:
     return time.strftime("%H:%M:%S" if wait < 600.0 else "%H:%M" if wait < 43_200.0 else "on %d %b, %H:%M", there)
 
 
+_STEP = 0.02
+"""Between the angles from which the reference's travel is summed [s]."""
+
+
+def _reference_travel(study: Study) -> float | None:
+    """Total variation of the reference [deg]; None where runs differ in it, or a motor's command is not its like."""
+    rig = study.rig
+    if study.worn or rig.pushing is not None or any(one.name.startswith("reference.") for one in study.columns):
+        return None
+    seconds = np.arange(0.0, study.duration, max(rig.sample_time, _STEP))
+    return float(np.abs(np.diff(rig.trajectory.sample(seconds)[:, 0])).sum()) * DEGREES
+
+
 def _summed_up(study: Study, store: Store, again: str) -> Summary:
     """The figures, and the page that shows them."""
     from bowden.report.campaign_page import campaign_page
 
     drawn_names, more = [column.name for column in study.columns], list(SUIT_FIGURES) if study.worn else []
-    summary = summarise(store, [law.name for law in study.laws], drawn_names, more)
+    gains = {name: name.removeprefix("control.gains.") for name in drawn_names if name.startswith("control.gains.")}
+    lacking = {law.name: [name for name, gain in gains.items() if gain not in law.numbers] for law in study.laws}
+    summary = summarise(
+        store,
+        [law.name for law in study.laws],
+        drawn_names,
+        more,
+        lacking=lacking,
+        reference_travel=_reference_travel(study),
+    )
     drawn = [(column.name, column.unit, column.spread) for column in study.columns]
     page = campaign_page(summary, f"Campaign {study.path.stem}", drawn, again, study.duration)
     with whole_files(store.folder) as stage:

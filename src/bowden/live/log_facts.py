@@ -37,10 +37,11 @@ def facts(found: Recording) -> dict[str, Any]:
         "law": settings.get("law"),
         "rig": hash_of(settings),
         "seed": settings.get("seed"),
+        "twin": settings.get("twin"),
         "lateness_s": _percentiles(found, "lateness"),
         "run_time_s": _percentiles(found, "run_time"),
         "overruns": _overruns(found),
-        "stops": stops.document(found, settings.get("limits", {}), twin=False),
+        "stops": stops.document(found, settings.get("limits", {}), twin=settings.get("twin", False)),
         "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
@@ -96,6 +97,8 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name in ("law", "rig", "seed"):
         if document[name] is not None:
             yield name, str(document[name])
+    if document["twin"] is not None:
+        yield "drive", "the command's own twin" if document["twin"] else "on the rig's bus"
     for name, column in (("lateness", "lateness_s"), ("run time", "run_time_s")):
         if document[column] is not None:
             shares = (f"{share.replace('_', '.')} {1e6 * value:.1f}" for share, value in document[column].items())

@@ -117,7 +117,10 @@ class Session:
         settings = run_settings(live.law, live.limits, live.cycle().filters, live.rig.sample_time)
         by_emg, pushed, wall = self.emg_process is not None, live.push() is not None, round(unix_seconds() * SECOND)
         about = description(
-            *(live.law, {**settings, **live.settings()}, wall, now), emg=by_emg, pushed=pushed, source=live.source()
+            *(live.law, {**settings, **live.settings(), "twin": self.on_twin}, wall, now),
+            emg=by_emg,
+            pushed=pushed,
+            source=live.source(),
         )
         check_room(self.log, about, len(live.table) * live.rig.sample_time)
         create(self._ring, about)

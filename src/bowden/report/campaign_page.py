@@ -8,7 +8,7 @@ import numpy as np
 from bowden.core import style
 from bowden.report.page import Page
 from bowden.study.distributions import Distribution
-from bowden.study.figures import LawFigures, Spread, Summary
+from bowden.study.figures import MOVING, UNSTABLE, LawFigures, Spread, Summary
 from bowden.study.sensitivity import Sensitivity
 
 if TYPE_CHECKING:
@@ -58,6 +58,8 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
             "runs",
             "unstable [%]",
             "95 % interval [%]",
+            "oscillating [%]",
+            "worse [%]",
             "ran away [runs]",
             "RMSE, median [°]",
             "RMSE, 90 % [°]",
@@ -66,8 +68,7 @@ def campaign_page(summary: Summary, title: str, drawn: Sequence[Drawn], again: s
             "peak error, 99 % [°]",
         ],
         [_row(one) for one in summary.laws],
-        caption="Unstable: the joint was further from the reference than the reference's whole stroke (5° at least), "
-        "or the run ran away: a command beyond 1000 rad. The interval is Wilson's, of the unstable share. RMSE from "
+        caption=f"{UNSTABLE} The interval is Wilson's, of the unstable share. {MOVING} RMSE from "
         "rest and peak error are of the runs that reached their end; 90 %: nine runs in ten have at most this.",
     )
     page.heading("Distributions")
@@ -113,8 +114,17 @@ def _row(one: LawFigures) -> list[str]:
     rmse, peak = one.figures.get("rmse_deg"), one.figures.get("peak_deg")
     low, high = one.interval
     values = [*_values(rmse), f"{peak.q99:.3g}" if peak else "–"]
+    shares = ["–" if n is None else f"{100.0 * n / one.runs:.3g}" for n in (one.oscillating, one.worse)]
     interval = f"{100.0 * low:.2g} … {100.0 * high:.2g}"
-    return [one.law, str(one.runs), f"{100.0 * one.unstable / one.runs:.3g}", interval, str(one.ran_away), *values]
+    return [
+        one.law,
+        str(one.runs),
+        f"{100.0 * one.unstable / one.runs:.3g}",
+        interval,
+        *shares,
+        str(one.ran_away),
+        *values,
+    ]
 
 
 def _values(found: Spread | None) -> list[str]:
@@ -154,7 +164,8 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
         return
     page.heading("What the error depends on")
     for law, found in of_law.items():
-        first = [name for name in sorted(varied, key=lambda name: -found[name].share) if found[name].share >= _MATTERS]
+        order = sorted(varied, key=lambda name: -found[name].share)
+        first = [name for name in order if found[name].share >= _MATTERS and found[name].above_chance]
         said = ", ".join(f"{name} ({100.0 * found[name].share:.0f} %)" for name in first)
         page.text("<b>{law}</b>: {said}.", law=law, said=said or "no single parameter matters much")
     page.figure(
@@ -168,7 +179,10 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
         row = [str(place), name, units[name] or "–"]
         for found in of_law.values():
             rho = found[name].correlation
-            row += [f"{100.0 * found[name].share:.1f}", "–" if np.isnan(rho) else f"{rho:+.2f}".replace("-", "−")]
+            share = f"{100.0 * found[name].share:.1f}"
+            if not found[name].above_chance:
+                share = f"{share} (not more than chance)" if found[name].taken else "–"
+            row += [share, "–" if np.isnan(rho) else f"{rho:+.2f}".replace("-", "−")]
         rows.append(row)
     header = ["rank", "parameter", "unit"]
     for law in of_law:
@@ -177,8 +191,9 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
         header,
         rows,
         caption="Of the ranks of the RMSE from rest; a run that ran away has the highest rank. Share: variance between "
-        "the means of twenty bins of the parameter with as many runs each (Sobol’s first-order index), less what "
-        "chance gives (Kelley’s ε²). ρ: Spearman’s rank correlation, a dash for words. What the shares leave to 100 % "
+        "the means of up to twenty bins of the parameter with as many runs each, ten at least (Sobol’s first-order "
+        f"index), less what chance gives on average (Kelley’s ε²). {_chance(of_law, summary.runs)}A dash: the law has "
+        "no such gain. ρ: Spearman’s rank correlation, a dash for words. What the shares leave to 100 % "
         "is noise, and parameters that act together.",
     )
     shown = [name for name in names if any(len(one.steps.get(name, ((),))[0]) > 1 for one in summary.laws)][:_SMALL]
@@ -188,6 +203,17 @@ def _dependence(page: Page, summary: Summary, drawn: Sequence[Drawn]) -> None:
             "Median RMSE from rest over the parameters that matter most, in tenths of the runs; of a word, such as a "
             "fault's kind, for each of them. A tenth in which more than half of the runs ran away is left out.",
         )
+
+
+def _chance(of_law: Mapping[str, Mapping[str, Sensitivity]], runs: int) -> str:
+    """What chance gives, in words."""
+    levels = [one.chance for found in of_law.values() for one in found.values() if one.taken and one.chance]
+    if not levels:
+        return ""
+    most = f"{100.0 * max(levels):.2g} %"
+    return (
+        f"With {runs} runs, 95 % of the shares of parameters that change nothing are below {most}; those are marked. "
+    )
 
 
 def _ranking_figure(of_law: Mapping[str, Mapping[str, Sensitivity]], names: Sequence[str]) -> "Figure":

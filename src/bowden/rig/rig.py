@@ -241,13 +241,33 @@ class Rig:
             self.loaded_law.preset(self.preset)
         if self.gains:
             with asked_for_by(f"{self.origin}: control.gains" if Path(self.origin).suffix else "Rig: gains"):
-                self.loaded_law.with_gains(**self.gains)
+                self._check_gains()
         if self.emg.source is not None:
             _ = self.emg_run
         with asked_for_by(f"{self.origin}: [suit] or [wearer]"):
             _ = self.worn
         with asked_for_by(f"{self.origin}: [admittance]"):
             _ = self.pushing
+
+    def _check_gains(self) -> None:
+        """Refuse gains that the rig's law does not have, and say whose they are: --law does not change that.
+
+        Raises:
+            ParameterError: there are such.
+        """
+        own = self.loaded_law
+        try:
+            own.with_gains(**self.gains)
+        except ParameterError as error:
+            others = [name for name in LAWS if name != own.name and set(self.gains) <= set(LAWS[name].numbers)]
+            if set(self.gains) <= set(own.numbers) or not others:
+                raise
+            named = ", ".join(others)
+            raise ParameterError(
+                f"{error.what} ({own.name} is the law in [control])",
+                expected=f"gains of {own.name}, whichever law a command is asked for; these are gains of {named}",
+                do=f'set law = "{others[0]}" in [control], or delete them',
+            ) from error
 
     @classmethod
     def read(cls, path: Path | str) -> "Rig":

@@ -1,8 +1,8 @@
 """What the runs of a campaign show together: how figures are spread, shares, worst cases, what they depend on."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +22,23 @@ SHOWN = ("rmse_deg", "rmse_after_10s_deg", "peak_deg", "lag_s", "command_travel_
 RANKING = "rmse_deg"
 """The figure by which cases are the worst, and whose dependence is looked at."""
 _WORST, _POINTS = 5, 201
+OSCILLATES = 5.0
+"""A command that travels more than this many times as far as the reference oscillates: those of laws that hold
+travel 1.2 to 4 times as far on the default bench, a limit cycle of the joint's whole range seven times and more [–]."""
 _STEPS = 10
+BASELINE = "uncompensated"
+"""Law that the others are compared with, where it ran."""
+UNSTABLE = (
+    "Unstable: the joint was further from the reference than the reference's whole stroke (5° at least), or the run "
+    "ran away: a command beyond 1000 rad."
+)
+"""What counts as unstable, in words."""
+MOVING = (
+    f"Oscillating: the command travelled more than {OSCILLATES:g} times as far as the reference, or the run ran away; "
+    "such a run may be stable by that measure and still be a limit cycle or a chatter that bowden check refuses. "
+    f"Worse: a larger RMSE than {BASELINE} on the same plant. A dash: not known in this study."
+)
+"""What the other two shares are, in words."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +85,10 @@ class LawFigures:
     word, its place in `words`."""
     words: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Parameter that is a word, such as a fault's kind → the words that were drawn, sorted."""
+    oscillating: int | None = None
+    """Runs whose command oscillates; see `OSCILLATES`. None where the reference's travel is not one for all runs."""
+    worse: int | None = None
+    """Runs with a larger RMSE than the law ``uncompensated`` on the same plant; None where that did not run."""
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -113,16 +133,32 @@ def _document(one: LawFigures) -> dict[str, Any]:
         "ran_away": one.ran_away,
         "unstable": one.unstable,
         "unstable_interval": [low, high],
+        "oscillating": one.oscillating,
+        "worse_than_uncompensated": one.worse,
         "figures": {name: asdict(spread) for name, spread in one.figures.items()},
         "worst": [asdict(case) for case in one.worst],
         "sensitivity": [
-            {"parameter": s.name, "rank_correlation": finite(s.correlation), "variance_share": s.share}
+            {
+                "parameter": s.name,
+                "rank_correlation": finite(s.correlation),
+                "variance_share": s.share if s.taken else None,
+                "chance_share": s.chance if s.taken else None,
+                "above_chance": s.above_chance,
+            }
             for s in one.sensitivities
         ],
     }
 
 
-def summarise(store: Store, laws: Sequence[str], drawn: Sequence[str], more: Sequence[str] = ()) -> Summary:
+def summarise(
+    store: Store,
+    laws: Sequence[str],
+    drawn: Sequence[str],
+    more: Sequence[str] = (),
+    *,
+    lacking: Mapping[str, Collection[str]] | None = None,
+    reference_travel: float | None = None,
+) -> Summary:
     """Read the results, and sum them up.
 
     Args:
@@ -130,24 +166,46 @@ def summarise(store: Store, laws: Sequence[str], drawn: Sequence[str], more: Seq
         laws: names, in their order.
         drawn: columns that were drawn.
         more: figures beside `SHOWN` whose spread is to be shown.
+        lacking: law → those of `drawn` that it does not have, such as gains of another law.
+        reference_travel: total variation of the reference [deg]; None where the runs do not have one in common.
 
     Raises:
         OutputError: a chunk cannot be read.
     """
+    import pyarrow.compute as pc
+
     digest, shown = store.digest(), (*SHOWN, *more)
     numbers = store.columns(["number", "law", "ended", "stable", *shown, *drawn])
+    tables = {law: numbers.filter(pc.equal(numbers["law"], law)) for law in laws}
+    base = None
+    if BASELINE in tables:
+        base = dict(zip(tables[BASELINE]["number"].to_pylist(), _ranking(tables[BASELINE]).tolist(), strict=True))
     found = []
-    for law in laws:
-        import pyarrow.compute as pc
-
-        found.append(_of_law(law, numbers.filter(pc.equal(numbers["law"], law)), drawn, shown))
+    for law, table in tables.items():
+        one = _of_law(law, table, drawn, shown, (lacking or {}).get(law, ()))
+        oscillating = worse = None
+        if reference_travel:
+            travel = table["command_travel_deg"].to_numpy().astype(np.float64)
+            oscillating = int(np.sum(~(travel <= OSCILLATES * reference_travel)))  # one that ran away, too
+        if base is not None and law != BASELINE:
+            pairs = zip(table["number"].to_pylist(), _ranking(table).tolist(), strict=True)
+            worse = sum(error > base.get(number, math.inf) for number, error in pairs)
+        found.append(replace(one, oscillating=oscillating, worse=worse))
     return Summary(store.study_hash, digest, found[0].runs, tuple(found), shown)
 
 
-def _of_law(law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[str]) -> LawFigures:
+def _ranking(table: "pa.Table") -> Array:
+    """`RANKING` of each run; infinite where it ran away."""
+    values = table[RANKING].to_numpy().astype(np.float64)
+    return np.where(np.isfinite(values), values, np.inf)
+
+
+def _of_law(
+    law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[str], lacking: Collection[str]
+) -> LawFigures:
     values = {name: table[name].to_numpy().astype(np.float64) for name in shown}
     ended, stable = table["ended"].to_numpy(), table["stable"].to_numpy()
-    ranking = np.where(np.isfinite(values[RANKING]), values[RANKING], np.inf)
+    ranking = _ranking(table)
     number = table["number"].to_numpy()
     spreads, quantiles = {}, {}
     for name, column in values.items():
@@ -162,6 +220,9 @@ def _of_law(law: str, table: "pa.Table", drawn: Sequence[str], shown: Sequence[s
         worst.append(Worst(int(number[i]), finite(float(ranking[i])), row))
     dependences, steps, known = [], {}, {}
     for name in drawn:
+        if name in lacking:
+            dependences.append(Sensitivity(name, math.nan, 0.0, taken=False))
+            continue
         column = table[name]
         words = tuple(sorted(set(column.to_pylist()))) if str(column.type) == "string" else ()
         parameter = _coded(column.to_pylist(), words) if words else column.to_numpy().astype(np.float64)

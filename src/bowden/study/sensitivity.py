@@ -8,8 +8,11 @@ highest rank.
   with as many runs (Sobol's first-order index by binned conditional means; Pearson's correlation ratio η²), without
   what chance alone would give (Kelley, Proceedings of the National Academy of Sciences 21(9), 1935: ε²). It sees what
   rises and falls again, too.
+- *chance*: the share below which 95 % of parameters stay that change nothing, with as many runs in as many bins. η² of
+  ranks without any dependence is nearly Beta((g − 1)/2, (n − g)/2) of g bins and n runs.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +21,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _BINS, _IN_BIN = 20, 10
+_DRAWS = 20_000
 
 
 class Sensitivity(NamedTuple):
@@ -29,6 +33,15 @@ class Sensitivity(NamedTuple):
     """Spearman's ρ; NaN where one of them does not vary, or the parameter is a word [–]."""
     share: float
     """Of the variance of the figure's rank [–]."""
+    chance: float = 0.0
+    """Share that chance alone exceeds in one of twenty cases, with as many runs [–]."""
+    taken: bool = True
+    """Whether the law has such a parameter at all."""
+
+    @property
+    def above_chance(self) -> bool:
+        """Whether the share is more than chance gives."""
+        return self.taken and self.share > self.chance
 
 
 def sensitivity(name: str, parameter: Array, figure: Array, *, ordered: bool = True) -> Sensitivity:
@@ -44,7 +57,7 @@ def sensitivity(name: str, parameter: Array, figure: Array, *, ordered: bool = T
     if np.ptp(ranks) == 0.0 or np.ptp(values) == 0.0:
         return Sensitivity(name, float("nan"), 0.0)
     correlation = float(np.corrcoef(ranks, values)[0, 1]) if ordered else float("nan")
-    return Sensitivity(name, correlation, _share(values, ranks))
+    return Sensitivity(name, correlation, *_share(values, ranks))
 
 
 def _ranks(values: Array) -> Array:
@@ -54,8 +67,8 @@ def _ranks(values: Array) -> Array:
     return np.asarray((ends - 0.5 * (counts + 1))[which], dtype=np.float64)
 
 
-def _share(values: Array, ranks: Array) -> float:
-    """ε² of the ranks over bins of the values; equal values share a bin."""
+def _share(values: Array, ranks: Array) -> tuple[float, float]:
+    """ε² of the ranks over bins of the values, equal values in one, and what chance exceeds in one of twenty cases."""
     n = len(values)
     distinct = np.unique(values)
     bins = min(_BINS, max(2, n // _IN_BIN))
@@ -66,11 +79,18 @@ def _share(values: Array, ranks: Array) -> float:
     counts = np.bincount(which)
     groups = len(counts)
     if groups < 2 or n <= groups:
-        return 0.0
+        return 0.0, 1.0
     means = np.bincount(which, ranks) / counts
     between = float(np.sum(counts * (means - ranks.mean()) ** 2) / np.sum((ranks - ranks.mean()) ** 2))
     chance = (groups - 1) / (n - 1)
-    return max(0.0, (between - chance) / (1.0 - chance))
+    return max(0.0, (between - chance) / (1.0 - chance)), (_by_chance(n, groups) - chance) / (1.0 - chance)
+
+
+@cache
+def _by_chance(runs: int, groups: int) -> float:
+    """95 % quantile of η² where nothing depends on the parameter."""
+    draws = np.random.default_rng(1).beta(0.5 * (groups - 1), 0.5 * (runs - groups), _DRAWS)
+    return float(np.quantile(draws, 0.95))
 
 
 def ranked(found: list[Sensitivity]) -> list[Sensitivity]:

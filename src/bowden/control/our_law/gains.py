@@ -20,7 +20,7 @@ class BowdenGains(NamedTuple):
     """σ, standard deviation of the joint's reading, counting included [rad]."""
     lag: float = 0.0
     """Time by which the joint follows the cable late, such as an arm in its springs; how it swings is learned [s]."""
-    bandwidth: float = 5.0
+    bandwidth: float = 6.0
     """c, of the observer: its rate κ is c/(1/ω + 1.5·τ) [–]."""
 
 

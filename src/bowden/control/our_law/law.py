@@ -5,9 +5,10 @@ With s = 1/a₀, a₀ the given slope, a the learned one, φ the reference, F th
     m = (φ + τ·φ̇ + ½·τ²·φ̈)/a + F + J                                   where the motor is to be
     command = m + 2ζ/ω·m' + m''/ω²                                       what the servo must be asked for
 
-ω, ζ are the servo's, τ the delay. Three parts, each with a file of its own: `observer` takes everything that moves the
-joint for one disturbance and takes it away (F), `crossing` knows the dead zone (J) and learns a, `swing` slows the
-observer where the loop rings. In the feedback stands a₀, in the plan a: what is learned must not be the loop's gain.
+ω, ζ are the servo's, τ the delay. Four parts, each with a file of its own: `observer` takes everything that moves the
+joint for one disturbance and takes it away (F), `drive` knows what of the command the motor did not do, `crossing`
+knows the dead zone (J) and learns a, `swing` slows the observer where the loop rings. In the feedback stands a₀, in the
+plan a: what is learned must not be the loop's gain.
 
 Derivation, stability and limits: ``docs/background/our_law.md``. Portable subset.
 """
@@ -28,6 +29,7 @@ from bowden.control.our_law.crossing import (
     at_start,
     crossed,
 )
+from bowden.control.our_law.drive import Drive, missed, moves_on
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import (
     LOAD_DAMPING,
@@ -43,6 +45,10 @@ from bowden.control.our_law.swing import Swing, load_time, no_swing, watched
 from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.signals import Reference, Sample
+
+UNKNOWN_LAG = 0.3
+"""Lag of the joint that the observer expects beside the one that is known, over 1/ω, until it has found a load that
+swings: most joints follow a little late. Too much of it costs a slower answer, too little a loop that rings [–]."""
 
 FURTHEST = 1e6
 """Angles beyond it are none; a motor may have made many turns [rad]."""
@@ -64,6 +70,7 @@ class BowdenState(NamedTuple):
     observer: Observer
     swing: Swing
     crossing: Crossing
+    drive: Drive
 
 
 @kernel
@@ -72,7 +79,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     inverse = 1.0 / np.abs(gains.slope)
     offset = np.sign(gains.slope) * sample.motor - sample.joint * inverse
     crossing = at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(at_rest(offset), no_swing(), crossing)
+    return BowdenState(at_rest(offset), no_swing(), crossing, Drive(np.sign(gains.slope) * sample.motor, 0.0))
 
 
 @kernel
@@ -87,7 +94,9 @@ def step(
     noise = gains.noise * inverse
 
     time = load_time(state.swing)
-    arrived = arrives(before, delay, gains.lag, time, dt)
+    lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
+    short = sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0)
+    arrived = arrives(before, short, delay, lag, time, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
     joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)
@@ -131,5 +140,7 @@ def step(
         velocity + observer.rate + cable.jump_rate,
         reference.acceleration * cable.inverse + acceleration + cable.jump_bend,
     )
-    command = sign * through_servo(wanted, omega, gains.servo_damping)
-    return BowdenState(observer, swing, cable), command
+    command = through_servo(wanted, omega, gains.servo_damping)
+    sane = sel(np.abs(command) <= FURTHEST, command, state.drive.position)
+    drive = moves_on(state.drive, sane, omega, gains.servo_damping, dt)
+    return BowdenState(observer, swing, cable, drive), sign * command

@@ -3,16 +3,17 @@
 All that moves the joint beside the plan is one disturbance d, in motor angle. With s = 1/a₀, a₀ the slope as given, the
 error e = joint − reference, the delay τ, and F, which is sent to the servo beside the plan:
 
-    d̂ = e·s − F(t − τ) behind the joint's lag              what the joint would do without the correction
+    d̂ = e·s − y, y = F(t − τ) behind the joint's lag       what the joint would do without the correction
     x' = 1.5·q·(d̂ + I − x)                                 the innovation: what of d̂ is not yet in −I
     I' = −κ·x·x²/(x² + σ²),  |I'| ≤ v + s·|φ̇|               the correction asked for; φ̇ the reference's speed
     F'' = q²·(I − F) − 2q·F'                                the correction, twice differentiable
 
-The load is T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ): its lag is given, the time T of a load that swings is learned
-(`swing`). In d̂ the law's own correction cancels, so that where servo, delay, slope and load are as given nothing is fed
-back: the loop's gain is the error of what was given. Hence κ can be wide, and is bounded by what is not known of servo
-and delay. v bounds what a wrong model can do: an unstable loop swings with a bounded amplitude and does not run away.
-κ, q and v follow from what is given (`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
+The load is T²·ÿ + (lag + 2·0.25·T)·ẏ + y = F(t − τ) + what the motor missed (`drive`): its lag is given, with 0.3/ω for
+what nobody knows of it, the time T of a load that swings is learned (`swing`). In d̂ the law's own correction cancels,
+so that where servo, delay, slope and load are as given nothing is fed back: the loop's gain is the error of what was
+given. Hence κ can be wide, and is bounded by what is not known of servo and delay. v bounds what a wrong model can do:
+an unstable loop swings with a bounded amplitude and does not run away. κ, q and v follow from what is given
+(`pace_of`); σ is the noise of d̂, so that innovations within it hardly count.
 
 Backward Euler and exact exponentials: stable at every sample time. Portable subset.
 """
@@ -103,12 +104,13 @@ class Arrived(NamedTuple):
 
 
 @kernel
-def arrives(before: Observer, delay: float, lag: float, time: float, dt: float) -> Arrived:
-    """The correction at the joint: F a delay ago, through the load; first-order where T = `time` is 0.
+def arrives(before: Observer, missed: float, delay: float, lag: float, time: float, dt: float) -> Arrived:
+    """The correction at the joint: F a delay ago, and what the motor missed, through the load.
 
-    T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ), ζ = 0.25, in one step of backward Euler.
+    T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ) + missed, ζ = 0.25, in one step of backward Euler; first-order where T = `time`
+    is 0.
     """
-    late = before.sent - delay * before.rate
+    late = before.sent - delay * before.rate + missed
     inertia, damping = time * time, lag + 2.0 * LOAD_DAMPING * time
     rate = (inertia * before.arriving + dt * (late - before.arrived)) / (inertia + dt * (damping + dt))
     return Arrived(before.arrived + dt * rate, rate)

@@ -77,21 +77,19 @@ class Swing(NamedTuple):
     """What is seen of a swing."""
 
     top: Annotated[float, Quantity("largest of the half-wave now, with its sign", "rad")]
-    last: Annotated[float, Quantity("largest of the one before", "rad")]
+    last: Annotated[float, Quantity("largest of the one before; in a trial, at its end", "rad")]
     lasts: Annotated[float, Quantity("time since the half-wave began", "s")]
-    lasted: Annotated[float, Quantity("time of the one before", "s")]
+    lasted: Annotated[float, Quantity("time of the one before; in a trial, of the swing that is tried", "s")]
     counted: Annotated[float, Quantity("half-waves that did not decay; below 0, those left of a trial", "1")]
     share: Annotated[float, Quantity("of κ that is used; 1 is all", "1")]
     time: Annotated[float, Quantity("T of a load that swings, 1/its frequency; 0 where none is known", "s")]
     wearers: Annotated[float, Quantity("size of a swing that is the wearer's", "rad")]
-    period: Annotated[float, Quantity("half-wave of the trial's swing", "s")]
-    late: Annotated[float, Quantity("largest at the trial's end", "rad")]
 
 
 @kernel
 def no_swing() -> Swing:
     """Nothing has been seen yet."""
-    return Swing(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0, 0.1, 0.0)
+    return Swing(0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0)
 
 
 @kernel
@@ -103,7 +101,7 @@ def of_swing(period: float) -> float:
 @kernel
 def load_time(now: Swing) -> float:
     """T of the load that the observer is to have: in a trial the one that is tried [s]."""
-    return sel(now.counted < 0.0, of_swing(now.period), now.time)
+    return sel(now.counted < 0.0, of_swing(now.lasted), now.time)
 
 
 @kernel
@@ -133,25 +131,23 @@ def watched(before: Swing, fast: float, noise: float, kappa: float, dt: float) -
 
     tried = before.counted < 0.0
     suspected = enough * (1.0 - tried) > 0.0
-    left = -before.counted - dt / before.period
+    left = -before.counted - dt / before.lasted
     ends = tried * (left <= 0.0) > 0.0
-    late = sel(tried * (left <= WATCHED) > 0.0, larger(before.late, size), before.late)
+    late = sel(left <= WATCHED, larger(before.last, size), before.last)
     theirs = ends * (late > STILL_THERE * before.wearers) > 0.0
     own = ends * (1.0 - theirs) > 0.0
-    period = sel(suspected, larger(sel(soon, before.lasted, before.lasts), 2.0 * dt), before.period)
+    period = larger(sel(soon, before.lasted, before.lasts), 2.0 * dt)
     counted = sel(suspected, -TRIED, sel(ends, 0.0, sel(tried, -left, count)))
     wearers = sel(suspected, larger(before.wearers, top), sel(own, 0.0, before.wearers * (1.0 - dt / FORGOTTEN)))
     slowed = smaller(0.5 * before.share, SLOWED * np.pi / (period * kappa))
     back = sel(counted < 0.0, before.share, smaller(before.share * (1.0 + dt / RETURN), 1.0))
     return Swing(
         sel(turned, fast, sel(fast < 0.0, -top, top)),
-        sel(turned, top, before.last),
+        sel(suspected, 0.0, sel(tried, late, sel(turned, top, before.last))),
         sel(turned, 0.0, smaller(before.lasts + dt, 1.0)),
-        sel(turned, before.lasts, before.lasted),
+        sel(suspected, period, sel(turned * (1.0 - tried) > 0.0, larger(before.lasts, dt), before.lasted)),
         counted,
         sel(suspected, slowed, sel(theirs, 1.0, back)),
-        sel(own, of_swing(before.period), before.time),
+        sel(own, of_swing(before.lasted), before.time),
         wearers,
-        period,
-        sel(suspected, 0.0, late),
     )
