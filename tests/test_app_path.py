@@ -182,7 +182,7 @@ def test_without_gains_the_law_that_follows_better_is_named(
 
 
 def test_the_rigs_own_law_with_the_gain_that_the_check_advises() -> None:
-    rig = Rig(law="bowden", delay=80)
+    rig = Rig(law="bowden", delay=100)
     found = mended_law(rig, rig.fitted())
     assert found is not None
     assert list(found.gains) == ["bandwidth"]
