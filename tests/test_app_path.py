@@ -5,14 +5,19 @@ import shlex
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from bowden.app import check_command
 from bowden.app.main import run
 from bowden.design.check import _at_rest
+from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.trial import Trial
+from bowden.design.tune import NoGainsError
+from bowden.rig.rig import Rig
 from live_runs import tries
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -137,3 +142,59 @@ def test_a_swing_at_rest_counts_from_what_the_play_leaves_on(
     little = _at_rest([trial], [float(np.radians(zone))], "little_margin", "as it was", confirmed=confirmed)
     assert little[0] == verdict.replace("holds", "little_margin")
     assert little[1].startswith("as it was")
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "said", "following"),
+    [
+        (0.2, 0.7, "write bandwidth = 2.32 into", "simulate rig.toml  # once these gains are in it"),
+        (0.2, 0.1, "write law = 'adaptive' into", "simulate rig.toml --law adaptive"),
+        (None, 0.7, "write law = 'adaptive' into", "simulate rig.toml --law adaptive"),
+        (0.2, None, "write bandwidth = 2.32 into", "simulate rig.toml  # once these gains are in it"),
+        (None, None, "no gains", "check rig.toml  # says what the loop lacks"),
+    ],
+)
+def test_without_gains_the_law_that_follows_better_is_named(
+    own: float | None,
+    other: float | None,
+    said: str,
+    following: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def failed(*_: object, **__: object) -> None:
+        raise NoGainsError("no gains")
+
+    mended = None if own is None else OtherLaw("bowden", "holds", own, 20.0, {"bandwidth": 2.32})
+    another = None if other is None else OtherLaw("adaptive", "holds", other, 20.0)
+    module = importlib.import_module("bowden.face.tune")
+    for name, value in (("search", failed), ("mended_law", lambda *_: mended), ("other_law", lambda *_: another)):
+        monkeypatch.setattr(module, name, value)
+    monkeypatch.chdir(tmp_path)
+    assert run(["init"]) == 0
+    assert run(["tune", "rig.toml"]) == 2
+    *error, last = capsys.readouterr().err.splitlines()
+    assert said in " ".join(error).replace('"', "'")
+    assert last == f"Next: bowden {following}"
+    assert run(["tune", "rig.toml", "--json"]) == 2
+    assert "Next" not in capsys.readouterr().err
+
+
+def test_the_rigs_own_law_with_the_gain_that_the_check_advises() -> None:
+    rig = Rig(law="bowden", delay=100)
+    found = mended_law(rig, rig.fitted())
+    assert found is not None
+    assert list(found.gains) == ["bandwidth"]
+    assert found.rmse_deg < 0.5
+
+
+def test_no_further_law_is_looked_at_when_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bowden.design.other_law.PATIENCE", -1.0)
+    assert other_law(Rig(), []) is None
+
+
+def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    lost = SimpleNamespace(verdict="does_not_hold", instead="", advice="shorten the delay to 2 cycles (now 80)")
+    check_command._say_next(Path("rig.toml"), Rig(), lost, ["--law", "adaptive"])  # type: ignore[arg-type]
+    assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"

@@ -11,7 +11,7 @@ from bowden.control.knowledge import preset_of
 from bowden.core import arguments
 from bowden.core.shown import listed
 from bowden.core.toml_text import quoted
-from bowden.design.other_law import mended_law, other_law
+from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.processes import Mapper, two_workers
 from bowden.design.tune import BrokenOff, NoGainsError, Tuning
 from bowden.design.tune import tune as search
@@ -132,23 +132,22 @@ def tuned(
 def _instead(rig: Rig, law: Law, error: NoGainsError) -> NoGainsError:
     """The same error with what may be done: the rig's own law with less margin, or another one that follows better."""
     own, other = mended_law(rig, law), other_law(rig, [law.name])
-    better = other is not None and (
-        own is None or (other.rmse_deg < own.rmse_deg and (other.verdict == "holds" or own.verdict != "holds"))
-    )
-    said = ""
-    if better and other is not None:
-        said = f"{other}: write law = {quoted(other.law)} into [control]"
+    said, instead, gains = "", "", {}
+    if other is not None and (own is None or _follows_better(other, own)):
+        said, instead = f"{other}: write law = {quoted(other.law)} into [control]", other.law
     elif own is not None:
-        lines = " and ".join(f"{name} = {value:.3g}" for name, value in own.gains.items())
-        said = f"{own}, with less margin than is looked for" + (
-            f": write {lines} into [control.gains]" if lines else ""
-        )
+        gains = dict(own.gains)
+        lines = " and ".join(f"{name} = {value:.3g}" for name, value in gains.items())
+        what = f": write {lines} into [control.gains]" if lines else ""
+        said = f"{own}, with less margin than is looked for{what}"
     found = NoGainsError(error.what, expected=error.expected, do=listed((error.do, said), "; "))
-    if better and other is not None:
-        found.instead = other.law
-    elif own is not None:
-        found.gains = own.gains
+    found.instead, found.gains = instead, gains
     return found
+
+
+def _follows_better(other: OtherLaw, own: OtherLaw) -> bool:
+    """Whether another law's error is smaller, and it holds if the rig's own does."""
+    return other.rmse_deg < own.rmse_deg and (other.verdict == "holds" or own.verdict != "holds")
 
 
 def _judged(plants: Study, before: Law, after: Law, workers: Mapper, progress: Progress) -> dict[str, Any]:

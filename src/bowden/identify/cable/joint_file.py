@@ -3,10 +3,8 @@
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 from bowden import __version__
-from bowden.core.files import write_text
 from bowden.core.toml_text import quoted
 from bowden.core.units import DEGREES
 from bowden.identify.cable.loads import JointFit
@@ -15,17 +13,8 @@ from bowden.identify.cable.model_file import covered_lines
 from bowden.identify.cable.recalibrate import Recalibration
 
 
-def write_joint(path: Path | str, fit: JointFit) -> None:
-    """Write the scheduled model, the plain Bouc–Wen one, and how each log was judged.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_text(path, joint_text(fit))
-
-
 def joint_text(fit: JointFit) -> str:
-    """The content of model.toml of several logs."""
+    """The content of model.toml of several logs: the scheduled model, the plain one, how each log was judged."""
     lines = [
         f"# The cable of {len(fit.logs)} logs, identified by bowden {__version__}. All angles are in radians.",
         "# A rig sets the load with load = … under [cable.parameters]. judged_rms_deg is the error to expect of",
@@ -53,22 +42,8 @@ def joint_text(fit: JointFit) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_recalibrated(path: Path | str, found: Recalibration, source: str) -> None:
-    """Write a model with its new gain and offset; how good it was judged stays as its first file has it.
-
-    Args:
-        path: of the file.
-        found: what was found.
-        source: the first model's file.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_text(path, recalibrated_text(found, source))
-
-
 def recalibrated_text(found: Recalibration, source: str) -> str:
-    """The content of model.toml of a recalibrated model."""
+    """The content of model.toml of a recalibrated model; how good it was judged stays as its first file has it."""
     lines = [
         f"# Gain and offset of {_line(source)} fitted to {_line(found.log.name)} by bowden {__version__}.",
         "# judged_rms_deg is that of the first model; recalibrated_rms_deg what is left on the new log.",
