@@ -13,6 +13,7 @@ from hypothesis import settings
 
 pytest.register_assert_rewrite("live_runs", "loop_rig")
 
+os.environ.pop("SSH_CONNECTION", None)  # over ssh no real drive is moved
 os.environ["COLUMNS"] = "120"  # what is shown is folded to the width of the terminal
 os.environ["LSLAPICFG"] = str(Path(__file__).parent / "lsl_api.cfg")  # liblsl reads it once, when it is first used
 settings.register_profile("bowden", deadline=None, derandomize=True)  # compilation is slow, and a run repeats another

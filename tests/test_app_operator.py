@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from rich.console import Console, ConsoleDimensions
 
+from bowden.app.main import run
 from bowden.control import LAWS
 from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
@@ -35,6 +36,7 @@ from bowden.live.screen import picture
 from bowden.live.stops import told_apart
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
+from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
@@ -486,3 +488,19 @@ def test_a_terminal_of_another_size_is_cleared(monkeypatch: pytest.MonkeyPatch) 
 
     operator._draw(None, False, rows())  # type: ignore[arg-type]
     assert cleared == [0, 0, 1, 1]
+
+
+@pytest.mark.parametrize("command", ["run", "measure"])
+def test_a_rig_is_not_run_over_ssh_unless_somebody_stands_at_it(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A connection that hangs does not stop a run, so a real drive needs its user's word; a twin needs none."""
+    rig = tmp_path / "rig.toml"
+    rig.write_text('[drive]\ninterface = "socketcan"\nchannel = "none0"\n')
+    monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
+    arguments = [command, str(rig), "--auto", "--out", str(tmp_path / "out")]
+    assert run(arguments) == 2
+    assert "a connection that hangs does not stop the run" in capsys.readouterr().err
+    assert run([*arguments, "--attended"]) == 2
+    assert "reached by ssh" not in capsys.readouterr().err
+    operator.refuse_over_ssh(Rig(), attended=False)

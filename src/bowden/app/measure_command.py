@@ -25,6 +25,9 @@ def measure(
     auto: Annotated[bool, typer.Option("--auto", help="Arm, move once and end, without keys.")] = False,
     twin: Annotated[bool, typer.Option("--twin", help="Start bowden twin as well, on a bus of its own.")] = False,
     channel: Annotated[str | None, typer.Option(help="The bus, in place of the rig's.")] = None,
+    attended: Annotated[
+        bool, typer.Option("--attended", help="Over ssh: somebody at the rig has the emergency stop in hand.")
+    ] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document and nothing else; needs --auto.")
     ] = False,
@@ -36,13 +39,15 @@ def measure(
     from bowden.face.run import new_log
     from bowden.live.by_hand import require_confirmed
     from bowden.live.live_run import live_run
-    from bowden.live.operator import ending_signals, operate, refuse_without_keys
+    from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin
     from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
     given = read_given(rig).on_bus(channel)
+    if not twin:
+        refuse_over_ssh(given, attended=attended)
     live = live_run(given, measure=True)
     require(live.limits, live.rig.sample_time, "holds")  # no gains take part
     if not twin:

@@ -28,6 +28,9 @@ def run(
     emg: Annotated[
         str | None, typer.Option(help="EMG moves the joint: lsl:NAME, trigno:HOST or file:PATH, in place of the rig's.")
     ] = None,
+    attended: Annotated[
+        bool, typer.Option("--attended", help="Over ssh: somebody at the rig has the emergency stop in hand.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Run a law that does not hold on the rig.")] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document and nothing else; needs --auto.")
@@ -39,12 +42,14 @@ def run(
     it could not begin.
     """
     from bowden.face.run import live_session
-    from bowden.live.operator import ending_signals, operate, refuse_without_keys
+    from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.summary import document, print_summary
 
     refuse_without_keys(auto, json)
     given = shortened(read_given(rig), duration).with_law(law, preset).on_bus(channel)
     given = given if emg is None else given.with_emg(emg)
+    if not twin:
+        refuse_over_ssh(given, attended=attended)
     with (
         ending_signals() as ending,
         live_session(given, rig.name, twin=twin, out=out, force=force, tell=_tell) as session,

@@ -12,13 +12,15 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, SafetyError
+from bowden.hardware.drives.family import family_of
 from bowden.live.automatic import automatic
 from bowden.safety import faults
 from bowden.safety.supervisor import Mode, Request
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
+    from bowden.rig.rig import Rig
 
 Handed = TypeVar("Handed")
 
@@ -48,6 +50,28 @@ def refuse_without_keys(auto: bool, json: bool) -> None:
             "with --twin add --auto; on a rig, where people may be near, run it in a terminal: its keys arm and stop it"
         )
         raise ParameterError(why, do=do)
+
+
+def refuse_over_ssh(rig: "Rig", *, attended: bool) -> None:
+    """Refuse to move a real drive from a terminal that is reached by ssh, unless somebody stands at the rig.
+
+    A connection that hangs looks here like a terminal at which nobody presses a key: its process goes on giving the
+    sign of life, and the run goes on while no key arrives, until TCP gives up.
+
+    Args:
+        rig: with its drive.
+        attended: its user says that somebody at the rig has the emergency stop.
+
+    Raises:
+        SafetyError: nobody says so.
+    """
+    if attended or "SSH_CONNECTION" not in os.environ or family_of(rig.drive).simulated(rig.drive):
+        return
+    raise SafetyError(
+        "this terminal is reached by ssh, and a connection that hangs does not stop the run: no key arrives then",
+        expected="a terminal at the rig",
+        do="run it there; or, with somebody at the rig who has the emergency stop in hand, add --attended",
+    )
 
 
 class Ending:

@@ -97,7 +97,8 @@ class Fault(IntEnum):
                 "look at the gains; does the law wind up?")
     WISH_HARD = (1, 2, 0.008, "law's target too hard", "servo's model would accelerate beyond acceleration",
                  "look at the gains; run `bowden check`")
-    OPERATOR_LOST = (2, 2, 0.004, "operator gone", "no sign of life from the terminal for operator_age",
+    OPERATOR_LOST = (2, 2, 0.004, "operator gone",
+                     "no sign of life from the operator's process for operator_age; not a hung connection",
                      "come back to the terminal, acknowledge")
     PREFLIGHT_FAILED = (2, 2, 0.004, "preflight failed, or armed for too long", "its outcome, or preflight_time",
                         "read its reason; arm again when you are ready to run")

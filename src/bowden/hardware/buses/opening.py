@@ -96,10 +96,12 @@ def open_bus(interface: str, channel: str, bitrate: int, create: bool = False) -
     except Exception as error:  # python-can's interfaces raise whatever their makers' libraries do
         if interface not in can.VALID_INTERFACES and interface != UNIX:
             raise DriveError(
-                f"there is no CAN interface {interface!r}", expected="socketcan or bowden_unix", do="correct [drive]"
+                f"there is no CAN interface {interface!r}",
+                expected="socketcan, bowden_unix, or another one of python-can's, which nobody has tried",
+                do="correct [drive]",
             ) from error
         number = getattr(error, "errno", None)
-        do = _REMEDIES.get(interface, "check its adapter and driver, or correct [drive]").format(channel=channel)
+        do = _REMEDIES.get(interface, _UNTRIED).format(channel=channel)
         if number == errno.EAFNOSUPPORT:
             do = "this kernel has no CAN: load its module can_raw, or use bowden_unix"
         reason = os.strerror(number) if isinstance(error, OSError) and number else str(error)
@@ -111,3 +113,7 @@ _REMEDIES = {
     "socketcan": "try: ip link set {channel} up",
 }
 """Interface → what to do when its bus cannot be opened."""
+_UNTRIED = (
+    'check its adapter and driver; or set interface = "socketcan" and channel = "can0" in [drive], which Linux has for '
+    "most adapters, and which is the only one that is meant for a rig"
+)

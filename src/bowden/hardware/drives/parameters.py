@@ -20,7 +20,7 @@ class DriveParameters(NamedTuple):
 
     family: Annotated[Literal["cia402"], Quantity("family of the drive")] = "cia402"
     interface: Annotated[
-        str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig")
+        str, Quantity("python-can's name of the bus: bowden_unix for the twin, socketcan on a rig; others are untried")
     ] = "bowden_unix"
     channel: Annotated[str, Quantity("its channel: can0; of bowden_unix a folder, or a bare name")] = "bowden"
     """A bare name is a folder in the user's temporary one."""
