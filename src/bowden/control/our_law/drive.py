@@ -27,7 +27,7 @@ SERVO_DOUBT = 0.5
 """How wrong the servo's time constants may be, as a share of them [–]."""
 
 
-class Drive(NamedTuple):
+class ExpectedMotor(NamedTuple):
     """The motor as the servo should move it, a delay ahead."""
 
     position: Annotated[float, Quantity("p, the motor a delay later", "rad")]
@@ -35,7 +35,7 @@ class Drive(NamedTuple):
 
 
 @kernel
-def moves_on(before: Drive, command: float, omega: float, damping: float, dt: float) -> Drive:
+def moves_on(before: ExpectedMotor, command: float, omega: float, damping: float, dt: float) -> ExpectedMotor:
     """One cycle of the servo as known.
 
     Args:
@@ -48,11 +48,11 @@ def moves_on(before: Drive, command: float, omega: float, damping: float, dt: fl
     stiff = omega * omega * dt
     slower = 1.0 + dt * (2.0 * damping * omega + stiff)
     velocity = (before.velocity + stiff * (command - before.position)) / slower
-    return Drive(before.position + dt * velocity, velocity)
+    return ExpectedMotor(before.position + dt * velocity, velocity)
 
 
 @kernel
-def missed(drive: Drive, motor: float, gains: BowdenGains) -> float:
+def missed(drive: ExpectedMotor, motor: float, gains: BowdenGains) -> float:
     """What of the motion that was asked for the motor did not make [rad].
 
     Args:

@@ -29,7 +29,7 @@ from bowden.control.our_law.crossing import (
     at_start,
     crossed,
 )
-from bowden.control.our_law.drive import Drive, missed, moves_on
+from bowden.control.our_law.drive import ExpectedMotor, missed, moves_on
 from bowden.control.our_law.gains import BowdenGains
 from bowden.control.our_law.observer import (
     LOAD_DAMPING,
@@ -70,7 +70,7 @@ class BowdenState(NamedTuple):
     observer: Observer
     swing: Swing
     crossing: Crossing
-    drive: Drive
+    drive: ExpectedMotor
 
 
 @kernel
@@ -79,7 +79,7 @@ def start(gains: BowdenGains, sample: Sample) -> BowdenState:
     inverse = 1.0 / np.abs(gains.slope)
     offset = np.sign(gains.slope) * sample.motor - sample.joint * inverse
     crossing = at_start(sample.joint, offset, inverse, gains.width)
-    return BowdenState(at_rest(offset), no_swing(), crossing, Drive(np.sign(gains.slope) * sample.motor, 0.0))
+    return BowdenState(at_rest(offset), no_swing(), crossing, ExpectedMotor(np.sign(gains.slope) * sample.motor, 0.0))
 
 
 @kernel
@@ -96,7 +96,7 @@ def step(
     time = load_time(state.swing)
     lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
     short = sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0)
-    arrived = arrives(before, short, delay, lag, time, dt)
+    arrived = arrives(before, short, delay, lag, time, pace.stopping, reference.velocity * inverse, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
     joint = known.answer_joint + sel(seen, larger(smaller(way, most), -most), 0.0)

@@ -104,15 +104,25 @@ class Arrived(NamedTuple):
 
 
 @kernel
-def arrives(before: Observer, missed: float, delay: float, lag: float, time: float, dt: float) -> Arrived:
+def fastest(stopping: float, speed: float) -> float:
+    """Speed that the correction may have: v, and the reference's at the motor; NaN counts as 0 [rad/s]."""
+    return stopping + larger(np.abs(speed), 0.0)
+
+
+@kernel
+def arrives(
+    before: Observer, missed: float, delay: float, lag: float, time: float, stopping: float, speed: float, dt: float
+) -> Arrived:
     """The correction at the joint: F a delay ago, and what the motor missed, through the load.
 
     T²·ÿ + (lag + 2ζT)·ẏ + y = F(t − τ) + missed, ζ = 0.25, in one step of backward Euler; first-order where T = `time`
-    is 0.
+    is 0. It is no faster than the correction may be, so that a motor's reading that jumps is hardly counted.
     """
     late = before.sent - delay * before.rate + missed
     inertia, damping = time * time, lag + 2.0 * LOAD_DAMPING * time
     rate = (inertia * before.arriving + dt * (late - before.arrived)) / (inertia + dt * (damping + dt))
+    most = fastest(stopping, speed)
+    rate = larger(smaller(rate, most), -most)
     return Arrived(before.arrived + dt * rate, rate)
 
 
@@ -143,7 +153,7 @@ def corrected(
     """
     share = THIRD_POLE * pace.quick * dt
     x = before.innovation + (disturbance + before.asked - before.innovation) * (share / (1.0 + share))
-    most = dt * (pace.stopping + larger(np.abs(speed), 0.0))
+    most = dt * fastest(pace.stopping, speed)
     step = (1.0 - exp(-kappa * dt)) * x * x * x / (x * x + least * least + 1e-30)
     asked = before.asked - larger(smaller(step, most), -most)
     slower = 1.0 + pace.quick * dt
