@@ -88,8 +88,11 @@ def _steps(lines: list[str]) -> Iterator[PageFile | PageCommand]:
         elif re.match(r" {4,}\S", lines[i]) and not lines[i - 1].strip():
             while i + 1 < len(lines) and re.match(r"    |$", lines[i + 1]):
                 i += 1
-            found = ((k, _INDENTED.fullmatch(text)) for k, text in _joined(lines[begin : i + 1], begin + 1))
-            yield from (_command(k, one[1], None, mark) for k, one in found if one)
+            for k, text in _joined(lines[begin : i + 1], begin + 1):
+                inside, one = _MARK.fullmatch(text.strip()), _INDENTED.fullmatch(text)
+                mark = inside[1] if inside else mark
+                if one:
+                    yield _command(k, one[1], None, mark)
         if lines[i].strip():
             marked, named = _MARK.fullmatch(lines[i].strip()), _NAMED.fullmatch(lines[i].strip())
             mark = marked[1] if marked else ""
