@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 import bowden
+from bowden.app.main import run
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.face.progress import reported
+from bowden.identify.cable.model_file import write_model
 from bowden.live.log_rig import rig_of_log
 from live_runs import SHARED_LIMITS, tries
 
@@ -244,6 +246,30 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
         bowden.simulate(bowden.Rig(cable=fit, duration=4.0), "adaptive")
     assert runs[0].stable
     assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
+
+
+def test_a_rig_of_a_cable_that_runs_backwards_is_the_one_that_init_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    fit = bowden.identify(T, 1.0 - MOTOR, JOINT)
+    write_model("model.toml", fit, "a log")
+    assert run(["init", "--model", "model.toml"]) == 0
+    printed = capsys.readouterr().out
+    made = bowden.init(fit)
+    assert made.rig.hash == bowden.init(fit.best).rig.hash == bowden.init("model.toml").rig.hash
+    assert made.rig.hash == bowden.Rig.read("rig.toml").hash
+    assert all(note in printed for note in made.notes)
+    assert made.rig.cable.counting.direction == -1  # type: ignore[union-attr]
+    assert made.rig.reference.high < 0.9 * np.ptp(JOINT)  # type: ignore[attr-defined]
+    assert "against the log's direction" in repr(made)
+    slow = bowden.init(fit, servo={"natural_frequency": 12.0})
+    assert slow.rig.servo.natural_frequency == 12.0
+    for wrong, said in (({"law": "adaptive"}, r"law is chosen here"), ({"servos": 1}, r"a rig has no 'servos'")):
+        with pytest.raises(ParameterError, match=said):
+            bowden.init(fit, **wrong)
+    with pytest.raises(ParameterError, match=r"init: model is 3; expected a model.toml"):
+        bowden.init(3)  # type: ignore[arg-type]
 
 
 @pytest.mark.long

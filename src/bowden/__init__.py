@@ -6,8 +6,8 @@ package takes a log of such a cable to an identified model, and the model to a c
     import bowden
 
     fit = bowden.identify("log.csv")                # or arrays: identify(time, motor, joint)
-    rig = bowden.Rig(cable=fit.best)                # or bowden.Rig.read("rig.toml")
-    bowden.simulate(rig, "bowden").plot()
+    rig = bowden.init(fit).rig                      # within the log's motion; or bowden.Rig.read("rig.toml")
+    bowden.simulate(rig).plot()
     rig = bowden.tune(rig).rig
     with bowden.run(rig, twin=True) as session: ...
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from bowden.face.export import export as export
     from bowden.face.identify import identify as identify
     from bowden.face.identify import read_log as read_log
+    from bowden.face.init import init as init
     from bowden.face.league import league as league
     from bowden.face.motion import MinimumJerk as MinimumJerk
     from bowden.face.read_trace import read_trace as read_trace
@@ -74,6 +75,7 @@ _HOMES = {
     "export": "bowden.face.export",
     "identify": "bowden.face.identify",
     "identify_together": "bowden.face.several_logs",
+    "init": "bowden.face.init",
     "kernel": "bowden.core.kernel",
     "league": "bowden.face.league",
     "read_log": "bowden.face.identify",
