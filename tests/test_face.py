@@ -16,7 +16,6 @@ import bowden
 from bowden.app.main import run
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.face.progress import reported
-from bowden.identify.cable.model_file import write_model
 from bowden.live.log_rig import rig_of_log
 from live_runs import SHARED_LIMITS, tries
 
@@ -239,6 +238,11 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
         slid.append(min(max(slid[-1], motor - 0.05), motor + 0.05))
     fit = bowden.identify(T, MOTOR, 0.9 * np.array(slid[1:]) + 1e-4 * np.random.default_rng(1).normal(size=len(T)))
     assert fit.best.name != "line"
+    shown = str(bowden.Rig(cable=fit))
+    assert f"identified as {fit.best.name}: slope" in shown, "the model that runs, not the Bouc–Wen one beside it"
+    assert " rad/rad, " in shown
+    assert " rad/rad, " in repr(fit)
+    assert "low 0°, high 70°, period 10 s" in shown
     small = bowden.MinimumJerk.periodic(-0.3, 0.3, period=4.0)  # within what the log covered
     rigs = [bowden.Rig(cable=cable, reference=small, duration=4.0) for cable in (fit, fit.best)]
     runs = [bowden.simulate(rig, "adaptive") for rig in rigs]
@@ -248,12 +252,27 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
     assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
 
 
+def test_a_model_is_written_and_read(tmp_path: Path) -> None:
+    fit = bowden.identify(T, MOTOR, JOINT)
+    fit.write(tmp_path / "fit.toml")
+    model = bowden.CableModel.read(tmp_path / "fit.toml")
+    assert model == fit.best
+    model.write(tmp_path / "model.toml")
+    assert bowden.CableModel.read(tmp_path / "model.toml") == model
+    hashes = [bowden.Rig(cable=cable).hash for cable in (fit, fit.best, model)]
+    assert len({*hashes}) == 1
+    with pytest.raises(ParameterError, match=r"Fit.write: path is 3; expected the path of a file"):
+        fit.write(3)  # type: ignore[arg-type]
+    trace = example(motor=MOTOR, joint=JOINT)
+    assert bowden.recalibrate(trace, model).gain == pytest.approx(1.0)
+
+
 def test_a_rig_of_a_cable_that_runs_backwards_is_the_one_that_init_writes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     fit = bowden.identify(T, 1.0 - MOTOR, JOINT)
-    write_model("model.toml", fit, "a log")
+    fit.write("model.toml")
     assert run(["init", "--model", "model.toml"]) == 0
     printed = capsys.readouterr().out
     made = bowden.init(fit)

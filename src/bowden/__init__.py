@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from bowden.face.several_logs import recalibrate as recalibrate
     from bowden.face.simulate import simulate as simulate
     from bowden.face.tune import tune as tune
+    from bowden.identify.cable.model import CableModel as CableModel
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
     from bowden.models.cable.sheath import Sheath as Sheath
     from bowden.models.drive.encoder import Encoder as Encoder
@@ -57,6 +58,7 @@ __version__ = "0.2.0"
 _HOMES = {
     "BoucWen": "bowden.models.cable.bouc_wen",
     "BowdenError": "bowden.core.errors",
+    "CableModel": "bowden.identify.cable.model",
     "Encoder": "bowden.models.drive.encoder",
     "LAWS": "bowden.control",
     "Law": "bowden.control.law",

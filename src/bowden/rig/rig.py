@@ -862,15 +862,10 @@ def _one_file(one: Any, other: Any) -> bool:
 
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
-    if isinstance(given, Fit):
-        models = {name: dict(one.parameters) for name, one in given.models.items()}
-        given = IdentifiedCable(given.best.name, models, covered=given.best.covered)
-    if isinstance(given, JointFit | Recalibration):
+    if isinstance(given, Fit | JointFit | Recalibration):
         given = given.best
     if isinstance(given, CableModel):
-        own = {given.name: dict(given.parameters)}
-        others = {name: dict(one) for name, one in given.others.items()}
-        given = IdentifiedCable(given.name, own | others, covered=given.covered)
+        given = given.identified()
     if isinstance(given, IdentifiedCable):
         _ = given.bouc_wen
         return given
