@@ -17,6 +17,10 @@ from bowden.app.main import run
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.face.progress import reported
 from bowden.live.log_rig import rig_of_log
+from bowden.live.row import AT
+from bowden.live.session import Session
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode
 from live_runs import SHARED_LIMITS, tries
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -302,16 +306,48 @@ def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None
     for _ in tries():  # a computer shared with others stalls, and the supervisor ends the run
         with warnings.catch_warnings(record=True) as said, bowden.run(rig, twin=True, out=tmp_path) as session:
             warnings.simplefilter("always")
-            session.complete()
+            done = session.complete()
+            channel = session.channel
+        assert done or session.outcome != "ended as asked"
         if not said:
             break
-        assert "the run was ended: " in str(said[-1].message)
+        assert str(said[-1].message) == session.outcome
+        assert session.outcome.startswith("the run was ended: ")
+    assert done
+    assert session.outcome == "ended as asked"
+    assert "bowden-twin-" in channel
     trace = session.trace()
     assert session.log.parent == tmp_path
     assert np.nanmax(trace.array("joint", "deg")) > 40.0
     assert np.array_equal(bowden.read_trace(session.log)["joint"], trace["joint"], equal_nan=True)
     assert "Run of adaptive" in repr(session)
     assert rig_of_log(session.log).drive == rig.drive  # not the bus of a twin that is no more
+
+
+FROZEN = (
+    "joint angle does not change; look at the joint encoder, its coupling and the cable; "
+    "as a consequence: joint and motor disagree"
+)
+
+
+@pytest.mark.parametrize(
+    ("ended", "error", "mode", "came", "said"),
+    [
+        (None, "", None, [], "not begun"),
+        (None, "", Mode.RUNNING, [], "the run goes on, under its law"),
+        (None, "", Mode.RUNNING, [Fault.JOINT_FROZEN], "the run goes on, under its law"),
+        (None, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY], f"stopped by a fault: {FROZEN}"),
+        ({"mode": 0, "torque": 0}, "", Mode.STOPPED, [], "ended as asked"),
+        ({"mode": 5, "torque": 0}, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY], f"ended: {FROZEN}"),
+        ({"mode": 0, "torque": 1}, "", Mode.STOPPED, [], "assume it is on, press the emergency stop"),
+        ({"mode": 0, "torque": 0, "reason": "no"}, "it died", Mode.STOPPED, [], "the run was ended: no; it died"),
+    ],
+)
+def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
+    session = Session.__new__(Session)
+    session.ended, session.error, session.came = ended, error, {fault: float(i) for i, fault in enumerate(came)}
+    session._last = None if mode is None else np.full(len(AT), float(mode))
+    assert said in session.outcome
 
 
 # errors

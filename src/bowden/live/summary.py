@@ -39,7 +39,7 @@ def document(session: "Session") -> dict[str, Any]:
         "law": session.live.law.name,
         "rig": session.live.rig.hash,
         "drive": session.ready["drive"],
-        "ended_well": mode == "stopped" and not ended.get("torque"),
+        "ended_well": session.ended_well,
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
