@@ -268,7 +268,9 @@ def test_a_model_is_written_and_read(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"Fit.write: path is 3; expected the path of a file"):
         fit.write(3)  # type: ignore[arg-type]
     trace = example(motor=MOTOR, joint=JOINT)
-    assert bowden.recalibrate(trace, model).gain == pytest.approx(1.0)
+    found = bowden.recalibrate(trace, model)
+    assert found.gain == pytest.approx(1.0)
+    assert "nan" not in repr(found)
 
 
 def test_a_rig_of_a_cable_that_runs_backwards_is_the_one_that_init_writes(

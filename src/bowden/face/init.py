@@ -67,9 +67,10 @@ class NewRig:
 def init(model: GivenModel, **parts: Any) -> NewRig:
     """Make a rig round an identified cable, as ``bowden init --model`` does.
 
-    Direction and zeros are such that the joint rises with the motor from where the log's motion begins. The reference
-    stays within the motion that the log covered, and the limits stand round it. The law is ``bowden`` where a check
-    says that it holds there; else the law that does.
+    A cable whose joint falls as its motor rises, or whose log does not count from where it is just taut, is counted so
+    that both rise together from the lower end of the log's motion. The reference stays within the motion that the log
+    covered, and the limits stand round it. The law is ``bowden`` where a check says that it holds there; else the law
+    that does.
 
     Args:
         model: what `identify`, `identify_together` or `recalibrate` returned, its ``best``, or the path of a
@@ -116,7 +117,7 @@ def around(cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any]
 
     Args:
         cable: as it was identified.
-        path: of the rig's file, which is not written here.
+        path: of the rig's file, which is not written here; without an ending, no file.
         place: of the model's file, from the rig's folder.
         parts: of the rig that are not as on the paper's bench.
 
@@ -125,9 +126,9 @@ def around(cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any]
     """
     cable = with_stroke(cable)
     counted = replace(cable.counted(counting_of(cable)), file=place)
-    first = model_text(path.name, place, cable, Chosen(OURS, ""))
+    name = path.name if path.suffix else "rig.toml"
+    first = model_text(name, place, cable, Chosen(OURS, ""))
     rig = Rig.of_tree(tomllib.loads(first), path, keep=Rig(cable=counted)).replace(**(parts or {}))
     law, why = chosen_law(rig)
-    return NewRig(
-        rig.with_law(law), why, cable.covered is not None, model_text(path.name, place, cable, Chosen(law, why))
-    )
+    text = model_text(name, place, cable, Chosen(law, why))
+    return NewRig(rig.with_law(law), why, cable.covered is not None, text)

@@ -89,7 +89,7 @@ _MOST_OF_A_KIND = 3
 
 def _unit(name: str) -> str:
     unit = meaning(name)[0]
-    return "" if unit == "1" else f" {unit}"
+    return "" if unit in ("1", "as given") else f" {unit}"
 
 
 def _spread(value: float, unit: str) -> str:
