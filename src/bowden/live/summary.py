@@ -37,7 +37,7 @@ def document(session: "Session") -> dict[str, Any]:
     codes, explain = log["emergency"], family_of(session.live.rig.drive).explain
     return {
         "law": session.live.law.name,
-        "rig": session.live.rig.hash,
+        "rig": session.live.logged.hash,
         "drive": session.ready["drive"],
         "ended_well": mode == "stopped" and not ended.get("torque"),
         "mode": mode,
