@@ -158,7 +158,7 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     [
         (["--law", "adaptiv"], "there is no law 'adaptiv'"),
         (["--law", "mine.py"], "mine.py, line 19: math.*"),
-        (["--preset", "paper"], "adaptive does not hold on rig.toml"),
+        (["--preset", "paper"], "adaptive fails the check on rig.toml"),
         (["--preset", "printed"], "has no preset 'printed'"),
         (["--emg", "--emg-rate", "100"], "the EMG's rate is 100 Hz"),
         (["--to", "rig.toml"], "rig.toml is not a folder"),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, counted
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import family_named
 from bowden.live import stops
@@ -110,7 +110,7 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if document["begin_s"]:
         yield "first cycle", f"{document['begin_s']:.3f} s later, by the column time; counted from here on below"
     yield "duration", f"{document['duration_s']:.3f} s, {document['cycles']} cycles"
-    yield "missing", f"{document['missing']} cycles" if document["missing"] else "nothing"
+    yield "missing", counted(document["missing"], "cycle") if document["missing"] else "nothing"
     yield "closed properly", "yes" if document["closed"] else "no"
     if not document["whole"] and document["closed"]:
         yield "damage", ", ".join(f"{value} {name}" for name, value in document["damage"].items())
@@ -135,7 +135,7 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     left_out = len(events) - _MOST_EVENTS
     for number, event in enumerate(events):
         if left_out > 0 and number == _MOST_EVENTS // 2:
-            yield "", f"… {left_out} more events, all of them with --json …"
+            yield "", f"… {counted(left_out, 'more event')}, all of them with --json …"
         if left_out <= 0 or not _MOST_EVENTS // 2 <= number < len(events) - _MOST_EVENTS // 2:
             time = "" if event["time_s"] is None else f"{event['time_s'] - begin:.3f} s: "
             yield "event", f"{time}{event['text']}"

@@ -19,9 +19,6 @@ from bowden.rig.declaration import at, in_file, items_of
 from bowden.safety.limits import Limits
 from bowden.safety.supervisor import longest_release
 
-LONGEST_READING_AGE = 0.01
-"""Age of an angle that no rig may take for good [s]."""
-
 
 class Preflight(NamedTuple):
     """The settings of a preflight."""
@@ -288,10 +285,10 @@ def contradictions(limits: Limits, dt: float) -> list[str]:
         found.append(
             f"{written('target_speed')} allows more in one cycle of {1e3 * dt:g} ms than {written('target_reach')}"
         )
-    if limits.heartbeat_age < 2.0 * dt or limits.reading_age * dt > LONGEST_READING_AGE:
+    if limits.heartbeat_age < 2.0 * dt or limits.reading_age * dt > 0.01:
         found.append(
             f"{written('heartbeat_age')} is below two cycles of {1e3 * dt:g} ms, or {written('reading_age')} is above "
-            f"{1e3 * LONGEST_READING_AGE:g} ms"
+            "10 ms"
         )
     if limits.bridge_time > 0.005:
         found.append(f"{written('bridge_time')} is above 0.005")

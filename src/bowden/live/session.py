@@ -32,7 +32,6 @@ from bowden.live.emg_process import EmgProcess
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
 from bowden.live.operator import STANDS_STILL
-from bowden.live.preflight import LONGEST_READING_AGE
 from bowden.live.provenance import rig_revision
 from bowden.live.recorder import check_room
 from bowden.live.ring import FOLDER, RingReader, Row, create
@@ -444,9 +443,10 @@ def patient(rig: Rig) -> Rig:
     """The rig with the limits of a run on a twin of the command's own.
 
     This computer plays the drive as well. If it stalls, the twin answers late, which a drive does not; and no motor
-    moves meanwhile. So its answers may be as old as `live.preflight.require` lets them be. A rig that sets a
-    `reading_age` other than the default keeps it.
+    moves meanwhile. So its answers may be as late as the loop itself, `lateness`. A rig that sets a `reading_age` other
+    than the default keeps it.
     """
     default = rig.limits.reading_age == Limits().reading_age
-    most = max(rig.limits.reading_age, float(min(math.floor(LONGEST_READING_AGE / rig.sample_time + 1e-9), 50)))
+    late = math.floor(rig.limits.lateness / rig.sample_time + 1e-9)
+    most = max(rig.limits.reading_age, float(min(late, 50)))
     return rig.replace(limits=rig.limits._replace(reading_age=most)) if default else rig
