@@ -192,9 +192,9 @@ def test_a_rig_is_simulated_with_one_law_or_several(recwarn: pytest.WarningsReco
 
 def test_a_law_that_does_not_hold_is_refused_and_forced_with_a_warning() -> None:
     rig = bowden.Rig(duration=6.0, law="adaptive", gains={"feedback_gain": 2000.0})
-    with pytest.raises(ParameterError, match=r"adaptive does not hold on this rig.*force=True"):
+    with pytest.raises(ParameterError, match=r"adaptive fails the check on this rig.*force=True"):
         bowden.simulate(rig)
-    with pytest.warns(UserWarning, match="does not hold"):
+    with pytest.warns(UserWarning, match="fails the check"):
         trace = bowden.simulate(rig, force=True)
     assert trace.metrics().rmse_deg > 10.0
     assert bowden.check(rig).verdict == "does_not_hold"

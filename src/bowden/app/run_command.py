@@ -31,7 +31,7 @@ def run(
     attended: Annotated[
         bool, typer.Option("--attended", help="Over ssh: somebody at the rig has the emergency stop in hand.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Run a law that does not hold on the rig.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Run a law that fails the check on the rig.")] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document and nothing else; needs --auto.")
     ] = False,

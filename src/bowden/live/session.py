@@ -6,6 +6,7 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 
 import contextlib
 import json
+import math
 import queue
 import shlex
 import signal
@@ -43,6 +44,7 @@ from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 
 _START = 900.0
@@ -473,7 +475,7 @@ class Session:
 
 @contextlib.contextmanager
 def own_twin(rig: Rig) -> Iterator[Rig]:
-    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus."""
+    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, with `patient` limits."""
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import running_twin
 
@@ -482,4 +484,21 @@ def own_twin(rig: Rig) -> Iterator[Rig]:
         asked = shlex.join(["bowden", "twin", file, "--channel", str(folder)])
         print(f"bowden: note: the twin's bus is {folder}: {asked}", file=sys.stderr)
         with running_twin(rig, folder, ["--interface", UNIX]) as twin:
-            yield rig.on_bus(twin.channel, UNIX)
+            beside = patient(rig)
+            if beside.limits != rig.limits:
+                allowed = f"reading_age is {beside.limits.reading_age:.3g} here, and not {rig.limits.reading_age:g}"
+                print(f"bowden: note: {allowed}: the twin shares this computer with the loop", file=sys.stderr)
+            yield beside.on_bus(twin.channel, UNIX)
+
+
+def patient(rig: Rig) -> Rig:
+    """The rig with the limits of a run on a twin of the command's own.
+
+    This computer plays the drive as well. If it stalls, the twin answers late, which a drive does not; and no motor
+    moves meanwhile. So its answers may be as late as the loop itself, `lateness`. A rig that sets a `reading_age` other
+    than the default keeps it.
+    """
+    default = rig.limits.reading_age == Limits().reading_age
+    late = math.floor(rig.limits.lateness / rig.sample_time + 1e-9)
+    most = max(rig.limits.reading_age, float(min(late, 50)))
+    return rig.replace(limits=rig.limits._replace(reading_age=most)) if default else rig

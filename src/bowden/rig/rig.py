@@ -675,6 +675,10 @@ class Rig:
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
         if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
             notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
+        if self.emg.source is None and self.emg != PARTS["emg"].default:
+            notes.append(
+                "[emg] has no source, so the joint follows [reference]; set emg.source, or use bowden run --emg"
+            )
         if self.emg.levels is not None and not self.emg.levels.sigma:
             notes.append(f"{self.emg.wearer} was {wearer_file.EARLIER}")
         if self.worn is None or not self.admittance.enabled:
