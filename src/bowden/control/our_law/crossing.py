@@ -4,9 +4,10 @@ Both angles are measured at the same instant, so that o = motor − joint/a, the
 the servo. While the cable is engaged o stays; after a turn the motor crosses the dead zone, and o moves by its width.
 All is in motor angle; a is the slope as learned, a₀ as given, I and F the observer's correction, asked for and sent.
 
-- **Width** w, the lower end of what it may be: a measurement below it is believed at once, one above it by a share. A
-  jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes away. Where
-  the joint follows late a touch is seen late, and the share is smaller.
+- **Width** w of each way, the lower end of what it may be: a measurement below it is believed at once, one above it by a
+  share. A jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes away.
+  Where the joint follows late a touch is seen late: what the motor went meanwhile does not count. By what w of one way
+  grows that of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
 - **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
   innovation test. It is used in the plan alone: in the feedback it would be the loop's gain.
 - **Jump**: at a turn of the reference, seen ahead by τ and half a jump, I and F go at once by what is left of w, and
@@ -34,7 +35,7 @@ from bowden.core.extremes import larger, smaller
 from bowden.core.kernel import kernel, sel
 from bowden.core.quantity import Quantity
 
-FOLLOW, CROSS = 0.0, 1.0
+FOLLOW, CROSS = 1.0, 2.0
 """The two modes."""
 
 UNSEEN = 1e9
@@ -54,7 +55,7 @@ TOUCH, TOUCH_SIGMAS = 0.0017, 6.0
 """Way of the joint that is a touch [rad, –]."""
 
 BELIEVED = 0.4
-"""Share by which a larger width is believed, over (1 + ω·lag)² [–]."""
+"""Share by which a larger width is believed [–]."""
 
 WIDEST = 0.6
 """Largest width that is believed [rad]."""
@@ -88,14 +89,14 @@ much slack are crossed; beyond, the cable is torn, the joint at a stop, or its s
 class Crossing(NamedTuple):
     """What is known of the cable, and where in it the motor is."""
 
-    side: Annotated[float, Quantity("way of the reference; 0 before its first", "1")]
+    mode: Annotated[float, Quantity("1 follow, 2 cross, with the sign of the reference's way; 0 before its first", "1")]
     furthest: Annotated[float, Quantity("the reference furthest on this side", "rad")]
     jump: Annotated[float, Quantity("J, what the command lacks of a jump", "rad")]
     jump_rate: Annotated[float, Quantity("its rate", "rad/s")]
     jump_bend: Annotated[float, Quantity("the rate of that", "rad/s²")]
-    width: Annotated[float, Quantity("w, lower end of the dead zone's width in motor angle", "rad")]
+    width: Annotated[float, Quantity("w, lower end of the dead zone's width in motor angle, crossed upward", "rad")]
+    width_back: Annotated[float, Quantity("the same, crossed downward", "rad")]
     contact: Annotated[float, Quantity("o at the last touch, or where the motor turned", "rad")]
-    mode: Annotated[float, Quantity("0 follow, 1 cross", "1")]
     extreme: Annotated[float, Quantity("the joint at the last touch; while crossing, furthest on the old side", "rad")]
     inverse: Annotated[float, Quantity("1/a", "1")]
     variance: Annotated[float, Quantity("its variance", "1")]
@@ -128,6 +129,8 @@ class Known(NamedTuple):
     """Of the joint [s]."""
     answer: float
     """T, time of the observer's answer, 1/κ + 2/q + τ [s]."""
+    rate: float
+    """Of the motor, as expected [rad/s]."""
 
 
 class Crossed(NamedTuple):
@@ -144,7 +147,27 @@ class Crossed(NamedTuple):
 def at_start(joint: float, contact: float, inverse: float, width: float) -> Crossing:
     """Nothing is known but what was given."""
     doubt = UNSURE * inverse
-    return Crossing(0.0, UNSEEN, 0.0, 0.0, 0.0, width, contact, FOLLOW, joint, inverse, doubt * doubt, joint, contact)
+    return Crossing(0.0, UNSEEN, 0.0, 0.0, 0.0, width, width, contact, joint, inverse, doubt * doubt, joint, contact)
+
+
+@kernel
+def width_of(cable: Crossing, side: float) -> float:
+    """w of a crossing this way [rad]."""
+    return sel(side < 0.0, cable.width_back, cable.width)
+
+
+@kernel
+def missing(cable: Crossing, short: float) -> float:
+    """What of the motion that the motor did not make the joint lacks: nothing within a dead zone that is being crossed.
+
+    Args:
+        cable: one cycle ago.
+        short: what the motor did not make [rad].
+    """
+    side = np.sign(cable.mode)
+    behind = side * short
+    beyond = side * smaller(behind + width_of(cable, side), 0.0)
+    return sel((np.abs(cable.mode) > FOLLOW) * (behind < 0.0) > 0.0, beyond, short)
 
 
 @kernel
@@ -159,18 +182,19 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
         dt: cycle [s].
     """
     joint, motor, speed, loop = given.joint, given.motor, given.velocity, given.inverse
-    first = before.furthest >= UNSEEN
+    first, way_before = before.furthest >= UNSEEN, np.sign(before.mode)
     pace = PACE * given.omega
     ahead = given.delay + MIDDLE / pace
     here = given.position + ahead * (speed + 0.5 * ahead * given.acceleration)
-    fresh = before.side == 0.0
-    reached = before.side * larger(before.side * here, before.side * before.furthest)
+    fresh = before.mode == 0.0
+    reached = way_before * larger(way_before * here, way_before * before.furthest)
     furthest = sel(first, given.position, sel(fresh, before.furthest, reached))
-    back = sel(fresh, np.abs(here - furthest), before.side * (furthest - here))
+    back = sel(fresh, np.abs(here - furthest), way_before * (furthest - here))
     turns = (back > TURN + TURN_SIGMAS * given.noise) * (1.0 - first) > 0.0
-    side = sel(turns, sel(fresh, np.sign(here - furthest), -before.side), before.side)
+    side = sel(turns, sel(fresh, np.sign(here - furthest), -way_before), way_before)
     furthest = sel(turns, here, furthest)
-    crossing = before.mode > 0.5
+    crossing = np.abs(before.mode) > FOLLOW
+    known = width_of(before, side)
 
     # slope, at a turn
     contact = motor - joint * before.inverse
@@ -194,20 +218,22 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     extreme = sel(turns, sel(crossing, old_side, joint), sel(crossing, old_side, before.extreme))
     moved = side * (joint - extreme) > TOUCH + TOUCH_SIGMAS * given.noise
     touches = crossing * (1.0 - turns) * moved > 0.0
-    mode = sel(turns, sel(fresh, FOLLOW, sel(crossing, FOLLOW, CROSS)), sel(touches, FOLLOW, before.mode))
+    follows = turns * (1.0 - fresh) * (1.0 - crossing) + (1.0 - turns) * (1.0 - touches) * crossing < 1.0
+    mode = side * sel(follows, FOLLOW, CROSS)
     gone = side * (contact - before.contact)
     late = 1.0 + given.omega * given.lag
-    believed = sel(gone < before.width, 1.0, BELIEVED / (late * late))
-    wider = larger(smaller(before.width + believed * (gone - before.width), WIDEST), 0.0)
-    width = sel(touches, wider, before.width)
-    done = smaller(larger(gone - SLACK * before.width, 0.0), before.width)
+    more = BELIEVED * larger(gone - given.lag * larger(side * given.rate, 0.0) - known, 0.0)
+    own = sel(touches, larger(smaller(sel(gone < known, gone, known + more), WIDEST), 0.0), known)
+    others = width_of(before, -side)
+    others = sel(touches, smaller(others + larger(own - known, 0.0) / (late * late), WIDEST), others)
+    done = smaller(larger(gone - SLACK * known, 0.0), known)
     at_turn = sel(crossing, before.contact, contact - side * done)
     place = sel(touches, contact, sel(turns, at_turn, before.contact))
 
     # hold, and no further than a cable reaches
     behind = side * (joint - given.position) * loop
     forward = larger(side * speed, 0.0) * loop
-    waits = (behind * behind < 2.0 * before.width * forward * given.answer) * (behind > 0.0) * (mode < CROSS) > 0.0
+    waits = (behind * behind < 2.0 * known * forward * given.answer) * (behind > 0.0) * follows > 0.0
     kept = asked_before + side * larger(side * (asked - asked_before), -forward * dt)
     asked = sel(waits, kept, asked)
     answers = np.abs(joint - before.answer_joint) > TOUCH + TOUCH_SIGMAS * given.noise
@@ -217,7 +243,7 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     asked = larger(smaller(asked, highest), lowest)  # held back and never drawn along: that would be a loop of its own
 
     # jump, and back at a touch
-    left = side * larger(before.width - sel(crossing, 0.0, done), 0.0)
+    left = side * larger(known - sel(crossing, 0.0, done), 0.0)
     beyond = side * larger(smaller(side * (asked - contact), WIDEST), 0.0)
     jump = sel(turns, sel(fresh, 0.0, left), 0.0) - sel(touches, beyond, 0.0)
     slower = 1.0 + pace * dt
@@ -230,14 +256,14 @@ def crossed(before: Crossing, given: Known, asked_before: float, asked: float, d
     shift = jump - change * given.position
     return Crossed(
         Crossing(
-            side,
+            mode,
             furthest,
             lack + dt * rate,
             rate,
             bend,
-            width,
+            sel(side < 0.0, others, own),
+            sel(side < 0.0, own, others),
             place,
-            mode,
             extreme,
             inverse,
             variance,

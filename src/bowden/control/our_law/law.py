@@ -28,6 +28,7 @@ from bowden.control.our_law.crossing import (
     Known,
     at_start,
     crossed,
+    missing,
 )
 from bowden.control.our_law.drive import ExpectedMotor, missed, moves_on
 from bowden.control.our_law.gains import BowdenGains
@@ -95,7 +96,7 @@ def step(
 
     time = load_time(state.swing)
     lag = gains.lag + sel(time > 0.0, 0.0, UNKNOWN_LAG / omega)
-    short = sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0)
+    short = missing(known, sel(seen, missed(state.drive, sign * sample.motor, gains), 0.0))
     arrived = arrives(before, short, delay, lag, time, pace.stopping, reference.velocity * inverse, dt)
     most = FASTEST * dt + TOUCH + TOUCH_SIGMAS * gains.noise
     way = sample.joint - known.answer_joint
@@ -127,6 +128,7 @@ def step(
         delay,
         gains.lag + 2.0 * LOAD_DAMPING * time,
         answer,
+        state.drive.velocity,
     )
     after = crossed(known, given, before.asked, observer.asked, dt)
     observer = shifted(observer, after.asked, after.shift)
