@@ -103,7 +103,7 @@ def test_times_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureF
         (["--inject", "encoder_frozn joint"], "expected encoder_frozen (did you mean this?)"),
         (
             ["--inject", "silence"],
-            "start one: bowden twin RIG.toml; the twin of bowden run --twin has the channel that",
+            "start one with bowden twin RIG.toml; the twin of bowden run --twin lives as long as its run",
         ),
     ],
 )

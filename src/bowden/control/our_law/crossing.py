@@ -4,10 +4,10 @@ Both angles are measured at the same instant, so that o = motor − joint/a, the
 the servo. While the cable is engaged o stays; after a turn the motor crosses the dead zone, and o moves by its width.
 All is in motor angle; a is the slope as learned, a₀ as given, I and F the observer's correction, asked for and sent.
 
-- **Width** w of each way, the lower end of what it may be: a measurement below it is believed at once, one above it by a
-  share. A jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes away.
-  Where the joint follows late a touch is seen late: what the motor went meanwhile does not count. By what w of one way
-  grows that of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
+- **Width** w of each way, the lower end of what it may be: a measurement below it is believed at once, one above it
+  by a share. A jump too short costs a slower crossing; one too far is an error at once that only a crossing back takes
+  away. Where the joint follows late a touch is seen late: what the motor went meanwhile does not count. By what w of
+  one way grows that of the other does, by (1 + ω·lag)² less: a joint that is late and hit too hard swings.
 - **Slope** a: over a stretch from a touch to the next turn o stays where a is right. One Kalman step a stretch, with an
   innovation test. It is used in the plan alone: in the feedback it would be the loop's gain.
 - **Jump**: at a turn of the reference, seen ahead by τ and half a jump, I and F go at once by what is left of w, and
