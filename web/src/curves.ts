@@ -13,6 +13,13 @@ const MOST_SHOWN_FIRST = 8;
 const WITH_LIMITS = new Set(["Current", "Tension", "Temperature", "EMG"]);
 const NAMES: Record<string, string> = { 2: "2 s", 5: "5 s", 10: "10 s", 30: "30 s", 60: "1 min", 120: "2 min", 300: "5 min" };
 const LEFT = 58;
+const RIGHT = 16;
+const LEGEND = 22;
+const AXIS = 28;
+const LEAST = 66;
+const MOST = 400;
+/** Numbers that change more often than this cannot be read. */
+const LABEL_MS = 150;
 
 interface Panel {
   group: string;
@@ -36,8 +43,8 @@ export interface CurvesOptions {
   wanted: (view: View) => void;
   /** How many windows of data are kept. */
   windows?: number;
-  /** Whether there is a button that halts the curves. */
-  pausable: boolean;
+  /** Curves of a run that goes on, a log that is replayed, or a whole log at once. */
+  kind: "live" | "replay" | "whole";
   empty: string;
 }
 
@@ -57,9 +64,12 @@ export class Curves {
   private xy = true;
   private cursor: number | null = null;
   private labelled = 0;
+  private unlabelled = false;
   private pixels = 0;
+  private top = 0;
   private readonly plots = h("div", { class: "plots" });
-  private readonly strokes = new Strokesplot();
+  /** Joint over motor; stands where the page puts it. */
+  readonly strokes = new Strokesplot();
   private readonly chooser = h("div", { class: "chooser" });
   private readonly empty: HTMLElement;
   private readonly pause: HTMLButtonElement;
@@ -74,11 +84,11 @@ export class Curves {
     for (const seconds of WINDOWS) this.window.append(h("option", { value: seconds }, NAMES[seconds]!));
     this.window.value = String(this.seconds);
     this.pause = h("button", { type: "button", class: "small", "aria-pressed": "false", onclick: () => this.togglePause() }, "Pause");
-    this.pause.hidden = !options.pausable;
+    this.pause.hidden = options.kind !== "live";
     this.limits = h("button", { type: "button", class: "small", "aria-pressed": "false", onclick: () => this.toggleLimits() }, "All limits");
     const closer = h("button", { type: "button", class: "small", "aria-label": "Zoom in", onclick: () => this.zoom(0.5) }, "+");
     const farther = h("button", { type: "button", class: "small", "aria-label": "Zoom out", onclick: () => this.zoom(2) }, "−");
-    this.whole = h("button", { type: "button", class: "small", onclick: () => this.resume() }, options.pausable ? "Back to now" : "Whole window");
+    this.whole = h("button", { type: "button", class: "small", onclick: () => this.resume() }, options.kind === "live" ? "Back to now" : "Whole window");
     this.whole.hidden = true;
     const choose = h("details", { class: "choose" }, h("summary", { class: "small" }, "Choose traces"), this.chooser);
     this.plots.tabIndex = 0;
@@ -88,8 +98,9 @@ export class Curves {
     this.element = h(
       "div",
       { class: "curves" },
-      h("div", { class: "bar" }, h("label", { class: "inline" }, "Window ", this.window), this.pause, closer, farther, this.whole, this.limits, choose, this.halt),
-      h("div", { class: "drawing" }, h("div", { class: "left" }, this.empty, this.plots), this.strokes.element),
+      h("div", { class: "bar" }, h("label", { class: "inline", hidden: options.kind === "whole" }, "Window ", this.window), this.pause, closer, farther, this.whole, this.limits, choose, this.halt),
+      this.empty,
+      this.plots,
     );
     this.strokes.element.hidden = true;
     new ResizeObserver(() => this.resize()).observe(this.plots);
@@ -145,20 +156,24 @@ export class Curves {
   /** Draw what has changed; called once for each frame of the screen. */
   draw(now: number): void {
     this.strokes.draw();
+    if (this.unlabelled && now - this.labelled > LABEL_MS) {
+      this.labelled = now;
+      this.unlabelled = false;
+      for (const panel of this.panels) this.labels(panel);
+    }
     if (!this.dirty || this.panels.length === 0) return;
     this.dirty = false;
     const buffer = this.halted?.buffer ?? this.buffer;
     const end = this.halted?.to ?? this.end ?? buffer?.end ?? this.seconds;
     const begin = this.halted?.from ?? end - this.seconds;
     const began = performance.now();
-    const label = now - this.labelled > 150;
-    if (label) this.labelled = now;
-    for (const panel of this.panels) this.drawPanel(panel, buffer, begin, end, label);
+    for (const panel of this.panels) this.drawPanel(panel, buffer, begin, end);
+    this.unlabelled = true;
     this.drawn.push({ at: began, took: performance.now() - began });
     if (this.drawn.length > 4000) this.drawn.splice(0, 2000);
   }
 
-  private drawPanel(panel: Panel, buffer: Buffer | null, begin: number, end: number, label: boolean): void {
+  private drawPanel(panel: Panel, buffer: Buffer | null, begin: number, end: number): void {
     const names = panel.columns.map((column) => column.name);
     const drawn = buffer?.between(begin, end, names) ?? { x: [], y: names.map(() => []), low: [], high: [] };
     let low = Math.min(...drawn.low);
@@ -180,7 +195,6 @@ export class Curves {
       panel.plot.setScale("x", { min: begin, max: end });
       panel.plot.setScale("y", { min: panel.low, max: panel.high });
     });
-    if (label) this.labels(panel);
   }
 
   /** The value of each curve: at the cursor, or the newest. */
@@ -191,7 +205,7 @@ export class Curves {
       let at = index ?? (curve ? curve.length - 1 : -1);
       if (index !== null && index !== undefined) at -= at % 2;
       const value = curve?.[at] ?? null;
-      text(panel.values[c]!, `${number(value)} ${column.unit === "1" ? "" : column.unit}`.trim());
+      text(panel.values[c]!, reading(value, column.unit));
     });
   }
 
@@ -208,7 +222,7 @@ export class Curves {
     const groups = [...new Set(shown.map((column) => column.group))];
     hidden(this.empty, shown.length > 0);
     hidden(this.plots, shown.length === 0);
-    hidden(this.strokes.element, shown.length === 0 || !this.xy);
+    hidden(this.strokes.element, shown.length === 0 || !this.xy || this.options.kind !== "live");
     groups.forEach((group, i) => {
       const columns = shown.filter((column) => column.group === group);
       this.panels.push(this.panel(group, columns, i === groups.length - 1));
@@ -237,7 +251,7 @@ export class Curves {
             ),
         ),
       ),
-      h(
+      this.options.kind === "live" && h(
         "div",
         { class: "choose-group", role: "group", "aria-label": "Hysteresis" },
         h("span", { class: "choose-title" }, "Hysteresis"),
@@ -281,9 +295,9 @@ export class Curves {
         width: 300,
         height: 100,
         legend: { show: false },
-        padding: [4, 8, lowest ? 0 : 4, 0],
+        padding: [4, RIGHT, lowest ? 0 : 4, 0],
         cursor: {
-          sync: { key: this.options.pausable ? "live" : "log", scales: ["x", null] },
+          sync: { key: this.options.kind, scales: ["x", null] },
           drag: { x: true, y: false, setScale: false },
           points: { size: 6 },
           y: false,
@@ -323,19 +337,28 @@ export class Curves {
     return { group, columns, element, plot, values, low: 0, high: -1 };
   }
 
+  /** Fit into the room that there is. */
+  fit(): void {
+    const top = Math.round(this.plots.getBoundingClientRect().top + window.scrollY);
+    if (top !== this.top && this.element.isConnected && this.plots.clientWidth > 0) {
+      this.top = top;
+      this.resize();
+    }
+  }
+
   private resize(anew = false): void {
     const width = Math.floor(this.plots.clientWidth);
     if (width < 50 || this.panels.length === 0) return;
-    const compact = window.innerHeight < 560;
-    const top = compact ? 220 : 265;
     const count = this.panels.length;
-    const each = Math.max(compact ? 84 : 88, Math.floor((window.innerHeight - top) / (count + 0.6)) - 26);
+    // The first panel has one and a half of the height; all together end at the lower edge, where there is room.
+    const top = this.options.kind === "live" ? this.plots.getBoundingClientRect().top + window.scrollY : window.innerHeight / 3;
+    const each = Math.max(LEAST, Math.floor((window.innerHeight - top - AXIS - 24 - count * LEGEND) / (count + (count > 1 ? 0.5 : 0))));
     for (const [i, panel] of this.panels.entries()) {
-      const height = (i === 0 && count > 1 ? Math.floor(each * 1.5) : each) + (i === count - 1 ? 28 : 0);
-      if (anew || panel.plot.width !== width || panel.plot.height !== height) panel.plot.setSize({ width, height: Math.min(height, 420) });
+      const height = Math.min(i === 0 && count > 1 ? Math.floor(each * 1.5) : each, MOST) + (i === count - 1 ? AXIS : 0);
+      if (anew || panel.plot.width !== width || panel.plot.height !== height) panel.plot.setSize({ width, height });
     }
     this.dirty = true;
-    const pixels = Math.max(100, Math.min(2000, width - LEFT - 8));
+    const pixels = Math.max(100, Math.min(2000, width - LEFT - RIGHT));
     if (anew || Math.abs(pixels - this.pixels) > 0.1 * this.pixels) {
       this.pixels = pixels;
       this.want();
@@ -418,7 +441,7 @@ export class Curves {
   private state(): void {
     attribute(this.pause, "aria-pressed", String(this.halted !== null));
     hidden(this.whole, this.halted === null);
-    text(this.halt, this.halted && this.options.pausable ? "Curves are halted. The rig goes on." : "");
+    text(this.halt, this.halted && this.options.kind === "live" ? "Curves are halted. The rig goes on." : "");
   }
 
   private key(event: KeyboardEvent): void {
@@ -433,10 +456,18 @@ export class Curves {
       for (const panel of this.panels) this.labels(panel);
     } else if (event.key === "+") this.zoom(0.5);
     else if (event.key === "-") this.zoom(2);
-    else if (event.key.toLowerCase() === "p" && this.options.pausable) this.togglePause();
+    else if (event.key.toLowerCase() === "p" && this.options.kind === "live") this.togglePause();
     else return;
     event.preventDefault();
   }
+}
+
+const DIGITS: Record<string, number> = { "°": 2, "°/s": 1, A: 2, N: 1, "°C": 1, "%": 1, "µs": 0, "N·m": 2 };
+
+function reading(value: number | null, unit: string): string {
+  const digits = DIGITS[unit];
+  const said = value !== null && digits !== undefined ? value.toFixed(digits) : number(value);
+  return unit === "1" || unit === "" ? said : `${said} ${unit}`;
 }
 
 function place(all: Column[], column: Column): number {

@@ -53,7 +53,6 @@ export function flow(link: Link, say: Say): { element: HTMLElement; update: () =
   const run = button("Run", () => request("run", ""));
   const acknowledge = button("Acknowledge fault", () => request("acknowledge", ""));
   const end = button("End", () => request("end", ""));
-  acknowledge.classList.add("danger");
 
   const step = (made: HTMLButtonElement, extra?: HTMLElement): Step => {
     const mark = h("span", { class: "mark" });

@@ -36,7 +36,7 @@ const earlier = runs(say);
 
 let views = 0;
 const curves = new Curves({
-  pausable: true,
+  kind: "live",
   empty: "Curves appear here when the rig is started.",
   wanted: (view) => {
     if (view.columns.length === 0) return;
@@ -56,9 +56,10 @@ const rooms: Record<string, HTMLElement> = {
   run: h(
     "div",
     { class: "page live" },
-    h("div", { class: "column do" }, way.element, seen.preflight, seen.check, form.element),
+    h("div", { class: "column do" }, way.element, seen.preflight),
+    h("div", { class: "column form" }, form.element, seen.check),
     h("div", { class: "column see" }, curves.element),
-    h("div", { class: "column tell" }, seen.estimates, seen.events, seen.inject),
+    h("div", { class: "column tell" }, curves.strokes.element, seen.estimates, seen.events, seen.inject),
   ),
   path: guided.element,
   runs: earlier.element,
@@ -95,11 +96,13 @@ function update(): void {
   hidden(problem, error === null);
   if (error) text(problem, [error.what, error.expected && `expected: ${error.expected}`, error.do].filter(Boolean).join(". "));
   const run = state.run;
+  attribute(rooms.run!, "class", `page live${run === null ? " fresh" : ""}`);
   if (run && run.log !== log) {
     log = run.log;
     curves.clear();
   }
   if (run) curves.setColumns(run.columns);
+  if (!rooms.run!.hidden) curves.fit();
 }
 link.listen(update);
 link.onchange = update;

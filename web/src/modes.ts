@@ -12,20 +12,20 @@ export interface Look {
 
 const MODES: Record<Run["mode"], Look> = {
   stopped: { name: "Stopped", icon: "square", kind: "stopped", meaning: "Power is off." },
-  preflight: { name: "Preflight", icon: "dial", kind: "preflight", meaning: "Power is on. The motor makes small motions." },
-  ready: { name: "Ready", icon: "flag", kind: "ready", meaning: "Power is on. The rig waits for Run." },
+  preflight: { name: "Preflight", icon: "dial", kind: "preflight", meaning: "Power on. The motor moves a little." },
+  ready: { name: "Ready", icon: "flag", kind: "ready", meaning: "Power on. The rig waits for Run." },
   running: { name: "Running", icon: "play", kind: "running", meaning: "The law moves the motor." },
-  bridging: { name: "Bridging", icon: "bridge", kind: "bridging", meaning: "A signal is missing. The last valid target is held." },
-  releasing: { name: "Releasing", icon: "down", kind: "releasing", meaning: "The cable is let out. Then power goes off." },
-  latched: { name: "Latched", icon: "lock", kind: "latched", meaning: "A fault holds power off until you acknowledge it." },
+  bridging: { name: "Bridging", icon: "bridge", kind: "bridging", meaning: "A signal is missing: the target is held." },
+  releasing: { name: "Releasing", icon: "down", kind: "releasing", meaning: "The cable is let out, then power goes off." },
+  latched: { name: "Latched", icon: "lock", kind: "latched", meaning: "Power is off until you acknowledge." },
 };
 
 const PHASES: Record<Exclude<Phase, "live">, Look> = {
   idle: { name: "Not started", icon: "ring", kind: "idle", meaning: "No program moves the rig." },
-  checking: { name: "Checking", icon: "dots", kind: "idle", meaning: "The gains are checked on a model. Nothing moves." },
+  checking: { name: "Checking", icon: "dots", kind: "idle", meaning: "On a model. Nothing moves." },
   starting: { name: "Starting", icon: "dots", kind: "idle", meaning: "Loop and recorder start. Power is off." },
   ending: { name: "Ending", icon: "dots", kind: "idle", meaning: "The log is closed." },
-  step: { name: "Guided step", icon: "dots", kind: "preflight", meaning: "A step of the guided path is going on." },
+  step: { name: "Guided step", icon: "dots", kind: "preflight", meaning: "A step of the guided path goes on." },
 };
 
 const LOST: Look = {

@@ -147,10 +147,7 @@ export function runs(say: Say): Runs {
       const names = [...new Set(pair.flatMap((run) => run.metrics.map(([name]) => name)))];
       const value = (run: OneRun, name: string) => run.metrics.find(([other]) => other === name)?.[1] ?? "–";
       const title = h("h2", { tabindex: -1 }, "Two runs side by side");
-      const sides = pair.map((run) => {
-        const curves = new Curves({ wanted: () => {}, pausable: false, empty: "This log has none of these columns." });
-        return { run, curves };
-      });
+      stills = [];
       const head = (run: OneRun) => h("th", { scope: "col" }, `${run.time} · ${run.law}`);
       const rows = [
         ["subject", pair.map((run) => run.subject || "–")],
@@ -166,7 +163,7 @@ export function runs(say: Say): Runs {
           { class: "wide", tabindex: 0, role: "region", "aria-label": "Metrics of both runs" },
           h("table", { class: "list" }, h("thead", {}, h("tr", {}, h("td", {}), ...pair.map(head))), h("tbody", {}, ...rows.map(([name, values]) => h("tr", {}, h("th", { scope: "row" }, name), ...values.map((words) => h("td", {}, words)))))),
         ),
-        h("div", { class: "two" }, ...sides.map(({ run }) => still(run, trouble))),
+        h("div", { class: "two" }, ...pair.map((run) => still(run, trouble))),
       );
       title.focus();
       title.scrollIntoView({ block: "nearest" });
@@ -194,7 +191,7 @@ function still(run: OneRun, trouble: (error: unknown) => void): HTMLElement {
   const at = `/api/runs/${encodeURIComponent(run.id)}`;
   let mine = 0;
   const curves: Curves = new Curves({
-    pausable: false,
+    kind: "whole",
     empty: "This log has none of these columns.",
     wanted: (view: View) => {
       const number = ++mine;
@@ -212,7 +209,7 @@ function still(run: OneRun, trouble: (error: unknown) => void): HTMLElement {
     },
   });
   const columns = run.columns.filter((column) => OVERVIEW.includes(column.name));
-  stills = [...stills.filter((other) => other.element.isConnected), curves];
+  stills.push(curves);
   const element = h("section", { class: "card still", "aria-label": `Run of ${run.time}` }, h("h3", {}, `${run.time} · ${run.law}`), curves.element);
   requestAnimationFrame(() => curves.setColumns(columns));
   return element;
@@ -244,7 +241,7 @@ class Replay {
   ) {
     this.time = run.begin;
     this.curves = new Curves({
-      pausable: false,
+      kind: "replay",
       empty: "This log has no columns to draw.",
       windows: 6,
       wanted: (view) => {

@@ -29,6 +29,10 @@ export function eventList(events: Happening[]): Node[] {
   return events.map((event) => h("li", {}, h("span", { class: "at" }, event.at === null ? "–" : `${event.at.toFixed(2)} s`), h("span", {}, event.text)));
 }
 
+function micro(value: number | null): string {
+  return value === null ? "–" : `${value.toFixed(0)} µs`;
+}
+
 export interface Status {
   fault: HTMLElement;
   check: HTMLElement;
@@ -100,7 +104,8 @@ export function status(link: Link, say: Say): Status {
 
     const ticks = run?.preflight ?? [];
     const failed = ticks.some((step) => step.state === "failed");
-    hidden(preflight, ticks.length === 0 || (state.phase !== "live" && !failed));
+    const moving = run?.mode === "running" || run?.mode === "bridging" || run?.mode === "releasing";
+    hidden(preflight, ticks.length === 0 || ((state.phase !== "live" || moving) && !failed));
     refill(steps, ticks, () =>
       ticks.map((step) =>
         h("li", { class: step.state }, icon(MARKS[step.state]), h("span", {}, step.name, h("span", { class: "unseen" }, `: ${WORDS[step.state]}`), step.said && h("span", { class: "hint block" }, step.said))),
@@ -112,8 +117,8 @@ export function status(link: Link, say: Say): Status {
     refill(estimateRows, values, () => (values.length ? values.map(([name, value]) => row(name, number(value))) : [row("none", "")]));
     const late = run?.lateness;
     const loop: [string, string][] = [
-      ["lateness, median", late ? `${number(late.median_us)} µs` : "–"],
-      ["lateness, most", late ? `${number(late.most_us)} µs` : "–"],
+      ["lateness, median", late ? micro(late.median_us) : "–"],
+      ["lateness, most", late ? micro(late.most_us) : "–"],
       ["overruns", late?.overruns === null || late === null || late === undefined ? "–" : String(late.overruns)],
       ["recorder", run?.recorder ?? "–"],
       ["log", run?.log || "–"],

@@ -2,7 +2,7 @@
 
 import { h, text } from "./dom";
 
-const SIDE = 250;
+const SIDE = 240;
 const EDGE = { left: 40, right: 10, top: 10, bottom: 34 };
 
 export class Strokesplot {
@@ -13,7 +13,7 @@ export class Strokesplot {
   private dirty = true;
 
   constructor() {
-    this.element = h("section", { class: "strokes", "aria-label": "Hysteresis" }, h("div", { class: "legend" }, h("h3", {}, "Joint over motor")), this.canvas, this.said);
+    this.element = h("section", { class: "card strokes", "aria-label": "Hysteresis" }, h("div", { class: "legend" }, h("h3", {}, "Joint over motor")), this.canvas, this.said);
   }
 
   take(pairs: Float32Array): void {
