@@ -1,4 +1,4 @@
-"""What a console is made of, for one rig: settings, check, the run, its curves, and who looks on. For one event loop."""
+"""A console of one rig: its settings, the check, the run, its curves, and who looks on. For one event loop."""
 
 import asyncio
 import secrets
@@ -20,7 +20,6 @@ from bowden.design.verdict import CheckVerdict
 from bowden.face.run import live_session
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.control import TwinControl
-from bowden.hardware.twin.injection import KINDS
 from bowden.live.live_run import live_run
 from bowden.live.ring import RingReader
 from bowden.rig.rig import Rig
@@ -65,7 +64,7 @@ class Console:
     def __init__(self, rig: Rig, name: str, *, twin: bool, out: Path) -> None:
         self.name, self.twin, self.out = name, twin, out
         self.settings = RunSettings(rig)
-        self.lease = Lease(CONSOLE_LEASE)
+        self.lease = Lease(rig.supervisor_limits.console_lease)
         self.owner = RunOwner(self.lease)
         self.jobs = Jobs()
         self.viewers: set[Viewer] = set()
@@ -125,7 +124,6 @@ class Console:
             "check": self.check,
             "run": run,
             "path": self.path,
-            "faults": list(KINDS) if self.twin else [],
             "lease_s": self.lease.limit,
             "error": error_of(seen.error or self.error),
         }
@@ -240,7 +238,7 @@ class Console:
             raise SafetyError("something goes on already", expected="nothing", do="wait until it has ended")
         self.error = None
         rig = self.settings.rig
-        blank = {"holds": False, "name": None, "text": "", "rows": [], "of": rig.hash}
+        blank: dict[str, Any] = {"holds": False, "name": None, "text": "", "rows": [], "of": rig.hash}
         self.check = {"running": True, **blank}
         self._beside(self._check(rig))
 
@@ -340,9 +338,6 @@ class Console:
             task.cancel()
         self.jobs.close()
         await asyncio.to_thread(self.owner.close)
-
-
-CONSOLE_LEASE = 0.5
 
 
 def _tried(settings: RunSettings, given: Mapping[str, Any]) -> RunSettings:

@@ -58,7 +58,8 @@ def opened(
     console = Console(rig, name, twin=twin, out=out)
     guard = Guard(application(console), names(host), where, secure=files is not None, clock=time.monotonic)
     shown = names(host)[0] if host in ("0.0.0.0", "::") else host
-    link = f"{'http' if files is None else 'https'}://{f'[{shown}]' if ':' in shown else shown}:{where}/?token={guard.token}"
+    place = f"{f'[{shown}]' if ':' in shown else shown}:{where}"
+    link = f"{'http' if files is None else 'https'}://{place}/?token={guard.token}"
     print(f"Console of {name}: {link}", flush=True)
     if host not in _HERE:
         how = "without TLS: who reads along in this network can take the rig over" if files is None else "with TLS"

@@ -1,27 +1,26 @@
 """What is set before a run: law, gains, reference, duration, and who it is for; and the rig that this makes."""
 
-import ast
-import inspect
 import math
 import re
-import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 from bowden.control import LAWS, Law
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
 from bowden.core.nested import said_at
-from bowden.core.quantity import declared
+from bowden.core.quantity import Quantity, declared, meanings
 from bowden.rig.rig import Rig
+from bowden.rig.sections import REFERENCES
 
 LONGEST = {"subject": 80, "session": 80, "notes": 2000}
 """Texts that go into the log → characters that they may have."""
 _UNIT = re.compile(r"\[([^\]]+)\][.;, ]*$")
 _MOST_GAINS = 64
 _DEEP = 3
+_RECORDED = "recorded"
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,9 @@ class RunSettings:
         if "gains" in given:
             made = replace(made, gains={**made.gains, **_gains(given["gains"], made.rig.loaded_law)})
         if "reference" in given:
-            made = replace(made, reference=_section(given["reference"]))
+            section = _section(given["reference"])
+            same = section.get("kind", made.reference.get("kind")) == made.reference.get("kind")
+            made = replace(made, reference={**made.reference, **section} if same else section)
         if "duration" in given:
             made = replace(made, duration=_number(given["duration"], "duration"))
         for name, most in LONGEST.items():
@@ -114,9 +115,9 @@ class RunSettings:
         law = self.fitted
         return {
             "law": self.law or self.base.law_name,
-            "laws": self.laws,
+            "laws": titled(self.laws),
             "preset": self.rig.preset,
-            "presets": list(law.presets),
+            "presets": titled(law.presets),
             "gains": {name: gain_of(law, name) for name in law.choices[:_MOST_GAINS]},
             "reference": reference_of(self.rig),
             "duration": self.rig.duration,
@@ -128,8 +129,9 @@ class RunSettings:
 def gain_of(law: Law, name: str) -> dict[str, Any]:
     """A gain as the page shows it; a limit that there is not is None."""
     low, high = law.limits.get(name, (-math.inf, math.inf))
-    path = tuple(name.split("."))
-    meaning, unit = (said_at(law.gains, path, of) for of in (_meanings, _units))
+    words = said_at(law.gains, tuple(name.split(".")), meanings)
+    found = _UNIT.search(words)
+    meaning, unit = (words[: found.start()].rstrip(" .,"), found[1]) if found else (words.rstrip("."), "")
     value = law.numbers[name]
     return {
         "value": value if math.isfinite(value) else None,
@@ -142,42 +144,33 @@ def gain_of(law: Law, name: str) -> dict[str, Any]:
 
 
 def reference_of(rig: Rig) -> dict[str, Any]:
-    """The reference as the section of a rig.toml; of one that a file has no words for, what it is."""
+    """The reference as the section of a rig.toml has it: its kind, the kinds that there are, and its fields.
+
+    Of a recorded motion, and of one that a file has no words for, no field can be set.
+    """
+    kinds = [name for name in REFERENCES if name != _RECORDED]
     try:
-        found = rig.tree().get("reference", {})
+        section = rig.tree().get("reference", {})
     except ParameterError:
-        return {"kind": type(rig.reference).__name__}
-    return dict(found) if found.get("kind") != "recorded" else {"kind": "recorded"}
+        section = {}
+    kind = section.get("kind", type(rig.reference).__name__)
+    if kind not in kinds:
+        return {"kind": kind, "kinds": [kind, *kinds], "fields": {}}
+    named = {one.quantity.named(one.name): one.quantity for one in declared(REFERENCES[kind].kind)}
+    fields = {key: _field(one, section.get(key)) for key, one in named.items()}
+    return {"kind": kind, "kinds": kinds, "fields": fields}
 
 
-def _meanings(kind: Any) -> dict[str, str]:
-    return {name: meaning for name, (meaning, _) in _explained(kind).items()}
+def _field(quantity: Quantity, value: Any) -> dict[str, Any]:
+    """A field as the page shows it."""
+    low = quantity.ge if quantity.ge is not None else quantity.gt
+    high = quantity.le if quantity.le is not None else quantity.lt
+    return {"value": value, "low": low, "high": high, "unit": quantity.file_unit, "meaning": quantity.meaning}
 
 
-def _units(kind: Any) -> dict[str, str]:
-    return {name: unit for name, (_, unit) in _explained(kind).items()}
-
-
-@cache
-def _explained(kind: Any) -> dict[str, tuple[str, str]]:
-    """Gain → its meaning and unit, as its declaration or the text below it says."""
-    found = {}
-    for one in declared(kind):
-        found[one.name] = (one.quantity.meaning, one.quantity.unit)
-    try:
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-    except (OSError, TypeError, ValueError, SyntaxError):  # made in Python, or of no file
-        return found
-    body = getattr(tree, "body", [])
-    for field_, text in zip(body, body[1:], strict=False):
-        if isinstance(field_, ast.AnnAssign) and isinstance(field_.target, ast.Name) and isinstance(text, ast.Expr):
-            value = getattr(text.value, "value", None)
-            if isinstance(value, str):
-                words = " ".join(value.split())
-                unit = _UNIT.search(words)
-                meaning = words[: unit.start()].rstrip(" .,") if unit else words.rstrip(".")
-                found.setdefault(field_.target.id, (meaning, unit[1] if unit else ""))
-    return found
+def titled(names: "Iterable[str]") -> list[dict[str, str]]:
+    """Names with a title for each."""
+    return [{"name": name, "title": name.replace("_", " ")} for name in names]
 
 
 def shortly(value: Any) -> str:
@@ -215,7 +208,7 @@ def _gains(given: Any, law: Law) -> dict[str, float]:
 
 def _section(given: Any) -> dict[str, Any]:
     """A reference from the wire: numbers, lists of numbers and a kind, and no file."""
-    if not isinstance(given, Mapping) or given.get("kind") == "recorded" or not _plain(given, _DEEP):
+    if not isinstance(given, Mapping) or given.get("kind") == _RECORDED or not _plain(given, _DEEP):
         raise ParameterError(
             f"reference is {shortly(given)}",
             expected="the section [reference] of a rig.toml, without a file",

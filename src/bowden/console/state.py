@@ -1,7 +1,7 @@
-"""What the page shows, as one JSON document: from what the run's thread has seen and what was read of its rows. Pure."""
+"""What the page shows, as one JSON document: from what the run's thread has seen, and from its rows. Pure."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from bowden.console.stream import Watch
 from bowden.core.errors import BowdenError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives.family import family_of
+from bowden.hardware.twin.injection import KINDS, SIDES
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.stops import told_apart
@@ -23,17 +24,16 @@ if TYPE_CHECKING:
     from bowden.live.session import Session
 
 PREFLIGHT = (
-    ("drive", "the drive enables", frozenset({Reason.NOT_ENABLED})),
-    ("angles", "both angles are there and at rest", frozenset({Reason.SENSORS, Reason.RESTLESS})),
-    ("motor", "the motor makes a small motion", frozenset({Reason.MOTOR_STILL, Reason.MOTOR_WRONG_WAY})),
-    ("joint", "the joint follows it", frozenset({Reason.JOINT_STILL, Reason.JOINT_WRONG_WAY})),
+    ("the drive enables", frozenset({Reason.NOT_ENABLED})),
+    ("both angles are there and at rest", frozenset({Reason.SENSORS, Reason.RESTLESS})),
+    ("the motor makes a small motion", frozenset({Reason.MOTOR_STILL, Reason.MOTOR_WRONG_WAY})),
+    ("the joint follows it", frozenset({Reason.JOINT_STILL, Reason.JOINT_WRONG_WAY})),
     (
-        "current",
         "the current answers and pulls the right way",
         frozenset({Reason.CURRENT_STILL, Reason.SLACK_WRONG_WAY}),
     ),
 )
-"""What the preflight looks at in its order: name, what it says, what it fails by."""
+"""What the preflight looks at in its order, and what it fails by."""
 _MOST_ESTIMATES = 12
 _MOST_EVENTS = 100
 _NEXT = {
@@ -64,7 +64,17 @@ def rig_of(rig: Rig, name: str, *, twin: bool) -> dict[str, Any]:
     """Which rig it is, and whether it is a twin or moves something."""
     simulated = twin or family_of(rig.drive).simulated(rig.drive)
     where = "of this console's own" if twin else str(getattr(rig.drive, "channel", ""))
-    return {"name": name, "hash": rig.hash, "drive": "twin" if simulated else "hardware", "bus": where}
+    return {
+        **{"name": name, "hash": rig.hash, "drive": "twin" if simulated else "hardware", "bus": where},
+        "faults": list(injected_faults()) if twin else [],
+    }
+
+
+def injected_faults() -> Iterator[dict[str, str]]:
+    """What a twin can be given: the name that injects it, and what it is."""
+    for name, kind in KINDS.items():
+        for side in SIDES if kind.side else ("",):
+            yield {"name": f"{name} {side}".strip(), "title": f"{kind.meaning}{f' ({side})' if side else ''}"}
 
 
 def run_of(seen: Seen, watch: Watch | None) -> dict[str, Any] | None:
@@ -83,7 +93,7 @@ def run_of(seen: Seen, watch: Watch | None) -> dict[str, Any] | None:
     listed = [fault_of(fault, seen.came.get(fault, row["time"]) - watch.begin) for fault in (*causes, *consequences)]
     live = seen.phase == "live"
     return {
-        "mode": mode.name.lower(),
+        "mode": "ready" if mode == Mode.PREFLIGHT and row["preflight"] > 0.0 else mode.name.lower(),
         "power": live and mode not in (Mode.STOPPED, Mode.LATCHED),
         "began_latched": session.began_latched,
         "preflight": preflight_of(row, moves=watch.preflight_moves),
@@ -139,7 +149,7 @@ def preflight_of(row: Mapping[str, float], *, moves: bool) -> list[dict[str, str
     together at its end.
     """
     mode, outcome, reason = Mode(int(row["mode"])), row["preflight"], Reason(int(row["preflight_reason"]))
-    failed = next((i for i, item in enumerate(PREFLIGHT) if reason in item[2]), None)
+    failed = next((i for i, item in enumerate(PREFLIGHT) if reason in item[1]), None)
     if failed is not None:
         states = ["done"] * failed + ["failed"] + ["waiting"] * (len(PREFLIGHT) - failed - 1)
     elif outcome > 0.0 and mode in (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING):
@@ -154,8 +164,8 @@ def preflight_of(row: Mapping[str, float], *, moves: bool) -> list[dict[str, str
         states = ["done", "done"] + ["going"] * (len(PREFLIGHT) - 2)
     said = REASONS[reason]
     return [
-        {"name": name, "title": title, "state": state, "said": said if state == "failed" else ""}
-        for (name, title, _), state in zip(PREFLIGHT, states, strict=True)
+        {"name": title, "state": state, "said": said if state == "failed" else ""}
+        for (title, _), state in zip(PREFLIGHT, states, strict=True)
     ]
 
 

@@ -32,7 +32,7 @@ SECONDS = (2.0, 300.0)
 """Shortest and longest window [s]."""
 CURVES, WHOLE, LOOP = 1, 2, 3
 """Kinds of frames: pixels that have come since; the whole window anew; joint over motor."""
-_HEAD = struct.Struct("<BBHIdd")
+_HEAD, _LOOP_HEAD = struct.Struct("<BBHIdd"), struct.Struct("<BBHII")
 _RAW = 31.0
 """Rows are kept for this long [s]."""
 _COARSE = 0.02
@@ -175,10 +175,13 @@ class _Store:
         n = min(len(times), self._most)
         if self._to + n > 2 * self._most:
             kept = max(0, min(self._to - self._from, self._most - n))
+            one: NDArray[Any]
             for one in (self._times, *self._tables):
                 one[:kept] = one[self._to - kept : self._to].copy()
             self._from, self._to = 0, kept
-        for there, new in zip((self._times, *self._tables), (times, *tables), strict=True):
+        held: tuple[NDArray[Any], ...] = (self._times, *self._tables)
+        more: tuple[NDArray[Any], ...] = (times, *tables)
+        for there, new in zip(held, more, strict=True):
             there[self._to : self._to + n] = new[len(new) - n :]
         self._to += n
         self._from = max(self._from, self._to - self._most)
@@ -319,7 +322,7 @@ class Watch:
         if whole:
             starts = np.flatnonzero(np.diff(place[:whole], prepend=place[0] - 1))
             low, high = (np_.reduceat(values[:whole], starts) for np_ in (np.fmin, np.fmax))
-            self._coarse.add((place[starts] + 0.5) * _COARSE, low, high)
+            self._coarse.add(np.asarray((place[starts] + 0.5) * _COARSE, np.float64), low, high)
         self._rest = times[whole:].copy(), values[whole:].copy()
 
     def view(self, names: Sequence[str], seconds: float, pixels: int, *, loop: bool) -> View:
@@ -360,12 +363,11 @@ class Watch:
         made = self._made.get(key)
         if made is None:
             made = self._made[key] = self._strokes()
-        head = _HEAD.pack(LOOP, 2, len(made), cursor.number, self.now, 0.0)
-        return head + made.tobytes()
+        return _LOOP_HEAD.pack(LOOP, 0, 0, cursor.number, len(made)) + made.tobytes()
 
     def _strokes(self) -> Values:
         """Motor and joint (n, 2) of the last strokes; a stroke ends where the motor turns by more than 2°."""
-        times, (values,) = self._raw.since(self.now - _LOOP_SECONDS)
+        _, (values,) = self._raw.since(self.now - _LOOP_SECONDS)
         at = [self._number["motor_deg"], self._number["joint_deg"]]
         pair = values[:, at]
         pair = pair[np.isfinite(pair).all(axis=1)]
