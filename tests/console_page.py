@@ -14,20 +14,20 @@ POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 SHOWN = [
-    ("reference_deg", "reference", "°", "Angle", None, None),
-    ("joint_deg", "joint", "°", "Angle", None, 110.0),
-    ("motor_deg", "motor", "°", "Angle", None, None),
-    ("error_deg", "error", "°", "Error", None, None),
-    ("command_deg", "command", "°", "Command", None, None),
-    ("wish_deg", "wish", "°", "Command", None, None),
-    ("current", "current", "A", "Current", -8.0, 8.0),
-    ("winding", "winding", "°C", "Temperature", None, 155.0),
+    ("reference_deg", "reference", "°", "motion", None, None),
+    ("joint_deg", "joint", "°", "motion", None, 110.0),
+    ("motor_deg", "motor", "°", "motion", None, None),
+    ("error_deg", "error", "°", "error", None, None),
+    ("command_deg", "command", "°", "command", None, None),
+    ("wish_deg", "wish", "°", "command", None, None),
+    ("current_a", "motor current", "A", "current", -8.0, 8.0),
+    ("winding_c", "winding", "°C", "temperature", None, 155.0),
 ]
 COLUMNS = [
-    {"name": n, "title": t, "unit": u, "group": g, "low": low, "high": high, "shown": True}
+    {"name": n, "title": t, "unit": u, "group": g, "low": low, "high": high}
     for n, t, u, g, low, high in SHOWN
 ] + [
-    {"name": "lateness_us", "title": "lateness", "unit": "µs", "group": "Lateness", "low": None, "high": 5000.0, "shown": False}
+    {"name": "lateness_us", "title": "lateness", "unit": "µs", "group": "loop", "low": None, "high": 5000.0}
 ]
 FAULT = {
     "name": "JOINT_FROZEN",
@@ -135,7 +135,10 @@ def live(mode: str, **changes: Any) -> dict[str, Any]:
         "estimates": {"width": 8.31, "slope": 0.94},
         "lateness": {"median_us": 61.0, "most_us": 412.0, "overruns": 0},
         "recorder": "recording",
-        "viewers": 1,
+        "lost": "",
+        "drive_said": "",
+        "notes": [],
+        "ended": None,
     }  # fmt: skip
     if mode == "latched":
         state["run"] |= {"first_fault": FAULT, "consequences": FOLLOWS}
@@ -195,8 +198,8 @@ def value(column: str, t: float) -> float:
         "error_deg": -2.0 * slope,
         "command_deg": reference * 1.2 + 9.2 * math.tanh(6.0 * slope),
         "wish_deg": reference * 1.2 + 9.4 * math.tanh(6.0 * slope),
-        "current": 1.2 + 1.7 * slope,
-        "winding": 41.0 + t / 20.0,
+        "current_a": 1.2 + 1.7 * slope,
+        "winding_c": 41.0 + t / 20.0,
     }.get(column, 60.0 + 20.0 * math.sin(40.0 * t))
 
 
@@ -250,7 +253,7 @@ class InventedServer:
 
     def open(self) -> None:
         self.page.goto(f"{ORIGIN}/")
-        self.page.wait_for_function("document.querySelector('.rig-name').textContent !== 'bowden console'")
+        self.page.locator(".rig-name", has_text=self.state["rig"]["name"]).wait_for()
 
     def show(self, state: dict[str, Any]) -> None:
         self.state = copy.deepcopy(state)

@@ -8,9 +8,23 @@ import type { Column, Frame, Strokes } from "./wire";
 
 export const WINDOWS = [2, 5, 10, 30, 60, 120, 300];
 const MOST_COLUMNS = 16;
-const MOST_SHOWN_FIRST = 8;
-/** Groups whose limits are always in sight. */
-const WITH_LIMITS = new Set(["Current", "Tension", "Temperature", "EMG"]);
+const MOST_SHOWN_FIRST = 4;
+/** Groups of columns → title of their panel. Of others the name is the title. */
+const TITLES: Record<string, string> = {
+  motion: "Angle",
+  error: "Error",
+  command: "Command",
+  current: "Current",
+  tension: "Tension",
+  temperature: "Temperature",
+  emg: "EMG",
+  law: "Estimates of the law",
+  loop: "Loop",
+};
+/** Groups that stay far from their limits when all is well: the limits are in sight, if they are to be. */
+const WITH_LIMITS = new Set(["current", "tension", "temperature", "emg"]);
+/** What is shown first, where there is nothing chosen. */
+const FIRST = ["reference_deg", "joint_deg", "motor_deg", "error_deg", "command_deg", "wish_deg", "emg_level", "emg_flexor", "emg_extensor", "current_a", "winding_c"];
 const NAMES: Record<string, string> = { 2: "2 s", 5: "5 s", 10: "10 s", 30: "30 s", 60: "1 min", 120: "2 min", 300: "5 min" };
 const LEFT = 58;
 const RIGHT = 16;
@@ -20,6 +34,8 @@ const LEAST = 66;
 const MOST = 400;
 /** Numbers that change more often than this cannot be read. */
 const LABEL_MS = 150;
+/** Frames come about every 25 ms, and not evenly. */
+const BEHIND_S = 0.06;
 
 interface Panel {
   group: string;
@@ -60,7 +76,9 @@ export class Curves {
   private halted: { buffer: Buffer; from: number; to: number } | null = null;
   private end: number | null = null;
   private dirty = false;
-  private withLimits = false;
+  private ahead = NaN;
+  private shownEnd = NaN;
+  private withLimits = true;
   private xy = true;
   private cursor: number | null = null;
   private labelled = 0;
@@ -85,7 +103,7 @@ export class Curves {
     this.window.value = String(this.seconds);
     this.pause = h("button", { type: "button", class: "small", "aria-pressed": "false", onclick: () => this.togglePause() }, "Pause");
     this.pause.hidden = options.kind !== "live";
-    this.limits = h("button", { type: "button", class: "small", "aria-pressed": "false", onclick: () => this.toggleLimits() }, "All limits");
+    this.limits = h("button", { type: "button", class: "small", "aria-pressed": "true", onclick: () => this.toggleLimits() }, "Limits in sight");
     const closer = h("button", { type: "button", class: "small", "aria-label": "Zoom in", onclick: () => this.zoom(0.5) }, "+");
     const farther = h("button", { type: "button", class: "small", "aria-label": "Zoom out", onclick: () => this.zoom(2) }, "−");
     this.whole = h("button", { type: "button", class: "small", onclick: () => this.resume() }, options.kind === "live" ? "Back to now" : "Whole window");
@@ -115,8 +133,8 @@ export class Curves {
     const known = new Set(columns.map((column) => column.name));
     for (const name of this.chosen) if (!known.has(name)) this.chosen.delete(name);
     if (this.chosen.size === 0) {
-      const first = columns.filter((column) => column.shown !== false).slice(0, MOST_SHOWN_FIRST);
-      for (const column of first) this.chosen.add(column.name);
+      const first = FIRST.filter((name) => known.has(name));
+      for (const name of first.length ? first : columns.map((column) => column.name).slice(0, MOST_SHOWN_FIRST)) this.chosen.add(name);
     }
     this.rebuild();
   }
@@ -129,8 +147,23 @@ export class Curves {
   }
 
   take(frame: Frame): void {
-    this.buffer?.put(frame);
+    const buffer = this.buffer;
+    if (!buffer) return;
+    buffer.put(frame);
     this.dirty = true;
+    if (buffer.end === null) return;
+    // The data's clock against ours, by those frames that were quickest: the edge moves evenly between two frames.
+    const ahead = buffer.end - performance.now() / 1000;
+    if (frame.anew || !(Math.abs(ahead - this.ahead) < 0.5)) this.ahead = ahead;
+    else this.ahead = Math.max(ahead, this.ahead - 0.0005);
+  }
+
+  /** Right edge of what is drawn [s]: it follows the data a little behind, and never runs past them. */
+  private edge(buffer: Buffer | null, now: number): number {
+    if (this.end !== null) return this.end;
+    const newest = buffer?.end ?? null;
+    if (newest === null) return this.seconds;
+    return Math.min(newest, now / 1000 + this.ahead - BEHIND_S);
   }
 
   takeStrokes(strokes: Strokes): void {
@@ -161,10 +194,12 @@ export class Curves {
       this.unlabelled = false;
       for (const panel of this.panels) this.labels(panel);
     }
-    if (!this.dirty || this.panels.length === 0) return;
-    this.dirty = false;
+    if (this.panels.length === 0) return;
     const buffer = this.halted?.buffer ?? this.buffer;
-    const end = this.halted?.to ?? this.end ?? buffer?.end ?? this.seconds;
+    const end = this.halted?.to ?? this.edge(buffer, performance.now());
+    if (!this.dirty && end === this.shownEnd) return;
+    this.dirty = false;
+    this.shownEnd = end;
     const begin = this.halted?.from ?? end - this.seconds;
     const began = performance.now();
     for (const panel of this.panels) this.drawPanel(panel, buffer, begin, end);
@@ -179,7 +214,7 @@ export class Curves {
     let low = Math.min(...drawn.low);
     let high = Math.max(...drawn.high);
     if (!(low <= high)) [low, high] = [0, 1];
-    if (this.withLimits || WITH_LIMITS.has(panel.group)) {
+    if (this.withLimits && WITH_LIMITS.has(panel.group)) {
       for (const column of panel.columns) {
         if (column.low !== null && column.low !== undefined) low = Math.min(low, column.low);
         if (column.high !== null && column.high !== undefined) high = Math.max(high, column.high);
@@ -238,8 +273,8 @@ export class Curves {
       ...groups.map((group) =>
         h(
           "div",
-          { class: "choose-group", role: "group", "aria-label": group },
-          h("span", { class: "choose-title" }, group),
+          { class: "choose-group", role: "group", "aria-label": TITLES[group] ?? group },
+          h("span", { class: "choose-title" }, TITLES[group] ?? group),
           ...this.columns
             .filter((column) => column.group === group)
             .map((column) =>
@@ -284,11 +319,11 @@ export class Curves {
     const legend = columns.map((column, c) => {
       const swatch = h("span", { class: `swatch${dashed(column) ? " dashed" : ""}`, "aria-hidden": "true" });
       swatch.style.borderTopColor = colour(`--trace-${place(this.columns, column)}`);
-      const limit = limitText(column);
+      const limit = WITH_LIMITS.has(group) ? limitText(column) : "";
       return h("span", { class: "key" }, swatch, h("span", {}, column.title), values[c]!, limit && h("span", { class: "limit" }, limit));
     });
     const host = h("div", { class: "plot" });
-    const element = h("section", { class: "panel", "aria-label": group }, h("div", { class: "legend" }, h("h3", {}, group), ...legend), host);
+    const element = h("section", { class: "panel", "aria-label": TITLES[group] ?? group }, h("div", { class: "legend" }, h("h3", {}, TITLES[group] ?? group), ...legend), host);
     this.plots.append(element);
     const plot = new uPlot(
       {
@@ -467,7 +502,7 @@ const DIGITS: Record<string, number> = { "°": 2, "°/s": 1, A: 2, N: 1, "°C": 
 function reading(value: number | null, unit: string): string {
   const digits = DIGITS[unit];
   const said = value !== null && digits !== undefined ? value.toFixed(digits) : number(value);
-  return unit === "1" || unit === "" ? said : `${said} ${unit}`;
+  return unit === "1" || unit === "" || value === null ? said : `${said} ${unit}`;
 }
 
 function place(all: Column[], column: Column): number {
@@ -490,7 +525,9 @@ function drawLimits(u: uPlot, columns: Column[], colour: string): void {
   const lines = new Set(columns.flatMap((column) => [column.low, column.high]).filter((limit) => limit !== null && limit !== undefined));
   if (lines.size === 0) return;
   ctx.save();
-  ctx.strokeStyle = colour;
+  ctx.strokeStyle = ctx.fillStyle = colour;
+  ctx.font = `${11 * uPlot.pxRatio}px system-ui, sans-serif`;
+  ctx.textAlign = "right";
   ctx.lineWidth = 1.5;
   ctx.setLineDash([8, 4]);
   for (const limit of lines) {
@@ -500,6 +537,7 @@ function drawLimits(u: uPlot, columns: Column[], colour: string): void {
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(bbox.left + bbox.width, y);
     ctx.stroke();
+    ctx.fillText("limit", bbox.left + bbox.width - 4, y + (y < bbox.top + 14 * uPlot.pxRatio ? 11 : -4) * uPlot.pxRatio);
   }
   ctx.restore();
 }

@@ -26,6 +26,12 @@ export async function ask(link: Link, path: string, body: unknown, say: Say): Pr
   }
 }
 
+/** With a capital and a full stop. */
+export function sentence(words: string): string {
+  const end = /[.!?]$/.test(words) ? "" : ".";
+  return words.charAt(0).toUpperCase() + words.slice(1) + end;
+}
+
 interface Step {
   row: HTMLElement;
   mark: HTMLElement;
@@ -76,7 +82,6 @@ export function flow(link: Link, say: Say): { element: HTMLElement; update: () =
     h("h2", { id: "flow-title" }, "To a run"),
     next,
     h("ol", { class: "flow" }, steps.check.row, steps.start.row, steps.arm.row, steps.run.row, steps.acknowledge.row, steps.end.row),
-    h("p", { class: "hint" }, "Space stops from everywhere but a text field. Escape stops from everywhere."),
   );
 
   function show(one: Step, made: HTMLButtonElement, may: boolean, primary: boolean, done: boolean, words: string): void {
@@ -98,7 +103,7 @@ export function flow(link: Link, say: Say): { element: HTMLElement; update: () =
     const holds = state.check?.holds === true && !state.check.running;
     const idle = phase === "idle";
     const armed = mode === "preflight" || mode === "ready" || mode === "running" || mode === "bridging";
-    text(next, !controls ? "Take control at the top to use these buttons. Stop needs no control." : live && now.next ? now.next : "");
+    text(next, !controls ? "Take control at the top to use these buttons. Stop needs no control." : live && now.next ? sentence(now.next) : "");
     hidden(next, next.textContent === "");
     const verdict = state.check === null || state.check.running ? "" : holds ? "The gains hold." : "These gains do not hold. Change them.";
     show(steps.check, check, controls && idle, idle && !holds, holds || live, phase === "checking" ? "Checking on a model…" : verdict || "Nothing moves.");

@@ -93,7 +93,7 @@ export function header(link: Link, say: (words: string, bad?: boolean) => void):
     document.title = `${look.name} · ${state?.rig.name ?? "bowden console"}`;
     const run = state?.run;
     text(elapsed, duration(run?.elapsed));
-    text(remaining, run && run.remaining === null ? "no end" : duration(run?.remaining));
+    text(remaining, duration(run?.remaining));
     if (!state) return;
     text(name, state.rig.name);
     text(hash, state.rig.hash.slice(0, 12));

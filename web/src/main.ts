@@ -56,10 +56,10 @@ const rooms: Record<string, HTMLElement> = {
   run: h(
     "div",
     { class: "page live" },
-    h("div", { class: "column do" }, way.element, seen.preflight),
+    h("div", { class: "column do" }, way.element),
     h("div", { class: "column form" }, form.element, seen.check),
     h("div", { class: "column see" }, curves.element),
-    h("div", { class: "column tell" }, curves.strokes.element, seen.estimates, seen.events, seen.inject),
+    h("div", { class: "column tell" }, seen.preflight, curves.strokes.element, seen.estimates, seen.events, seen.inject),
   ),
   path: guided.element,
   runs: earlier.element,
@@ -77,9 +77,9 @@ problem.hidden = true;
 document.body.append(
   h("a", { class: "skip", href: "#main" }, "Skip to content"),
   top.element,
-  h("div", { class: "under" }, h("nav", { "aria-label": "Pages" }, ...tabs), h("p", { class: "emergency", id: "stop-help" }, "Stop on this page does not replace the hardware emergency stop.")),
+  h("div", { class: "under" }, h("nav", { "aria-label": "Pages" }, ...tabs), h("p", { class: "emergency", id: "stop-help" }, "Stop here does not replace the hardware emergency stop. Space stops, but in a text field; Esc stops everywhere.")),
+  h("main", { id: "main", tabindex: -1 }, problem, seen.fault, seen.noted, ...Object.values(rooms)),
   messageBar,
-  h("main", { id: "main", tabindex: -1 }, problem, seen.fault, ...Object.values(rooms)),
 );
 show("run");
 

@@ -34,11 +34,13 @@ const LOST: Look = {
   kind: "lost",
   meaning: "This page cannot see or stop the rig now. Use the hardware emergency stop.",
 };
+const ENDED: Look = { ...PHASES.idle, name: "Ended", meaning: "Power is off, the log is closed." };
 const WAITING: Look = { name: "Connecting", icon: "dots", kind: "idle", meaning: "" };
 
 export function lookOf(state: State | null, connected: boolean): Look {
   if (!state) return connected ? WAITING : LOST;
   if (!connected) return LOST;
   if ((state.phase === "live" || state.run?.power) && state.run) return MODES[state.run.mode] ?? WAITING;
+  if (state.phase === "idle" && state.run) return ENDED;
   return state.phase === "live" ? WAITING : (PHASES[state.phase] ?? WAITING);
 }

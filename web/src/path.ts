@@ -55,7 +55,7 @@ export function path(link: Link, say: Say, toRun: () => void): { element: HTMLEl
   function update(): void {
     const state = link.state;
     if (!state) return;
-    const now = state.path;
+    const now = state.path ?? null;
     hidden(none, now !== null);
     text(said, now?.next ?? "");
     hidden(said, !now?.next);

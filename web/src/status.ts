@@ -8,10 +8,11 @@ import type { Fault, Happening } from "./wire";
 const MARKS = { waiting: "ring", going: "dots", done: "check", failed: "cross" } as const;
 const WORDS = { waiting: "waits", going: "going on", done: "done", failed: "failed" } as const;
 
-export function faultBody(first: Fault, consequences: Fault[]): Node[] {
+export function faultBody(first: Fault, consequences: Fault[], drive = ""): Node[] {
   return [
     h("p", { class: "fault-title" }, icon("warning"), h("span", {}, "First fault: ", h("strong", {}, first.meaning)), first.at === null ? "" : h("span", { class: "at" }, `at ${first.at.toFixed(3)} s`)),
     h("p", { class: "remedy" }, h("strong", {}, "What to do: "), first.remedy),
+    ...(drive ? [h("p", {}, h("strong", {}, "The drive says: "), drive)] : []),
     ...(consequences.length
       ? [
           h(
@@ -35,6 +36,7 @@ function micro(value: number | null): string {
 
 export interface Status {
   fault: HTMLElement;
+  noted: HTMLElement;
   check: HTMLElement;
   preflight: HTMLElement;
   estimates: HTMLElement;
@@ -46,6 +48,7 @@ export interface Status {
 export function status(link: Link, say: Say): Status {
   const fault = h("section", { class: "fault", role: "alert", "aria-label": "First fault" });
   fault.hidden = true;
+  const noted = h("section", { class: "noted", role: "status", "aria-label": "Notes" });
 
   const verdict = h("p", { class: "verdict" });
   const checkText = h("p", { class: "check-text" });
@@ -57,6 +60,7 @@ export function status(link: Link, say: Say): Status {
   const preflight = h("section", { class: "card", "aria-labelledby": "preflight-title" }, h("h2", { id: "preflight-title" }, "Preflight"), steps);
 
   const estimateRows = h("tbody", {});
+  const hints = h("div", {});
   const lateRows = h("tbody", {});
   const estimates = h(
     "section",
@@ -65,6 +69,7 @@ export function status(link: Link, say: Say): Status {
     h("table", { class: "rows" }, estimateRows),
     h("h2", { class: "second" }, "Loop"),
     h("table", { class: "rows" }, lateRows),
+    hints,
   );
 
   const list = h("ol", { class: "events", "aria-label": "Events, newest first", tabindex: 0 });
@@ -81,7 +86,7 @@ export function status(link: Link, say: Say): Status {
     injectButton,
   );
 
-  const row = (name: string, value: string) => h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value));
+  const row = (name: string, value: string) => h("tr", { class: value.length > 22 ? "long" : "" }, h("th", { scope: "row" }, name), h("td", {}, value));
 
   function update(): void {
     const state = link.state;
@@ -89,7 +94,14 @@ export function status(link: Link, say: Say): Status {
     const { run, check: now } = state;
     const first = run?.first_fault ?? null;
     hidden(fault, first === null);
-    if (first) refill(fault, [first, run?.consequences], () => faultBody(first, run?.consequences ?? []));
+    if (first) refill(fault, [first, run?.consequences, run?.drive_said], () => faultBody(first, run?.consequences ?? [], run?.drive_said));
+    const notes = [
+      ...(run?.lost ? [`The run was stopped: ${run.lost}. Arm anew.`] : []),
+      ...(run?.ended && !run.ended.well ? [`The run did not end as asked${run.ended.reason ? `: ${run.ended.reason}` : ""}. ${run.ended.error}`] : []),
+    ];
+    hidden(noted, notes.length === 0);
+    refill(noted, notes, () => notes.map((words) => h("p", {}, icon("warning"), h("span", {}, words))));
+    refill(hints, run?.notes, () => (run?.notes ?? []).map((words) => h("p", { class: "hint" }, words)));
 
     hidden(check, now === null);
     if (now) {
@@ -98,8 +110,9 @@ export function status(link: Link, say: Say): Status {
       refill(verdict, kind, () => [icon(now.running ? "dots" : now.holds ? "check" : "cross"), now.running ? "Checking…" : now.holds ? "Holds" : "Does not hold: cannot be armed"]);
       text(checkText, now.text);
       hidden(checkText, now.text === "");
-      refill(checkRows, now.rows, () => now.rows.map(([name, value]) => row(name, value)));
-      hidden(checkTable, now.rows.length === 0);
+      const rows = now.rows.filter(([name]) => name !== "verdict");
+      refill(checkRows, rows, () => rows.map(([name, value]) => row(name, value)));
+      hidden(checkTable, rows.length === 0);
     }
 
     const ticks = run?.preflight ?? [];
@@ -135,5 +148,5 @@ export function status(link: Link, say: Say): Status {
     const may = state.you.controls && link.connected;
     if (injectButton.disabled === may) injectButton.disabled = !may;
   }
-  return { fault, check, preflight, estimates, events, inject, update };
+  return { fault, noted, check, preflight, estimates, events, inject, update };
 }

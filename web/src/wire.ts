@@ -61,7 +61,6 @@ export interface Column {
   group: string;
   low: number | null;
   high: number | null;
-  shown?: boolean;
 }
 
 export interface PreflightStep {
@@ -81,11 +80,17 @@ export interface Run {
   events: Happening[];
   next: string;
   log: string;
+  /** Why power was taken off without anybody asking: the sign of life was lost. */
+  lost?: string;
+  /** What the drive says of its own fault. */
+  drive_said?: string;
+  notes?: string[];
+  /** How it ended; null while it goes on. */
+  ended?: { well: boolean; mode: string | null; reason: string; error: string } | null;
   columns: Column[];
   estimates: Record<string, number | null>;
   lateness: { median_us: number | null; most_us: number | null; overruns: number | null } | null;
   recorder: string;
-  viewers: number;
 }
 
 export interface PathStep {
