@@ -323,7 +323,7 @@ export class Curves {
       return h("span", { class: "key" }, swatch, h("span", {}, column.title), values[c]!, limit && h("span", { class: "limit" }, limit));
     });
     const host = h("div", { class: "plot" });
-    const element = h("section", { class: "panel", "aria-label": TITLES[group] ?? group }, h("div", { class: "legend" }, h("h3", {}, TITLES[group] ?? group), ...legend), host);
+    const element = h("div", { class: "panel", role: "group", "aria-label": TITLES[group] ?? group }, h("div", { class: "legend" }, h("h3", {}, TITLES[group] ?? group), ...legend), host);
     this.plots.append(element);
     const plot = new uPlot(
       {

@@ -17,7 +17,7 @@ const link = new Link();
 
 const message = h("p", { class: "message", role: "status" });
 const dismiss = h("button", { type: "button", class: "small", onclick: () => say("") }, "Close");
-const messageBar = h("div", { class: "message-bar" }, message, dismiss);
+const messageBar = h("section", { class: "message-bar", "aria-label": "Message" }, message, dismiss);
 messageBar.hidden = true;
 let fade = 0;
 function say(words: string, bad = false): void {
@@ -77,7 +77,7 @@ problem.hidden = true;
 document.body.append(
   h("a", { class: "skip", href: "#main" }, "Skip to content"),
   top.element,
-  h("div", { class: "under" }, h("nav", { "aria-label": "Pages" }, ...tabs), h("p", { class: "emergency", id: "stop-help" }, "Stop here does not replace the hardware emergency stop. Space stops, but in a text field; Esc stops everywhere.")),
+  h("div", { class: "under" }, h("nav", { "aria-label": "Pages" }, ...tabs), h("aside", { class: "emergency", id: "stop-help", "aria-label": "About stop" }, "Stop here does not replace the hardware emergency stop. Space stops, but in a text field; Esc stops everywhere.")),
   h("main", { id: "main", tabindex: -1 }, problem, seen.fault, seen.noted, ...Object.values(rooms)),
   messageBar,
 );

@@ -4,7 +4,7 @@ import { Curves, type View } from "./curves";
 import { attribute, h, hidden, number, refill, text } from "./dom";
 import type { Say } from "./flow";
 import { openPage } from "./sandbox";
-import { eventList, faultBody } from "./status";
+import { eventList, faultBody, row } from "./status";
 import { Refused, decode, get, getBytes, type Earlier, type Fault, type OneRun } from "./wire";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
@@ -120,7 +120,7 @@ export function runs(say: Say): Runs {
         h(
           "div",
           { class: "two" },
-          h("section", { class: "card" }, h("h3", {}, "Metrics"), h("table", { class: "rows" }, h("tbody", {}, ...run.metrics.map(([name, value]) => h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value)))))),
+          h("section", { class: "card" }, h("h3", {}, "Metrics"), h("dl", { class: "rows" }, ...run.metrics.map(([name, value]) => row(name, value)))),
           h("section", { class: "card" }, h("h3", {}, "Events"), h("ol", { class: "events", tabindex: 0, "aria-label": "Events" }, ...eventList(run.events))),
         ),
         page,

@@ -34,6 +34,11 @@ function micro(value: number | null): string {
   return value === null ? "–" : `${value.toFixed(0)} µs`;
 }
 
+/** A name and what it is, one under the other where that is long. */
+export function row(name: string, value: string): HTMLElement {
+  return h("div", { class: value.length > 22 ? "long" : "" }, h("dt", {}, name), h("dd", {}, value));
+}
+
 export interface Status {
   fault: HTMLElement;
   noted: HTMLElement;
@@ -52,23 +57,22 @@ export function status(link: Link, say: Say): Status {
 
   const verdict = h("p", { class: "verdict" });
   const checkText = h("p", { class: "check-text" });
-  const checkRows = h("tbody", {});
-  const checkTable = h("table", { class: "rows" }, checkRows);
-  const check = h("section", { class: "card", "aria-labelledby": "check-title" }, h("h2", { id: "check-title" }, "Check"), verdict, checkText, checkTable);
+  const checkRows = h("dl", { class: "rows" });
+  const check = h("section", { class: "card", "aria-labelledby": "check-title" }, h("h2", { id: "check-title" }, "Check"), verdict, checkText, checkRows);
 
   const steps = h("ul", { class: "ticks" });
   const preflight = h("section", { class: "card", "aria-labelledby": "preflight-title" }, h("h2", { id: "preflight-title" }, "Preflight"), steps);
 
-  const estimateRows = h("tbody", {});
+  const estimateRows = h("dl", { class: "rows" });
   const hints = h("div", {});
-  const lateRows = h("tbody", {});
+  const lateRows = h("dl", { class: "rows" });
   const estimates = h(
     "section",
     { class: "card", "aria-labelledby": "estimates-title" },
     h("h2", { id: "estimates-title" }, "Estimates of the law"),
-    h("table", { class: "rows" }, estimateRows),
+    estimateRows,
     h("h2", { class: "second" }, "Loop"),
-    h("table", { class: "rows" }, lateRows),
+    lateRows,
     hints,
   );
 
@@ -86,7 +90,6 @@ export function status(link: Link, say: Say): Status {
     injectButton,
   );
 
-  const row = (name: string, value: string) => h("tr", { class: value.length > 22 ? "long" : "" }, h("th", { scope: "row" }, name), h("td", {}, value));
 
   function update(): void {
     const state = link.state;
@@ -112,7 +115,7 @@ export function status(link: Link, say: Say): Status {
       hidden(checkText, now.text === "");
       const rows = now.rows.filter(([name]) => name !== "verdict");
       refill(checkRows, rows, () => rows.map(([name, value]) => row(name, value)));
-      hidden(checkTable, rows.length === 0);
+      hidden(checkRows, rows.length === 0);
     }
 
     const ticks = run?.preflight ?? [];
