@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bowden.console.earlier import EarlierRuns
 from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease
 from bowden.console.runs import RunOwner
@@ -67,6 +68,7 @@ class Console:
         self.lease = Lease(rig.supervisor_limits.console_lease)
         self.owner = RunOwner(self.lease)
         self.jobs = Jobs()
+        self.earlier = EarlierRuns(out, self.jobs, self._going)
         self.viewers: set[Viewer] = set()
         self.watch: Watch | None = None
         self.check: dict[str, Any] | None = None
@@ -81,6 +83,11 @@ class Console:
         """Number and content of the newest state, without who asks."""
         self._news: Any = None
         self._document: dict[str, Any] = {}
+
+    def _going(self) -> tuple[str, ...]:
+        """Names of the logs that are being written."""
+        seen = self.owner.seen
+        return seen.logs if seen.phase != "idle" else ()
 
     # what there is to see
 
@@ -338,6 +345,7 @@ class Console:
             task.cancel()
         self.jobs.close()
         await asyncio.to_thread(self.owner.close)
+        self.earlier.close()
 
 
 def _tried(settings: RunSettings, given: Mapping[str, Any]) -> RunSettings:
