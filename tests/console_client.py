@@ -17,8 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from live_runs import COMMAND, SHARED
 
-RIG = (
-    """
+RIG = """
 [reference]
 kind = 'periodic_minimum_jerk'
 low_deg = 0.0
@@ -27,9 +26,7 @@ period_s = 4.0
 [scenario]
 duration_s = 60.0
 [limits]
-"""
-    + SHARED.replace("reading_age = 10.0", "reading_age = 50.0")  # what is tested is who stops a run, and not a twin
-)
+""" + SHARED.replace("reading_age = 10.0", "reading_age = 50.0")  # what is tested is who stops a run, and not a twin
 STRANGE = "<script>alert(1)</script>"
 LIFE = 0.1
 """Between two signs of life of a page [s]."""
@@ -61,7 +58,7 @@ class Page:
         origin: Any = f"http://{self.host}"
         link = connect(url, origin=origin, additional_headers=headers, compression=None)
         self.socket = self._open.enter_context(link)
-self.tab = json.loads(self.socket.recv(5.0))["tab"]
+        self.tab = json.loads(self.socket.recv(5.0))["tab"]
         for work in (self._read, self._live) if self._reads else (self._live,):
             self._threads.append(threading.Thread(target=work, daemon=True))
             self._threads[-1].start()
