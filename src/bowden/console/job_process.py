@@ -208,6 +208,20 @@ def curves(progress: Progress, path: str, columns: Sequence[str], begin: float, 
     return base64.b64encode(frame).decode()
 
 
+def identify(progress: Progress, rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
+    """A step of the guided path."""
+    from bowden.console.guided import identified
+
+    return identified(progress, rig, folder)
+
+
+def tune(progress: Progress, rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
+    """A step of the guided path."""
+    from bowden.console.guided import tuned_rig
+
+    return tuned_rig(progress, rig, folder)
+
+
 _MOST_EVENTS = 500
 
 WORKS: dict[str, Callable[..., Any]] = {
@@ -217,6 +231,8 @@ WORKS: dict[str, Callable[..., Any]] = {
     "page": page,
     "export": export,
     "curves": curves,
+    "identify": identify,
+    "tune": tune,
 }
 """Name → the work."""
 

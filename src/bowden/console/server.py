@@ -86,6 +86,17 @@ def application(console: Console) -> Starlette:
         await console.inject(given.get("fault"))
         return _json({"answer": ""})
 
+    async def path(request: Request) -> Response:
+        given = document(await request.body())
+        await console.step(_tab(request), given.get("step"))
+        return await news(request)
+
+    async def path_page(request: Request) -> Response:
+        file = console.path.page(request.path_params["step"])
+        if file is None or not file.is_file():
+            raise Refused(404, "this step has no page", do="do the step first")
+        return FileResponse(file, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
+
     async def runs(request: Request) -> Response:
         return _json(await console.earlier.listed(request.query_params.get("search", "")[:200]))
 
@@ -125,6 +136,8 @@ def application(console: Console) -> Starlette:
             route("/api/check", check, "POST"),
             route("/api/request", ask, "POST"),
             route("/api/inject", inject, "POST"),
+            route("/api/path", path, "POST"),
+            route("/api/path/{step}.html", path_page),
             route("/api/runs", runs),
             route("/api/runs/{run}", one_run),
             route("/api/runs/{run}/log.{kind}", download),
