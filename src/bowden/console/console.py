@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bowden.console.earlier import EarlierRuns
+from bowden.console.guided import GuidedPath
 from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease
 from bowden.console.runs import RunOwner
@@ -23,7 +25,7 @@ from bowden.hardware.twin.control import TwinControl
 from bowden.live.live_run import live_run
 from bowden.live.ring import RingReader
 from bowden.rig.rig import Rig
-from bowden.safety.supervisor import Request
+from bowden.safety.supervisor import Mode, Request
 
 if TYPE_CHECKING:
     from bowden.live.session import Session
@@ -65,12 +67,13 @@ class Console:
         self.name, self.twin, self.out = name, twin, out
         self.settings = RunSettings(rig)
         self.lease = Lease(rig.supervisor_limits.console_lease)
-        self.owner = RunOwner(self.lease)
+        self.owner = RunOwner(self.lease, self._ended)
         self.jobs = Jobs()
+        self.earlier = EarlierRuns(out, self.jobs, self._going)
         self.viewers: set[Viewer] = set()
         self.watch: Watch | None = None
         self.check: dict[str, Any] | None = None
-        self.path: dict[str, Any] | None = None
+        self.path = GuidedPath(out, self.jobs)
         self.error: BowdenError | None = None
         self._watched: Session | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
@@ -81,6 +84,11 @@ class Console:
         """Number and content of the newest state, without who asks."""
         self._news: Any = None
         self._document: dict[str, Any] = {}
+
+    def _going(self) -> tuple[str, ...]:
+        """Names of the logs that are being written."""
+        seen = self.owner.seen
+        return seen.logs if seen.phase != "idle" else ()
 
     # what there is to see
 
@@ -105,7 +113,7 @@ class Console:
         seen = self.owner.seen
         if seen.phase != "idle":
             return seen.phase
-        if self.path is not None and self.path["fraction"] is not None:
+        if self.path.going:
             return "step"
         return "checking" if self.check is not None and self.check["running"] else "idle"
 
@@ -115,6 +123,8 @@ class Console:
         run = finite(run_of(seen, self.watch))
         view = self.lease.look(self.owner.clock.now())
         since = (self.owner.clock.now() - view.since) * 1e-9
+        if self.path.going == "measure" and run is not None and run["remaining"] is not None:
+            self.path.fraction = run["elapsed"] / max(1e-9, run["elapsed"] + run["remaining"])
         return {
             "rig": self._document["rig"],
             "phase": self.phase,
@@ -123,7 +133,7 @@ class Console:
             "settings": {**self._document["settings"], "locked": seen.phase != "idle"},
             "check": self.check,
             "run": run,
-            "path": self.path,
+            "path": self.path.document(),
             "lease_s": self.lease.limit,
             "error": error_of(seen.error or self.error),
         }
@@ -151,6 +161,8 @@ class Console:
             self.watch = Watch(reader, settings.rig.sample_time, thresholds)
         if self.watch is not None:
             self.watch.look()
+        if self.path.going == "measure" and seen.phase == "idle":  # it could not begin, or not end
+            self.path.end(str(seen.error or "the measurement did not begin"), [], failed=True)
         if count % _SAID == 0 or (seen.power and count % _WHILE_IT_RUNS == 0):
             self.renew(moved=seen.power and count % _WHILE_IT_RUNS == 0)
         self.ticked.set()
@@ -304,6 +316,41 @@ class Console:
         made = partial(live_session, rig, self.name, twin=self.twin, out=self.out, force=False)
         return lambda tell: made(tell=tell, about=self.settings.about, **more)
 
+    async def step(self, tab: str, step: Any) -> None:
+        """Begin a step of the guided path.
+
+        Raises:
+            SafetyError: something goes on.
+            ParameterError: there is no such step, or what it needs is not there.
+        """
+        self.require_control(tab)
+        if self.phase != "idle":
+            raise SafetyError("something goes on already", expected="nothing", do="wait until it has ended")
+        name, rig = self.path.require(step), self.settings.rig
+        self.error = None
+        if name == "measure":
+            _ = live_run(rig, measure=True)
+            self.owner.begin(self._session(rig, measure=True))
+            self.path.begin(name)
+        else:
+            self.path.begin(name)
+            self._beside(self._computed(name, rig))
+
+    async def _computed(self, name: str, rig: Rig) -> None:
+        made = await self.path.compute(name, rig)
+        if made is not None:
+            async with self._changing:
+                self.settings = RunSettings(made, about=self.settings.about)
+                self._document = await asyncio.to_thread(self._fixed)
+                self.check = None
+
+    def _ended(self, session: "Session") -> None:
+        """A session has ended; called by the thread that held it."""
+        if session.live.measure:
+            ended = session.ended or {}
+            well = not session.error and ended.get("mode") == Mode.STOPPED and not ended.get("torque")
+            self.path.measured(session.live, session.log, well=well)
+
     async def inject(self, fault: Any) -> None:
         """Give the twin a fault.
 
@@ -338,6 +385,7 @@ class Console:
             task.cancel()
         self.jobs.close()
         await asyncio.to_thread(self.owner.close)
+        self.earlier.close()
 
 
 def _tried(settings: RunSettings, given: Mapping[str, Any]) -> RunSettings:

@@ -50,7 +50,7 @@ Begin = Callable[[Callable[[str], None]], AbstractContextManager["Session"]]
 
 
 @dataclass(frozen=True)
-class Seen:
+class RunSeen:
     """What there is to see of the run; a new one each round."""
 
     phase: str = "idle"
@@ -102,7 +102,7 @@ class RunOwner:
 
     def __init__(self, lease: Lease, ended: Callable[["Session"], None] = lambda session: None) -> None:
         self.lease, self.clock = lease, MonotonicClock()
-        self.seen = Seen()
+        self.seen = RunSeen()
         """What there is to see."""
         self._ended = ended
         self._begins: queue.Queue[Begin | None] = queue.Queue()
@@ -121,7 +121,7 @@ class RunOwner:
         """
         if self.seen.phase != "idle" or not self._begins.empty() or self._over.is_set():
             raise SafetyError("a session goes on", expected="none", do="end it first")
-        self.seen = Seen("starting")
+        self.seen = RunSeen("starting")
         self._end.clear()
         self._begins.put(begin)
 
@@ -159,17 +159,17 @@ class RunOwner:
             try:
                 self._see_through(begin, notes)
             except BowdenError as error:
-                self.seen = Seen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=error)
+                self.seen = RunSeen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=error)
             except Exception as error:  # the page says so; whoever started the console sees what it was
                 print(f"bowden: the run failed: {type(error).__name__}: {printable(str(error))}", file=sys.stderr)
                 failed = SafetyError("the run failed by an error of the console", do="see the terminal that started it")
-                self.seen = Seen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=failed)
+                self.seen = RunSeen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=failed)
             self._answer_all("the session has ended")
 
     def _see_through(self, begin: Begin, notes: list[str]) -> None:
         error: BowdenError | None = None
         with begin(notes.append) as session:
-            self.seen = Seen("live", session, notes=(*notes, session.live.losses()))
+            self.seen = RunSeen("live", session, notes=(*notes, session.live.losses()))
             self._stop.clear()
             with keeping(session) as keep, prompt():
                 self._operate(session, keep)
@@ -177,7 +177,7 @@ class RunOwner:
         if session.error:
             error = SafetyError(session.error, do="look at the log, then start again")
         self._ended(session)
-        self.seen = Seen(
+        self.seen = RunSeen(
             session=session,
             row=self.seen.row,
             came=dict(session.came),
@@ -254,11 +254,11 @@ class RunOwner:
                 self.seen = self._look(session, "live", lost="")
         return why
 
-    def _look(self, session: "Session", phase: str, lost: str | None = None) -> Seen:
+    def _look(self, session: "Session", phase: str, lost: str | None = None) -> RunSeen:
         row = session.rows.last()
         columns = session.rows.description.columns
         newest = self.seen.row if row is None else dict(zip(columns, row.tolist(), strict=True))
-        return Seen(
+        return RunSeen(
             phase,
             session,
             newest,

@@ -16,12 +16,13 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, Bucket, Guard, Refused, document, said
+from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, PAGE_POLICY, Bucket, Guard, Refused, document, said
 from bowden.console.console import Console, Viewer
+from bowden.console.earlier import KINDS
 from bowden.console.settings import shortly
 from bowden.console.stream import MOST_COLUMNS, PIXELS, SECONDS, Cursor
 from bowden.core.errors import BowdenError, DriveError, ParameterError, SafetyError
@@ -85,6 +86,36 @@ def application(console: Console) -> Starlette:
         await console.inject(given.get("fault"))
         return _json({"answer": ""})
 
+    async def path(request: Request) -> Response:
+        given = document(await request.body())
+        await console.step(_tab(request), given.get("step"))
+        return await news(request)
+
+    async def path_page(request: Request) -> Response:
+        file = console.path.page(request.path_params["step"])
+        if file is None or not file.is_file():
+            raise Refused(404, "this step has no page", do="do the step first")
+        return FileResponse(file, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
+
+    async def runs(request: Request) -> Response:
+        return _json(await console.earlier.listed(request.query_params.get("search", "")[:200]))
+
+    async def one_run(request: Request) -> Response:
+        return _json(await console.earlier.details(request.path_params["run"]))
+
+    async def download(request: Request) -> Response:
+        run, kind = request.path_params["run"], request.path_params["kind"]
+        file = await console.earlier.download(run, kind)
+        return FileResponse(file, media_type=KINDS[kind], filename=f"{run}.{kind}")
+
+    async def run_page(request: Request) -> Response:
+        file = await console.earlier.page(request.path_params["run"])
+        return FileResponse(file, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
+
+    async def curves(request: Request) -> Response:
+        frame = await console.earlier.curves(request.path_params["run"], dict(request.query_params))
+        return Response(frame, media_type="application/octet-stream")
+
     async def news(request: Request) -> Response:
         console.renew()
         return _json(console.for_viewer(_tab(request)))
@@ -105,6 +136,13 @@ def application(console: Console) -> Starlette:
             route("/api/check", check, "POST"),
             route("/api/request", ask, "POST"),
             route("/api/inject", inject, "POST"),
+            route("/api/path", path, "POST"),
+            route("/api/path/{step}.html", path_page),
+            route("/api/runs", runs),
+            route("/api/runs/{run}", one_run),
+            route("/api/runs/{run}/log.{kind}", download),
+            route("/api/runs/{run}/page.html", run_page),
+            route("/api/runs/{run}/curves", curves),
             WebSocketRoute("/stream", stream),
         ],
         lifespan=lifespan,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bowden.console.runs import Seen
+from bowden.console.runs import RunSeen
 from bowden.console.stream import Watch
 from bowden.core.errors import BowdenError
 from bowden.core.signals import DriveState
@@ -77,7 +77,7 @@ def injected_faults() -> Iterator[dict[str, str]]:
             yield {"name": f"{name} {side}".strip(), "title": f"{kind.meaning}{f' ({side})' if side else ''}"}
 
 
-def run_of(seen: Seen, watch: Watch | None) -> dict[str, Any] | None:
+def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
     """The run; None where there is none.
 
     Args:

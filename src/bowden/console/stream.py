@@ -45,7 +45,7 @@ _RECENT = 1.0
 """Over which the lateness is looked at [s]."""
 
 
-class Column(NamedTuple):
+class Curve(NamedTuple):
     """A curve on offer."""
 
     name: str
@@ -53,7 +53,7 @@ class Column(NamedTuple):
     unit: str
     group: str
     source: tuple[str, ...]
-    """Column of the row; two for the first one less the second."""
+    """Curve of the row; two for the first one less the second."""
     factor: float = 1.0
     """From the row's unit to this one."""
     low: float | None = None
@@ -67,7 +67,7 @@ class Column(NamedTuple):
 
 def columns_of(
     names: Sequence[str], units: Sequence[str], limits: Mapping[str, Any], more: Mapping[str, float]
-) -> list[Column]:
+) -> list[Curve]:
     """The curves that rows of these columns have.
 
     Args:
@@ -82,8 +82,8 @@ def columns_of(
         value = limits.get(name)
         return factor * float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
-    def angle(name: str, title: str, source: tuple[str, ...], group: str, low: str = "", high: str = "") -> Column:
-        return Column(name, title, "°", group, source, DEGREES, limit(low, DEGREES), limit(high, DEGREES))
+    def angle(name: str, title: str, source: tuple[str, ...], group: str, low: str = "", high: str = "") -> Curve:
+        return Curve(name, title, "°", group, source, DEGREES, limit(low, DEGREES), limit(high, DEGREES))
 
     peak = limit("current_peak")
     offered = [
@@ -93,37 +93,37 @@ def columns_of(
         angle("error_deg", "error, joint − reference", ("joint", "reference"), "error"),
         angle("wish_deg", "wish of the law", ("wish",), "command"),
         angle("command_deg", "command to the drive", ("command",), "command", "motor_low", "motor_high"),
-        Column("current_a", "motor current", "A", "current", ("current",), 1.0, None if peak is None else -peak, peak),
-        Column("tension_n", "tension", "N", "tension", ("tension",), 1.0, limit("tension_low"), limit("tension_high")),
-        Column(
+        Curve("current_a", "motor current", "A", "current", ("current",), 1.0, None if peak is None else -peak, peak),
+        Curve("tension_n", "tension", "N", "tension", ("tension",), 1.0, limit("tension_low"), limit("tension_high")),
+        Curve(
             *("winding_c", "winding", "°C", "temperature", ("supervisor.heat.winding",), 1.0),
             high=limit("winding_limit"),
         ),
-        Column(
+        Curve(
             *("housing_c", "housing", "°C", "temperature", ("supervisor.heat.housing",), 1.0),
             high=limit("housing_limit"),
         ),
-        Column("drive_c", "drive", "°C", "temperature", ("temperature",), 1.0, high=limit("drive_limit")),
-        Column(
+        Curve("drive_c", "drive", "°C", "temperature", ("temperature",), 1.0, high=limit("drive_limit")),
+        Curve(
             *("emg_level", "EMG envelope", unit_of.get("emg.level", "1"), "emg", ("emg.level",), 1.0),
             *(more.get("rest"), more.get("mvc")),
         ),
-        Column("emg_flexor", "flexor contracts", "1", "emg", ("emg.flexor",)),
-        Column("emg_extensor", "extensor contracts", "1", "emg", ("emg.extensor",)),
-        Column("emg_intent", "detected intent", "1", "emg", ("emg.intent",)),
-        Column("lateness_us", "lateness of the cycle", "µs", "loop", ("lateness",), 1e6, high=limit("lateness", 1e6)),
-        Column("run_time_us", "run time of the cycle", "µs", "loop", ("run_time",), 1e6),
-        Column("operator_age_ms", "age of the operator's sign of life", "ms", "loop", ("operator_age",), 1e3),
+        Curve("emg_flexor", "flexor contracts", "1", "emg", ("emg.flexor",)),
+        Curve("emg_extensor", "extensor contracts", "1", "emg", ("emg.extensor",)),
+        Curve("emg_intent", "detected intent", "1", "emg", ("emg.intent",)),
+        Curve("lateness_us", "lateness of the cycle", "µs", "loop", ("lateness",), 1e6, high=limit("lateness", 1e6)),
+        Curve("run_time_us", "run time of the cycle", "µs", "loop", ("run_time",), 1e6),
+        Curve("operator_age_ms", "age of the operator's sign of life", "ms", "loop", ("operator_age",), 1e3),
     ]
     for name in names:
         if name.startswith("law."):
             turned, inner = unit_of[name] == "rad", name.removeprefix("law.")
             unit, factor = ("°", DEGREES) if turned else (unit_of[name], 1.0)
-            offered.append(Column(f"law.{inner}{'_deg' if turned else ''}", inner, unit, "law", (name,), factor))
+            offered.append(Curve(f"law.{inner}{'_deg' if turned else ''}", inner, unit, "law", (name,), factor))
     return [one for one in offered if {*one.source} <= {*names}]
 
 
-def taken(columns: Sequence[Column], names: Sequence[str], rows: Array) -> Values:
+def taken(columns: Sequence[Curve], names: Sequence[str], rows: Array) -> Values:
     """The curves' values (n, columns) in their units, from rows (n, width)."""
     at = {name: i for i, name in enumerate(names)}
     out = np.empty((len(rows), len(columns)), np.float32)
@@ -175,8 +175,8 @@ class _Store:
         n = min(len(times), self._most)
         if self._to + n > 2 * self._most:
             kept = max(0, min(self._to - self._from, self._most - n))
-            one: NDArray[Any]
-            for one in (self._times, *self._tables):
+            all_: tuple[NDArray[Any], ...] = (self._times, *self._tables)
+            for one in all_:
                 one[:kept] = one[self._to - kept : self._to].copy()
             self._from, self._to = 0, kept
         held: tuple[NDArray[Any], ...] = (self._times, *self._tables)
@@ -246,7 +246,7 @@ class Watch:
         self.version = 0
         """Grows with the events."""
         self.begin: float | None = None
-        """Column `time` of the first row [s]."""
+        """Curve `time` of the first row [s]."""
         self.now = 0.0
         """Time of the newest row since then [s]."""
         self.overruns = 0
