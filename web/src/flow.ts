@@ -7,8 +7,16 @@ import { Refused, post, type State } from "./wire";
 
 export type Say = (words: string, bad?: boolean) => void;
 
-/** Do a request and say what came of it. */
-export async function ask(link: Link, path: string, body: unknown, say: Say): Promise<boolean> {
+let before: Promise<unknown> = Promise.resolve();
+
+/** Do a request and say what came of it, after those that were asked for earlier: a setting comes before its check. */
+export function ask(link: Link, path: string, body: unknown, say: Say): Promise<boolean> {
+  const mine = before.then(() => asked(link, path, body, say));
+  before = mine;
+  return mine;
+}
+
+async function asked(link: Link, path: string, body: unknown, say: Say): Promise<boolean> {
   try {
     const answer = (await post(path, body)) as (Partial<State> & { answer?: string }) | null;
     if (answer && answer.rig && answer.settings) link.take(answer as State);
