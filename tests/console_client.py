@@ -17,7 +17,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from live_runs import COMMAND, SHARED
 
-RIG = """
+RIG = (
+    """
 [reference]
 kind = 'periodic_minimum_jerk'
 low_deg = 0.0
@@ -26,7 +27,9 @@ period_s = 4.0
 [scenario]
 duration_s = 60.0
 [limits]
-""" + SHARED
+"""
+    + SHARED
+)
 STRANGE = "<script>alert(1)</script>"
 _TRIES = 6
 LIFE = 0.1

@@ -1,5 +1,6 @@
 """A console with a real run on a twin: who may stop it, what a lost sign of life does and how soon, and its end."""
 
+import json
 import os
 import signal
 import time
@@ -217,3 +218,28 @@ def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
         began, _ = released(log)
         print(f"hung event loop: release began {1e3 * (began - gone):.0f} ms after")
         assert began - gone < LEASE + MORE
+
+
+def test_what_three_viewers_cost(page: Page, console: RunningConsole) -> None:
+    """Eight curves of 1 kHz over 10 s for three viewers: processor time of the process of the console itself."""
+    page.start()
+    columns = [one["name"] for one in page.state["run"]["columns"]][:8]
+    pages = [page, *(console.page().open() for _ in range(2))]
+    for one in pages:
+        one.say(json.dumps({"view": {"columns": columns, "seconds": 10, "pixels": 900, "xy": True, "number": 1}}))
+    page.run()
+
+    def used() -> float:
+        words = Path(f"/proc/{console.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+    before, began, frames = used(), time.monotonic(), [len(one.frames) for one in pages]
+    time.sleep(5.0)
+    seconds = time.monotonic() - began
+    share, sent = (used() - before) / seconds, [len(one.frames) - n for one, n in zip(pages, frames, strict=True)]
+    print(f"{100.0 * share:.1f} % of a core; {min(sent) / seconds:.0f} frames a second")
+    for one in pages[1:]:
+        one.close()
+    ended(page, console)
+    assert share < 0.4, "a fifth of a core on a computer of its own; this one is shared"
+    assert min(sent) / seconds > 25.0
