@@ -226,7 +226,7 @@ def running_console(
                 errors.seek(0)
                 raise AssertionError(f"no console: {line}{errors.read()}")
             console = RunningConsole(process, int(found[1]), found[2], out)
-            _await(console.port)
+            await_answer(console.port)
             yield console
         finally:
             (process.terminate if ends else process.kill)()
@@ -240,7 +240,7 @@ def running_console(
             assert "Traceback" not in said, said
 
 
-def _await(port: int) -> None:
+def await_answer(port: int) -> None:
     """Until it answers."""
     for _ in range(200):
         link = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
