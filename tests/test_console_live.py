@@ -1,7 +1,10 @@
 """A console with a real run on a twin: who may stop it, what a lost sign of life does and how soon, and its end."""
 
+import json
 import os
+import re
 import signal
+import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +15,8 @@ import pytest
 from bowden.live.mcap_read import read
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
-from console_client import RIG, STRANGE, Page, RunningConsole, running_console
+from console_client import RIG, STRANGE, Page, RunningConsole, await_answer, running_console
+from live_runs import COMMAND, tries
 
 pytestmark = [pytest.mark.live]
 
@@ -217,3 +221,104 @@ def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
         began, _ = released(log)
         print(f"hung event loop: release began {1e3 * (began - gone):.0f} ms after")
         assert began - gone < LEASE + MORE
+
+
+def test_what_three_viewers_cost(page: Page, console: RunningConsole) -> None:
+    """Eight curves of 1 kHz over 10 s for three viewers: processor time of the process of the console itself."""
+    page.start()
+    columns = [one["name"] for one in page.state["run"]["columns"]][:8]
+    pages = [page, *(console.page().open() for _ in range(2))]
+    for one in pages:
+        one.say(json.dumps({"view": {"columns": columns, "seconds": 10, "pixels": 900, "xy": True, "number": 1}}))
+    page.run()
+
+    def used() -> float:
+        words = Path(f"/proc/{console.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+    before, began, frames = used(), time.monotonic(), [len(one.frames) for one in pages]
+    time.sleep(5.0)
+    seconds = time.monotonic() - began
+    share, sent = (used() - before) / seconds, [len(one.frames) - n for one, n in zip(pages, frames, strict=True)]
+    print(f"{100.0 * share:.1f} % of a core; {min(sent) / seconds:.0f} frames a second")
+    for one in pages[1:]:
+        one.close()
+    ended(page, console)
+    assert share < 0.4, "a fifth of a core on a computer of its own; this one is shared"
+    assert min(sent) / seconds > 25.0
+
+
+def test_a_terminals_run_has_a_page_that_may_stop_it(tmp_path: Path) -> None:
+    """`bowden run --console`: the terminal, here --auto, is the operator; nobody else takes the control."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    options = ["--twin", "--auto", "--console", "--out", str(tmp_path / "out")]
+    words = [*COMMAND, "run", str(tmp_path / "rig.toml"), *options]
+    for _ in tries():
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert process.stderr is not None
+        lines: list[str] = []
+        for line in process.stderr:
+            lines.append(line)
+            if found := re.search(r":(\d+)/\?token=(\S+)", line):
+                break
+        else:
+            process.communicate()
+            continue  # a computer that stalls has not let it begin
+        await_answer(int(found[1]))
+        page = Page(int(found[1]), found[2]).open()
+        before = ("stopped", "preflight", "ready")
+        page.until(lambda state: state["run"] and state["run"]["mode"] not in before, 30.0, "the run")  # noqa: B023
+        assert page.post("/api/control", take=True) == "the terminal controls this run"
+        assert "the terminal controls" in page.post("/api/request", request="run")
+        assert page.state["settings"]["locked"]
+        time.sleep(1.0)
+        faulty = page.state["run"]["first_fault"]
+        assert page.post("/api/request", request="stop") == ""
+        began = time.monotonic()
+        said, errors = process.communicate(timeout=60.0)
+        page.close()
+        assert "Traceback" not in errors
+        if faulty is None and "fault" not in said:
+            assert process.returncode == 0, said + errors
+            assert time.monotonic() - began < 30.0, "not to its end, after 60 s"
+            break
+    else:
+        raise AssertionError("".join(lines))
+
+
+@pytest.mark.long
+def test_the_guided_path(tmp_path: Path) -> None:
+    """Measure on the twin, identify, tune: each step's files are there, and the rig goes on with them."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin") as console:
+        page = console.page().open().take()
+        page.until(lambda state: state["phase"] == "idle")
+        before = page.state["rig"]["hash"]
+        assert page.post("/api/path", step="identify") == "nothing was measured"
+        for number in tries():
+            page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+            assert page.post("/api/path", step="measure")["path"]["running"]
+            page.until(lambda state: state["phase"] == "live" and state["run"], 180.0, "the session")
+            page.run()
+            page.until(lambda state: state["run"]["mode"] in ("stopped", "latched"), 240.0, "the end of the motion")
+            assert page.post("/api/request", request="end") == ""
+            page.until(lambda state: state["phase"] == "idle", 60.0, "the end")
+            page.until(lambda state: not state["path"]["running"], 60.0, "the files")
+            print(number, page.state["path"]["steps"][0])
+            if page.state["path"]["steps"][0]["state"] == "done":
+                break
+        assert {"path-1/cable.csv", "path-1/servo.csv"} <= {*page.state["path"]["steps"][0]["files"]}
+        for step, seconds in (("identify", 300.0), ("tune", 1500.0)):
+            assert page.post("/api/path", step=step)["phase"] == "step"
+            page.until(lambda state: state["phase"] == "idle" and not state["path"]["running"], seconds, step)
+            found = page.state["path"]["steps"][("measure", "identify", "tune").index(step)]
+            print(found)
+            assert found["state"] == "done", found
+            assert all((console.out / name).is_file() for name in found["files"])
+        status, headers, text = page.get("/api/path/identify.html")
+        assert status == 200
+        assert headers["content-security-policy"].startswith("sandbox;")
+        assert b"<script" not in text
+        assert page.state["rig"]["hash"] != before
+        assert page.state["path"]["next"].startswith("check")
+        page.close()

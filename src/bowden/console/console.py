@@ -13,7 +13,7 @@ from bowden.console.earlier import EarlierRuns
 from bowden.console.guided import GuidedPath
 from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease
-from bowden.console.runs import RunOwner
+from bowden.console.runs import RunOwner, TerminalRun
 from bowden.console.settings import RunSettings, shortly
 from bowden.console.state import VOLATILE, error_of, finite, rig_of, run_of
 from bowden.console.stream import Watch
@@ -61,13 +61,15 @@ class Console:
         name: of the rig's file, for messages.
         twin: whether it runs on a twin of its own.
         out: folder of the runs' logs.
+        terminal: a run that a terminal operates, and at which pages look on only.
     """
 
-    def __init__(self, rig: Rig, name: str, *, twin: bool, out: Path) -> None:
+    def __init__(self, rig: Rig, name: str, *, twin: bool, out: Path, terminal: TerminalRun | None = None) -> None:
         self.name, self.twin, self.out = name, twin, out
         self.settings = RunSettings(rig)
         self.lease = Lease(rig.supervisor_limits.console_lease)
-        self.owner = RunOwner(self.lease, self._ended)
+        self._terminal = terminal
+        self.owner: RunOwner | TerminalRun = RunOwner(self.lease, self._ended) if terminal is None else terminal
         self.jobs = Jobs()
         self.earlier = EarlierRuns(out, self.jobs, self._going)
         self.viewers: set[Viewer] = set()
@@ -201,6 +203,8 @@ class Console:
         if not isinstance(take, bool):
             raise ParameterError(f"take is {shortly(take)}", expected="true or false", do="reload the page")
         self._require_page(tab)
+        if self._terminal is not None:
+            raise SafetyError("the terminal controls this run", expected="no page in control", do="use its keys")
         if take:
             self.lease.take(tab, self.owner.clock.now())
         else:

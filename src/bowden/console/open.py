@@ -6,14 +6,20 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bowden.console.access import Guard
 from bowden.console.console import Console
-from bowden.console.server import application, listening, serve
+from bowden.console.runs import TerminalRun
+from bowden.console.server import application, listening, serve, server
 from bowden.core.errors import ParameterError
 from bowden.core.files import output_folder
 from bowden.rig.rig import Rig
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
 
 _HERE = ("127.0.0.1", "localhost", "::1")
 _SWITCH = 1e-3
@@ -70,10 +76,47 @@ def opened(
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH)
     try:
-        serve(console, guard, at, files)
+        serve(server(console, guard, files), at)
     finally:
         sys.setswitchinterval(before)
         at.close()
+
+
+@contextlib.contextmanager
+def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -> Iterator[Callable[[], bool]]:
+    """Serve pages that look on at a run of a terminal, and may stop it; prints the link.
+
+    Args:
+        session: that goes on.
+        name: of the rig's file.
+        twin: whether it runs on a twin of its own.
+        notes: what the terminal was told.
+
+    Yields:
+        Whether a page has asked for a stop since the last call.
+
+    Raises:
+        DriveError: no port is free.
+    """
+    run = TerminalRun(session, notes)
+    console = Console(session.live.logged, name, twin=twin, out=session.log.parent, terminal=run)
+    at = listening(_HERE[0], 0)
+    where = at.getsockname()[1]
+    guard = Guard(application(console), _HERE, where, secure=False, clock=time.monotonic)
+    made = server(console, guard)
+    thread = threading.Thread(target=made.run, kwargs={"sockets": [at]}, name="console", daemon=True)
+    print(f"Console of {name}: http://{_HERE[0]}:{where}/?token={guard.token}", file=sys.stderr, flush=True)
+    thread.start()
+    try:
+        yield run.stopped
+    finally:
+        made.should_exit = True
+        thread.join(_ENDS)
+        at.close()
+
+
+_ENDS = 6.0
+"""A server is given this long to end; the run has ended by then, or goes on to be released [s]."""
 
 
 def names(host: str) -> tuple[str, ...]:

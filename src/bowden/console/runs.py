@@ -18,7 +18,7 @@ import contextlib
 import queue
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -275,6 +275,61 @@ class RunOwner:
                 asked = self._asked.get_nowait()
                 if asked is not None:
                     _give(asked, why)
+
+
+class TerminalRun:
+    """A run that a terminal operates, with the face of a `RunOwner`: pages look on, and may stop it.
+
+    Args:
+        session: that goes on.
+        notes: what its user was told.
+    """
+
+    def __init__(self, session: "Session", notes: Sequence[str]) -> None:
+        self.clock = MonotonicClock()
+        self._session, self._notes = session, tuple(notes)
+        self._stop = threading.Event()
+
+    @property
+    def seen(self) -> RunSeen:
+        """What there is to see."""
+        session = self._session
+        row = session.rows.last()
+        columns = session.rows.description.columns
+        newest = None if row is None else dict(zip(columns, row.tolist(), strict=True))
+        logs = tuple(path.name for path in session.logs)
+        return RunSeen("live", session, newest, dict(session.came), session.recorder, logs, self._notes)
+
+    def begin(self, begin: Begin) -> None:
+        """Nothing is started here.
+
+        Raises:
+            SafetyError: always.
+        """
+        raise SafetyError(_OF_TERMINAL, do="use its keys")
+
+    def ask(self, tab: str, request: Request) -> "Future[str]":
+        """A stop is handed to the terminal's process; all else is its own."""
+        answer: Future[str] = Future()
+        if request == Request.STOP:
+            self._stop.set()
+        answer.set_result("" if request == Request.STOP else _OF_TERMINAL)
+        return answer
+
+    def stopped(self) -> bool:
+        """Whether a page has asked for a stop since the last call."""
+        there = self._stop.is_set()
+        self._stop.clear()
+        return there
+
+    def end(self) -> None:
+        """The terminal ends its run."""
+
+    def close(self, patience: float = 0.0) -> None:
+        """Nothing is held here."""
+
+
+_OF_TERMINAL = "the terminal controls this run"
 
 
 def _give(asked: _Asked, answer: str) -> None:

@@ -337,8 +337,14 @@ def listening(host: str, port: int) -> socket.socket:
     return found
 
 
-def serve(console: Console, guard: Guard, at: socket.socket, tls: tuple[Path, Path] | None) -> None:
-    """Serve until a signal ends it; comes back when the run has been ended."""
+def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None) -> uvicorn.Server:
+    """Who serves a console.
+
+    Args:
+        console: of a rig.
+        guard: round its application.
+        tls: certificate and key.
+    """
     config = uvicorn.Config(
         guard,
         log_config=None,
@@ -359,9 +365,13 @@ def serve(console: Console, guard: Guard, at: socket.socket, tls: tuple[Path, Pa
         ssl_certfile=None if tls is None else str(tls[0]),
         ssl_keyfile=None if tls is None else str(tls[1]),
     )
-    server = _Server(config, console)
-    before = signal.signal(signal.SIGHUP, server.handle_exit)
+    return _Server(config, console)
+
+
+def serve(made: uvicorn.Server, at: socket.socket) -> None:
+    """Serve until a signal ends it; comes back when the run has been ended."""
+    before = signal.signal(signal.SIGHUP, made.handle_exit)
     try:
-        server.run(sockets=[at])
+        made.run(sockets=[at])
     finally:
         signal.signal(signal.SIGHUP, before)

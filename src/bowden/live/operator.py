@@ -111,11 +111,20 @@ def ending_signals() -> Iterator[Ending]:
             signal.signal(number, handler)
 
 
-def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> None:
+def operate(
+    session: "Session", ending: Ending, *, auto: bool, quiet: bool, stopped: Callable[[], bool] = lambda: False
+) -> None:
     """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
 
     The sign of life is given here, between two looks at the keys, and by nobody else: whoever cannot read a key gives
     none. Nothing here waits for the terminal to take what is shown, nor for a disk.
+
+    Args:
+        session: the run.
+        ending: the signals that ask for its end.
+        auto: let the script arm and run it.
+        quiet: show nothing.
+        stopped: whether somebody else has asked for a stop since the last call; never waits.
 
     Raises:
         SafetyError: with `auto`, the supervisor or the preflight did not let it run.
@@ -143,6 +152,8 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
                 show(row, answer)
                 if steps is not None and next(steps, None) is None:
                     return
+            if stopped():
+                session.ask(Request.STOP)
             pressed = key()
             if pressed == "q":
                 return
