@@ -320,7 +320,7 @@ class InventedServer:
                 "notes": "first try with the new sheath",
                 "metrics": [["RMSE", f"{run['rmse_deg']} °"], ["largest error", "1.9 °"]],
                 "events": [{"at": 0.0, "text": "stopped"}, {"at": 3.2, "text": "armed"}],
-                "columns": COLUMNS, "begin": 0.0, "end": 60.0,
+                "columns": COLUMNS, "from": 0.0, "to": 60.0,
                 "first_fault": FAULT if run["first_fault"] else None, "consequences": FOLLOWS if run["first_fault"] else [],
             }  # fmt: skip
             route.fulfill(json=run | more)

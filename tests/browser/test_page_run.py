@@ -120,7 +120,7 @@ def end(page: Any) -> None:
 
 def value(page: Any, title: str) -> float:
     """What the legend says of a curve."""
-    said = page.locator(".key", has=page.get_by_text(title, exact=True)).locator(".value").inner_text()
+    said = page.locator(".key", has_text=title).first.locator(".value").inner_text()
     return float(said.split()[0])
 
 
@@ -162,8 +162,7 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
     page.evaluate("scrollTo(0, 0)")
     page.wait_for_timeout(300)
     picture(page, request, "fault")
-    page.select_option("#inject", "none")
-    button(page, "Inject").click()
+    button(page, "Mend all").click()
     enabled(page, "Acknowledge fault").click()
     banner(page, "Stopped", 20.0)
     running(page)
@@ -183,7 +182,7 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
     assert not zipfile.is_zipfile(download.value.path())
     button(page, "Replay").click()
     page.wait_for_timeout(3000)
-    assert value(page.locator(".replay"), "joint") == value(page.locator(".replay"), "joint")
+    assert abs(value(page.locator(".replay"), "joint")) < 90.0
     picture(page, request, "replay")
 
 

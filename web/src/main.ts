@@ -64,7 +64,7 @@ const rooms: Record<string, HTMLElement> = {
   path: guided.element,
   runs: earlier.element,
 };
-const TITLES: Record<string, string> = { run: "Run", path: "Identify and tune", runs: "Earlier runs" };
+const TITLES: Record<string, string> = { run: "Rig", path: "Identify and tune", runs: "Earlier runs" };
 const tabs = Object.keys(rooms).map((name) => h("button", { type: "button", class: "tab", "data-page": name, onclick: () => show(name) }, TITLES[name]!));
 function show(name: string): void {
   for (const [other, room] of Object.entries(rooms)) room.hidden = other !== name;

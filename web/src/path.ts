@@ -10,7 +10,7 @@ const STEPS: { name: string; title: string; words: string; moves: boolean }[] = 
   { name: "measure", title: "Measure", words: "The motor moves by itself and leaves logs of this cable and drive.", moves: true },
   { name: "identify", title: "Identify", words: "A model of the cable is fitted to the logs. Nothing moves.", moves: false },
   { name: "tune", title: "Tune", words: "Gains with margins are found for this model. Nothing moves.", moves: false },
-  { name: "run", title: "Run", words: "A law moves the joint. This is the page Run.", moves: true },
+  { name: "run", title: "Run", words: "A law moves the joint. It is armed and run on the page Rig.", moves: true },
 ];
 const MARKS = { waiting: "ring", going: "dots", done: "check", failed: "cross" } as const;
 const WORDS = { waiting: "not done", going: "going on", done: "done", failed: "failed" } as const;
@@ -27,7 +27,7 @@ export function path(link: Link, say: Say, toRun: () => void): { element: HTMLEl
         if (step.name === "run") toRun();
         else void ask(link, "/api/path", { step: step.name }, say);
       },
-    }, step.name === "run" ? "Go to Run" : `Begin: ${step.title.toLowerCase()}`);
+    }, step.name === "run" ? "Go to the rig" : `Begin: ${step.title.toLowerCase()}`);
     begin.addEventListener("keydown", (event) => event.key === "Enter" && event.repeat && event.preventDefault());
     const mark = h("span", { class: "mark" });
     const words = h("p", { class: "path-said" });

@@ -195,14 +195,14 @@ function still(run: OneRun, trouble: (error: unknown) => void): HTMLElement {
     empty: "This log has none of these columns.",
     wanted: (view: View) => {
       const number = ++mine;
-      const span = Math.max(run.end - run.begin, 0.1);
+      const span = Math.max(run.to - run.from, 0.1);
       curves.seconds = span;
-      void getBytes(`${at}/curves?columns=${view.columns.map(encodeURIComponent).join(",")}&from=${run.begin}&to=${run.end}&pixels=${view.pixels}`)
+      void getBytes(`${at}/curves?columns=${view.columns.map(encodeURIComponent).join(",")}&from=${run.from}&to=${run.to}&pixels=${view.pixels}`)
         .then((bytes) => {
           const frame = decode(bytes);
           if (number !== mine || !frame || "pairs" in frame) return;
           curves.take(frame);
-          curves.setEnd(run.end);
+          curves.setEnd(run.to);
           curves.touched();
         })
         .catch(trouble);
@@ -239,7 +239,7 @@ class Replay {
     private readonly run: OneRun,
     private readonly trouble: (error: unknown) => void,
   ) {
-    this.time = run.begin;
+    this.time = run.from;
     this.curves = new Curves({
       kind: "replay",
       empty: "This log has no columns to draw.",
@@ -252,7 +252,7 @@ class Replay {
       },
     });
     this.play = h("button", { type: "button", class: "small", onclick: () => this.toggle() }, "Pause");
-    this.slider = h("input", { type: "range", min: run.begin, max: run.end, step: "any", "aria-label": "Time in the log [s]" });
+    this.slider = h("input", { type: "range", min: run.from, max: run.to, step: "any", "aria-label": "Time in the log [s]" });
     this.slider.addEventListener("input", () => {
       this.time = this.slider.valueAsNumber;
       this.show();
@@ -267,8 +267,8 @@ class Replay {
   tick(now: number): void {
     if (!this.element.isConnected) return;
     if (this.playing && this.last !== null) {
-      this.time = Math.min(this.time + (this.speed * (now - this.last)) / 1000, this.run.end);
-      if (this.time >= this.run.end) this.toggle();
+      this.time = Math.min(this.time + (this.speed * (now - this.last)) / 1000, this.run.to);
+      if (this.time >= this.run.to) this.toggle();
       this.show();
     }
     this.last = now;
@@ -277,13 +277,13 @@ class Replay {
 
   private toggle(): void {
     this.playing = !this.playing;
-    if (this.playing && this.time >= this.run.end) this.time = this.run.begin;
+    if (this.playing && this.time >= this.run.to) this.time = this.run.from;
     text(this.play, this.playing ? "Pause" : "Play");
   }
 
   private show(): void {
     if (this.slider !== document.activeElement || this.playing) this.slider.value = String(this.time);
-    text(this.clock, `${this.time.toFixed(1)} of ${this.run.end.toFixed(1)} s`);
+    text(this.clock, `${this.time.toFixed(1)} of ${this.run.to.toFixed(1)} s`);
     this.curves.setEnd(this.time);
     this.fetch();
   }
@@ -293,8 +293,8 @@ class Replay {
     const view = this.view;
     if (!view || view.columns.length === 0) return;
     const piece = view.seconds;
-    const first = Math.max(Math.floor((this.time - piece) / piece), Math.floor(this.run.begin / piece));
-    const last = Math.min(Math.floor(this.time / piece) + 1, Math.floor(this.run.end / piece));
+    const first = Math.max(Math.floor((this.time - piece) / piece), Math.floor(this.run.from / piece));
+    const last = Math.min(Math.floor(this.time / piece) + 1, Math.floor(this.run.to / piece));
     for (const kept of this.asked) if (kept < first - 1 || kept > last + 1) this.asked.delete(kept);
     for (let k = first; k <= last; k++) {
       if (this.asked.has(k)) continue;

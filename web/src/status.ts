@@ -81,13 +81,14 @@ export function status(link: Link, say: Say): Status {
 
   const chosen = h("select", { id: "inject" });
   const injectButton = h("button", { type: "button", class: "small", onclick: () => void ask(link, "/api/inject", { fault: chosen.value }, say).then((ok) => ok && say("The twin has this fault now.")) }, "Inject");
+  const mendButton = h("button", { type: "button", class: "small", onclick: () => void ask(link, "/api/inject", { fault: "none" }, say).then((ok) => ok && say("The twin has no fault any more.")) }, "Mend all");
   const inject = h(
     "section",
     { class: "card", "aria-labelledby": "inject-title" },
     h("h2", { id: "inject-title" }, "Try a fault"),
     h("p", { class: "hint" }, "On the twin alone: give the simulated drive a fault and see what happens."),
     h("div", { class: "field" }, h("label", { for: "inject" }, "Fault"), chosen),
-    injectButton,
+    h("div", { class: "bar" }, injectButton, mendButton),
   );
 
 
@@ -149,7 +150,7 @@ export function status(link: Link, say: Say): Status {
     hidden(inject, state.rig.drive !== "twin" || faults.length === 0 || state.phase !== "live");
     refill(chosen, faults, () => faults.map((one) => h("option", { value: one.name }, one.title ?? one.name)));
     const may = state.you.controls && link.connected;
-    if (injectButton.disabled === may) injectButton.disabled = !may;
+    for (const button of [injectButton, mendButton]) if (button.disabled === may) button.disabled = !may;
   }
   return { fault, noted, check, preflight, estimates, events, inject, update };
 }

@@ -149,8 +149,8 @@ export interface OneRun extends Earlier {
   metrics: [string, string][];
   events: Happening[];
   columns: Column[];
-  begin: number;
-  end: number;
+  from: number;
+  to: number;
 }
 
 /** Min and max of each column for each pixel. */
