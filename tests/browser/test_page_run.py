@@ -161,6 +161,7 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
     assert "What to do: look" in fault.inner_text()
     page.evaluate("scrollTo(0, 0)")
     page.wait_for_timeout(300)
+    page.get_by_role("button", name="Close").click()
     picture(page, request, "fault")
     button(page, "Mend all").click()
     enabled(page, "Acknowledge fault").click()
@@ -201,6 +202,7 @@ def test_two_runs_are_compared(page: Any, console: RunningConsole, request: pyte
     page.get_by_role("heading", name="Two runs side by side").wait_for(timeout=30_000)
     page.locator(".still canvas").nth(3).wait_for()
     page.wait_for_timeout(1000)
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
     picture(page, request, "compare")
     for side in (0, 1):
         assert value(page.locator(".still").nth(side), "joint") == pytest.approx(0.0, abs=90.0)

@@ -87,6 +87,12 @@ export function duration(seconds: number | null | undefined): string {
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min`;
 }
 
+/** A time of the log, as the computer of this page has it. */
+export function moment(time: string): string {
+  const when = new Date(time);
+  return Number.isNaN(when.getTime()) ? time : when.toLocaleString("sv-SE");
+}
+
 /** A number with about four digits. */
 export function number(value: number | null | undefined): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";

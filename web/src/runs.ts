@@ -1,7 +1,7 @@
 /** Earlier runs: list, search, one of them, two side by side, replay. */
 
 import { Curves, type View } from "./curves";
-import { attribute, h, hidden, number, refill, text } from "./dom";
+import { attribute, h, hidden, moment, number, refill, text } from "./dom";
 import type { Say } from "./flow";
 import { openPage } from "./sandbox";
 import { eventList, faultBody, row } from "./status";
@@ -63,7 +63,7 @@ export function runs(say: Say): Runs {
     return h(
       "tr",
       {},
-      cell(run.time, "time"),
+      cell(moment(run.time), "time"),
       cell(run.law),
       cell(run.rig),
       cell(run.subject),
@@ -75,8 +75,8 @@ export function runs(say: Say): Runs {
       h(
         "td",
         { class: "acts" },
-        h("button", { type: "button", class: "small", "aria-label": `Open the run of ${run.time}`, onclick: () => void showOne(run.id) }, "Open"),
-        h("button", { type: "button", class: "small", "data-run": run.id, "aria-pressed": "false", "aria-label": `Compare the run of ${run.time}`, onclick: () => pick(run.id) }, "Compare"),
+        h("button", { type: "button", class: "small", "aria-label": `Open the run of ${moment(run.time)}`, onclick: () => void showOne(run.id) }, "Open"),
+        h("button", { type: "button", class: "small", "data-run": run.id, "aria-pressed": "false", "aria-label": `Compare the run of ${moment(run.time)}`, onclick: () => pick(run.id) }, "Compare"),
       ),
     );
   }
@@ -100,7 +100,7 @@ export function runs(say: Say): Runs {
       replaying = null;
       const at = `/api/runs/${encodeURIComponent(id)}`;
       const page = h("div", { class: "opened" });
-      const title = h("h2", { tabindex: -1 }, `Run of ${run.time}`);
+      const title = h("h2", { tabindex: -1 }, `Run of ${moment(run.time)}`);
       const files = ["mcap", "parquet", "csv"].map((kind) => h("a", { class: "small button", href: `${at}/log.${kind}`, download: true }, kind.toUpperCase()));
       const player = h("div", {});
       shown.replaceChildren(
@@ -148,7 +148,7 @@ export function runs(say: Say): Runs {
       const value = (run: OneRun, name: string) => run.metrics.find(([other]) => other === name)?.[1] ?? "–";
       const title = h("h2", { tabindex: -1 }, "Two runs side by side");
       stills = [];
-      const head = (run: OneRun) => h("th", { scope: "col" }, `${run.time} · ${run.law}`);
+      const head = (run: OneRun) => h("th", { scope: "col" }, `${moment(run.time)} · ${run.law}`);
       const rows = [
         ["subject", pair.map((run) => run.subject || "–")],
         ["session", pair.map((run) => run.session || "–")],
@@ -210,7 +210,7 @@ function still(run: OneRun, trouble: (error: unknown) => void): HTMLElement {
   });
   const columns = run.columns.filter((column) => OVERVIEW.includes(column.name));
   stills.push(curves);
-  const element = h("section", { class: "card still", "aria-label": `Run of ${run.time}` }, h("h3", {}, `${run.time} · ${run.law}`), curves.element);
+  const element = h("section", { class: "card still", "aria-label": `Run of ${moment(run.time)}` }, h("h3", {}, `${moment(run.time)} · ${run.law}`), curves.element);
   requestAnimationFrame(() => curves.setColumns(columns));
   return element;
 }

@@ -121,7 +121,7 @@ export function status(link: Link, say: Say): Status {
 
     const ticks = run?.preflight ?? [];
     const failed = ticks.some((step) => step.state === "failed");
-    const moving = run?.mode === "running" || run?.mode === "bridging" || run?.mode === "releasing";
+    const moving = run !== null && !["stopped", "preflight", "ready"].includes(run.mode);
     hidden(preflight, ticks.length === 0 || ((state.phase !== "live" || moving) && !failed));
     refill(steps, ticks, () =>
       ticks.map((step) =>
