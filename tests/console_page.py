@@ -10,7 +10,10 @@ from urllib.parse import parse_qs, urlsplit
 
 STATIC = Path(__file__).parents[1] / "src" / "bowden" / "console" / "static"
 ORIGIN = "http://console.test"
-POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self' ws://console.test; frame-src 'self'"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self' ws://console.test; frame-src 'self'"
+)
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 SHOWN = [
@@ -24,11 +27,8 @@ SHOWN = [
     ("winding_c", "winding", "°C", "temperature", None, 155.0),
 ]
 COLUMNS = [
-    {"name": n, "title": t, "unit": u, "group": g, "low": low, "high": high}
-    for n, t, u, g, low, high in SHOWN
-] + [
-    {"name": "lateness_us", "title": "lateness", "unit": "µs", "group": "loop", "low": None, "high": 5000.0}
-]
+    {"name": n, "title": t, "unit": u, "group": g, "low": low, "high": high} for n, t, u, g, low, high in SHOWN
+] + [{"name": "lateness_us", "title": "lateness", "unit": "µs", "group": "loop", "low": None, "high": 5000.0}]
 FAULT = {
     "name": "JOINT_FROZEN",
     "at": 8.412,
@@ -64,12 +64,30 @@ def idle() -> dict[str, Any]:
         "phase": "idle",
         "settings": {
             "law": "adaptive",
-            "laws": [{"name": "none", "title": "none"}, {"name": "adaptive", "title": "adaptive"}, {"name": "bowden", "title": "bowden"}],
+            "laws": [
+                {"name": "none", "title": "none"},
+                {"name": "adaptive", "title": "adaptive"},
+                {"name": "bowden", "title": "bowden"},
+            ],
             "preset": "paper",
             "presets": [{"name": "paper", "title": "paper"}, {"name": "tuned", "title": "tuned"}],
             "gains": {
-                "eta": {"value": 12.5, "low": 0.0, "high": 200.0, "unit": "1/s", "meaning": "how fast the width is learned", "live": False},
-                "sigma": {"value": 0.02, "low": 0.0, "high": 1.0, "unit": "1", "meaning": "leak of what is learned", "live": False},
+                "eta": {
+                    "value": 12.5,
+                    "low": 0.0,
+                    "high": 200.0,
+                    "unit": "1/s",
+                    "meaning": "how fast the width is learned",
+                    "live": False,
+                },
+                "sigma": {
+                    "value": 0.02,
+                    "low": 0.0,
+                    "high": 1.0,
+                    "unit": "1",
+                    "meaning": "leak of what is learned",
+                    "live": False,
+                },
             },
             "reference": {
                 "kind": "periodic_minimum_jerk",
@@ -88,9 +106,17 @@ def idle() -> dict[str, Any]:
         },
         "check": None,
         "run": None,
-        "path": {"step": "measure", "running": False, "fraction": None, "files": [], "said": "", "next": "Begin with Measure.", "steps": []},
+        "path": {
+            "step": "measure",
+            "running": False,
+            "fraction": None,
+            "files": [],
+            "said": "",
+            "next": "Begin with Measure.",
+            "steps": [],
+        },
         "error": None,
-    }  # fmt: skip
+    }
 
 
 def checked(holds: bool = True) -> dict[str, Any]:
@@ -99,7 +125,9 @@ def checked(holds: bool = True) -> dict[str, Any]:
         "running": False,
         "holds": holds,
         "name": "holds" if holds else "diverges",
-        "text": "Stable on the nominal cable and on 40 others." if holds else "The joint runs away after 3.2 s: lower eta.",
+        "text": "Stable on the nominal cable and on 40 others."
+        if holds
+        else "The joint runs away after 3.2 s: lower eta.",
         "rows": [["gain margin", "2.9"], ["phase margin", "48°"], ["delay margin", "11 ms"]],
         "of": "77ab",
     }
@@ -123,12 +151,18 @@ def live(mode: str, **changes: Any) -> dict[str, Any]:
     state["run"] = {
         "mode": mode,
         "power": powered,
-        "preflight": preflight(done) if mode != "stopped" else [{"name": n, "state": "waiting", "said": ""} for n in STEPS],
+        "preflight": preflight(done)
+        if mode != "stopped"
+        else [{"name": n, "state": "waiting", "said": ""} for n in STEPS],
         "elapsed": 0.0 if mode in ("stopped", "preflight", "ready") else 21.4,
         "remaining": 60.0 if mode in ("stopped", "preflight", "ready") else 38.6,
         "first_fault": None,
         "consequences": [],
-        "events": [{"at": 0.002, "text": "stopped"}, {"at": 4.1, "text": "armed by page 1"}, {"at": 6.73, "text": "preflight passed"}],
+        "events": [
+            {"at": 0.002, "text": "stopped"},
+            {"at": 4.1, "text": "armed by page 1"},
+            {"at": 6.73, "text": "preflight passed"},
+        ],
         "next": said.get(mode, ""),
         "log": "bowden-1",
         "columns": COLUMNS,
@@ -139,7 +173,7 @@ def live(mode: str, **changes: Any) -> dict[str, Any]:
         "drive_said": "",
         "notes": [],
         "ended": None,
-    }  # fmt: skip
+    }
     if mode == "latched":
         state["run"] |= {"first_fault": FAULT, "consequences": FOLLOWS}
     state["run"] |= changes
@@ -152,18 +186,36 @@ def states() -> dict[str, dict[str, Any]]:
     hardware["rig"] |= {"drive": "hardware", "bus": "socketcan can0", "name": "suit, left elbow", "faults": []}
     viewer = live("running")
     viewer["you"] = {"controls": False, "viewers": 3, "controller": "since 14:03:21"}
-    broken = live("stopped", preflight=preflight(2, failed=True), first_fault=FAULT | {"meaning": "preflight failed, or armed for too long"})
+    broken = live(
+        "stopped",
+        preflight=preflight(2, failed=True),
+        first_fault=FAULT | {"meaning": "preflight failed, or armed for too long"},
+    )
     step = idle()
     step["phase"] = "step"
     step["path"] = {
-        "step": "identify", "running": True, "fraction": 0.4, "files": [], "said": "fits model 3 of 7", "next": "Wait.",
+        "step": "identify",
+        "running": True,
+        "fraction": 0.4,
+        "files": [],
+        "said": "fits model 3 of 7",
+        "next": "Wait.",
         "steps": [
-            {"name": "measure", "state": "done", "said": "61 s of motion", "files": ["cable.csv", "servo.csv"], "page": None},
+            {
+                "name": "measure",
+                "state": "done",
+                "said": "61 s of motion",
+                "files": ["cable.csv", "servo.csv"],
+                "page": None,
+            },
             {"name": "identify", "state": "going", "said": "fits model 3 of 7", "files": [], "page": None},
         ],
-    }  # fmt: skip
+    }
     checking = idle()
-    checking["phase"], checking["check"] = "checking", {"running": True, "holds": False, "name": "", "text": "", "rows": [], "of": ""}
+    checking["phase"], checking["check"] = (
+        "checking",
+        {"running": True, "holds": False, "name": "", "text": "", "rows": [], "of": ""},
+    )
     error = idle()
     error["error"] = {"what": "the loop did not start", "expected": "a bus that answers", "do": "look at the bus cable"}
     return {
@@ -210,11 +262,11 @@ def frame(view: dict[str, Any], begin: float, end: float, kind: int = 2) -> byte
     pixels = last - first
     head = struct.pack("<BBHIdd", kind, len(view["columns"]), pixels, view.get("number", 0), first * step, step)
     body = b"".join(
-        struct.pack("<ff", low - 0.05 * abs(math.sin(137.0 * k)) , low + 0.05 * abs(math.sin(91.0 * k)))
+        struct.pack("<ff", low - 0.05 * abs(math.sin(137.0 * k)), low + 0.05 * abs(math.sin(91.0 * k)))
         for name in view["columns"]
         for k in range(first, last)
         for low in (value(name, k * step),)
-    )  # fmt: skip
+    )
     return head + body
 
 
@@ -225,14 +277,24 @@ def strokes(view: dict[str, Any]) -> bytes:
 
 
 EARLIER = [
-    {"id": f"bowden-{i}", "time": f"2026-11-23 14:0{i}", "law": law, "rig": "bench with a worn cable", "subject": who, "session": "a",
-     "rmse_deg": rmse, "seconds": 60.0, "how": how, "first_fault": fault}
+    {
+        "id": f"bowden-{i}",
+        "time": f"2026-11-23 14:0{i}",
+        "law": law,
+        "rig": "bench with a worn cable",
+        "subject": who,
+        "session": "a",
+        "rmse_deg": rmse,
+        "seconds": 60.0,
+        "how": how,
+        "first_fault": fault,
+    }
     for i, law, who, rmse, how, fault in [
         (3, "bowden", "S02", 0.271, "ended as asked", None),
         (2, "adaptive", "S02", 0.412, "ended by a fault", "joint angle does not change"),
         (1, "none", "S01", 4.371, "stopped by the operator", None),
     ]
-]  # fmt: skip
+]
 
 
 class InventedServer:
@@ -320,9 +382,12 @@ class InventedServer:
                 "notes": "first try with the new sheath",
                 "metrics": [["RMSE", f"{run['rmse_deg']} °"], ["largest error", "1.9 °"]],
                 "events": [{"at": 0.0, "text": "stopped"}, {"at": 3.2, "text": "armed"}],
-                "columns": COLUMNS, "from": 0.0, "to": 60.0,
-                "first_fault": FAULT if run["first_fault"] else None, "consequences": FOLLOWS if run["first_fault"] else [],
-            }  # fmt: skip
+                "columns": COLUMNS,
+                "from": 0.0,
+                "to": 60.0,
+                "first_fault": FAULT if run["first_fault"] else None,
+                "consequences": FOLLOWS if run["first_fault"] else [],
+            }
             route.fulfill(json=run | more)
         else:
             route.fulfill(status=404, json={"error": {"what": "no such page", "expected": "", "do": "look elsewhere"}})

@@ -4,11 +4,23 @@ import copy
 from typing import Any
 
 import pytest
+
 from console_page import COLUMNS, FAULT, InventedServer, idle, live, states
 
 pytestmark = [pytest.mark.browser, pytest.mark.live]
 
-IN_THE_DARK = ("idle", "checked", "refused", "hardware", "preflight", "ready", "bridging", "releasing", "latched", "error")
+IN_THE_DARK = (
+    "idle",
+    "checked",
+    "refused",
+    "hardware",
+    "preflight",
+    "ready",
+    "bridging",
+    "releasing",
+    "latched",
+    "error",
+)
 SIZES = {"1280x720": (1280, 720), "at 200 %": (640, 360)}
 
 
@@ -230,7 +242,13 @@ def test_no_text_of_a_rig_a_log_or_a_note_becomes_html(page: Any) -> None:
     columns = copy.deepcopy(COLUMNS)
     columns[0] |= {"title": evil, "group": evil, "unit": evil}
     fault = FAULT | {"meaning": evil, "remedy": evil}
-    state["run"] |= {"first_fault": fault, "consequences": [fault], "next": evil, "estimates": {evil: 1.0}, "lost": evil}
+    state["run"] |= {
+        "first_fault": fault,
+        "consequences": [fault],
+        "next": evil,
+        "estimates": {evil: 1.0},
+        "lost": evil,
+    }
     state["run"] |= {"events": [{"at": 1.0, "text": evil}], "log": evil, "columns": columns, "notes": [evil]}
     state["error"] = {"what": evil, "expected": evil, "do": evil}
     server = InventedServer(page, state)
