@@ -127,6 +127,29 @@ def test_every_row_is_a_run_that_can_be_had_alone(whole: dict[str, Any], capsys:
         assert Path(alone["files"][-1]).is_file()
 
 
+def test_a_study_with_more_runs_keeps_those_that_are_there(
+    whole: dict[str, Any], capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    before = ds.dataset("out/runs").to_table().sort_by("number").to_pylist()
+    assert {row["number"] for row in before} == set(range(32))
+    Path("out/runs/part-000015.parquet").unlink()  # interrupted: numbers 30 and 31 are not there
+    Path("study.toml").write_text(STUDY.replace("runs = 32", "runs = 40"))
+    found = document(capsys)
+    assert found["chunks_kept"] == 10
+    assert found["chunks_set_aside"] == 0
+    rows = ds.dataset("out/runs").to_table().sort_by("number").to_pylist()
+    assert [row["number"] for row in rows] == list(range(40))
+    assert repr(rows[:32]) == repr(before)
+    assert campaign() == 0
+    again = capsys.readouterr()
+    assert "runs" not in again.err
+    shutil.rmtree("out")
+    assert document(capsys)["rows_sha256"] == found["rows_sha256"], "as if it had had so many from the start"
+    Path("study.toml").write_text(STUDY)
+    assert campaign() == 2
+    assert "runs was 40 and is 32" in one_line(capsys)
+
+
 def test_units_stand_in_the_files(whole: dict[str, Any]) -> None:
     schema = pq.read_schema("out/runs/part-000000.parquet")
     units = {name: schema.field(name).metadata[b"unit"].decode() for name in schema.names}

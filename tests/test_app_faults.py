@@ -292,7 +292,9 @@ def test_an_own_law_that_is_wrong_is_one_line(
 def test_an_own_law_that_runs_away_later_is_an_unstable_run(capsys: pytest.CaptureFixture[str]) -> None:
     Path("law.py").write_text(LAW.replace(RETURN, "return State(integral + 2.0), command + 1e-2 * integral * integral"))
     assert run(["simulate", "rig.toml", "--law", "law.py"]) == 2
-    assert "law does not hold on rig.toml: the linear loop is stable, but in the trial it runs away" in one_line(capsys)
+    assert "law fails the check on rig.toml: the linear loop is stable, but in the trial it runs away" in one_line(
+        capsys
+    )
     assert run(["simulate", "rig.toml", "--law", "law.py", "--force", "--json"]) == 0
     (figures,) = json.loads(capsys.readouterr().out)["runs"]
     assert figures["stable"] is False

@@ -364,13 +364,17 @@ def test_the_rig_of_an_older_log_is_read_with_a_note_or_refused_in_a_line(rows: 
         assert "\n" not in str(refused.value)
 
 
-def test_an_emergency_and_a_preflight_that_failed_are_events(rows: np.ndarray) -> None:
+def test_an_emergency_and_a_preflight_that_failed_are_events(
+    rows: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
     changed, names = rows[:100].copy(), list(read(Path("run.mcap")).columns)
     changed[50, names.index("emergency")] = 0x4210
     changed[60:, names.index("preflight_reason")] = float(Reason.JOINT_STILL)
     write(Path("changed.mcap"), changed, run_settings(LAW_USED, Limits(), Filters(), DT))
     events = {event.number: event.text for event in read(Path("changed.mcap")).events if event.number >= 50}
     assert events[50] == "emergency: 0x4210"
+    assert main.run(["log", "info", "changed.mcap"]) == 0
+    assert "0.050 s: 0x4210: over-temperature of the power stage" in capsys.readouterr().out
     assert events[60] == "preflight_reason: none → joint_still"
 
 

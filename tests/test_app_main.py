@@ -63,7 +63,7 @@ def test_an_unstable_run_that_is_forced_is_a_result_with_nulls(capsys: pytest.Ca
     assert run.pop("check") == "does_not_hold"
     assert run.pop("stable") is False
     assert set(run.values()) == {None}
-    assert printed.err.startswith("bowden: note: adaptive does not hold on rig.toml, and runs because of --force: ")
+    assert printed.err.startswith("bowden: note: adaptive fails the check on rig.toml, and runs because of --force: ")
 
 
 def test_gains_that_do_not_hold_are_refused_before_anything_runs(
@@ -73,7 +73,9 @@ def test_gains_that_do_not_hold_are_refused_before_anything_runs(
     assert main.run(["simulate", "slow.toml", "--law", "uncompensated", "--law", "cascaded_pid", "--json"]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.startswith("bowden: cascaded_pid does not hold on slow.toml: the sampled loop is unstable at a ")
+    assert printed.err.startswith(
+        "bowden: cascaded_pid fails the check on slow.toml: the sampled loop is unstable at a "
+    )
     assert "; set " in printed.err
     assert "; the law bowden holds here, with " in printed.err
     assert printed.err.endswith(" (--law bowden); or run it anyway with --force (of 2 laws, none was run)\n")

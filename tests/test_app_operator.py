@@ -33,6 +33,7 @@ from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
+from bowden.live.session import patient
 from bowden.live.stops import told_apart
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
@@ -504,3 +505,12 @@ def test_a_rig_is_not_run_over_ssh_unless_somebody_stands_at_it(
     assert run([*arguments, "--attended"]) == 2
     assert "reached by ssh" not in capsys.readouterr().err
     operator.refuse_over_ssh(Rig(), attended=False)
+
+
+def test_a_twin_of_the_commands_own_may_answer_late_and_a_drive_may_not() -> None:
+    rig = Rig()
+    assert rig.limits.reading_age == 2.0
+    assert patient(rig).limits == rig.limits._replace(reading_age=20.0), "as late as the loop"
+    assert patient(rig.replace(sample_time=0.002)).limits.reading_age == 10.0
+    strict = rig.replace(limits=rig.limits._replace(reading_age=3.0))
+    assert patient(strict).limits == strict.limits

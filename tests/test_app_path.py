@@ -13,6 +13,7 @@ import pytest
 
 from bowden.app import check_command
 from bowden.app.main import run
+from bowden.control import LAWS, Law
 from bowden.design.check import _at_rest
 from bowden.design.other_law import OtherLaw, mended_law, other_law
 from bowden.design.trial import Trial
@@ -189,12 +190,23 @@ def test_the_rigs_own_law_with_the_gain_that_the_check_advises() -> None:
     assert found.rmse_deg < 0.5
 
 
-def test_no_further_law_is_looked_at_when_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bowden.design.other_law.PATIENCE", -1.0)
-    assert other_law(Rig(), []) is None
+def test_every_law_is_looked_at_however_long_the_others_took(monkeypatch: pytest.MonkeyPatch) -> None:
+    last = [name for name in LAWS if LAWS[name].choices][-1]
+    seen: list[str] = []
+
+    def checked(rig: Rig, law: Law) -> SimpleNamespace:
+        seen.append(law.name)
+        monkeypatch.setattr("time.monotonic", lambda: 1e9 * len(seen))
+        return SimpleNamespace(verdict="holds" if law.name == last else "does_not_hold")
+
+    monkeypatch.setattr("bowden.design.other_law.check_rig", checked)
+    found = other_law(Rig(duration=2.0), [])
+    assert found is not None
+    assert found.law == last == seen[-1]
+    assert seen[0] == "bowden"
 
 
 def test_check_does_not_name_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    lost = SimpleNamespace(verdict="does_not_hold", instead="", advice="shorten the delay to 2 cycles (now 80)")
+    lost = SimpleNamespace(holds=False, instead="", advice="shorten the delay to 2 cycles (now 80)")
     check_command._say_next(Path("rig.toml"), Rig(), lost, ["--law", "adaptive"])  # type: ignore[arg-type]
     assert capsys.readouterr().out == "Next: change the rig as the advice says, then check it again\n"

@@ -61,7 +61,7 @@ def test_a_drive_that_will_not_do_is_refused_and_never_enabled(
             "the reference goes from 0° to 70°; expected within the joint's limits, -28.65° to 60°",
         ),
         ("[cable]\nslope = -0.9", ["--auto"], "the cable's slope is negative"),
-        ("[control]\npreset = 'paper'", ["--auto"], "adaptive does not hold"),
+        ("[control]\npreset = 'paper'", ["--auto"], "adaptive fails the check"),
         ("", [], "no terminal"),
         ("", ["--json"], "with --twin add --auto; on a rig, where people may be near, run it in a terminal"),
         ("", ["--auto", "--law", "none"], "there is no law 'none'"),

@@ -17,7 +17,7 @@ from bowden.control.laws.adaptive import ultimate_bounds
 from bowden.control.stability import adaptive_model, margins, servo_model
 from bowden.core.errors import ParameterError
 from bowden.design.advice import advise
-from bowden.design.check import STROKE, check
+from bowden.design.check import STROKE, VerdictName, check
 from bowden.design.limit_cycle import describing_function, hysteresis_response
 from bowden.design.trial import LONGEST, MOVING, run_trial, settled_after
 from bowden.models.cable.bouc_wen import prepare_cable
@@ -200,6 +200,20 @@ def test_what_cannot_be_checked_is_refused(law: Law, options: dict[str, Any], sa
         check(BENCH, law, **options)
 
 
+@pytest.mark.parametrize("verdict", ["holds", "little_margin", "limit_cycle", "does_not_hold"])
+def test_exit_code_json_and_python_agree_on_each_verdict(
+    verdict: VerdictName, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rig.toml").write_text("")
+    found = replace(check(default_bench(), LAWS["uncompensated"]), verdict=verdict)
+    monkeypatch.setattr("bowden.face.check.checked", lambda rig: found)
+    code = run(["check", "rig.toml", "--json"])
+    document = json.loads(capsys.readouterr().out)
+    assert (code == 0) is document["holds"] is found.holds is (verdict != "does_not_hold")
+    assert document["verdict"] == verdict
+
+
 @pytest.mark.parametrize("preset", [[], ["--preset", "paper"]])
 def test_the_command_prints_one_document(
     preset: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -211,6 +225,7 @@ def test_the_command_prints_one_document(
     document = json.loads(capsys.readouterr().out)
     jsonschema.validate(document, json.loads(SCHEMA.read_text()))
     assert document["verdict"] == ("does_not_hold" if preset else "holds")
+    assert document["holds"] is not bool(preset)
     assert (document["gain_margin_db"] is None) is bool(preset)
     assert document["limit_cycle"]["confirmed"] is (None if preset else True)
     assert bool(preset) is document["advice"].startswith("set error_gain to ")

@@ -14,7 +14,11 @@ import pytest
 
 from bowden.app import main
 from bowden.control.conditioning import Conditioned
+from bowden.core.signals import EMERGENCY_STOP, DriveState
 from bowden.export.readme import FLAGS
+from bowden.hardware.ports import Power
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode, Request
 
 pytest.importorskip("casadi", reason="casadi, of the extra export, is not installed")
 COMPILER, MAKE = shutil.which("cc"), shutil.which("make")
@@ -76,6 +80,36 @@ def test_all_of_it_compiles_without_a_warning(compiler: str, exported: tuple[Pat
         assert not done.stderr
 
 
+@pytest.mark.skipif(COMPILER is None or MAKE is None, reason="no C compiler or no make")
+def test_what_the_readme_says_to_type_works(exported: tuple[Path, dict[str, Any]], folder: Path) -> None:
+    place, document = exported
+    code = shutil.copytree(place, folder / "copy")
+    page = (code / "README.md").read_text()
+    host, chip = re.findall(r"^    (\S+ .* -c .*)$", page, re.MULTILINE)
+    for line in (host, chip):
+        if shutil.which(line.split()[0]):
+            subprocess.run(line.split(), cwd=code, check=True)
+            objects = {f"{name}.o" for name in document["modules"]}
+            assert objects == {path.name for path in code.glob("*.o")}
+            for name in objects:
+                (code / name).unlink()
+    (code / "envelope.c").write_text("#error of a file that the replay does not call\n")
+    assert subprocess.run(["make", "-s", "check"], cwd=code, capture_output=True).returncode != 0
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+def test_the_gate_is_called_with_names_for_its_numbers(exported: tuple[Path, dict[str, Any]], folder: Path) -> None:
+    place, _ = exported
+    enums = {"REQUEST": Request, "MODE": Mode, "DRIVE_STATE": DriveState, "POWER": Power, "FAULT": Fault}
+    named = {f"SAFETY_{kind}_{one.name}": int(one) for kind, enum in enums.items() for one in enum}
+    named["SAFETY_EMERGENCY_STOP"] = int(EMERGENCY_STOP)
+    checks = "\n".join(f"typedef char check_{name}[(int){name} == {value} ? 1 : -1];" for name, value in named.items())
+    (folder / "names.c").write_text(f'#include "safety.h"\n{checks}\n')
+    done = subprocess.run(["cc", "-std=c99", f"-I{place}", "-fsyntax-only", "names.c"], capture_output=True, text=True)
+    assert not done.stderr
+    assert "**The preflight is not exported.**" in (place / "README.md").read_text()
+
+
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 def test_the_loop_in_the_readme_compiles(exported: tuple[Path, dict[str, Any]], folder: Path) -> None:
     place, _ = exported
@@ -124,7 +158,7 @@ def test_make_check_replays_the_recorded_run(capsys: pytest.CaptureFixture[str],
     [
         (["--law", "adaptiv"], "there is no law 'adaptiv'"),
         (["--law", "mine.py"], "mine.py, line 19: math.*"),
-        (["--preset", "paper"], "adaptive does not hold on rig.toml"),
+        (["--preset", "paper"], "adaptive fails the check on rig.toml"),
         (["--preset", "printed"], "has no preset 'printed'"),
         (["--emg", "--emg-rate", "100"], "the EMG's rate is 100 Hz"),
         (["--to", "rig.toml"], "rig.toml is not a folder"),

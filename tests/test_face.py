@@ -13,9 +13,14 @@ import numpy as np
 import pytest
 
 import bowden
+from bowden.app.main import run
 from bowden.core.errors import BowdenError, ParameterError
 from bowden.face.progress import reported
 from bowden.live.log_rig import rig_of_log
+from bowden.live.row import AT
+from bowden.live.session import Session
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode
 from live_runs import SHARED_LIMITS, tries
 
 T = np.arange(0.0, 20.0, 0.01)
@@ -187,9 +192,9 @@ def test_a_rig_is_simulated_with_one_law_or_several(recwarn: pytest.WarningsReco
 
 def test_a_law_that_does_not_hold_is_refused_and_forced_with_a_warning() -> None:
     rig = bowden.Rig(duration=6.0, law="adaptive", gains={"feedback_gain": 2000.0})
-    with pytest.raises(ParameterError, match=r"adaptive does not hold on this rig.*force=True"):
+    with pytest.raises(ParameterError, match=r"adaptive fails the check on this rig.*force=True"):
         bowden.simulate(rig)
-    with pytest.warns(UserWarning, match="does not hold"):
+    with pytest.warns(UserWarning, match="fails the check"):
         trace = bowden.simulate(rig, force=True)
     assert trace.metrics().rmse_deg > 10.0
     assert bowden.check(rig).verdict == "does_not_hold"
@@ -237,6 +242,11 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
         slid.append(min(max(slid[-1], motor - 0.05), motor + 0.05))
     fit = bowden.identify(T, MOTOR, 0.9 * np.array(slid[1:]) + 1e-4 * np.random.default_rng(1).normal(size=len(T)))
     assert fit.best.name != "line"
+    shown = str(bowden.Rig(cable=fit))
+    assert f"identified as {fit.best.name}: slope" in shown, "the model that runs, not the Bouc–Wen one beside it"
+    assert " rad/rad, " in shown
+    assert " rad/rad, " in repr(fit)
+    assert "low 0°, high 70°, period 10 s" in shown
     small = bowden.MinimumJerk.periodic(-0.3, 0.3, period=4.0)  # within what the log covered
     rigs = [bowden.Rig(cable=cable, reference=small, duration=4.0) for cable in (fit, fit.best)]
     runs = [bowden.simulate(rig, "adaptive") for rig in rigs]
@@ -244,6 +254,47 @@ def test_a_fit_goes_into_a_rig_as_it_is() -> None:
         bowden.simulate(bowden.Rig(cable=fit, duration=4.0), "adaptive")
     assert runs[0].stable
     assert np.array_equal(runs[0]["joint"], runs[1]["joint"])
+
+
+def test_a_model_is_written_and_read(tmp_path: Path) -> None:
+    fit = bowden.identify(T, MOTOR, JOINT)
+    fit.write(tmp_path / "fit.toml")
+    model = bowden.CableModel.read(tmp_path / "fit.toml")
+    assert model == fit.best
+    model.write(tmp_path / "model.toml")
+    assert bowden.CableModel.read(tmp_path / "model.toml") == model
+    hashes = [bowden.Rig(cable=cable).hash for cable in (fit, fit.best, model)]
+    assert len({*hashes}) == 1
+    with pytest.raises(ParameterError, match=r"Fit.write: path is 3; expected the path of a file"):
+        fit.write(3)  # type: ignore[arg-type]
+    trace = example(motor=MOTOR, joint=JOINT)
+    found = bowden.recalibrate(trace, model)
+    assert found.gain == pytest.approx(1.0)
+    assert "nan" not in repr(found)
+
+
+def test_a_rig_of_a_cable_that_runs_backwards_is_the_one_that_init_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    fit = bowden.identify(T, 1.0 - MOTOR, JOINT)
+    fit.write("model.toml")
+    assert run(["init", "--model", "model.toml"]) == 0
+    printed = capsys.readouterr().out
+    made = bowden.init(fit)
+    assert made.rig.hash == bowden.init(fit.best).rig.hash == bowden.init("model.toml").rig.hash
+    assert made.rig.hash == bowden.Rig.read("rig.toml").hash
+    assert all(note in printed for note in made.notes)
+    assert made.rig.cable.counting.direction == -1  # type: ignore[union-attr]
+    assert made.rig.reference.high < 0.9 * np.ptp(JOINT)  # type: ignore[attr-defined]
+    assert "against the log's direction" in repr(made)
+    slow = bowden.init(fit, servo={"natural_frequency": 12.0})
+    assert slow.rig.servo.natural_frequency == 12.0
+    for wrong, said in (({"law": "adaptive"}, r"law is chosen here"), ({"servos": 1}, r"a rig has no 'servos'")):
+        with pytest.raises(ParameterError, match=said):
+            bowden.init(fit, **wrong)
+    with pytest.raises(ParameterError, match=r"init: model is 3; expected a model.toml"):
+        bowden.init(3)  # type: ignore[arg-type]
 
 
 @pytest.mark.long
@@ -257,16 +308,48 @@ def test_a_run_on_a_twin_is_a_context_and_leaves_a_trace(tmp_path: Path) -> None
     for _ in tries():  # a computer shared with others stalls, and the supervisor ends the run
         with warnings.catch_warnings(record=True) as said, bowden.run(rig, twin=True, out=tmp_path) as session:
             warnings.simplefilter("always")
-            session.complete()
+            done = session.complete()
+            channel = session.channel
+        assert done or session.outcome != "ended as asked"
         if not said:
             break
-        assert "the run was ended: " in str(said[-1].message)
+        assert str(said[-1].message) == session.outcome
+        assert session.outcome.startswith("the run was ended: ")
+    assert done
+    assert session.outcome == "ended as asked"
+    assert "bowden-twin-" in channel
     trace = session.trace()
     assert session.log.parent == tmp_path
     assert np.nanmax(trace.array("joint", "deg")) > 40.0
     assert np.array_equal(bowden.read_trace(session.log)["joint"], trace["joint"], equal_nan=True)
     assert "Run of adaptive" in repr(session)
     assert rig_of_log(session.log).drive == rig.drive  # not the bus of a twin that is no more
+
+
+FROZEN = (
+    "joint angle does not change; look at the joint encoder, its coupling and the cable; "
+    "as a consequence: joint and motor disagree"
+)
+
+
+@pytest.mark.parametrize(
+    ("ended", "error", "mode", "came", "said"),
+    [
+        (None, "", None, [], "not begun"),
+        (None, "", Mode.RUNNING, [], "the run goes on, under its law"),
+        (None, "", Mode.RUNNING, [Fault.JOINT_FROZEN], "the run goes on, under its law"),
+        (None, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY], f"stopped by a fault: {FROZEN}"),
+        ({"mode": 0, "torque": 0}, "", Mode.STOPPED, [], "ended as asked"),
+        ({"mode": 5, "torque": 0}, "", Mode.LATCHED, [Fault.JOINT_FROZEN, Fault.JOINT_ASTRAY], f"ended: {FROZEN}"),
+        ({"mode": 0, "torque": 1}, "", Mode.STOPPED, [], "assume it is on, press the emergency stop"),
+        ({"mode": 0, "torque": 0, "reason": "no"}, "it died", Mode.STOPPED, [], "the run was ended: no; it died"),
+    ],
+)
+def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
+    session = Session.__new__(Session)
+    session.ended, session.error, session.came = ended, error, {fault: float(i) for i, fault in enumerate(came)}
+    session._last = None if mode is None else np.full(len(AT), float(mode))
+    assert said in session.outcome
 
 
 # errors

@@ -66,7 +66,7 @@ def test_a_stream_decides_as_the_file_does(lsl: Any, shared_data: Path, monkeypa
     outlet = LslOutlet(f"bursts-{HERE}", log.rate, [log.channel], "mV", f"bursts-{HERE}")
     stream = LslStream(f"bursts-{HERE}")
     with sending(outlet, log.values[:, None], log.rate, speed=10.0):
-        assert "1 channels, 1000 Hz, mV" in stream.open()
+        assert "1 channel, 1000 Hz, mV" in stream.open()
         assert (stream.channels, stream.rate, stream.unit) == ((log.channel,), log.rate, "mV")
         found = drained(stream, len(log.values))
     assert np.array_equal(found.values[:, 0], log.values)

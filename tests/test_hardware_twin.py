@@ -195,7 +195,7 @@ def test_the_command_line_talks_to_it(rig: Path, twin: RunningTwin, capsys: pyte
     assert run([*common, "--inject", "encoder_frozen"]) == 2
     assert "encoder_frozen joint" in capsys.readouterr().err
     assert run(["twin", str(rig), "--channel", twin.channel + "x", "--status"]) == 2
-    assert "no twin listens" in capsys.readouterr().err
+    assert "it has not been started, or has ended" in capsys.readouterr().err
     assert run(["twin", str(rig), "--channel", twin.channel + "x", "--object", "what"]) == 2
     assert "--object is 'what'" in capsys.readouterr().err
 

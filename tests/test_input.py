@@ -136,6 +136,17 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, tuple[Any, ...]]]] = {
         made(bowden.recalibrate, LOG, MODEL),
         {"log": (3, None, [1.0]), "model": (3, None), "load": ("a", [1.0]), "bend": ("a", [1.0])},
     ),
+    "init": (
+        made(bowden.init, MODEL),
+        {
+            "model": (3, None, bowden.BoucWen()),
+            "law": ("adaptive",),
+            "servo": (3, {"damping": "x"}),
+            "servos": (3,),
+        },
+    ),
+    "CableModel.read": (made(bowden.CableModel.read, "model.toml"), {"path": NO_PATH}),
+    "CableModel.write": (made(MODEL.model().write, "model.toml"), {"path": NO_PATH}),
     "kernel": (made(bowden.kernel, trace), {"function": (3, "step", None, int)}),
     "Law": (
         made(bowden.Law, "mine", bowden.LAWS["adaptive"].gains, trace, trace, "mine"),

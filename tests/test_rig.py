@@ -389,6 +389,7 @@ def test_what_was_probably_meant_otherwise_is_said() -> None:
     assert "radians? 1.22 rad would be 69.9°" in small.notes[0]
     assert not Rig().notes
     assert not Rig(emg=EmgSettings(source="lsl:EMG")).notes
+    assert "[emg] has no source, so the joint follows [reference]" in Rig(emg=EmgSettings(high=1.0)).notes[0]
     still = Rig(reference=PeriodicMinimumJerk(0.0, 0.0, 10.0))
     assert not still.notes
 

@@ -27,13 +27,13 @@ PAGES = {
     "rig": Page(
         "Rig",
         "All that a run needs, as one frozen value, and the parts that it is made of.",
-        ("Rig", "Servo", "Motor", "Encoder", "BoucWen", "Sheath"),
-        ("bowden.identify.cable.model.CableModel",),
+        ("Rig", "init", "Servo", "Motor", "Encoder", "BoucWen", "Sheath"),
+        ("bowden.face.init.NewRig",),
     ),
     "identify": Page(
         "Identify",
         "From a log of a cable to a model.",
-        ("identify", "identify_together", "recalibrate", "read_log"),
+        ("identify", "identify_together", "recalibrate", "read_log", "CableModel"),
         (
             "bowden.identify.cable.fit.Fit",
             "bowden.identify.cable.loads.JointFit",

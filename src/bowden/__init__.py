@@ -6,8 +6,8 @@ package takes a log of such a cable to an identified model, and the model to a c
     import bowden
 
     fit = bowden.identify("log.csv")                # or arrays: identify(time, motor, joint)
-    rig = bowden.Rig(cable=fit.best)                # or bowden.Rig.read("rig.toml")
-    bowden.simulate(rig, "bowden").plot()
+    rig = bowden.init(fit).rig                      # within the log's motion; or bowden.Rig.read("rig.toml")
+    bowden.simulate(rig).plot()
     rig = bowden.tune(rig).rig
     with bowden.run(rig, twin=True) as session: ...
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from bowden.face.export import export as export
     from bowden.face.identify import identify as identify
     from bowden.face.identify import read_log as read_log
+    from bowden.face.init import init as init
     from bowden.face.league import league as league
     from bowden.face.motion import MinimumJerk as MinimumJerk
     from bowden.face.read_trace import read_trace as read_trace
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from bowden.face.several_logs import recalibrate as recalibrate
     from bowden.face.simulate import simulate as simulate
     from bowden.face.tune import tune as tune
+    from bowden.identify.cable.model import CableModel as CableModel
     from bowden.models.cable.bouc_wen import BoucWen as BoucWen
     from bowden.models.cable.sheath import Sheath as Sheath
     from bowden.models.drive.encoder import Encoder as Encoder
@@ -56,6 +58,7 @@ __version__ = "0.2.0"
 _HOMES = {
     "BoucWen": "bowden.models.cable.bouc_wen",
     "BowdenError": "bowden.core.errors",
+    "CableModel": "bowden.identify.cable.model",
     "Encoder": "bowden.models.drive.encoder",
     "LAWS": "bowden.control",
     "Law": "bowden.control.law",
@@ -74,6 +77,7 @@ _HOMES = {
     "export": "bowden.face.export",
     "identify": "bowden.face.identify",
     "identify_together": "bowden.face.several_logs",
+    "init": "bowden.face.init",
     "kernel": "bowden.core.kernel",
     "league": "bowden.face.league",
     "read_log": "bowden.face.identify",

@@ -36,7 +36,7 @@ def campaign(
     """Run laws on plants drawn at random, thousands of them: figures as Parquet, and a page with what they show.
 
     Every run is made of its number alone, so that neither the number of workers nor their order matters. Interrupted
-    or killed, the same command goes on where it was.
+    or killed, the same command goes on where it was; with more runs in the study it adds those.
     """
     from bowden.face.campaign import Partway, computed, require_parquet
     from bowden.study.load import load
@@ -58,7 +58,7 @@ def campaign(
             found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=progress)
         except Partway as partway:
             raise InterruptedPartway(str(partway)) from None
-    for note in found.notes:
+    for note in filter(None, (found.enlarged, *found.notes)):
         print(f"bowden: note: {note}", file=sys.stderr)
     summary, files = found.summary, found.files
     if json:

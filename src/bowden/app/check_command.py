@@ -26,7 +26,8 @@ def check(
 ) -> None:
     """Say whether a rig's gains hold: margins, limit cycle, chatter, the paper's bounds, and what to change.
 
-    Exit code 0 where they hold, with little margin too, 1 where they do not, 2 where that cannot be said.
+    Exit code 0 where the loop stays bounded, with little margin or a limit cycle too (the verdict says which), 1 where
+    it does not hold, 2 where that cannot be said.
     """
     from bowden.design.findings import check_rows
     from bowden.face.check import checked
@@ -48,7 +49,7 @@ def check(
         print(f"({seconds():.1f} s)")
         options = ["--law", str(law)] if given.law_name != own.law_name else []
         _say_next(rig, given, found, [*options, *(("--preset", preset) if preset else ())])
-    if found.verdict == "does_not_hold":
+    if not found.holds:
         raise typer.Exit(1)
 
 
@@ -56,7 +57,7 @@ def _say_next(rig: Path, given: "Rig", found: "Check", options: list[str]) -> No
     """Gains for the rig's own law, where it has a choice; else a run of what was checked, or of a law that holds."""
     if given.loaded_law.choices and not options:
         say_next("tune", rig)
-    elif found.verdict != "does_not_hold":
+    elif found.holds:
         say_next("run", rig, *options, "--twin", "--auto")
     elif found.instead:
         say_next("simulate", rig, "--law", found.instead)
@@ -74,6 +75,7 @@ def _document(found: "Check") -> dict[str, Any]:
     peak = [t.peak for t in found.trials if t.peak is not None]
     whole = len(peak) == len(found.trials)
     return {
+        "holds": found.holds,
         "verdict": found.verdict,
         "reason": found.reason,
         "gain_margin_db": found.gain_margin_db,

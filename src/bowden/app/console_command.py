@@ -2,12 +2,12 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from bowden.app.command import Command
-from bowden.app.console import folder_argument
+from bowden.app.console import folder_argument, print_json, seconds
 from bowden.app.given_rig import read_given
 
 
@@ -29,6 +29,9 @@ def console(
         "out/console"
     ),
     no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print the link as one JSON document, and nothing else; open no browser.")
+    ] = False,
 ) -> None:
     """Serve a page on which the rig is run: curves, checks, arming, stop, earlier runs.
 
@@ -41,9 +44,16 @@ def console(
     for note in given.notes:
         print(f"bowden: note: {note}", file=sys.stderr)
     tls = None if tls_cert is None and tls_key is None else (tls_cert, tls_key)
-    opened(
-        given, rig.name, twin=twin, out=out, host=host, port=port, tls=tls, insecure=insecure_lan, browse=not no_open
-    )
+
+    def announce(link: str) -> None:
+        if json:
+            print_json({"link": link, "rig": given.hash, "twin": twin, "seconds": seconds()})
+        else:
+            print(f"Console of {rig.name}: {link}")
+        sys.stdout.flush()
+
+    where: dict[str, Any] = {"host": host, "port": port, "tls": tls, "insecure": insecure_lan}
+    opened(given, rig.name, twin=twin, out=out, **where, browse=not (no_open or json), announce=announce)
 
 
 COMMANDS = (
@@ -54,6 +64,7 @@ COMMANDS = (
         (
             "bowden console rig.toml --twin",
             "bowden console rig.toml --port 8080 --no-open",
+            "bowden console rig.toml --twin --json",
             "bowden console rig.toml --host 192.168.1.5 --tls-cert rig.pem --tls-key rig.key",
         ),
         place=65,

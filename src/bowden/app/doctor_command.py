@@ -8,7 +8,7 @@ import typer
 
 from bowden.app.command import Command
 from bowden.app.console import print_json, seconds
-from bowden.core.errors import ParameterError, StreamError
+from bowden.core.errors import ParameterError, StreamError, counted
 
 if TYPE_CHECKING:
     from bowden.live.lateness import Lateness
@@ -105,7 +105,7 @@ def _advice(here: "Machine", measured: "Lateness", grants: list[Any]) -> list[st
         advice.append("one cycle in a thousand begins half a period late: close other programs, or run more slowly")
     if measured.max_us > period and not here.real_time:
         advice.append(
-            "single cycles were skipped: a PREEMPT_RT kernel on a machine of its own, not a virtual one, skips fewer"
+            "single cycles were skipped: a PREEMPT_RT kernel on a real computer, not a virtual machine, skips fewer"
         )
     if here.clock_source not in ("tsc", "arch_sys_counter"):
         advice.append(f"the kernel's clock is {here.clock_source}, which is slow: see whether it can use tsc")
@@ -143,7 +143,7 @@ def _print(document: dict[str, Any], advice: list[str]) -> None:
     count = len(emg["streams"])
     print(f"EMG         {emg['problem'] or ('no stream' if not count else f'{count} of LSL')}")
     for one in emg["streams"]:
-        said = one["problem"] or f"{one['channels']} channels, {one['rate_hz']:g} Hz"
+        said = one["problem"] or f"{counted(one['channels'], 'channel')}, {one['rate_hz']:g} Hz"
         print(f"            lsl:{one['name']}#{one['source_id']} of {one['host']}: {said}")
     print("\nWhat to change:" if advice else "\nNothing to change.")
     for line in advice:

@@ -14,7 +14,7 @@ import typer
 from bowden.app.command import Command
 from bowden.app.console import print_json, progress_bar, seconds
 from bowden.app.emg_command import JsonOption, RateOption, checked_rate
-from bowden.core.errors import ParameterError
+from bowden.core.errors import ParameterError, counted
 
 RecordingArgument = Annotated[Path, typer.Argument(help="CSV, csv.gz or Parquet with time_s and one or more channels.")]
 ChannelsOption = Annotated[list[str] | None, typer.Option("--channel", help="Play this one; may be repeated.")]
@@ -69,7 +69,7 @@ def stream(
         finally:
             outlet.close()
     if not json:
-        print(f"{sent} samples of {len(log.channels)} channels sent")
+        print(f"{counted(sent, 'sample')} of {counted(len(log.channels), 'channel')} sent")
 
 
 def serve(

@@ -31,7 +31,7 @@ def export(
     emg: Annotated[bool, typer.Option("--emg", help="Export the EMG's envelope and detector too.")] = False,
     emg_rate: Annotated[float, typer.Option(help="Samples of EMG a second.")] = 2000.0,
     safety: Annotated[bool, typer.Option("--safety", help="Export the supervisor with the rig's limits too.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Export gains that do not hold on the rig, too.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Export gains that fail the check on the rig, too.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Write a law as C99 that needs nothing but math.h, with a test bench that replays a run of this rig.

@@ -88,7 +88,6 @@ def identify(
         )
     with beside(_ready_to_draw, _drawn) as drawn:
         from bowden.identify.cable.fit import identify_log
-        from bowden.identify.cable.model_file import write_model
         from bowden.identify.log.read import read_log
 
         checked = read_log(logs[0], **named)
@@ -102,7 +101,7 @@ def identify(
             page = drawn(fit)
             with whole_files(out) as folder:
                 (folder / "identify.html").write_text(page, encoding="utf-8")
-                write_model(folder / "model.toml", fit, checked.name)
+                fit.write(folder / "model.toml")
     if json:
         print_json(document(fit) | {"seconds": seconds()})
     else:
@@ -205,7 +204,7 @@ def _print_table(fit: "Fit") -> None:
     left, without, counts = (value * DEGREES for value in fit.forecast)
     bound = f"; the encoders' counts are {counts:.2g}° RMS" if counts else ""
     print(f"Forecast: {left:.2g}° RMS at the joint with this model as feed-forward, {without:.2g}° without{bound}")
-    print(f"\n{fit.best.name}, with one standard deviation; SI and radians:")
+    print(f"\n{fit.best.name}, with one standard deviation:")
     lines = parameter_lines(fit.best.parameters, fit.chosen.uncertainty)
     room = max(len(name) for name, _ in lines)
     for name, text in lines:

@@ -29,7 +29,6 @@ def several(
         out: folder.
         json: print one document and nothing else.
     """
-    from bowden.identify.cable.joint_file import joint_text
     from bowden.identify.cable.loads import identify_loads
     from bowden.identify.log.variables import scheduled_by
     from bowden.report.joint_page import joint_page
@@ -49,7 +48,7 @@ def several(
         _print_logs(fit)
     with whole_files(out) as folder:
         (folder / "identify.html").write_text(joint_page(fit).html(), encoding="utf-8")
-        (folder / "model.toml").write_text(joint_text(fit), encoding="utf-8")
+        fit.write(folder / "model.toml")
     if json:
         print_json(joint_document(fit) | {"seconds": seconds()})
     else:

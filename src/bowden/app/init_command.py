@@ -67,28 +67,12 @@ def _with_model(path: Path, model: Path) -> tuple[str, list[str]]:
     Raises:
         ParameterError: a model that cannot be read.
     """
-    import tomllib
-
-    from bowden.core.units import RADIANS
-    from bowden.design.other_law import OURS, chosen_law
+    from bowden.face.init import around
     from bowden.identify.cable.model_file import load_cable
-    from bowden.rig.model_rig import Chosen, counting_of, model_text, with_stroke
-    from bowden.rig.rig import Rig
 
-    cable = with_stroke(load_cable(model))
     place = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
-    first = model_text(path.name, place, cable, Chosen(OURS, ""))
-    rig = Rig.of_tree(tomllib.loads(first), path)
-    law, why = chosen_law(rig)
-    low, high = (f"{end / RADIANS:g}" for end in (rig.reference.low, rig.reference.high))  # type: ignore[attr-defined]
-    said = [f"Reference: {low} to {high}°, " + _covered(cable.covered is not None), f"Law: {law}, {why}"]
-    if not counting_of(cable).as_recorded:
-        said.append("Angles are counted otherwise than in the log: see direction and zeros in [cable]")
-    return model_text(path.name, place, cable, Chosen(law, why)), said
-
-
-def _covered(known: bool) -> str:
-    return "within what the log covered" if known else "the model does not say what its log covered: check it yourself"
+    made = around(load_cable(model), path, place)
+    return made.text, list(made.notes)
 
 
 COMMANDS = (

@@ -39,7 +39,7 @@ def run(
     console: Annotated[
         bool, typer.Option("--console", help="Serve a page as well, on which others look on and may stop the run.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Run a law that does not hold on the rig.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Run a law that fails the check on the rig.")] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON document and nothing else; needs --auto.")
     ] = False,

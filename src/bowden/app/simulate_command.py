@@ -32,12 +32,12 @@ def simulate(
         Path, typer.Option(parser=folder_argument, metavar="FOLDER", help="Folder for the traces and the page.")
     ] = Path("out/simulate"),
     csv: Annotated[bool, typer.Option("--csv", help="Write the traces as CSV too.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Run laws that do not hold on the rig, too.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Run laws that fail the check on the rig, too.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")] = False,
 ) -> None:
     """Simulate laws on a rig: figures of merit, traces as Parquet, and a page with every plot.
 
-    Before anything runs, every law is checked as bowden check does it; one that does not hold is refused. Interrupted
+    Before anything runs, every law is checked as bowden check does it; one that fails is refused. Interrupted
     between two laws, the command writes the traces and the page of those that are done.
     """
     from bowden.face.simulate import simulated

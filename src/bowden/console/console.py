@@ -160,7 +160,7 @@ class Console:
             emg = settings.emg
             thresholds = {} if emg is None or emg.wearer is None else {"rest": emg.wearer.rest, "mvc": emg.wearer.mvc}
             reader = RingReader(seen.session.rows.path)
-            self.watch = Watch(reader, settings.rig.sample_time, thresholds)
+            self.watch = Watch(reader, settings.rig.sample_time, thresholds, measures=settings.measure)
         if self.watch is not None:
             self.watch.look()
         if self.path.going == "measure" and seen.phase == "idle":  # it could not begin, or not end

@@ -156,8 +156,8 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     with whole_files(place) as stage:
         (stage / "identify.html").write_text(text, encoding="utf-8")
         write_model(stage / "model.toml", fit, checked.name)
-    made = given.replace(cable=load_cable(place / "model.toml"), origin=str(place / "rig.toml"))
-    files = ["model.toml", "identify.html", *_written(made, place, "rig")]
+    made = given.replace(cable=load_cable(place / "model.toml"))
+    files = ["model.toml", "identify.html", *_written(made, place, "identified")]
     left, without, _ = (value * DEGREES for value in fit.forecast)
     trust = f"trust: {fit.trust.level}, {fit.trust.why}"
     said = f"{fit.best.name}: {left:.2g}° RMS left with this model as feed-forward, {without:.2g}° without; {trust}"
@@ -177,10 +177,11 @@ def tuned_rig(progress: Callable[[str, float], None], rig: Mapping[str, Any], fo
 
 
 def _written(rig: Rig, folder: Path, name: str) -> list[str]:
-    """Write the rig under a name that is free."""
-    number, target = 1, folder / f"{name}.toml"
+    """Write the rig, and the files that it names, into a folder of a name that is free."""
+    number, target = 1, folder / name
     while target.exists():
         number += 1
-        target = folder / f"{name}-{number}.toml"
-    rig.write(target)
-    return [target.name]
+        target = folder / f"{name}-{number}"
+    target.mkdir(parents=True)
+    rig.write(target / "rig.toml")
+    return [f"{target.name}/rig.toml"]

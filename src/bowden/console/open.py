@@ -37,6 +37,7 @@ def opened(
     tls: tuple[Path | None, Path | None] | None,
     insecure: bool,
     browse: bool,
+    announce: Callable[[str], None],
 ) -> None:
     """Serve a rig's console until a signal ends it.
 
@@ -50,6 +51,7 @@ def opened(
         tls: certificate and key.
         insecure: listen at another address than this computer's own without TLS.
         browse: open a browser.
+        announce: called with the link, once it can be opened.
 
     Raises:
         ParameterError: an address that needs TLS and has none.
@@ -66,7 +68,7 @@ def opened(
     shown = names(host)[0] if host in ("0.0.0.0", "::") else host
     place = f"{f'[{shown}]' if ':' in shown else shown}:{where}"
     link = f"{'http' if files is None else 'https'}://{place}/?token={guard.token}"
-    print(f"Console of {name}: {link}", flush=True)
+    announce(link)
     if host not in _HERE:
         how = "without TLS: who reads along in this network can take the rig over" if files is None else "with TLS"
         print(f"bowden: note: reachable from the network at {host}, {how}", file=sys.stderr)

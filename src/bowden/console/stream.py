@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bowden.core.signals import DriveState
 from bowden.core.units import DEGREES, RADIANS
+from bowden.cycle.one_cycle import WishSource
 from bowden.live.events import Changes
 from bowden.live.mcap_layout import Event
 from bowden.live.ring import Description, RingReader
@@ -223,13 +224,17 @@ class Watch:
     """Looks at one run: its curves, events and punctuality. For one thread.
 
     Args:
-        ring: of the run.
+        reader: of the run's ring, of its own.
         period: of a cycle [s].
         thresholds: of the EMG's envelope; see `columns_of`.
+        measures: whether a motion of the motor is what leads, and no law.
     """
 
-    def __init__(self, reader: RingReader, period: float, thresholds: Mapping[str, float]) -> None:
+    def __init__(
+        self, reader: RingReader, period: float, thresholds: Mapping[str, float], *, measures: bool = False
+    ) -> None:
         self._reader, self.period = reader, period
+        self._leads = float(WishSource.MOTION if measures else WishSource.LAW_BEGINS)
         about: Description = reader.description
         self._names = about.columns
         limits = about.settings.get("limits", {})
@@ -307,7 +312,7 @@ class Watch:
                 self.preflight_moves |= bool(np.nanmax(np.abs(wish - self._held), initial=0.0) > _MOVED)
         self._last_mode = float(mode[-1])
         if math.isnan(self.led_since) and going[-1]:
-            led = np.flatnonzero(going & (source >= 2.0) & (times >= self.running_since))
+            led = np.flatnonzero(going & (source >= self._leads) & (times >= self.running_since))
             if len(led):
                 self.led_since = float(times[led[0]])
 

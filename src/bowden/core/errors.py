@@ -63,6 +63,15 @@ def article(noun: str) -> str:
     return f"{'an' if vowel else 'a'} {noun}"
 
 
+def counted(number: int, noun: str) -> str:
+    """How many of something there are.
+
+    >>> counted(1, "channel"), counted(2, "channel")
+    ('1 channel', '2 channels')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 _MOST_NAMES = 20
 
 

@@ -98,6 +98,14 @@ class Check:
     """Law that holds where this one does not, likewise (`bowden.design.other_law`); empty where none was found."""
 
     @property
+    def holds(self) -> bool:
+        """Whether the loop stays bounded: any verdict but ``does_not_hold``, with little margin or a limit cycle too.
+
+        Where it does not, `bowden.simulate`, `run` and `export` refuse the law, and ``bowden check`` ends with 1.
+        """
+        return self.verdict != "does_not_hold"
+
+    @property
     def gain_margin_db(self) -> float | None:
         """The smallest over all points; None where a loop is unstable or none has a limit."""
         return self._least(point.margins.gain_margin_db for point in self.points)

@@ -1,10 +1,10 @@
 """Which law holds on a rig where another one does not, and with what error.
 
-Laws are checked one after the other, ours first, up to the first that holds, and none is begun after a minute; so the
-time is that of a few checks. On a suit, whose check takes tens of seconds, ours alone is looked at.
+Laws are checked one after the other, ours first, up to the first that holds: at most one check for each built-in law,
+some half a minute where all of them are compiled anew. No clock ends it, so that the answer is the same on every
+computer. On a suit, whose check takes tens of seconds, ours alone is looked at.
 """
 
-import time
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,8 +25,6 @@ OURS = "bowden"
 """The law that is looked at first, and that `bowden init` writes where it holds."""
 LONGEST = 20.0
 """Of the run whose error is said [s]."""
-PATIENCE = 60.0
-"""After which no further law is looked at [s]."""
 _WORDS = {
     "holds": "holds",
     "little_margin": "has little margin",
@@ -45,8 +43,6 @@ class OtherLaw(NamedTuple):
     seconds: float
     gains: Mapping[str, float] = MappingProxyType({})
     """Name → value of those that are not the rig's own: of `mended_law`."""
-    untried: tuple[str, ...] = ()
-    """Laws that were not looked at, since the time for it was over."""
 
     def __str__(self) -> str:
         """The same in words.
@@ -57,8 +53,7 @@ class OtherLaw(NamedTuple):
         how = {"holds": "holds here", "little_margin": "stays bounded here, with little margin"}
         said = how.get(self.verdict, "stays bounded here, in a limit cycle")
         given = "".join(f" with {name} = {value:.3g}" for name, value in self.gains.items())
-        rest = f" ({', '.join(self.untried)} not tried: {PATIENCE:g} s were over)" if self.untried else ""
-        return f"the law {self.law}{given} {said}, with {number(self.rmse_deg, '°')} RMS over {self.seconds:g} s{rest}"
+        return f"the law {self.law}{given} {said}, with {number(self.rmse_deg, '°')} RMS over {self.seconds:g} s"
 
 
 def chosen_law(rig: Rig) -> tuple[str, str]:
@@ -109,10 +104,7 @@ def other_law(rig: Rig, without: Collection[str]) -> OtherLaw | None:
     names = [OURS, *(name for name in LAWS if name != OURS and LAWS[name].choices)] if rig.worn is None else [OURS]
     names = [name for name in names if name not in without]
     bounded: OtherLaw | None = None
-    end = time.monotonic() + PATIENCE
-    for i, name in enumerate(names):
-        if time.monotonic() > end:
-            return None if bounded is None else bounded._replace(untried=tuple(names[i:]))
+    for name in names:
         try:
             under = rig.with_law(name)
             law = under.fitted()

@@ -43,7 +43,7 @@ def verdicts(rig: Rig, laws: Sequence[Law], name: str, *, force: bool) -> list[C
     pairs = zip(laws, checks, strict=True)
     failing = [(law, found) for law, found in pairs if not isinstance(found, str) and found.verdict == "does_not_hold"]
     if failing and not force:
-        said = [f"{law.name} does not hold on {name}: {_why(rig, law, found)}" for law, found in failing]
+        said = [f"{law.name} fails the check on {name}: {_why(rig, law, found)}" for law, found in failing]
         others = f" (of {len(laws)} laws, none was run)" if laws[1:] else ""
         better = other_law(rig, [law.name for law, _ in failing])
         instead = "" if better is None else f"; {better} (--law {better.law})"
@@ -67,6 +67,6 @@ def _verdict(law: Law, found: "Check | str", rig: str) -> CheckVerdict:
         "holds": "",
         "little_margin": f"{law.name} has little margin on {rig}: {found.reason}",
         "limit_cycle": f"{law.name} swings at rest on {rig}: {found.reason}",
-        "does_not_hold": f"{law.name} does not hold on {rig}, and runs because of --force: {found.reason}",
+        "does_not_hold": f"{law.name} fails the check on {rig}, and runs because of --force: {found.reason}",
     }
     return CheckVerdict(found.verdict, said[found.verdict])

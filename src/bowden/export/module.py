@@ -4,6 +4,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from enum import IntEnum
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from bowden.core.quantity import meanings
 from bowden.export.checked import Argument, Function, check_graph
 from bowden.export.code import FunctionBody, Style, body
 from bowden.export.graph import Graph, Operation, graph_of, settled
-from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, rebuilt
+from bowden.export.layout import Leaf, Structs, comment, identifier, leaves, rebuilt, snake
 from bowden.export.symbol import KernelTrace, Symbol, exactly
 from bowden.export.truths import with_truths
 
@@ -33,6 +34,10 @@ class Module:
     """Field of the state → unit, where its class does not say."""
     meanings: Mapping[str, str] = field(default_factory=dict)
     """Field of the state → what it means, where its class does not say."""
+    enums: Sequence[type[IntEnum]] = ()
+    """Whose numbers a caller needs."""
+    numbers: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    """Name → another number that a caller needs, and what it means."""
 
 
 @lru_cache(maxsize=32)
@@ -92,6 +97,11 @@ def header(module: Module, style: Style, preamble: str) -> str:
         f"#ifndef {guard}\n#define {guard}",
         f"typedef {'float' if style.single else 'double'} {style.real};",
         "\n".join(constants),
+        *(_numbers(module, enum) for enum in module.enums),
+        "\n".join(
+            f"#define {identifier(f'{module.prefix}_{name}').upper()} {style.number(value)}{comment(said)}"
+            for name, (value, said) in module.numbers.items()
+        ),
         *structs.written.values(),
         '#ifdef __cplusplus\nextern "C" {\n#endif',
         *prototypes,
@@ -140,6 +150,14 @@ def _constants(module: Module, style: Style) -> list[tuple[str, str, str]]:
                 said = said_at(argument.example, leaf.path, meanings) or argument.said
                 found[name] = (name, f"({text})" if text.startswith("-") else text, comment(said))
     return list(found.values())
+
+
+def _numbers(module: Module, enum: type[IntEnum]) -> str:
+    """The members of an enum as constants: C++ warns of its own enums where they meet a `double`."""
+    kind = snake(enum.__name__)
+    names = {member: f"{module.prefix}_{kind}_{member.name}".upper() for member in enum}
+    rows = [f"#define {name} {one.value}{comment(getattr(one, 'meaning', ''))}" for one, name in names.items()]
+    return "\n".join([f"/* {kind.replace('_', ' ').capitalize()}, by number. */", *rows])
 
 
 def _signature(module: Module, one: Function, structs: Structs) -> str:

@@ -1,13 +1,15 @@
 """What stands round a law on the chip: the EMG detector before it, the safety gate behind it."""
 
 from bowden.core.errors import ParameterError
-from bowden.core.signals import DriveReading
+from bowden.core.signals import EMERGENCY_STOP, DriveReading, DriveState
 from bowden.export.checked import Argument, Function
 from bowden.export.layout import identifier
 from bowden.export.module import Module
+from bowden.hardware.ports import Power
 from bowden.models.drive.thermal import ThermalState, cold
+from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
-from bowden.safety.supervisor import Observed, begin, supervise
+from bowden.safety.supervisor import Mode, Observed, Request, begin, supervise
 from bowden.sensing.detector import Detector
 from bowden.sensing.detectors import DEFAULT
 from bowden.sensing.envelope import envelope_start, envelope_step, prepare_envelope
@@ -110,4 +112,6 @@ def safety_module(limits: Limits) -> Module:
             ),
         ),
         structs={"state": "state", "warmth": "thermal_state"},
+        enums=(Request, Mode, DriveState, Power, Fault),
+        numbers={"emergency_stop": (EMERGENCY_STOP, "among the codes of `emergency`, for an emergency stop")},
     )

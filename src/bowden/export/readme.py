@@ -2,19 +2,28 @@
 
 from collections.abc import Sequence
 
+from bowden.export import cortex
 from bowden.export.module import Module
+from bowden.safety.faults import Fault
 
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -O2 -ffp-contract=off"
 """Every operation rounds as in Python only where products are not fused with sums, and nothing is reordered."""
 
 
-def makefile(prefix: str) -> str:
-    """Builds the test bench and runs it."""
+def makefile(prefixes: Sequence[str]) -> str:
+    """Builds the test bench and runs it.
+
+    Args:
+        prefixes: of all modules: what the replay does not call is built as well.
+    """
+    sources = " ".join(f"{prefix}.c" for prefix in prefixes)
+    headers = " ".join(f"{prefix}.h" for prefix in prefixes)
     return (
-        "# make check: does the code give the recorded commands?\n\n"
-        f"CFLAGS = {FLAGS}\n\n"
+        "# make check: does all code compile, and does the law give the recorded commands?\n\n"
+        f"CFLAGS = {FLAGS}\n"
+        f"SOURCES = {sources}\n\n"
         f"check: replay\n\t./replay recording.csv\n\n"
-        f"replay: replay.c {prefix}.c {prefix}.h\n\t$(CC) $(CFLAGS) -o $@ replay.c {prefix}.c -lm\n\n"
+        f"replay: replay.c $(SOURCES) {headers}\n\t$(CC) $(CFLAGS) -o $@ replay.c $(SOURCES) -lm\n\n"
         ".PHONY: check\n"
     )
 
@@ -32,6 +41,7 @@ def readme(law: Module, parts: Sequence[Module], said: str, sample_time: float, 
     name = law.prefix
     names = {part.prefix for part in parts}
     emg, gate = "onset" in names, "safety" in names
+    sources = " ".join(f"{part.prefix}.c" for part in (law, *parts))
     rows = [f"| `{part.prefix}.h`, `{part.prefix}.c` | {part.title} |" for part in (law, *parts)]
     precision = (
         "The law is in `float`: a Cortex-M4F has no `double` in hardware. Its commands are not those of Python to the "
@@ -41,7 +51,10 @@ def readme(law: Module, parts: Sequence[Module], said: str, sample_time: float, 
         "`pow`, … are the same."
     )
     if gate and single:
-        precision += " The safety gate stays in `double`: its set of faults is a number of 37 bits."
+        precision += (
+            " The safety gate stays in `double`: its set of faults is a number with a bit for each of "
+            f"its {len(Fault)}, and a `float` has 24."
+        )
     page = f"""# {law.title}
 
 {said}
@@ -51,11 +64,13 @@ def readme(law: Module, parts: Sequence[Module], said: str, sample_time: float, 
 {chr(10).join(rows)}
 | `replay.c`, `recording.csv`, `Makefile` | the test bench: `make check` replays a recorded run and compares |
 
-Nothing but `<math.h>` is needed, and no heap. Compile with
+Nothing but `<math.h>` is needed, and no heap. On this computer, and for a Cortex-M4F, compile with
 
-    cc {FLAGS} -c {name}.c
+    cc {FLAGS} -c {sources}
+    {cortex.COMPILER} {" ".join(cortex.FLAGS)} -c {sources}
 
-and without `-ffast-math`. {precision}
+and link with `-lm`. For another chip change the `-m…` options, and keep `-ffp-contract=off`; never use `-ffast-math`.
+{precision}
 
 Do not edit the constants in the headers: some in the `.c` files were worked out from them. Change the rig and export
 again. Angles are in radians, times in seconds.
@@ -99,7 +114,7 @@ _LOOP_WITH_GATE = """void timer_interrupt(void)
     const @NAME@_sample sample = {read_joint_angle(), read_motor_angle()};
     const @NAME@_reference reference = next_reference();
     const safety_observed observed = observe(); /* reading, ages, lateness, the operator's request */
-    const int moves = gate.decided.mode == 2 || gate.decided.mode == 3; /* running, bridging */
+    const int moves = gate.decided.mode == SAFETY_MODE_RUNNING || gate.decided.mode == SAFETY_MODE_BRIDGING;
     safety_verdict verdict;
     double wish = gate.target; /* until the law may move the motor, it stays where the gate has it */
 
@@ -111,7 +126,7 @@ _LOOP_WITH_GATE = """void timer_interrupt(void)
     }
     running = moves;
     safety_supervise(&gate, &observed, wish, @PERIOD@, &verdict);
-    write_drive(verdict.target, verdict.power);
+    write_drive(verdict.target, verdict.power == SAFETY_POWER_ON);
 }
 """
 
@@ -138,6 +153,17 @@ def _gate(wanted: bool) -> str:
         return ""
     return """
 The gate needs `safety_begin(&gate, &reading, &warmth)` once, with the warmth of the last run or that of
-`safety_cold(&warmth)`. It starts stopped; what it observes, its modes and its faults are those of docs/safety.md. It
-replaces no emergency stop, and has not been certified by anyone.
+`safety_cold(&warmth)`. It starts stopped; what it observes, its modes and its faults are those of docs/safety.md, and
+their numbers are in `safety.h`. `verdict.faults` is a sum of 2^fault: with `<stdint.h>`,
+`(uint64_t)verdict.faults >> SAFETY_FAULT_LATE & 1` is 1 if the loop was too late.
+
+The operator's requests go into `observed.request`, each for one cycle: `SAFETY_REQUEST_ARM`, `_RUN`, `_STOP` or
+`_ACKNOWLEDGE`; else `SAFETY_REQUEST_NONE`.
+
+**The preflight is not exported.** In Python it moves the motor by some degrees after arming, and looks whether current,
+motor and joint answer. Here you write it: in `SAFETY_MODE_PREFLIGHT` let `wish` make such small motions. Then set
+`observed.preflight` to 1 if all of them answered, to −1 if not, and to 0 again when the gate has stopped. Until it is
+1, `SAFETY_REQUEST_RUN` does nothing.
+
+The gate replaces no emergency stop, and has not been certified by anyone.
 """

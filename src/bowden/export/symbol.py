@@ -18,6 +18,27 @@ import numpy as np
 from bowden.core.errors import ParameterError, article
 
 _HERE = Path(__file__).parent
+_INSTEAD = {
+    "where": "sel(condition, a, b)",
+    "select": "sel(condition, a, b)",
+    "clip": "np.fmax(low, np.fmin(high, x))",
+    "maximum": "np.fmax",
+    "max": "np.fmax",
+    "minimum": "np.fmin",
+    "min": "np.fmin",
+    "round": "np.floor(x + 0.5)",
+    "rint": "np.floor(x + 0.5)",
+    "isnan": "x == x, which does not hold for NaN",
+    "isfinite": "np.abs(x) < 1e9, which does not hold for NaN or infinity",
+    "hypot": "np.sqrt(x * x + y * y)",
+    "square": "x * x",
+    **{name: f"{name}(x) of bowden.core.kernel" for name in ("tanh", "exp", "sin", "cos", "log")},
+    **dict.fromkeys(("power", "float_power"), "power(x, y) of bowden.core.kernel"),
+    **dict.fromkeys(("logical_and", "bitwise_and"), "a * b"),
+    **dict.fromkeys(("logical_or", "bitwise_or"), "a + b > 0.0"),
+    "logical_not": "1.0 - a",
+}
+"""NumPy's function → what a kernel takes in its place."""
 _KERNELS = [_HERE.parent / "core" / name for name in ("kernel.py", "primitives.py")]
 
 
@@ -68,14 +89,14 @@ class KernelTrace:
         if isinstance(value, Symbol):
             return value
         if not isinstance(value, bool | int | float | np.bool_ | np.number):
-            self.refuse(f"{article(type(value).__name__)} as a number")
+            self.refuse(f"{article(type(value).__name__)} as a number", "numbers, or a NamedTuple of numbers")
         key = float(value).hex()
         if key not in self.literals:
             self.literals[key] = self.variable(f"literal {key}")
         return self.literals[key]
 
-    def refuse(self, what: str) -> NoReturn:
-        """Say that something cannot be exported, with the line that does it.
+    def refuse(self, what: str, instead: str) -> NoReturn:
+        """Say that something cannot be exported, with the line that does it, and what a kernel takes in its place.
 
         Raises:
             ParameterError: always.
@@ -83,8 +104,8 @@ class KernelTrace:
         file, line, _ = _line()
         error = ParameterError(
             f"{file}, line {line}: {what} cannot be exported",
-            expected="the portable subset of docs/kernels.md: sel(), np.fmin, np.fmax, bowden.core.kernel.exp, …",
-            do="write it so",
+            expected="the portable subset of docs/kernels.md",
+            do=f"use {instead}",
         )
         self.refused = self.refused or error
         raise error
@@ -150,11 +171,15 @@ def _unary(apply: Callable[[Any], Any]) -> Callable[["Symbol"], "Symbol"]:
     return lambda self: self.trace.expression(apply(self.sx))
 
 
-def _refused(what: str) -> Any:
+def _refused(what: str, instead: str) -> Any:
     def operation(self: "Symbol", *arguments: Any, **options: Any) -> NoReturn:
-        self.trace.refuse(what)
+        self.trace.refuse(what, instead)
 
     return operation
+
+
+def _in_place_of(function: str) -> str:
+    return _INSTEAD.get(function, "one of its functions: np.abs, np.sqrt, np.floor, np.fmin, np.fmax, …")
 
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
@@ -201,11 +226,11 @@ class Symbol:
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> "Symbol":
         if method != "__call__" or options or ufunc.__name__ not in _UFUNCS:
-            self.trace.refuse(f"np.{ufunc.__name__}")
+            self.trace.refuse(f"np.{ufunc.__name__}", _in_place_of(ufunc.__name__))
         return self.trace.expression(_UFUNCS[ufunc.__name__](*(self.trace.known(value).sx for value in inputs)))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> NoReturn:
-        self.trace.refuse(f"np.{function.__name__}")
+        self.trace.refuse(f"np.{function.__name__}", _in_place_of(function.__name__))
 
     __add__, __radd__ = _binary(_UFUNCS["add"]), _reflected(_UFUNCS["add"])
     __sub__, __rsub__ = _binary(_UFUNCS["subtract"]), _reflected(_UFUNCS["subtract"])
@@ -217,16 +242,26 @@ class Symbol:
     __ne__ = _binary(_UFUNCS["not_equal"])  # type: ignore[assignment]
     __neg__, __abs__ = _unary(_UFUNCS["negative"]), _unary(_UFUNCS["absolute"])
 
-    __bool__ = _refused("an if, while, and, or, not, min, max or chain of comparisons that depends on a value")
-    __float__ = _refused("math.*, float() or another function of plain numbers of a value")
-    __int__ = __index__ = _refused("a loop, an index or an int() that depends on a value")
-    __round__ = __floor__ = __ceil__ = __trunc__ = _refused("rounding of a value (np.floor can be)")
-    __iter__ = __len__ = __getitem__ = _refused("taking a number apart")
-    __hash__ = _refused("looking a value up")
-    __and__ = __rand__ = __or__ = __ror__ = __xor__ = __rxor__ = __invert__ = _refused(
-        "& | ^ ~ of a value (use * and +)"
+    __bool__ = _refused(
+        "an if, while, and, or, not, min, max or chain of comparisons that depends on a value",
+        "sel(condition, a, b) of bowden.core.kernel for a choice, a * b for and, np.fmin and np.fmax for min and max",
     )
-    __pow__ = __rpow__ = _refused("** of a value (bowden.core.kernel.power can be)")
-    __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = __divmod__ = _refused("// or % of a value (np.floor can be)")
-    __array__ = _refused("an array of values")
-    __complex__ = _refused("complex()")
+    __float__ = _refused(
+        "math.*, float() or another function of plain numbers of a value",
+        "exp, sin, cos, log, power or tanh of bowden.core.kernel, np.sqrt, np.floor or np.abs",
+    )
+    __int__ = __index__ = _refused(
+        "a loop, an index or an int() that depends on a value", "a loop of fixed length, with sel() in it"
+    )
+    __round__ = __floor__ = __ceil__ = __trunc__ = _refused("rounding of a value", "np.floor")
+    __iter__ = __len__ = __getitem__ = _refused("taking a number apart", "a NamedTuple of numbers")
+    __hash__ = _refused("looking a value up", "sel(condition, a, b) of bowden.core.kernel")
+    __and__ = __rand__ = __or__ = __ror__ = __xor__ = __rxor__ = __invert__ = _refused(
+        "& | ^ ~ of a value", "a * b for and, a + b > 0.0 for or"
+    )
+    __pow__ = __rpow__ = _refused("** of a value", "x * x, or power(x, y) of bowden.core.kernel")
+    __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = __divmod__ = _refused(
+        "// or % of a value", "np.floor(x / y), and x - y * np.floor(x / y)"
+    )
+    __array__ = _refused("an array of values", "a NamedTuple of numbers")
+    __complex__ = _refused("complex()", "real numbers")

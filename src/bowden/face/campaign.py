@@ -50,6 +50,8 @@ class Campaign:
     """Chunks that were there from before."""
     notes: tuple[str, ...]
     """What was set aside."""
+    enlarged: str = ""
+    """What was kept of the same study with fewer runs, where it has been enlarged since."""
 
     def table(self) -> "pa.Table":
         """A row for each run and law: what was drawn, and its figures; ``.to_pandas()`` makes a frame of it."""
@@ -110,7 +112,8 @@ def campaign(
     """Run the laws of a study on random plants; results as Parquet, and a page that shows them.
 
     Each run depends only on its number, so that the number of workers and their order do not matter. After an
-    interruption the same call continues where it stopped.
+    interruption the same call continues where it stopped. Where the study has more ``runs`` than it had in the same
+    folder, and is else as it was, only the new ones are computed.
 
     Args:
         study: the path of a study, a TOML file (docs/campaign.md).
@@ -152,7 +155,7 @@ def campaign(
         loaded = load(path, None if rig is None else given.rig_of(rig, "campaign"))
         output_folder(folder)
         found = computed(loaded, folder, workers=workers, cluster=cluster, again=again, progress=report)
-    given.tell(found.notes)
+    given.tell(filter(None, (found.enlarged, *found.notes)))
     return found
 
 
@@ -200,7 +203,7 @@ def computed(
     progress("drawing the page", 1.0)
     summary = _summed_up(study, store, again)
     files = (store.folder / "runs", store.folder / "campaign.html")
-    return Campaign(study, summary, files, len(missing), len(cut) - len(missing), tuple(notes))
+    return Campaign(study, summary, files, len(missing), len(cut) - len(missing), tuple(notes), store.enlarged)
 
 
 def _standing(store: Store, chunks: int) -> str:

@@ -23,15 +23,15 @@ def check(rig: GivenRig, law: GivenLaw | None = None, *, preset: str | None = No
         preset: a named set of gains of that law.
 
     Returns:
-        The check: ``verdict`` (``holds``, ``little_margin``, ``limit_cycle`` or ``does_not_hold``), its ``reason``, the
-        margins, and ``advice`` on what to change.
+        The check: ``holds``, whether the loop stays bounded; ``verdict`` (``holds``, ``little_margin``, ``limit_cycle``
+        or ``does_not_hold``), its ``reason``, the margins, and ``advice`` on what to change.
 
     Raises:
         ParameterError: a rig, law or setting that cannot be used.
 
     >>> found = check(Rig(), "adaptive")
-    >>> found.verdict, round(found.gain_margin_db)
-    ('holds', 19)
+    >>> found.holds, found.verdict, round(found.gain_margin_db)
+    (True, 'holds', 19)
     """
     with given.in_words_of_python():
         whole = given.under(given.rig_of(rig, "check"), law, preset, "check")
@@ -47,7 +47,7 @@ def checked(rig: Rig) -> Check:
     with user_law.explained(law):
         found = judge(plant, law, bends=bends, stroke=stroke, seed=rig.seed)
         advice = advise(plant, law, found, bends=bends, stroke=stroke)
-    better = other_law(rig, [law.name]) if found.verdict == "does_not_hold" else None
+    better = other_law(rig, [law.name]) if not found.holds else None
     if better is None:
         return replace(found, advice=advice)
     return replace(found, advice=listed((advice, str(better)), "; "), instead=better.law)

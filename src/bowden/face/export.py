@@ -204,11 +204,11 @@ def _texts(modules: "list[Module]", law: Law, period: float, said: str, *, float
 
     texts: dict[str, str] = {}
     for module in modules:
-        single = float32 and module.prefix != "safety"  # whose set of faults needs 37 bits
+        single = float32 and module.prefix != "safety"  # whose set of faults has more bits than a float
         texts |= files(module, Style(module.prefix, single), said)
     return texts | {
         "replay.c": replay_source(law, single=float32),
-        "Makefile": makefile(modules[0].prefix),
+        "Makefile": makefile([module.prefix for module in modules]),
         "README.md": readme(modules[0], modules[1:], said, period, single=float32),
     }
 

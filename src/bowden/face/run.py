@@ -33,10 +33,11 @@ def run(
     """Run a law live and record every cycle in a log; use it in a ``with`` statement.
 
     The law is checked first, as `bowden.check` does it. The run starts stopped: ``session.complete()`` arms it, runs
-    the reference and returns at its end, or after a fault. To do this step by step, use ``session.ask(…)``,
-    ``session.last()`` and ``session.wait(…)``. Each call is a sign of life: without one for ``limits.operator_age`` the
-    run ends. The end of the block ends the run in a controlled release. After it, ``session.trace()`` is the record. If
-    a fault ended the run, a warning says which.
+    the reference, and says whether it came to its end (True) or something stopped it (False). To do this step by step,
+    use ``session.ask(…)``, ``session.last()`` and ``session.wait(…)``. Each call is a sign of life: without one for
+    ``limits.operator_age`` the run ends. The end of the block ends the run in a controlled release. After it,
+    ``session.outcome`` says how the run ended, and ``session.trace()`` is the record. If a fault ended it, a warning
+    says the same. On a twin ``session.inject(…)`` tries faults.
 
     Args:
         rig: a `Rig`, or the path of a rig.toml.
@@ -81,28 +82,7 @@ def run(
         ) as session,
     ):
         yield session
-    given.tell(_badly(session), at=4)  # beyond contextlib's own frame: the user's with
-
-
-def _badly(session: "Session") -> list[str]:
-    """What ended a run that did not end as asked; nothing of one that did."""
-    from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
-    from bowden.live.stops import told_apart
-    from bowden.live.summary import STALLED
-    from bowden.safety import faults
-    from bowden.safety.supervisor import Mode
-
-    ended = session.ended or {}
-    left = TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN))
-    if not session.error and ended.get("mode") == Mode.STOPPED and left is TorqueLeft.OFF:
-        return []
-    stalled = 1e3 * ended.get("stalled", 0.0)
-    found = [*filter(None, [TORQUE_LEFT[left], STALLED.format(stalled) if stalled else ""])]
-    came = session.came or dict.fromkeys(faults.of(ended.get("faults", 0)), 0.0)
-    causes, consequences = told_apart(came)
-    found += [f"{fault.meaning}; {fault.remedy}" for fault in causes]
-    found += [f"as a consequence: {', '.join(fault.meaning for fault in consequences)}"] if consequences else []
-    return [f"the run was ended: {'; '.join([*found, *filter(None, [ended.get('reason'), session.error])])}"]
+    given.tell([] if session.ended_well else [session.outcome], at=4)  # beyond contextlib's own frame: the user's with
 
 
 @contextlib.contextmanager

@@ -22,7 +22,7 @@ from bowden.identify.log.read import Log, prepare
 from bowden.identify.log.variables import Scheduled, of_numbers, scheduled_by
 
 AnyLog = str | Path | Log | Trace
-AnyModel = str | Path | Fit | JointFit | Recalibration | IdentifiedCable
+AnyModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
 
 
 def identify_together(
@@ -133,23 +133,19 @@ def _known(model: Any) -> tuple[IdentifiedCable, float]:
     """A cable, and the error of its recommended model on data that it had not seen [rad]."""
     if isinstance(model, str | Path):
         return load_judged(arguments.path_of(model, "recalibrate: model"))
-    if isinstance(model, IdentifiedCable):
-        return model, math.nan
+    if isinstance(model, CableModel | IdentifiedCable):
+        return model.identified() if isinstance(model, CableModel) else model, math.nan
     if isinstance(model, Fit):
-        return IdentifiedCable(model.best.name, _named(model.best)), model.chosen.test_rms
+        return model.best.identified(), model.chosen.test_rms
     if isinstance(model, JointFit | Recalibration):
         judged = model.judged if isinstance(model, JointFit) else model.judged_rms
         of = dict(zip(model.variables, model.units, strict=True)) if isinstance(model, JointFit) else model.units
-        return IdentifiedCable(model.best.name, _named(model.best), units=of), judged
+        return dataclasses.replace(model.best.identified(), units=of), judged
     raise ParameterError(
         f"recalibrate: model is {arguments.said(model)}",
         expected="a model.toml, or what bowden.identify gives",
         do="identify a log first",
     )
-
-
-def _named(best: CableModel) -> Mapping[str, Mapping[str, float]]:
-    return {best.name: dict(best.parameters)} | {name: dict(one) for name, one in best.others.items()}
 
 
 def _log(given: Any, what: str, columns: Mapping[str, Any]) -> Log:

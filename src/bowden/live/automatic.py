@@ -67,7 +67,7 @@ def automatic(session: Watched) -> Iterator[bool]:
                     do = "with k, in a run without --auto" if Fault.DRIVE_FAULT in found else ""
                     raise SafetyError(f"the supervisor does not arm {session.ready['drive']}: {listed}", do=do)
                 if not announced:
-                    said = f"not armed yet, {listed}; it is waited for, {_LATE_PATIENCE:g} s at most"
+                    said = f"not armed yet, {listed}; waiting, for {_LATE_PATIENCE:g} s at most"
                     print(f"bowden: note: {said}", file=sys.stderr)
                 announced = True
             session.ask(request)

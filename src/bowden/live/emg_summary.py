@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.errors import counted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.sensing.intent import Intent
@@ -90,7 +91,7 @@ def _spread(delays: Sequence[float | None]) -> dict[str, float] | None:
 
 def print_figures(found: Mapping[str, Any]) -> None:
     """The same for a person."""
-    motions = "the joint follows the envelope" if found["motions"] is None else f"{found['motions']} motions"
+    motions = "the joint follows the envelope" if found["motions"] is None else counted(found["motions"], "motion")
     print(f"EMG: {found['stream'] or found['source']}; {motions}", end="")
     if found["peak_after_first_second_deg"] is not None:
         print(f", error after the first second of each at most {found['peak_after_first_second_deg']:.2f}°", end="")
@@ -105,6 +106,6 @@ def print_figures(found: Mapping[str, Any]) -> None:
     age = f"; {found['age_ms']['p50']:.0f} ms old in the loop in the median" if found["age_ms"] else ""
     if found["wearer"]:
         print(f"levels of {found['wearer']}")
-    print(f"{found['lost']} of {found['samples']} samples lost{age}")
+    print(f"{found['lost']} of {counted(found['samples'], 'sample')} lost{age}")
     if found["why_lost"]:
         print(f"the stream at the end: {found['why_lost']}")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.errors import counted
 from bowden.live.mcap_layout import Event
 from bowden.live.ring import Description
 
@@ -45,10 +46,18 @@ class Changes:
         before, earlier = np.concatenate([row[None], rows[:-1]]), np.concatenate([[number], numbers[:-1]])
         events = []
         if first and numbers[0] > 0:
-            events.append(Event(int(numbers[0]), float(rows[0, self._time]), f"{numbers[0]} rows lost before this one"))
+            events.append(
+                Event(
+                    int(numbers[0]),
+                    float(rows[0, self._time]),
+                    f"{counted(int(numbers[0]), 'row')} lost before this one",
+                )
+            )
         for i in np.flatnonzero(numbers - earlier > 1).tolist():
             lost = int(numbers[i] - earlier[i]) - 1
-            events.append(Event(int(numbers[i]), float(rows[i, self._time]), f"{lost} rows lost before this one"))
+            events.append(
+                Event(int(numbers[i]), float(rows[i, self._time]), f"{counted(lost, 'row')} lost before this one")
+            )
         for name, at in self._watched:
             old, new = before[:, at], rows[:, at]
             for i in np.flatnonzero((old != new) & ~(np.isnan(old) & np.isnan(new))).tolist():

@@ -106,13 +106,14 @@ class Live:
         limits, late = self.limits, longest_release(self.limits) + self.rig.sample_time
         how = f"let down at {limits.lowering / RADIANS:.0f}°/s" if limits.loaded else "let out"
         what = f"the {'arm' if limits.loaded else 'cable'} is {how}"
-        said = f"without this terminal {what}, and the power off within {limits.operator_age + late:.2f} s"
+        off = f"{limits.operator_age + late:.2f} s (operator_age_s of [limits])"
+        said = f"if this terminal closes, or this command is killed, {what}; the power is off within {off}"
         if self.emg is None:
-            return f"{said} (operator_age_s of [limits])"
+            return said
         reader, stream = READER_SHARE * limits.emg_age + late, limits.emg_age + late
         return (
-            f"{said} (operator_age_s of [limits]); without the process that reads EMG within {reader:.2f} s, "
-            f"without samples within {stream:.2f} s (emg_age_s)"
+            f"{said}; likewise within {reader:.2f} s if the process that reads EMG ends, and within {stream:.2f} s "
+            "if samples stop arriving (emg_age_s)"
         )
 
     def script(self, course: EmgCourse | None = None) -> Script:

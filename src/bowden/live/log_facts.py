@@ -8,13 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.errors import ParameterError, counted
 from bowden.core.files import printable
 from bowden.cycle.one_cycle import WishSource
+from bowden.hardware.drives.emergencies import emergency_text
+from bowden.hardware.drives.family import family_named
 from bowden.live import stops
+from bowden.live.events import EMERGENCY
 from bowden.live.log_rig import hash_of
 from bowden.live.mcap_read import Recording
 
-NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", *stops.NEEDED)),)
+NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY, *stops.NEEDED)),)
 """Columns of the log that are looked at."""
 
 _MOST_EVENTS = 12  # printed, half of them from the end; the JSON document has them all
@@ -44,6 +48,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "run_time_s": _percentiles(found, "run_time"),
         "overruns": _overruns(found),
         "stops": stops.document(found, settings.get("limits", {}), twin=settings.get("twin", False)),
+        "emergencies": _emergencies(found),
         "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
@@ -94,6 +99,21 @@ def _percentiles(found: Recording, column: str) -> dict[str, float] | None:
     return {name: float(np.percentile(values, share)) for name, share in shares.items()}
 
 
+def _emergencies(found: Recording) -> list[dict[str, Any]]:
+    """What the drive sent by itself, in the words of its family; an emergency's text has its code."""
+    if EMERGENCY not in found.columns:
+        return []
+    rig = found.settings.get("rig")
+    drive = rig.get("drive") if isinstance(rig, dict) else None
+    family = drive.get("family") if isinstance(drive, dict) else None
+    try:
+        explain = family_named(family).explain if isinstance(family, str) else emergency_text
+    except ParameterError:  # a family of somebody's program, which is not here
+        explain = emergency_text
+    codes, time = found[EMERGENCY], found["time"]
+    return [{"time_s": _number(time[i]), "text": explain(int(codes[i]))} for i in np.flatnonzero(codes > 0.0)]
+
+
 def _overruns(found: Recording) -> int | None:
     """Deadlines that were skipped; the column says how many before each cycle."""
     if "overruns" not in found.columns or not np.isfinite(found["overruns"]).any():
@@ -120,7 +140,7 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if document["begin_s"]:
         yield "first cycle", f"{document['begin_s']:.3f} s later, by the column time; counted from here on below"
     yield "duration", f"{document['duration_s']:.3f} s, {document['cycles']} cycles"
-    yield "missing", f"{document['missing']} cycles" if document["missing"] else "nothing"
+    yield "missing", counted(document["missing"], "cycle") if document["missing"] else "nothing"
     yield "closed properly", "yes" if document["closed"] else "no"
     if not document["whole"] and document["closed"]:
         yield "damage", ", ".join(f"{value} {name}" for name, value in document["damage"].items())
@@ -143,10 +163,12 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
         for line in stops.lines(stop):
             yield "stopped", f"{stop['time_s']:.3f} s: {line}"
     events, begin = document["events"], document["begin_s"] or 0.0
+    for emergency in document["emergencies"]:
+        yield "emergency", f"{(emergency['time_s'] or begin) - begin:.3f} s: {emergency['text']}"
     left_out = len(events) - _MOST_EVENTS
     for number, event in enumerate(events):
         if left_out > 0 and number == _MOST_EVENTS // 2:
-            yield "", f"… {left_out} more events, all of them with --json …"
+            yield "", f"… {counted(left_out, 'more event')}, all of them with --json …"
         if left_out <= 0 or not _MOST_EVENTS // 2 <= number < len(events) - _MOST_EVENTS // 2:
             time = "" if event["time_s"] is None else f"{event['time_s'] - begin:.3f} s: "
             yield "event", f"{time}{event['text']}"

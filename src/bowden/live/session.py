@@ -6,6 +6,7 @@ no thread of its own: it would go on for an operator who can no longer stop the 
 
 import contextlib
 import json
+import math
 import queue
 import shlex
 import signal
@@ -24,6 +25,7 @@ from bowden.core import shared_memory, shown
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError
 from bowden.core.trace import Trace
+from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, latch_file, left_behind, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
@@ -42,6 +44,7 @@ from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
+from bowden.safety.limits import Limits
 from bowden.safety.supervisor import Mode, Request
 
 _START = 900.0
@@ -265,6 +268,51 @@ class Session:
         return not self._remembers
 
     @property
+    def channel(self) -> str:
+        """The bus of the run, for ``bowden twin RIG.toml --inject FAULT --channel``; of a twin its own."""
+        drive = self.live.rig.drive
+        return family_of(drive).address(drive).get("channel", "")
+
+    def inject(self, fault: str, after: float = 0.0, lasting: float | None = None) -> None:
+        """Give the run's twin a fault; ``bowden twin RIG.toml --inject list`` shows all.
+
+        Args:
+            fault: its name, with side and amount where it has them: ``"encoder_frozen joint"``.
+            after: from now [s].
+            lasting: for how long; to the end of the run where it is not given [s].
+
+        Raises:
+            ParameterError: there is no such fault.
+            DriveError: the drive is no twin of this run, or does not answer.
+        """
+        from bowden.hardware.twin.control import TwinControl
+
+        if not self.on_twin:
+            raise DriveError("faults are injected into a twin, and this run has a drive", do="run it with twin=True")
+        self.beat()
+        drive = self.live.rig.drive
+        with TwinControl(family_of(drive).control(drive)) as twin:
+            twin.inject(fault, after, lasting)
+
+    @property
+    def mode(self) -> Mode | None:
+        """Where the run stands, as far as `last` has looked; None before its first cycle."""
+        return None if self._last is None else Mode(int(self._last[AT["mode"]]))
+
+    @property
+    def ended_well(self) -> bool:
+        """Whether the run has ended as asked, without torque."""
+        ended = self.ended or {}
+        return not self.error and ended.get("mode") == Mode.STOPPED and not ended.get("torque")
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended, in words: what stopped it, and what to do; of one that goes on, where it stands."""
+        from bowden.live.outcome import outcome
+
+        return outcome(self)
+
+    @property
     def recorder(self) -> int:
         """A `RecorderState`."""
         return self.rows.recorder.state(self.clock.now())
@@ -346,17 +394,22 @@ class Session:
             with self._keeping:
                 self._not_kept = thermal_file.write(self.live.rig.drive_parameters, row, surely=surely)
 
-    def complete(self) -> None:
-        """Arm, run the law over the rig's whole reference, and come back when that has ended, well or by a fault.
+    def complete(self) -> bool:
+        """Arm, run the law over the rig's whole reference, and come back when that has ended.
+
+        Returns:
+            Whether it came to its end; if not, `outcome` says what stopped it.
 
         Raises:
             SafetyError: the supervisor or the preflight did not let it run.
             DriveError: the loop's process has ended.
         """
-        steps = automatic(self)
+        steps, ran = automatic(self), False
         while self.running:
-            if self.last() is not None and next(steps, None) is None:
-                return
+            row = self.last()
+            ran = ran or self.mode == Mode.RUNNING
+            if row is not None and next(steps, None) is None:
+                return ran and self.mode == Mode.STOPPED
             if self.still > STANDS_STILL:
                 break
             self.wait(_LOOK)
@@ -375,14 +428,14 @@ class Session:
 
     def __repr__(self) -> str:
         """One screen: law, rig, drive, where it stands, and the log."""
-        row = self._last
         ready = getattr(self, "ready", None)
-        standing = "" if row is None else Mode(int(row[AT["mode"]])).name.lower()
+        standing = "" if self.mode is None else self.mode.name.lower()
         rows = [
             ("rig", self.live.rig.hash),
             ("drive", "" if ready is None else str(ready["drive"])),
             ("mode", standing or "not begun"),
-            ("error", self.error),
+            ("outcome", self.outcome if self.ended is not None or self.error else ""),
+            ("channel", self.channel if self.on_twin and ready is not None and self.running else ""),
             ("log", str(self.log)),
             ("ends", self.live.losses()),
         ]
@@ -433,12 +486,30 @@ class Session:
 
 @contextlib.contextmanager
 def own_twin(rig: Rig) -> Iterator[Rig]:
-    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus."""
+    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, with `patient` limits."""
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import running_twin
 
     with left_behind.bus_of_this() as folder:
-        asked = shlex.join(["bowden", "twin", rig.origin, "--channel", str(folder)])
+        file = rig.origin if Path(rig.origin).suffix else "RIG.toml"
+        asked = shlex.join(["bowden", "twin", file, "--channel", str(folder)])
         print(f"bowden: note: the twin's bus is {folder}: {asked}", file=sys.stderr)
         with running_twin(rig, folder, ["--interface", UNIX]) as twin:
-            yield rig.on_bus(twin.channel, UNIX)
+            beside = patient(rig)
+            if beside.limits != rig.limits:
+                allowed = f"reading_age is {beside.limits.reading_age:.3g} here, and not {rig.limits.reading_age:g}"
+                print(f"bowden: note: {allowed}: the twin shares this computer with the loop", file=sys.stderr)
+            yield beside.on_bus(twin.channel, UNIX)
+
+
+def patient(rig: Rig) -> Rig:
+    """The rig with the limits of a run on a twin of the command's own.
+
+    This computer plays the drive as well. If it stalls, the twin answers late, which a drive does not; and no motor
+    moves meanwhile. So its answers may be as late as the loop itself, `lateness`. A rig that sets a `reading_age` other
+    than the default keeps it.
+    """
+    default = rig.limits.reading_age == Limits().reading_age
+    late = math.floor(rig.limits.lateness / rig.sample_time + 1e-9)
+    most = max(rig.limits.reading_age, float(min(late, 50)))
+    return rig.replace(limits=rig.limits._replace(reading_age=most)) if default else rig

@@ -176,4 +176,4 @@ def too_busy(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> str:
         return ""
     late = f"the twin, which runs on it too, answered {stop.oldest:.0f} cycles late"
     allowed = f"{age:.3g} are allowed, reading_age of [limits]"
-    return f"this computer is too busy: {late} ({allowed}); {do}, or against a twin set reading_age = 10 there"
+    return f"this computer is too busy: {late} ({allowed}); {do}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowden.core.errors import counted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
@@ -37,9 +38,9 @@ def document(session: "Session") -> dict[str, Any]:
     codes, explain = log["emergency"], family_of(session.live.rig.drive).explain
     return {
         "law": session.live.law.name,
-        "rig": session.live.rig.hash,
+        "rig": session.live.logged.hash,
         "drive": session.ready["drive"],
-        "ended_well": mode == "stopped" and not ended.get("torque"),
+        "ended_well": session.ended_well,
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
         "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
@@ -117,9 +118,9 @@ def print_summary(found: dict[str, Any]) -> None:
             end="",
         )
         if found["cycles"] is None:  # the loop said nothing at its end
-            print(f"{found['cycles_logged']} cycles in the log")
+            print(f"{counted(found['cycles_logged'], 'cycle')} in the log")
         else:
-            print(f"{found['overruns']} overruns in {found['cycles']} cycles")
+            print(f"{counted(found['overruns'], 'overrun')} in {counted(found['cycles'], 'cycle')}")
     if found["emg"]:
         emg_summary.print_figures(found["emg"])
     if found["interaction"]:

@@ -1,14 +1,17 @@
 """How a rig says what it is, and draws what it will do."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bowden.core.quantity import Quantity, declared
 from bowden.core.shown import listed, number
 from bowden.core.style import COLOURS, thin
 from bowden.core.units import DEGREES, HERTZ
-from bowden.models.cable.bouc_wen import BoucWen
+from bowden.identify.cable.model import IdentifiedCable
+from bowden.identify.cable.trust import parameter_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,17 +23,15 @@ _INSTANTS = 2001
 
 def rows(rig: "Rig") -> list[tuple[str, str]]:
     """What a rig is, a line for each part."""
-    cable = rig.cable
-    parts = [f"{name} {value:.4g}" for name, value in zip(BoucWen._fields, rig.bench.cable, strict=True)]
-    known = "by hand" if isinstance(cable, BoucWen) else f"identified as {cable.best}"  # type: ignore[union-attr]
-    said = [("plant", "suit on an arm" if rig.worn is not None else "bench"), ("cable", f"{known}: {', '.join(parts)}")]
+    said = [("plant", "suit on an arm" if rig.worn is not None else "bench"), ("cable", _cable(rig))]
     servo, clock = rig.servo, f"{rig.sample_time * 1e3:g} ms, delay of {rig.delay} cycles"
     encoders = [
         f"{name} {number(one.resolution * DEGREES, '°')} a count, {number(one.noise * DEGREES, '°')} of noise"
         for name, one in (("joint", rig.joint_encoder), ("motor", rig.motor_encoder))
     ]
     reference = rig.trajectory.describe()
-    moved = ", ".join(f"{name} {_said(value)}" for name, value in reference.items() if name != "kind")
+    units = _units(type(rig.trajectory))
+    moved = ", ".join(f"{name} {_said(value, units.get(name))}" for name, value in reference.items() if name != "kind")
     gains = ", ".join(f"{name} {value:.4g}" for name, value in rig.gains.items())
     return [
         ("law", listed((rig.law_name, f"preset {rig.preset}" if rig.preset else "", gains))),
@@ -43,6 +44,17 @@ def rows(rig: "Rig") -> list[tuple[str, str]]:
         ("run", f"{rig.duration:g} s, seed {rig.seed}"),
         *(("note", note) for note in rig.notes),
     ]
+
+
+def _cable(rig: "Rig") -> str:
+    """Where the cable is known from, and the parameters of what a simulation runs."""
+    cable = rig.cable
+    known, given = "by hand", rig.bench.cable._asdict()
+    if isinstance(cable, IdentifiedCable):
+        known, given = f"identified as {cable.best}", cable.parameters
+        known += "" if cable.simulated == cable.best else f", simulated as {cable.simulated}"
+    parts = [f"{label} {text}" for label, text in parameter_lines(given, {})]
+    return f"{known}: {', '.join(parts)}"
 
 
 def _own(rig: "Rig") -> str:
@@ -69,5 +81,17 @@ def _bends(rig: "Rig") -> tuple[float, float]:
     return float(np.min(path)), float(np.max(path))
 
 
-def _said(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+def _units(kind: type) -> dict[str, Quantity]:
+    """Name → unit of the numbers that make a reference, as far as they are declared."""
+    return {one.name: one.quantity for one in declared(kind)} if dataclasses.is_dataclass(kind) else {}
+
+
+def _said(value: object, quantity: Quantity | None = None) -> str:
+    """A value, in the unit that a file has it in."""
+    if isinstance(value, list):
+        return f"[{', '.join(_said(one, quantity) for one in value)}]"
+    if not isinstance(value, float):
+        return str(value)
+    if quantity is None or quantity.unit == "–":
+        return f"{value:.4g}"
+    return number(value / quantity.factor, quantity.file_unit, 4)

@@ -675,6 +675,10 @@ class Rig:
             notes.append(f"limits.frozen_travel_deg is {given / RADIANS:.4g}; {known}")
         if self.suit.worn and abs(self.limits.pay_out - Limits().pay_out) > _WRITTEN:
             notes.append("limits.pay_out_deg_per_s lets out a cable without a load; an arm is let down at lowering")
+        if self.emg.source is None and self.emg != PARTS["emg"].default:
+            notes.append(
+                "[emg] has no source, so the joint follows [reference]; set emg.source, or use bowden run --emg"
+            )
         if self.emg.levels is not None and not self.emg.levels.sigma:
             notes.append(f"{self.emg.wearer} was {wearer_file.EARLIER}")
         if self.worn is None or not self.admittance.enabled:
@@ -862,15 +866,10 @@ def _one_file(one: Any, other: Any) -> bool:
 
 
 def _cable(given: Any) -> BoucWen | IdentifiedCable:
-    if isinstance(given, Fit):
-        models = {name: dict(one.parameters) for name, one in given.models.items()}
-        given = IdentifiedCable(given.best.name, models, covered=given.best.covered)
-    if isinstance(given, JointFit | Recalibration):
+    if isinstance(given, Fit | JointFit | Recalibration):
         given = given.best
     if isinstance(given, CableModel):
-        own = {given.name: dict(given.parameters)}
-        others = {name: dict(one) for name, one in given.others.items()}
-        given = IdentifiedCable(given.name, own | others, covered=given.covered)
+        given = given.identified()
     if isinstance(given, IdentifiedCable):
         _ = given.bouc_wen
         return given

@@ -9,7 +9,7 @@ import contextlib
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,12 +35,15 @@ class Store:
 
     def __init__(self, folder: Path, identity: Mapping[str, Any], rows: list[int]) -> None:
         self.folder, self._identity, self._rows = folder, dict(identity), rows
-        text = json.dumps(self._identity, sort_keys=True, ensure_ascii=False)
-        self.study_hash = hashlib.sha256(text.encode()).hexdigest()[:16]
+        self.study_hash = _hash(self._identity)
         """A short name of the identity."""
+        self.enlarged = ""
+        """What was kept of the same study with fewer runs, where it has been enlarged since."""
 
     def open(self) -> list[str]:
         """Begin, or go on; returns notes on chunks that were set aside because they are damaged.
+
+        The rows of the same study with fewer runs are kept, cut into the chunks that it has now.
 
         Raises:
             ParameterError: the folder has the results of another study.
@@ -50,8 +53,7 @@ class Store:
         if file.is_file():
             self._compare(file)
         else:
-            with whole_files(self.folder) as stage:
-                (stage / "study.json").write_text(json.dumps(self._identity, ensure_ascii=False, indent=2) + "\n")
+            self._write_identity()
         with whole_files(self.folder / "runs"):
             pass  # makes the folder
         for rest in (self.folder / "runs").glob(".bowden-*"):  # of a process that was killed while it wrote
@@ -106,22 +108,11 @@ class Store:
         return found.hexdigest()
 
     def _read(self, chunk: int) -> "pa.Table":
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         path = self.path(chunk)
-        try:
-            with path.open("rb") as file:
-                table = pq.read_table(file)
-            about = json.loads((table.schema.metadata or {})[_KEY])
-            right = (self.study_hash, chunk, hashlib.sha256(row_bytes(table)).hexdigest())
-            if (about["study"], about["chunk"], about["sha256"]) != right:
-                raise ValueError("its rows are not those that were written")
-            if len(table) != self._rows[chunk]:
-                raise ValueError(f"it has {len(table)} rows and should have {self._rows[chunk]}")
-        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
-            reason = " ".join(str(error).split())[:120] or type(error).__name__
-            raise OutputError(f"cannot read {path}: {reason}", do="delete it, and run the command again") from error
+        table = _table(path, {self.study_hash}, chunk)
+        if len(table) != self._rows[chunk]:
+            reason = f"it has {len(table)} rows and should have {self._rows[chunk]}"
+            raise OutputError(f"cannot read {path}: {reason}", do=_AGAIN)
         return table
 
     def _checked(self, chunk: int) -> str:
@@ -147,12 +138,89 @@ class Store:
             raise ParameterError(
                 f"cannot read {file}: {error}", do="give another folder with --out, or delete this one"
             ) from error
-        if there != self._identity:
+        if _fewer(there, self._identity):
+            self._enlarge(there)
+        elif there != self._identity:
             says = "; ".join(differences(there, self._identity)) or "its form"
             raise ParameterError(
                 f"{self.folder} has the results of another study: {says}",
                 do="give another folder with --out, or delete this one",
             )
+
+    def _write_identity(self) -> None:
+        with whole_files(self.folder) as stage:
+            (stage / "study.json").write_text(json.dumps(self._identity, ensure_ascii=False, indent=2) + "\n")
+
+    def _enlarge(self, there: Mapping[str, Any]) -> None:
+        """Keep the rows of the same study with fewer runs: a run depends on its number alone.
+
+        They are cut into this study's chunks, which have no fewer runs than theirs; so what a file had that is
+        overwritten is written already, should this be interrupted. A chunk that is not whole is computed anew.
+        """
+        import pyarrow as pa
+
+        laws, known = sum(self._rows) // self._identity["runs"], {_hash(there), self.study_hash}
+        parts = {int(file.stem[5:]): file for file in sorted((self.folder / "runs").glob("part-[0-9]*.parquet"))}
+        tables = []
+        for chunk, file in parts.items():
+            with contextlib.suppress(OutputError):
+                tables.append(_table(file, known, chunk))
+        written: set[int] = set()
+        if tables:
+            rows = pa.concat_tables(table.replace_schema_metadata() for table in tables)
+            numbers = rows["number"].to_numpy()
+            order = np.argsort(numbers, kind="stable")
+            numbers, begin = numbers[order], 0
+            for chunk, count in enumerate(self._rows):
+                wanted = np.arange(begin, begin + count // laws)
+                found = (np.searchsorted(numbers, wanted)[:, None] + np.arange(laws)).ravel()
+                begin += len(wanted)
+                if found[-1] < len(numbers) and np.array_equal(numbers[found], np.repeat(wanted, laws)):
+                    self.write(chunk, rows.take(order[found]))
+                    written.add(chunk)
+        for chunk, file in parts.items():
+            if chunk not in written:
+                file.unlink()
+        self._write_identity()
+        kept = sum(self._rows[chunk] for chunk in written) // laws
+        self.enlarged = f"the study had {there['runs']} runs and has {self._identity['runs']}: {kept} of them are kept"
+
+
+_AGAIN = "delete it, and run the command again"
+
+
+def _hash(identity: Mapping[str, Any]) -> str:
+    text = json.dumps(identity, sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _fewer(there: Any, here: Mapping[str, Any]) -> bool:
+    """Whether a study differs from another one in that it has fewer runs, and in nothing else."""
+    if not isinstance(there, dict) or not isinstance(there.get("runs"), int) or "runs" not in here:
+        return False
+    return there["runs"] < here["runs"] and {**there, "runs": here["runs"]} == here
+
+
+def _table(path: Path, studies: Collection[str], chunk: int) -> "pa.Table":
+    """The rows of a chunk of one of these studies, by their hashes.
+
+    Raises:
+        OutputError: they cannot be read, or are not those that were written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with path.open("rb") as file:
+            table = pq.read_table(file)
+        about = json.loads((table.schema.metadata or {})[_KEY])
+        right = (chunk, hashlib.sha256(row_bytes(table)).hexdigest())
+        if about["study"] not in studies or (about["chunk"], about["sha256"]) != right:
+            raise ValueError("its rows are not those that were written")
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise OutputError(f"cannot read {path}: {reason}", do=_AGAIN) from error
+    return table
 
 
 def differences(there: Any, here: Any, key: str = "") -> list[str]:

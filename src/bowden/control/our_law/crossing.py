@@ -80,9 +80,9 @@ ODD = 9.0
 FLATTEST, STEEPEST = 0.6, 1.7
 """Bounds of 1/a over the given one [–]."""
 
-UNANSWERED = 0.6
-"""How far the correction goes without any motion of the joint, no further than the widest dead zone: beyond, the cable
-is slack or torn, the joint at a stop, or its sensor dead [rad]."""
+UNANSWERED = 1.2
+"""How far the correction goes without any motion of the joint: twice the widest dead zone, so that one of them and as
+much slack are crossed; beyond, the cable is torn, the joint at a stop, or its sensor dead [rad]."""
 
 
 class Crossing(NamedTuple):

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
-from bowden.core.errors import StreamError
+from bowden.core.errors import StreamError, counted
 from bowden.hardware.emg.lsl_info import channel_names, check_info, shown, unit_of, which
 from bowden.hardware.emg.lsl_library import library
 from bowden.hardware.emg.sample_times import SampleTimes
@@ -135,7 +135,7 @@ class LslStream:
             ) from error
         return (
             f"LSL stream {self._name!r} ({shown([found.source_id() or 'no source id'])}) of {shown([self._host])}: "
-            f"{len(self.channels)} channels, {self.rate:g} Hz, {self.unit or 'no unit'}"
+            f"{counted(len(self.channels), 'channel')}, {self.rate:g} Hz, {self.unit or 'no unit'}"
         )
 
     def _now(self) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from bowden.core.errors import StreamError
+from bowden.core.errors import StreamError, counted
 from bowden.core.files import printable
 from bowden.sensing.onset_settings import QUICKEST, SAFE
 
@@ -57,7 +57,7 @@ def channel_names(info: Any, wanted: Sequence[str] = ()) -> tuple[str, ...]:
     name, count = info.name(), info.channel_count()
     labels = _described(info, "label")
     if labels and len(labels) != count:
-        raise StreamError(f"the LSL stream {name!r} has {count} channels and describes {len(labels)}")
+        raise StreamError(f"the LSL stream {name!r} has {counted(count, 'channel')} and describes {len(labels)}")
     names = tuple(labels) or tuple(f"ch{k}" for k in range(1, count + 1))
     odd = next((one for one in names if not one.isprintable()), None)
     if odd is not None:

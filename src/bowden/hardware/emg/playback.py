@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bowden.core.errors import LogError, StreamError
+from bowden.core.errors import LogError, StreamError, counted
 from bowden.hardware.emg.lsl_info import check_rate, check_wanted
 from bowden.hardware.ports import EmgChunk
 from bowden.identify.emg.log import EmgRecording, read_channels
@@ -40,7 +40,7 @@ class Playback:
         self._values, self._lost = found.values, ""
         self._start, self._played = None, 0
         return (
-            f"recording {self._path.name}: {len(self.channels)} channels, {self.rate:g} Hz, "
+            f"recording {self._path.name}: {counted(len(self.channels), 'channel')}, {self.rate:g} Hz, "
             f"{len(self._values) / self.rate:.1f} s"
         )
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
-from bowden.core.errors import StreamError
+from bowden.core.errors import StreamError, counted
 from bowden.hardware.emg.lsl_info import check_rate, check_wanted
 from bowden.hardware.emg.sample_times import SampleTimes
 from bowden.hardware.emg.trigno_dialogue import Address, Base, TrignoDialogue
@@ -95,8 +95,8 @@ class TrignoStream:
         idle = f"; paired and not active: {', '.join(map(str, base.idle))}" if base.idle else ""
         port = ", legacy EMG port" if base.legacy else ""
         return (
-            f"{self._address.said()} {base.version}{port}: {len(channels)} channels ({', '.join(channels)}), "
-            f"{base.rate:.6g} Hz, mV{idle}"
+            f"{self._address.said()} {base.version}{port}: {counted(len(channels), 'channel')} "
+            f"({', '.join(channels)}), {base.rate:.6g} Hz, mV{idle}"
         )
 
     def _now(self) -> float:

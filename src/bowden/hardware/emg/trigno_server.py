@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.clock import SECOND, MonotonicClock, TimeSource
-from bowden.core.errors import StreamError
+from bowden.core.errors import StreamError, counted
 from bowden.hardware.emg.trigno_faults import TrignoFaults
 from bowden.hardware.emg.trigno_protocol import (
     END,
@@ -103,7 +103,9 @@ class TrignoServer:
         clock: TimeSource | None = None,
     ) -> None:
         if values.shape[1] > SLOTS:
-            raise StreamError(f"the recording has {values.shape[1]} channels", expected=f"at most {SLOTS} sensors")
+            raise StreamError(
+                f"the recording has {counted(values.shape[1], 'channel')}", expected=f"at most {SLOTS} sensors"
+            )
         self._size = max(1, round(rate * FRAME))
         self._frames, self._rate, self._loop = frames_of(values, self._size), rate, loop
         self._paired = values.shape[1]

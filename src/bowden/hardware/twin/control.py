@@ -109,8 +109,9 @@ class TwinControl:
         except OSError as error:
             self._socket.close()
             raise DriveError(
-                f"no twin listens at {path}",
-                do="start one: bowden twin RIG.toml; the twin of bowden run --twin has the channel that the run prints",
+                f"no twin listens at {path}: it has not been started, or has ended",
+                do="start one with bowden twin RIG.toml; the twin of bowden run --twin lives as long as its run, on "
+                "the channel that the run prints",
             ) from error
 
     def __enter__(self) -> "TwinControl":

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core import shown
+from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import LogError, ParameterError
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
@@ -31,6 +32,8 @@ from bowden.identify.log.angles import SIDES, angle_units, angles_of
 from bowden.identify.log.read import Log, checked_rate, prepare
 
 if TYPE_CHECKING:
+    import pathlib
+
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
@@ -113,6 +116,18 @@ class Fit:
     def trust(self) -> Trust:
         """Whether to trust the recommended model, and why."""
         return trust(self)
+
+    def write(self, path: "pathlib.Path | str") -> None:
+        """Write all models with units, uncertainties and errors, as the model.toml of ``bowden identify``.
+
+        `CableModel.read` reads the recommended one back.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from bowden.identify.cable.model_file import write_model
+
+        write_model(path_of_file(path, "Fit.write: path"), self, self.log.name)
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw the loop: joint over motor, as recorded and as the recommended model draws it in the second half.

@@ -29,7 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core import shown
+from bowden.core.arguments import path_of as path_of_file
 from bowden.core.errors import LogError, ParameterError
+from bowden.core.files import write_text
 from bowden.core.metrics import rmse
 from bowden.core.units import DEGREES
 from bowden.identify.cable.bouc_wen import BoucWenCable
@@ -51,6 +53,8 @@ from bowden.models.cable.scheduled import (
 )
 
 if TYPE_CHECKING:
+    import pathlib
+
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
@@ -165,6 +169,16 @@ class JointFit:
                     do="identify logs that differ in it",
                 )
         return replace(self.best, parameters={**self.best.parameters, **values})
+
+    def write(self, path: "pathlib.Path | str") -> None:
+        """Write the model and how each log was judged, as the model.toml of ``bowden identify`` with several logs.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from bowden.identify.cable.joint_file import joint_text
+
+        write_text(path_of_file(path, "JointFit.write: path"), joint_text(self))
 
     def plot(self, axes: "Axes | Sequence[Axes] | None" = None) -> "list[Axes]":
         """Draw the two branches of the loop without its straight line, at the least, the middle and the largest load.

@@ -4,12 +4,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.arguments import number
+from bowden.core.arguments import number, path_of
 from bowden.core.errors import ParameterError, near
+from bowden.core.files import write_text
 from bowden.identify.cable.bouc_wen import cable_of, simulate
 from bowden.identify.cable.counting import Counting, Covered, recounted
 from bowden.identify.cable.generalised import GeneralisedPlay
@@ -128,6 +130,36 @@ class CableModel:
     """The parameters of other models of the same log, by their names: laws get from a rig what ``bouc_wen`` says."""
     covered: Covered | None = field(default=None, compare=False, repr=False)
     """The motion that the log covered; None where nothing says it."""
+
+    @classmethod
+    def read(cls, path: Path | str) -> "CableModel":
+        """The recommended model of a model.toml, with the others that laws need.
+
+        Raises:
+            ParameterError: no such file, or none that `write`, a fit or ``bowden identify`` has written.
+        """
+        from bowden.identify.cable.model_file import load_cable
+
+        found = load_cable(path_of(path, "CableModel.read: path"))
+        others = {name: one for name, one in found.models.items() if name != found.best}
+        return cls(found.best, found.models[found.best], others, found.covered)
+
+    def write(self, path: Path | str) -> None:
+        """Write the model as a model.toml, which `read`, a rig.toml and ``bowden init --model`` take.
+
+        A fit writes more, ``fit.write``: uncertainties, errors and warnings.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from bowden.identify.cable.model_file import cable_text
+
+        write_text(path_of(path, "CableModel.write: path"), cable_text(self.identified()))
+
+    def identified(self) -> "IdentifiedCable":
+        """All that is known of its cable: itself, as the recommended model, and the others of its log."""
+        models = {self.name: dict(self.parameters)} | {name: dict(one) for name, one in self.others.items()}
+        return IdentifiedCable(self.name, models, covered=self.covered)
 
     def joint_angle(self, motor: Array) -> Array:
         """Joint angle along a recorded motion of the motor, simulated straight through: (n,) [rad] → (n,) [rad].

@@ -144,10 +144,12 @@ class Recalibration:
 
     def _rows(self) -> list[tuple[str, str]]:
         errors = f"{shown.number(self.before_rms * DEGREES, '°')} before, {shown.number(self.after_rms * DEGREES, '°')}"
+        known = math.isfinite(self.judged_rms)
+        judged = f"; judged {shown.number(self.judged_rms * DEGREES, '°')}" if known else ""
         return [
             ("gain", f"{self.gain:.4f} ± {self.gain_error:.2g}"),
             ("offset", shown.number(self.offset * DEGREES, "°")),
-            ("RMS", f"{errors} after; judged {shown.number(self.judged_rms * DEGREES, '°')}"),
+            ("RMS", f"{errors} after{judged}"),
             ("verdict", verdict(self)),
             *(("note", warning) for warning in self.warnings[:4]),
         ]

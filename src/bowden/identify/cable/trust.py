@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from bowden.core.units import DEGREES
 from bowden.identify.cable.advice import FOLLOWS, SLIGHT, WORSE, following
 from bowden.identify.cable.checks import look_swapped
+from bowden.identify.cable.model import meaning
 
 if TYPE_CHECKING:
     from bowden.identify.cable.fit import Fit
@@ -63,10 +64,10 @@ def trust(fit: "Fit") -> Trust:
 
 
 def parameter_lines(parameters: Mapping[str, float], spreads: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Name and value of each parameter of a model, with one standard deviation; of many of a kind, their range.
+    """Name and value of each parameter of a model, with its deviation and unit; of many of a kind, their range.
 
     >>> parameter_lines({"slope": 0.9, "gap_1": 0.1, "gap_2": 0.2, "gap_3": 0.2, "gap_4": 0.3}, {"slope": 0.01})
-    [('slope', '0.9 ± 0.01'), ('gap_1 … gap_4', '0.1 to 0.3')]
+    [('slope', '0.9 ± 0.01 rad/rad'), ('gap_1 … gap_4', '0.1 to 0.3 rad')]
     """
     kinds: dict[str, list[str]] = {}
     for name in parameters:
@@ -76,19 +77,25 @@ def parameter_lines(parameters: Mapping[str, float], spreads: Mapping[str, float
     for names in kinds.values():
         if len(names) > _MOST_OF_A_KIND:
             values = [parameters[name] for name in names]
-            found.append((f"{names[0]} … {names[-1]}", f"{min(values):.4g} to {max(values):.4g}"))
+            found.append((f"{names[0]} … {names[-1]}", f"{min(values):.4g} to {max(values):.4g}{_unit(names[0])}"))
         else:
-            found += [(name, f"{parameters[name]:.4g}{_spread(spreads.get(name, math.nan))}") for name in names]
+            texts = [f"{parameters[name]:.4g}{_spread(spreads.get(name, math.nan), _unit(name))}" for name in names]
+            found += list(zip(names, texts, strict=True))
     return found
 
 
 _MOST_OF_A_KIND = 3
 
 
-def _spread(value: float) -> str:
+def _unit(name: str) -> str:
+    unit = meaning(name)[0]
+    return "" if unit in ("1", "as given") else f" {unit}"
+
+
+def _spread(value: float, unit: str) -> str:
     if math.isnan(value):
-        return ""
-    return " (not shown by this log)" if math.isinf(value) else f" ± {value:.2g}"
+        return unit
+    return f"{unit} (not shown by this log)" if math.isinf(value) else f" ± {value:.2g}{unit}"
 
 
 def _degrees(angle: float) -> str:

@@ -1,0 +1,134 @@
+"""`init`: a rig round an identified cable, within what its log covered."""
+
+import tomllib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from bowden.core import arguments, shown
+from bowden.core.errors import ParameterError
+from bowden.core.units import RADIANS
+from bowden.design.other_law import OURS, chosen_law
+from bowden.face import given
+from bowden.identify.cable.fit import Fit
+from bowden.identify.cable.loads import JointFit
+from bowden.identify.cable.model import CableModel, IdentifiedCable
+from bowden.identify.cable.model_file import load_cable
+from bowden.identify.cable.recalibrate import Recalibration
+from bowden.rig.model_rig import Chosen, counting_of, model_text, with_stroke
+from bowden.rig.rig import Rig
+
+GivenModel = str | Path | Fit | JointFit | Recalibration | CableModel | IdentifiedCable
+
+
+@dataclass(frozen=True, repr=False)
+class NewRig:
+    """A rig round an identified cable."""
+
+    rig: Rig
+    """With the cable, and a reference, limits and a law that suit it."""
+    why: str
+    """Why it has its law, ``rig.law``."""
+    known: bool
+    """Whether the model says what motion its log covered; else the reference is not known to lie within it."""
+    text: str = field(compare=False)
+    """The commented rig.toml that ``bowden init --model`` writes."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Reference, law, and how angles are counted, in words."""
+        low, high = (f"{end / RADIANS:g}" for end in (self.rig.reference.low, self.rig.reference.high))  # type: ignore[attr-defined]
+        within = "within what the log covered"
+        within = within if self.known else "the model does not say what its log covered: check it yourself"
+        said = [f"Reference: {low} to {high}°, {within}", f"Law: {self.rig.law_name}, {self.why}"]
+        if not self.rig.cable.counting.as_recorded:  # type: ignore[union-attr]
+            said.append("Angles are counted otherwise than in the log: see direction and zeros in [cable]")
+        return tuple(said)
+
+    def __repr__(self) -> str:
+        """One screen: reference, law and why, and how angles are counted."""
+        return shown.screen(self._title(), self._rows())
+
+    def _repr_html_(self) -> str:
+        return shown.fragment(self._title(), self._rows())
+
+    def _title(self) -> str:
+        return f"New rig {self.rig.hash}"
+
+    def _rows(self) -> list[tuple[str, str]]:
+        said = [note.partition(": ") for note in self.notes[:2]]
+        counting = self.rig.cable.counting  # type: ignore[union-attr]
+        turned = "against the log's direction, " if counting.direction < 0 else ""
+        zeros = f"{counting.motor_zero / RADIANS:.1f}° of the log's motor and {counting.joint_zero / RADIANS:.1f}°"
+        counted = "" if counting.as_recorded else f"the motor {turned}from {zeros} of its joint"
+        return [*((name.lower(), text) for name, _, text in said), ("counted", counted or "as in the log")]
+
+
+def init(model: GivenModel, **parts: Any) -> NewRig:
+    """Make a rig round an identified cable, as ``bowden init --model`` does.
+
+    A cable whose joint falls as its motor rises, or whose log does not count from where it is just taut, is counted so
+    that both rise together from the lower end of the log's motion. The reference stays within the motion that the log
+    covered, and the limits stand round it. The law is ``bowden`` where a check says that it holds there; else the law
+    that does.
+
+    Args:
+        model: what `identify`, `identify_together` or `recalibrate` returned, its ``best``, or the path of a
+            model.toml.
+        **parts: of the rig that are not as on the paper's bench, as `Rig` takes them, such as ``servo``. The law is
+            chosen for the rig with them.
+
+    Returns:
+        ``rig``, and ``why`` it has its law. ``rig.write("rig.toml")`` writes it with its model.
+
+    Raises:
+        ParameterError: what is no model, a model without what zeros and limits follow from, or a part that is none.
+
+    >>> import numpy as np
+    >>> import bowden
+    >>> time = np.arange(0.0, 20.0, 0.01)
+    >>> motor = 0.5 * np.sin(2.0 * time)
+    >>> made = init(bowden.identify(time, motor, 0.5 - 0.9 * motor))
+    >>> made.rig.law, made.rig.cable.counting.direction
+    ('bowden', -1)
+    """
+    for name in ("cable", "plant", "law", "reference"):
+        if name in parts:
+            raise ParameterError(
+                f"init: {name} is chosen here", expected="other parts of a rig", do=f"init(…).rig.replace({name}=…)"
+            )
+    if isinstance(model, str | Path):
+        cable = load_cable(arguments.path_of(model, "init: model"))
+    else:
+        kinds = (Fit, JointFit, Recalibration, CableModel, IdentifiedCable)
+        if not isinstance(model, kinds):
+            raise ParameterError(
+                f"init: model is {arguments.said(model)}",
+                expected="a model.toml, or what bowden.identify gives",
+                do="identify a log first",
+            )
+        cable = Rig(cable=model).cable  # type: ignore[assignment]  # an identified one, in whatever form it came
+    with given.in_words_of_python():
+        return around(cable, Path("Rig"), "model.toml", parts)
+
+
+def around(cable: IdentifiedCable, path: Path, place: str, parts: dict[str, Any] | None = None) -> NewRig:
+    """A rig round a cable.
+
+    Args:
+        cable: as it was identified.
+        path: of the rig's file, which is not written here; without an ending, no file.
+        place: of the model's file, from the rig's folder.
+        parts: of the rig that are not as on the paper's bench.
+
+    Raises:
+        ParameterError: see `init`.
+    """
+    cable = with_stroke(cable)
+    counted = replace(cable.counted(counting_of(cable)), file=place)
+    name = path.name if path.suffix else "rig.toml"
+    first = model_text(name, place, cable, Chosen(OURS, ""))
+    rig = Rig.of_tree(tomllib.loads(first), path, keep=Rig(cable=counted)).replace(**(parts or {}))
+    law, why = chosen_law(rig)
+    text = model_text(name, place, cable, Chosen(law, why))
+    return NewRig(rig.with_law(law), why, cable.covered is not None, text)

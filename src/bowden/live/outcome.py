@@ -1,0 +1,50 @@
+"""How a run ended, in words: what a session says of itself, and what its end is a warning with."""
+
+from typing import TYPE_CHECKING
+
+from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
+from bowden.live.stops import told_apart
+from bowden.live.summary import STALLED
+from bowden.safety import faults
+from bowden.safety.supervisor import Mode
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
+
+
+_STANDS = {
+    Mode.STOPPED: "the run goes on, with its power off",
+    Mode.PREFLIGHT: "the run goes on, armed",
+    Mode.RUNNING: "the run goes on, under its law",
+    Mode.BRIDGING: "the run goes on, on the last valid target",
+    Mode.RELEASING: "the run goes on, and lets its cable out",
+    Mode.LATCHED: "the run goes on, latched with its power off",
+}
+"""Of a run that goes on."""
+
+
+def outcome(session: "Session") -> str:
+    """How a run ended; of one that goes on, where it stands, and the fault that stopped it if there is one."""
+    if session.ended is None and not session.error:
+        if session.mode is None:
+            return "not begun"
+        by = _faults(session) if session.mode >= Mode.RELEASING else []
+        return f"stopped by a fault: {'; '.join(by)}" if by else _STANDS[session.mode]
+    return "ended as asked" if session.ended_well else f"the run was ended: {'; '.join(why(session))}"
+
+
+def why(session: "Session") -> list[str]:
+    """What ended a run that did not end as asked, the most dangerous first."""
+    ended = session.ended or {}
+    stalled = 1e3 * ended.get("stalled", 0.0)
+    left = TORQUE_LEFT[TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN))]
+    found = [left, STALLED.format(stalled) if stalled else "", *_faults(session), ended.get("reason"), session.error]
+    return [one for one in found if one]
+
+
+def _faults(session: "Session") -> list[str]:
+    """What came first with its remedy, and what followed from it."""
+    came = session.came or dict.fromkeys(faults.of((session.ended or {}).get("faults", 0)), 0.0)
+    causes, consequences = told_apart(came)
+    found = [f"{fault.meaning}; {fault.remedy}" for fault in causes]
+    return found + ([f"as a consequence: {', '.join(fault.meaning for fault in consequences)}"] if consequences else [])
