@@ -218,8 +218,11 @@ def states() -> dict[str, dict[str, Any]]:
     )
     error = idle()
     error["error"] = {"what": "the loop did not start", "expected": "a bus that answers", "do": "look at the bus cable"}
+    unsure = checked()
+    unsure["check"] |= {"name": "not known", "text": "the model has no friction: margins are not known"}
     return {
         "idle": idle(),
+        "unsure": unsure,
         "checking": checking,
         "checked": checked(),
         "refused": checked(False),

@@ -87,6 +87,8 @@ def picture(page: Any, request: pytest.FixtureRequest, name: str) -> None:
     """A picture for docs/console.md, where one is asked for: --pictures FOLDER."""
     folder = request.config.getoption("--pictures")
     if folder:
+        if button(page, "Close").is_visible():
+            button(page, "Close").click()
         page.screenshot(path=str(Path(folder) / f"console_{name}.png"))
 
 
@@ -145,7 +147,6 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
     banner(page, "Stopped", 60.0)
     hold(page)
     page.wait_for_timeout(700)
-    picture(page, request, "preflight")
     banner(page, "Ready", 20.0)
     assert page.locator(".ticks .done").count() == 5
     enabled(page, "Run").click()
@@ -167,7 +168,6 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
     assert "What to do: look" in fault.inner_text()
     page.evaluate("scrollTo(0, 0)")
     page.wait_for_timeout(300)
-    page.get_by_role("button", name="Close").click()
     picture(page, request, "fault")
     button(page, "Mend all").click()
     enabled(page, "Acknowledge fault").click()
@@ -190,7 +190,6 @@ def test_the_whole_path_on_the_twin(page: Any, console: RunningConsole, request:
     button(page, "Replay").click()
     page.wait_for_timeout(3000)
     assert abs(value(page.locator(".replay"), "joint")) < 90.0
-    picture(page, request, "replay")
 
 
 def test_two_runs_are_compared(page: Any, console: RunningConsole, request: pytest.FixtureRequest) -> None:

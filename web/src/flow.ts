@@ -113,7 +113,7 @@ export function flow(link: Link, say: Say): { element: HTMLElement; update: () =
     const armed = mode === "preflight" || mode === "ready" || mode === "running" || mode === "bridging";
     text(next, !controls ? "Take control at the top to use these buttons. Stop needs no control." : live && now.next ? sentence(now.next) : "");
     hidden(next, next.textContent === "");
-    const verdict = state.check === null || state.check.running ? "" : holds ? "The gains hold." : "These gains do not hold. Change them.";
+    const verdict = state.check === null || state.check.running ? "" : holds ? (state.check.name === "holds" ? "The gains hold." : "Read the verdict before you start.") : "These gains do not hold. Change them.";
     show(steps.check, check, controls && idle, idle && !holds, holds || live, phase === "checking" ? "Checking on a model…" : verdict || "Nothing moves.");
     show(steps.start, start, controls && idle && holds, idle && holds, live, phase === "starting" ? "Starting…" : live ? "" : "Starts loop and recorder. Power stays off.");
     const mayArm = controls && mode === "stopped";

@@ -57,7 +57,7 @@ export class Link {
   async stop(): Promise<boolean> {
     const sent = this.send({ stop: true });
     try {
-      await post("/api/request", { request: "stop" });
+      await post("/api/stop", {});
       return true;
     } catch {
       return sent;

@@ -7,7 +7,7 @@ import { openPage } from "./sandbox";
 import type { PathStep } from "./wire";
 
 const STEPS: { name: string; title: string; words: string; moves: boolean }[] = [
-  { name: "measure", title: "Measure", words: "The motor moves by itself and leaves logs of this cable and drive.", moves: true },
+  { name: "measure", title: "Measure", words: "The motor moves through ramps, sines and a chirp. It is armed, run and ended on the page Rig; then the files are written.", moves: true },
   { name: "identify", title: "Identify", words: "A model of the cable is fitted to the logs. Nothing moves.", moves: false },
   { name: "tune", title: "Tune", words: "Gains with margins are found for this model. Nothing moves.", moves: false },
   { name: "run", title: "Run", words: "A law moves the joint. It is armed and run on the page Rig.", moves: true },
@@ -25,7 +25,7 @@ export function path(link: Link, say: Say, toRun: () => void): { element: HTMLEl
       class: "step-button",
       onclick: () => {
         if (step.name === "run") toRun();
-        else void ask(link, "/api/path", { step: step.name }, say);
+        else void ask(link, "/api/path", { step: step.name }, say).then((ok) => ok && step.name === "measure" && toRun());
       },
     }, step.name === "run" ? "Go to the rig" : `Begin: ${step.title.toLowerCase()}`);
     begin.addEventListener("keydown", (event) => event.key === "Enter" && event.repeat && event.preventDefault());

@@ -109,9 +109,12 @@ export function status(link: Link, say: Say): Status {
 
     hidden(check, now === null);
     if (now) {
-      const kind = now.running ? "going" : now.holds ? "holds" : "fails";
+      const sure = now.holds && (now.name === "holds" || now.name === null);
+      const kind = now.running ? "going" : sure ? "holds" : now.holds ? "unsure" : "fails";
       attribute(verdict, "class", `verdict ${kind}`);
-      refill(verdict, kind, () => [icon(now.running ? "dots" : now.holds ? "check" : "cross"), now.running ? "Checking…" : now.holds ? "Holds" : "Does not hold: cannot be armed"]);
+      const picture = { going: "dots", holds: "check", unsure: "warning", fails: "cross" }[kind];
+      const words = { going: "Checking…", holds: "Holds", unsure: `${now.name ?? ""}: may be armed`, fails: "Does not hold: cannot be armed" }[kind];
+      refill(verdict, [kind, words], () => [icon(picture), words]);
       text(checkText, now.text);
       hidden(checkText, now.text === "");
       const rows = now.rows.filter(([name]) => name !== "verdict");

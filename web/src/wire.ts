@@ -34,8 +34,10 @@ export interface Settings {
 
 export interface Check {
   running: boolean;
+  /** Whether these gains may be armed: all but those that do not hold. */
   holds: boolean;
-  name: string;
+  /** The verdict in a word; null where there is nothing to check, as for a measurement. */
+  name: string | null;
   text: string;
   rows: [string, string][];
   of: string;
