@@ -202,7 +202,7 @@ class RunningConsole:
 
 @contextlib.contextmanager
 def running_console(
-    rig: Path, out: Path, *options: str, prelude: str = "", ends: bool = True
+    rig: Path, out: Path, *options: str, prelude: str = "", ends: bool = True, speaks: bool = True
 ) -> Iterator[RunningConsole]:
     """A console of a rig, ended afterwards; it must not have shown a traceback.
 
@@ -212,6 +212,7 @@ def running_console(
         options: of the command.
         prelude: what its process does first.
         ends: whether it still can when it is asked to.
+        speaks: HTTP; it is waited for then.
     """
     command = [*COMMAND[:-1], f"{prelude}\n{COMMAND[-1]}"]
     words = [*command, "console", str(rig), "--no-open", "--out", str(out), *options]
@@ -226,7 +227,8 @@ def running_console(
                 errors.seek(0)
                 raise AssertionError(f"no console: {line}{errors.read()}")
             console = RunningConsole(process, int(found[1]), found[2], out)
-            await_answer(console.port)
+            if speaks:
+                await_answer(console.port)
             yield console
         finally:
             (process.terminate if ends else process.kill)()

@@ -1,8 +1,12 @@
 """Who may ask a console, and what: token, cookie, Host, Origin, sizes, rates, and whatever else comes over a wire."""
 
+import http.client
 import itertools
 import json
+import shutil
 import socket
+import ssl
+import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +25,7 @@ GETS = ("/", "/api/state", "/api/runs", "/api/runs/adaptive-1", "/api/runs/adapt
 UPGRADE = (
     f"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {'x' * 22}==\r\n"
 )
-POSTS = ("control", "settings", "check", "request", "inject", "path")
+POSTS = ("control", "settings", "check", "request", "stop", "inject", "path")
 
 
 @pytest.fixture(scope="module")
@@ -258,6 +262,7 @@ def test_a_flood_is_refused_and_a_stop_is_not(console: RunningConsole) -> None:
     found = [page.get("/api/state")[0] for _ in range(400)]
     assert 429 in found
     assert set(found) <= {200, 429}
+    assert [page.post("/api/stop") for _ in range(50)] == [""] * 50
     page.say('{"stop": true}')
     time.sleep(0.2)
     assert not page.closed.is_set()
@@ -376,3 +381,28 @@ def test_a_bucket_fills_again() -> None:
     assert bucket.take(1.1)
     assert not bucket.take(1.1)
     assert not bucket.take(0.0), "a clock that goes back gives nothing"
+
+
+def test_over_tls_the_cookie_is_for_tls_alone(tmp_path: Path) -> None:
+    """With a certificate of its own, at this computer's own address."""
+    program = shutil.which("openssl") or pytest.skip("openssl, which makes the certificate, is not installed")
+    (tmp_path / "rig.toml").write_text(RIG)
+    key, cert = tmp_path / "rig.key", tmp_path / "rig.pem"
+    words = [program, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", str(key), "-out", str(cert)]
+    named = ["-subj", "/CN=rig", "-addext", "subjectAltName=IP:127.0.0.1"]
+    subprocess.run([*words, *named], check=True, capture_output=True)
+    options = ["--twin", "--tls-cert", str(cert), "--tls-key", str(key)]
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", *options, speaks=False) as console:
+        context = ssl.create_default_context(cafile=str(cert))
+        link = http.client.HTTPSConnection("127.0.0.1", console.port, timeout=30.0, context=context)
+        link.request("GET", f"/?token={console.token}")
+        answer = link.getresponse()
+        answer.read()
+        assert answer.status == 303
+        cookie = answer.getheader("set-cookie", "")
+        assert cookie.endswith("; Secure")
+        link.request("GET", "/api/state", headers={"Cookie": cookie.partition(";")[0]})
+        answer = link.getresponse()
+        assert answer.status == 200
+        assert json.loads(answer.read())["rig"]["drive"] == "twin"
+        link.close()

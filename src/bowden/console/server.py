@@ -80,6 +80,10 @@ def application(console: Console) -> Starlette:
         given = document(await request.body())
         return _json({"answer": await console.request(_tab(request), given.get("request"))})
 
+    async def stop(request: Request) -> Response:
+        document(await request.body())
+        return _json({"answer": await console.stop()})
+
     async def inject(request: Request) -> Response:
         given = document(await request.body())
         console.require_control(_tab(request))
@@ -135,6 +139,7 @@ def application(console: Console) -> Starlette:
             route("/api/settings", settings, "POST"),
             route("/api/check", check, "POST"),
             route("/api/request", ask, "POST"),
+            route("/api/stop", stop, "POST"),
             route("/api/inject", inject, "POST"),
             route("/api/path", path, "POST"),
             route("/api/path/{step}.html", path_page),
@@ -329,6 +334,7 @@ def listening(host: str, port: int) -> socket.socket:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)  # what it accepts has the same
         found.bind((host, port))
+        found.listen(64)  # from here on whoever opens the link waits, and is not refused
     except OSError as error:
         found.close()
         raise DriveError(
@@ -348,6 +354,7 @@ def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None)
     config = uvicorn.Config(
         guard,
         log_config=None,
+        log_level="error",
         access_log=False,
         ws="websockets-sansio",
         ws_max_size=LARGEST_MESSAGE,
