@@ -1,6 +1,8 @@
 """The console's page with an invented server: every state without barriers, keys, holding, control, hostile text."""
 
 import copy
+import time
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -105,6 +107,14 @@ def test_a_state_is_said_in_words_and_shape_too(page: Any) -> None:
     page.locator(".drive", has_text="HARDWARE").wait_for()
 
 
+def comes(page: Any, holds: Callable[[], bool]) -> bool:
+    """Whether it becomes so, on a computer that may be busy."""
+    deadline = time.monotonic() + 8.0
+    while not holds() and time.monotonic() < deadline:
+        page.wait_for_timeout(20)
+    return holds()
+
+
 def asked(server: InventedServer, name: str) -> int:
     if name == "stop":
         return sum(path == "/api/stop" for path, _ in server.asked)
@@ -116,13 +126,12 @@ def test_stop_takes_one_click_or_a_key_from_every_page(page: Any, state: str) ->
     server = opened(page, states()[state])
     page.mouse.move(*(page.locator("#stop").bounding_box()[at] + 20 for at in "xy"))
     page.mouse.down()  # the press is enough
-    page.wait_for_timeout(100)
-    assert (asked(server, "stop"), sum("stop" in said for said in server.said)) == (1, 1)
+    assert comes(page, lambda: (asked(server, "stop"), sum("stop" in said for said in server.said)) == (1, 1))
     page.mouse.up()
-    page.wait_for_timeout(300)
-    for key in ("Space", "Escape"):
+    for number, key in enumerate(("Space", "Escape"), 2):
         page.keyboard.press(key)
-        page.wait_for_timeout(300)
+        assert comes(page, lambda number=number: asked(server, "stop") == number)
+    page.wait_for_timeout(300)
     assert asked(server, "stop") == 3
 
 
@@ -133,8 +142,7 @@ def test_space_types_in_a_text_and_escape_stops_there(page: Any) -> None:
     assert page.input_value("#notes") == "a b"
     assert asked(server, "stop") == 0
     page.keyboard.press("Escape")
-    page.wait_for_timeout(100)
-    assert asked(server, "stop") == 1
+    assert comes(page, lambda: asked(server, "stop") == 1)
 
 
 @pytest.mark.parametrize(("mode", "button"), [("stopped", "Hold to arm"), ("ready", "Run"), ("latched", "Acknowledge")])
@@ -166,8 +174,8 @@ def test_arming_takes_a_whole_second(page: Any, by: str) -> None:
         press(short)
         assert asked(server, "arm") == 0
     page.get_by_text("hold the button for a full second").wait_for()
-    press(1600)
-    assert asked(server, "arm") == 1
+    press(2500)
+    assert comes(page, lambda: asked(server, "arm") == 1)
 
 
 def test_stop_while_the_button_is_held_arms_nothing(page: Any) -> None:
@@ -178,8 +186,8 @@ def test_stop_while_the_button_is_held_arms_nothing(page: Any) -> None:
     page.keyboard.press("Space")
     page.wait_for_timeout(900)
     page.keyboard.up("Enter")
-    page.wait_for_timeout(100)
-    assert (asked(server, "arm"), asked(server, "stop")) == (0, 1)
+    assert comes(page, lambda: asked(server, "stop") == 1)
+    assert asked(server, "arm") == 0
 
 
 def test_gains_that_do_not_hold_cannot_be_started(page: Any) -> None:
@@ -200,7 +208,7 @@ def test_a_viewer_can_only_look_stop_and_take_over_on_purpose(page: Any) -> None
     page.get_by_role("button", name="Take over", exact=True).click()
     assert server.asked == []
     page.get_by_role("button", name="Yes, take over").click()
-    page.wait_for_timeout(100)
+    comes(page, lambda: bool(server.asked))
     assert server.asked == [("/api/control", {"take": True})]
 
 
@@ -216,7 +224,7 @@ def test_only_the_page_in_control_gives_signs_of_life_ten_a_second(page: Any) ->
     page.wait_for_timeout(2000)
     given = lives(server)
     assert given == list(range(1, len(given) + 1))
-    assert 15 <= len(given) <= 22
+    assert 12 <= len(given) <= 24
     server.show(states()["viewer"])
     page.wait_for_timeout(200)
     before = len(lives(server))
@@ -276,16 +284,13 @@ def test_a_report_opens_in_a_frame_without_scripts(page: Any) -> None:
 def test_curves_are_drawn_halted_zoomed_and_chosen(page: Any) -> None:
     server = opened(page, live("running"))
     page.locator(".panel").nth(4).wait_for()
-    page.wait_for_timeout(300)
-    assert page.locator(".panel .value").first.inner_text().endswith("°")
+    assert comes(page, lambda: page.locator(".panel .value").first.inner_text().endswith("°"))
     assert server.view["columns"] == [column["name"] for column in COLUMNS[:8]]
     page.select_option("select[aria-label='Window of time']", "120")
-    page.wait_for_timeout(200)
-    assert server.view["seconds"] == 120
+    assert comes(page, lambda: server.view["seconds"] == 120)
     page.get_by_text("Choose traces").click()
     page.get_by_role("button", name="lateness").press("Enter")
-    page.wait_for_timeout(200)
-    assert "lateness_us" in server.view["columns"]
+    assert comes(page, lambda: "lateness_us" in server.view["columns"])
     page.locator(".plots").focus()
     page.keyboard.press("p")
     page.get_by_text("Curves are halted").wait_for()

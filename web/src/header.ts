@@ -36,25 +36,29 @@ export function header(link: Link, say: (words: string, bad?: boolean) => void):
   const asked = h("span", { class: "asked" }, sure, unsure);
   asked.hidden = true;
 
+  let pressed = false;
   const stopButton = h(
     "button",
     { type: "button", class: "stop", id: "stop", "aria-describedby": "stop-help" },
     h("span", { class: "stop-word" }, "STOP"),
     h("span", { class: "stop-keys" }, "Space or Esc"),
   );
-  let pressed = -1e9;
   function stop(): void {
-    if (performance.now() - pressed < 200) return; // a press is a pointer's going down, and then a click
-    pressed = performance.now();
     say("Stop sent.");
     void link.stop().then((sent) => {
       if (!sent) say("Stop was NOT sent: no connection. Use the hardware emergency stop.", true);
     });
   }
   stopButton.addEventListener("pointerdown", (event) => {
-    if (event.button === 0) stop();
+    if (event.button !== 0) return;
+    pressed = true;
+    stop();
   });
-  stopButton.addEventListener("click", stop);
+  // A click follows the pointer that went down; one without it is a key's, or that of a screen reader.
+  stopButton.addEventListener("click", () => {
+    if (!pressed) stop();
+    pressed = false;
+  });
 
   function ask(yes: boolean): void {
     asked.hidden = !yes;
