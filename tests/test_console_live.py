@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bowden.live.log_facts import NEEDED, facts, lines
 from bowden.live.mcap_read import read
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
@@ -97,6 +98,7 @@ def test_a_whole_run(page: Page, console: RunningConsole) -> None:
     log = ended(page, console)
     about = read(log, ("time",)).settings["about"]
     assert about == {"subject": "P-1", "session": "7", "notes": STRANGE}
+    assert ("subject", "P-1") in lines(facts(read(log, NEEDED)))
 
     (listed,) = page.get_json("/api/runs?search=p-1")
     assert listed["notes"] == STRANGE

@@ -17,7 +17,6 @@ from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, reduced
 from bowden.control import LAWS
 from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import ParameterError, SafetyError
-from bowden.live.log_facts import lines
 from bowden.live.ring import Batch
 from bowden.live.row import AT, description
 from bowden.rig.rig import Rig
@@ -284,14 +283,3 @@ def test_settings_make_the_rig_that_runs() -> None:
     assert chirp["kind"] == "multisine"
     with pytest.raises(ParameterError, match="no setting"):
         made.changed({"out": "/"})
-
-
-def test_who_a_run_was_for_is_among_the_facts_of_its_log() -> None:
-    document: dict[str, Any] = dict.fromkeys(
-        ("begin_s", "law", "rig", "seed", "twin", "lateness_s", "run_time_s", "overruns", "start_utc"), None
-    )
-    document |= {"duration_s": 1.0, "cycles": 1, "missing": 0, "closed": True, "whole": True, "damage": {}}
-    document |= {"software": {}, "stops": [], "events": [], "settings": {"about": {"subject": "P\x1b-1", "notes": "n"}}}
-    found = dict(lines(document))
-    assert found["notes"] == "n"
-    assert "\x1b" not in found["subject"]

@@ -171,6 +171,7 @@ class RunOwner:
         with begin(notes.append) as session:
             self.seen = RunSeen("live", session, notes=(*notes, session.live.losses()))
             self._stop.clear()
+            self._answer_all("the session has only just begun")  # what was asked of the one before
             with keeping(session) as keep, prompt():
                 self._operate(session, keep)
             self.seen = self._look(session, "ending")
