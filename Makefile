@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test computed live long lint types docs notebooks site lock release bench soak walk clean
+.PHONY: help demo test computed live long lint types docs console notebooks site lock release bench soak walk clean
 
 help:
 	@echo "make demo    reproduce the paper's bench and say where the report is"
@@ -15,6 +15,7 @@ help:
 	@echo "make lint    ruff alone"
 	@echo "make types   mypy alone"
 	@echo "make docs    write what is made from the code: docs/rig.md, JSON schemas, tables of safety.md and campaign.md"
+	@echo "make console write the console's page from web/ into the package (needs Node and npm)"
 	@echo "make notebooks   execute docs/notebooks again and keep their outputs"
 	@echo "make site    the documentation as a site in out/site, with search and the Python API; loads nothing from elsewhere"
 	@echo "make lock    which version of every package was tested, with hashes: requirements/ (needs uv)"
@@ -79,6 +80,11 @@ types: .venv/dev
 docs: .venv/dev
 	$(BIN)/python tools/make_docs.py
 
+console:
+	npm --prefix web ci --silent
+	npm --prefix web run --silent types
+	npm --prefix web run --silent build
+
 notebooks: .venv/dev
 	$(BIN)/python tools/make_notebooks.py
 
@@ -107,5 +113,5 @@ walk: .venv/dev
 	$(BIN)/python tools/walk.py --write
 
 clean:
-	rm -rf .venv out build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv out build dist web/node_modules .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

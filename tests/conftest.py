@@ -26,6 +26,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Pictures of the console for docs/console.md."""
+    parser.addoption("--pictures", default="", help="folder for the pictures that tests/browser makes")
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of recordings that lies beside the project, where it is there."""

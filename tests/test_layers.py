@@ -27,6 +27,7 @@ FLOORS = [
     ["live"],
     ["report"],
     ["face"],
+    ["console"],
     ["paper"],
     ["app"],
 ]

@@ -32,6 +32,11 @@ MUST_HAVE = (
     "export/templates/replay.c",
     "export/templates/cortex.c",
     "export/templates/cortex.ld",
+    "console/static/index.html",
+    "console/static/console.js",
+    "console/static/console.css",
+    "console/static/favicon.svg",
+    "console/static/third-party.txt",
 )
 """What is no Python and is needed none the less."""
 SOURCES = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff", "Makefile", "tests/conftest.py")

@@ -4,17 +4,13 @@ import contextlib
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, seconds
 from bowden.app.given_rig import read_given
-from bowden.core.files import whole_files
-
-if TYPE_CHECKING:
-    from bowden.live.session import Session
 
 
 def measure(
@@ -39,6 +35,7 @@ def measure(
     from bowden.face.run import new_log
     from bowden.live.by_hand import require_confirmed
     from bowden.live.live_run import live_run
+    from bowden.live.measured import write_motions
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin
@@ -63,7 +60,7 @@ def measure(
             print(f"bowden: note: {live.losses()}", file=sys.stderr)
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
-    files = _write(session, out) if found["ended_well"] else []
+    files = write_motions(session.live, session.log, out) if found["ended_well"] else []
     if json:
         shown = {name: found[name] for name in _KEYS}
         print_json({**shown, "files": [str(file) for file in files], "seconds": seconds()})
@@ -78,21 +75,6 @@ def measure(
 
 _KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "stops", "preflight", "emergencies", "error")
 """What the JSON document says of the run, in addition to its files."""
-
-
-def _write(session: "Session", folder: Path) -> list[Path]:
-    """The cable's and the servo's part of the excitation as CSV."""
-    import numpy as np
-
-    from bowden.live.mcap_read import read
-    from bowden.live.measured import HEADER, NEEDED, motions
-
-    live = session.live
-    parts = motions(read(session.log, NEEDED), live.table[:, 0], live.servo_from, live.rig.sample_time)
-    with whole_files(folder) as stage:
-        for name, table in parts.items():
-            np.savetxt(stage / name, table, "%.9g", ",", header=HEADER, comments="")
-    return [folder / name for name in parts]
 
 
 COMMANDS = (

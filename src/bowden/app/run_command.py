@@ -1,8 +1,10 @@
 """``bowden run``: a law on a rig's own drive, live, under the supervisor, with every cycle in a log."""
 
+import contextlib
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,6 +12,9 @@ from bowden.app.command import Command
 from bowden.app.console import folder_argument, print_json, seconds
 from bowden.app.given_rig import read_given, shortened
 from bowden.app.next_step import free_name, say_next
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
 
 
 def run(
@@ -30,6 +35,9 @@ def run(
     ] = None,
     attended: Annotated[
         bool, typer.Option("--attended", help="Over ssh: somebody at the rig has the emergency stop in hand.")
+    ] = False,
+    console: Annotated[
+        bool, typer.Option("--console", help="Serve a page as well, on which others look on and may stop the run.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Run a law that fails the check on the rig.")] = False,
     json: Annotated[
@@ -56,7 +64,8 @@ def run(
     ):
         if not json:
             _tell(session.live.losses())
-        operate(session, ending, auto=auto, quiet=json)
+        with _page(session, rig.name, twin=twin, console=console) as stopped:
+            operate(session, ending, auto=auto, quiet=json, stopped=stopped)
     found = document(session)
     if json:
         print_json(found | {"seconds": seconds()})
@@ -65,6 +74,18 @@ def run(
         _say_next(rig, found, law, preset)
     if not found["ended_well"] or found["cycles_logged"] < (found["cycles"] or 0):
         raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _page(session: "Session", name: str, *, twin: bool, console: bool) -> Iterator[Callable[[], bool]]:
+    """Whether a page asks for a stop; none does where no page is served."""
+    if not console:
+        yield lambda: False
+        return
+    from bowden.console.open import beside
+
+    with beside(session, name, twin=twin, notes=[session.live.losses()]) as stopped:
+        yield stopped
 
 
 def _say_next(rig: Path, found: dict[str, Any], law: str | None, preset: str | None) -> None:

@@ -1,7 +1,7 @@
 """`run`: a law live on a rig's drive, or on a twin of it, under the supervisor."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from bowden.face.given import GivenLaw, GivenRig
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
+    from bowden.design.verdict import CheckVerdict
     from bowden.live.session import Session
 
 
@@ -86,9 +87,18 @@ def run(
 
 @contextlib.contextmanager
 def live_session(
-    rig: Rig, name: str, *, twin: bool, out: Path, force: bool, tell: Callable[[str], None]
+    rig: Rig,
+    name: str,
+    *,
+    twin: bool,
+    out: Path,
+    force: bool,
+    tell: Callable[[str], None],
+    measure: bool = False,
+    checked: "CheckVerdict | None" = None,
+    about: Mapping[str, str] | None = None,
 ) -> Iterator["Session"]:
-    """A session of a rig's own law, checked; see `run`.
+    """A session of a rig's own law, checked, or of its excitation; see `run`.
 
     Args:
         rig: with the law and all else that is to run.
@@ -97,8 +107,11 @@ def live_session(
         out: folder for the log.
         force: run a law that does not hold.
         tell: called with each thing that the user should know.
+        measure: move the motor through the excitation, in place of a law; nothing is checked then.
+        checked: what the check says of this rig and its law, where it has been asked already.
+        about: who and what for, for the log; see `Session`.
     """
-    from bowden.design.verdict import verdicts
+    from bowden.design.verdict import CheckVerdict, verdicts
     from bowden.hardware.drives.family import family_of
     from bowden.live.by_hand import require_confirmed
     from bowden.live.emg_process import EmgProcess
@@ -106,13 +119,16 @@ def live_session(
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin
 
-    live = live_run(rig)
+    live = live_run(rig, measure=measure)
     if not twin:  # another run's bus is refused at once; the drive claims it for good
         family_of(rig.drive).claim(rig.drive)()
         require_confirmed(rig)
     with contextlib.ExitStack() as stack:
         emg_process = None if live.emg is None else stack.enter_context(contextlib.closing(EmgProcess(rig)))
-        checked = verdicts(rig, [live.law], name, force=force)[0]
+        if measure:
+            checked = CheckVerdict("holds", "")  # no gains take part
+        elif checked is None:
+            checked = verdicts(rig, [live.law], name, force=force)[0]
         pushing = live.pushing.notes([live.law], force=force) if live.pushing else []
         for note in (*live.notes, *pushing, checked.note):
             if note:
@@ -121,8 +137,9 @@ def live_session(
         if emg_process is not None:
             emg_process.await_ready()  # a stream that cannot be used is refused before anything else is started
         if twin:
-            live = live_run(stack.enter_context(own_twin(rig)), logged=rig)
-        yield stack.enter_context(Session(live, new_log(out, live.law.name), emg_process, remembers=not twin))
+            live = live_run(stack.enter_context(own_twin(rig)), measure=measure, logged=rig)
+        log = new_log(out, "measure" if measure else live.law.name)
+        yield stack.enter_context(Session(live, log, emg_process, remembers=not twin, about=about))
 
 
 def new_log(folder: Path, name: str) -> Path:

@@ -3,12 +3,14 @@
 import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import ParameterError, counted
+from bowden.core.files import printable
+from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import family_named
 from bowden.live import stops
@@ -56,6 +58,34 @@ def facts(found: Recording) -> dict[str, Any]:
 
 
 _ABOUT = ("software", "software_revision", "rig_revision", "python", "host", "system")
+
+
+class Tracking(NamedTuple):
+    """How well the joint followed its reference while a law led; None where none did."""
+
+    rmse: float | None
+    """[rad]"""
+    peak: float | None
+    """[rad]"""
+    seconds: float
+    """For how long [s]."""
+
+
+FOLLOWED = ("source", "joint", "reference")
+"""Columns that `followed` looks at."""
+
+
+def followed(found: Recording) -> Tracking:
+    """How well the joint followed, by a log with the columns of `FOLLOWED`, and ``time``."""
+    if not {*FOLLOWED, "time"} <= {*found.columns} or len(found.rows) < 2:
+        return Tracking(None, None, 0.0)
+    led = found["source"] >= WishSource.LAW_BEGINS
+    error = (found["joint"] - found["reference"])[led]
+    error = error[np.isfinite(error)]
+    if not len(error):
+        return Tracking(None, None, 0.0)
+    step = float(np.nanmedian(np.diff(found["time"])))
+    return Tracking(float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), round(len(error) * step, 3))
 
 
 def _percentiles(found: Recording, column: str) -> dict[str, float] | None:
@@ -117,6 +147,9 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name in ("law", "rig", "seed"):
         if document[name] is not None:
             yield name, str(document[name])
+    about = document["settings"].get("about")
+    for name, text in about.items() if isinstance(about, dict) else ():
+        yield printable(str(name)), printable(str(text))
     if document["twin"] is not None:
         yield "drive", "the command's own twin" if document["twin"] else "on the rig's bus"
     for name, column in (("lateness", "lateness_s"), ("run time", "run_time_s")):

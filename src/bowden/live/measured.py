@@ -1,13 +1,16 @@
 """From the log of `bowden measure` to the motions that cable and servo are identified from."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import SafetyError
+from bowden.core.files import whole_files
 from bowden.cycle.one_cycle import WishSource
-from bowden.live.mcap_read import Recording
+from bowden.live.live_run import Live
+from bowden.live.mcap_read import Recording, read
 from bowden.safety.supervisor import Mode
 
 Array = NDArray[np.float64]
@@ -18,6 +21,25 @@ HEADER = "time_s,command_rad,motor_rad,joint_rad"
 """Columns of what comes out."""
 _MOST_SKIPPED = 1000
 """Deadlines that the last cycle of the motion may have skipped."""
+
+
+def write_motions(live: Live, log: Path, folder: Path) -> list[Path]:
+    """Write the cable's and the servo's part of an excitation as CSV; the files.
+
+    Args:
+        live: the run that moved the motor through it.
+        log: of that run.
+        folder: for the files.
+
+    Raises:
+        SafetyError: the last motion of the run did not come to its end.
+        OutputError: the folder cannot be written.
+    """
+    parts = motions(read(log, NEEDED), live.table[:, 0], live.servo_from, live.rig.sample_time)
+    with whole_files(folder) as stage:
+        for name, table in parts.items():
+            np.savetxt(stage / name, table, "%.9g", ",", header=HEADER, comments="")
+    return [folder / name for name in parts]
 
 
 def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Mapping[str, Array]:

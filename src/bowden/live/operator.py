@@ -111,11 +111,20 @@ def ending_signals() -> Iterator[Ending]:
             signal.signal(number, handler)
 
 
-def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> None:
+def operate(
+    session: "Session", ending: Ending, *, auto: bool, quiet: bool, stopped: Callable[[], bool] = lambda: False
+) -> None:
     """See a run through, until the operator or a signal ends it, or with `auto` the script or a fault does.
 
     The sign of life is given here, between two looks at the keys, and by nobody else: whoever cannot read a key gives
     none. Nothing here waits for the terminal to take what is shown, nor for a disk.
+
+    Args:
+        session: the run.
+        ending: the signals that ask for its end.
+        auto: let the script arm and run it.
+        quiet: show nothing.
+        stopped: whether somebody else has asked for a stop since the last call; never waits.
 
     Raises:
         SafetyError: with `auto`, the supervisor or the preflight did not let it run.
@@ -125,8 +134,8 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
     with (
         _keys() as key,
         _screen(session, auto, quiet) as show,
-        _keeping(session) as keep,
-        _prompt(),
+        keeping(session) as keep,
+        prompt(),
         contextlib.closing(_Ends(session)),
     ):
         steps = automatic(session) if auto else None
@@ -143,6 +152,8 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
                 show(row, answer)
                 if steps is not None and next(steps, None) is None:
                     return
+            if stopped():
+                session.ask(Request.STOP)
             pressed = key()
             if pressed == "q":
                 return
@@ -157,25 +168,35 @@ def operate(session: "Session", ending: Ending, *, auto: bool, quiet: bool) -> N
 
 def ignored(request: Request, row: dict[str, float] | None) -> str:
     """Why a key does nothing in this state; empty where it does something, or nothing is known."""
+    why = why_not(request, row)
+    return f"{_LETTERS[request]} does nothing now: {_NAMED.get(why, why)}" if why else ""
+
+
+def why_not(request: Request, row: dict[str, float] | None) -> str:
+    """Why a request does nothing in this state, in words of no terminal; empty likewise."""
     if row is None or request == Request.STOP:
         return ""
     mode, shown = Mode(int(row["mode"])), faults.of(row["faults"])
-    why = ""
     if request == Request.ACKNOWLEDGE:
-        why = "" if mode == Mode.LATCHED or shown else "there is no fault to acknowledge"
-    elif mode in (Mode.LATCHED, Mode.RELEASING):
-        why = "acknowledge the fault first, with k" if mode == Mode.LATCHED else "the cable is being let out"
-    elif request == Request.ARM:
-        why = "it is armed" if mode != Mode.STOPPED else ", ".join(fault.meaning for fault in shown)
-    elif mode == Mode.STOPPED:
-        why = "it is not armed: press a first"
-    elif mode == Mode.PREFLIGHT and row["preflight"] <= 0.0:
-        why = "the preflight has failed" if row["preflight"] else "the preflight has not ended"
-    return f"{_LETTERS[request]} does nothing now: {why}" if why else ""
+        return "" if mode == Mode.LATCHED or shown else "there is no fault to acknowledge"
+    if mode in (Mode.LATCHED, Mode.RELEASING):
+        return _LATCHED if mode == Mode.LATCHED else "the cable is being let out"
+    if request == Request.ARM:
+        return "it is armed" if mode != Mode.STOPPED else ", ".join(fault.meaning for fault in shown)
+    if mode == Mode.STOPPED:
+        return _NOT_ARMED
+    if mode == Mode.PREFLIGHT and row["preflight"] <= 0.0:
+        return "the preflight has failed" if row["preflight"] else "the preflight has not ended"
+    return ""
+
+
+_LATCHED, _NOT_ARMED = "acknowledge the fault first", "it is not armed: arm it first"
+_NAMED = {_LATCHED: "acknowledge the fault first, with k", _NOT_ARMED: "it is not armed: press a first"}
+"""The same with the keys."""
 
 
 @contextlib.contextmanager
-def _prompt() -> Iterator[None]:
+def prompt() -> Iterator[None]:
     """Have this thread woken before what merely computes, where that is allowed: a busy computer is no operator who is
     gone. Loop, twin and reader of EMG come before it; what is started meanwhile has ordinary priority.
     """
@@ -244,7 +265,7 @@ def _screen(session: "Session", auto: bool, quiet: bool) -> Iterator[Callable[..
 
 
 @contextlib.contextmanager
-def _keeping(session: "Session") -> Iterator[Callable[[dict[str, float]], None]]:
+def keeping(session: "Session") -> Iterator[Callable[[dict[str, float]], None]]:
     """A function that has a row's warmth of the motor kept, by a thread of its own: a disk may be slow."""
 
     def write(rows: Iterator[dict[str, float]]) -> None:

@@ -368,7 +368,16 @@ _POSITIVE = (
     *("sensor_span", "jump", "motor_speed", "joint_speed", "speed_filter", "target_speed", "target_reach"),
     *("acceleration", "servo_frequency", "servo_damping", "tracking", "play", "frozen_travel", "current_peak"),
     *("saturation", "i2t_time", "heartbeat_age", "enable_time", "lateness", "clock_gap", "operator_age"),
-    *("emg_age", "preflight_time", "bridge_time", "release_time", "pay_out", "lowering", "released_current"),
+    *(
+        "console_lease",
+        "emg_age",
+        "preflight_time",
+        "bridge_time",
+        "release_time",
+        "pay_out",
+        "lowering",
+        "released_current",
+    ),
     "released_time",
 )
 

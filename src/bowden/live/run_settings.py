@@ -100,7 +100,10 @@ def _again(kind: Any, settings: Mapping[str, Any], name: str) -> Any:
 
 
 _SINCE = {
-    **{name: Limits._field_defaults[name] for name in ("uses_emg", "emg_age", "loaded", "lowering", "homed")},
+    **{
+        name: Limits._field_defaults[name]
+        for name in ("uses_emg", "emg_age", "loaded", "lowering", "homed", "console_lease")
+    },
     **{"pull_gain": 0.0, "pull_doubt": 0.0, "disable_time": math.inf},
 }
 """Limits that older logs do not have, as they were in force then: not at all."""

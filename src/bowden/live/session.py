@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -71,10 +71,20 @@ class Session:
         log: the file to record to.
         emg_process: of a run by EMG, started and ready; it is closed with the run.
         remembers: whether the motor's warmth is taken from the run before and kept for the next one.
+        about: who and what for: ``subject``, ``session`` and ``notes``, for the log; those that are not empty.
     """
 
-    def __init__(self, live: Live, log: Path, emg_process: EmgProcess | None = None, *, remembers: bool = True) -> None:
+    def __init__(
+        self,
+        live: Live,
+        log: Path,
+        emg_process: EmgProcess | None = None,
+        *,
+        remembers: bool = True,
+        about: Mapping[str, str] | None = None,
+    ) -> None:
         self.live, self.log, self.emg_process, self._remembers = live, log, emg_process, remembers
+        self._about = {name: text for name, text in (about or {}).items() if text}
         self.logs = [log]
         """Files of the run: one more for each time that its recorder had to be started again."""
         self.clock = MonotonicClock()
@@ -118,9 +128,10 @@ class Session:
         live, now = self.live, self.clock.now()
         left_behind.sweep()
         settings = run_settings(live.law, live.limits, live.cycle().filters, live.rig.sample_time)
+        more = {"about": self._about} if self._about else {}
         by_emg, pushed, wall = self.emg_process is not None, live.push() is not None, round(unix_seconds() * SECOND)
         about = description(
-            *(live.law, {**settings, **live.settings(), "twin": self.on_twin}, wall, now),
+            *(live.law, {**settings, **live.settings(), **more, "twin": self.on_twin}, wall, now),
             emg=by_emg,
             pushed=pushed,
             source=live.source(),

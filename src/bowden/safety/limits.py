@@ -134,6 +134,16 @@ class Limits(NamedTuple):
             le=5.0,
         ),
     ] = 0.28
+    console_lease: Annotated[
+        float,
+        Quantity(
+            "age of the last sign of life of the page that controls a run of `bowden console`; beyond it the run is "
+            "stopped, in a controlled release",
+            "s",
+            gt=0.0,
+            le=2.0,
+        ),
+    ] = 0.5
     uses_emg: Annotated[float, Quantity("1 where EMG moves the reference, else 0", key=None)] = 0.0
     emg_age: Annotated[
         float,

@@ -1,0 +1,300 @@
+"""Who may ask: the token, cookies, `Host` and `Origin`, headers of every answer, and limits of size and rate.
+
+It stands before everything else as one ASGI application round another, so that no route can be forgotten.
+"""
+
+import hmac
+import ipaddress
+import json
+import secrets
+from collections.abc import Awaitable, Callable, MutableMapping
+from typing import Any
+from urllib.parse import parse_qs
+
+from bowden.core.errors import BowdenError
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+Application = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+COOKIE = "bowden_console"
+"""Name of the session's cookie."""
+LARGEST_BODY = 16_384
+"""Of a request [bytes]."""
+LARGEST_MESSAGE = 4096
+"""Of a message of a page's WebSocket [bytes]."""
+_MOST_SESSIONS = 64
+"""Browsers at a time; the one that came first gives way."""
+_WILDCARDS = ("0.0.0.0", "::")
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    "frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Of the page: nothing inline, nothing from elsewhere."""
+PAGE_POLICY = (
+    "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'self'"
+)
+"""Of a log's page: no script, an origin of its own, styles and pictures that are in it."""
+_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=()",
+}
+
+
+class Bucket:
+    """How often something may happen: `rate` times a second, and `burst` times at once."""
+
+    def __init__(self, rate: float, burst: float) -> None:
+        self._rate, self._burst, self._left, self._at = rate, burst, burst, 0.0
+
+    def take(self, now: float) -> bool:
+        """Whether it may happen at `now` [s]; if so, it counts."""
+        self._left = min(self._burst, self._left + self._rate * max(0.0, now - self._at))
+        self._at = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+class Refused(BowdenError):
+    """A request that is not granted; with its status.
+
+    Args:
+        status: of HTTP.
+        what: why.
+        expected: what was expected.
+        do: what to do.
+    """
+
+    def __init__(self, status: int, what: str, *, expected: str = "", do: str = "") -> None:
+        super().__init__(what, expected=expected, do=do)
+        self.status = status
+
+
+def said(error: BowdenError) -> dict[str, dict[str, str]]:
+    """An error in its three parts, as every answer that is one has it."""
+    return {"error": {"what": error.what, "expected": error.expected, "do": error.do}}
+
+
+def document(text: bytes | str) -> dict[str, Any]:
+    """The JSON object that a text is.
+
+    Raises:
+        Refused: it is none.
+    """
+    try:
+        found = json.loads(text, parse_constant=_no_constant)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise Refused(400, "the request is no JSON object", expected="an object such as {}", do="reload the page")
+    return found
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(name)
+
+
+class Guard:
+    """All that is checked before a request is looked at.
+
+    Args:
+        inner: the application.
+        names: hosts by which this console is reached; any address as well, where it listens at all of them.
+        port: at which it listens.
+        secure: whether it speaks TLS.
+        clock: seconds that only grow.
+    """
+
+    def __init__(
+        self, inner: Application, names: tuple[str, ...], port: int, *, secure: bool, clock: Callable[[], float]
+    ) -> None:
+        self.token = secrets.token_urlsafe(32)
+        """What the link has."""
+        self._inner, self._clock, self._port, self._secure = inner, clock, port, secure
+        self._names = frozenset(name.lower() for name in names if name not in _WILDCARDS)
+        self._anywhere = not {*names}.isdisjoint(_WILDCARDS)
+        self._sessions: dict[bytes, Bucket] = {}
+        self._strangers = Bucket(10.0, 30.0)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request or connection."""
+        if scope["type"] == "lifespan":
+            await self._inner(scope, receive, send)
+            return
+        try:
+            cookie = self._check(scope)
+            body = await self._body(scope, receive)
+        except Refused as refused:
+            await self._refuse(scope, receive, send, refused)
+            return
+        if cookie:
+            await _answer(send, 303, b"", {"location": "/", "set-cookie": cookie}, "text/plain")
+            return
+        if scope["type"] == "http":
+            await self._inner(scope, _given(body, receive), _with_headers(send))
+        else:
+            await self._inner(scope, receive, send)
+
+    def _check(self, scope: Scope) -> str:
+        """The cookie to be set, for a link with the right token; empty for a request that may pass.
+
+        Raises:
+            Refused: anything else.
+        """
+        headers: dict[str, list[str]] = {}
+        for name, value in scope["headers"]:
+            headers.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+        host = headers.get("host", [])
+        if len(host) != 1 or not self._known(host[0]):
+            raise Refused(421, "this console is not reached by that name", do="open the link that it printed")
+        changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        if changes:
+            origin, wanted = headers.get("origin", []), f"{'https' if self._secure else 'http'}://{host[0]}".lower()
+            if len(origin) != 1 or origin[0].lower() != wanted:
+                raise Refused(
+                    403, "the request comes from another page than the console's", do="open the console's link"
+                )
+        bucket = self._session(headers.get("cookie", []))
+        if bucket is None:
+            return self._stranger(scope)
+        stops = scope.get("path") == "/api/stop"
+        if not stops and not bucket.take(self._clock()):
+            raise Refused(429, "too many requests", expected="at most 40 a second", do="wait a moment")
+        if scope["type"] == "http" and changes:
+            if scope["method"] != "POST":
+                raise Refused(405, "this method is not known here", expected="GET or POST", do="reload the page")
+            kind = headers.get("content-type", [""])[0].partition(";")[0].strip().lower()
+            if kind != "application/json":
+                raise Refused(
+                    415, "the request is no JSON", expected="content-type: application/json", do="reload the page"
+                )
+        return ""
+
+    def _known(self, host: str) -> bool:
+        """Whether a `Host` names this console: a foreign name that leads here is a page that plays with DNS."""
+        name, colon, port = host.rpartition(":")
+        if not colon or host.endswith("]"):
+            name, port = host, "443" if self._secure else "80"
+        name = name.strip("[]").lower()
+        if port != str(self._port):
+            return False
+        if name in self._names:
+            return True
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return self._anywhere
+
+    def _session(self, cookies: list[str]) -> Bucket | None:
+        """The limit of the session that a cookie names; None where there is none."""
+        found = None
+        for part in ";".join(cookies).split(";"):
+            name, _, value = part.strip().partition("=")
+            if name == COOKIE:
+                given = value.encode("latin-1")
+                for known, bucket in self._sessions.items():  # all of them, in a time that says nothing
+                    if hmac.compare_digest(known, given):
+                        found = bucket
+        return found
+
+    def _stranger(self, scope: Scope) -> str:
+        query = parse_qs(scope.get("query_string", b"").decode("latin-1"), max_num_fields=8) if _few(scope) else {}
+        token = query.get("token", [""])[0]
+        if not self._strangers.take(self._clock()):
+            raise Refused(429, "too many requests without a session", do="wait a moment, then open the console's link")
+        opens = scope["type"] == "http" and scope["method"] == "GET" and scope["path"] == "/"
+        if not (opens and hmac.compare_digest(token.encode("latin-1", "replace"), self.token.encode())):
+            raise Refused(
+                401,
+                "this browser has no session with the console",
+                expected="its token",
+                do="open the link that it printed",
+            )
+        value = secrets.token_urlsafe(32)
+        while len(self._sessions) >= _MOST_SESSIONS:
+            self._sessions.pop(next(iter(self._sessions)))
+        self._sessions[value.encode()] = Bucket(40.0, 120.0)
+        return f"{COOKIE}={value}; HttpOnly; SameSite=Strict; Path=/{'; Secure' if self._secure else ''}"
+
+    async def _body(self, scope: Scope, receive: Receive) -> bytes:
+        """The whole body of a request, which is small.
+
+        Raises:
+            Refused: it is not.
+        """
+        if scope["type"] != "http" or scope["method"] != "POST":
+            return b""
+        body = b""
+        while True:
+            message = await receive()
+            if message["type"] != "http.request":
+                raise Refused(400, "the request has no end", do="reload the page")
+            body += message.get("body", b"")
+            if len(body) > LARGEST_BODY:
+                raise Refused(
+                    413, "the request is too large", expected=f"at most {LARGEST_BODY} bytes", do="shorten it"
+                )
+            if not message.get("more_body", False):
+                return body
+
+    async def _refuse(self, scope: Scope, receive: Receive, send: Send, refused: Refused) -> None:
+        content = json.dumps(said(refused)).encode()
+        if scope["type"] == "http":
+            await _answer(send, refused.status, content, {"connection": "close"}, "application/json")
+            return
+        await receive()
+        if "websocket.http.response" not in scope.get("extensions", {}):
+            await send({"type": "websocket.close", "code": 1008})
+            return
+        headers = [(b"content-type", b"application/json"), (b"content-length", str(len(content)).encode())]
+        await send({"type": "websocket.http.response.start", "status": refused.status, "headers": headers})
+        await send({"type": "websocket.http.response.body", "body": content})
+
+
+def _few(scope: Scope) -> bool:
+    return bytes(scope.get("query_string", b"")).count(b"&") < 8
+
+
+def _given(body: bytes, receive: Receive) -> Receive:
+    """The body that was read already, then what comes after it."""
+    waiting = [body]
+
+    async def give() -> Message:
+        if waiting:
+            return {"type": "http.request", "body": waiting.pop(), "more_body": False}
+        return await receive()
+
+    return give
+
+
+def _with_headers(send: Send) -> Send:
+    """Every answer with the headers that protect it."""
+
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            there = {name.lower() for name, _ in message.get("headers", [])}
+            wanted = {"content-security-policy": POLICY, **_HEADERS}
+            more = [(name.encode(), value.encode()) for name, value in wanted.items() if name.encode() not in there]
+            message = {**message, "headers": [*message.get("headers", []), *more]}
+        await send(message)
+
+    return sent
+
+
+async def _answer(send: Send, status: int, content: bytes, headers: dict[str, str], kind: str) -> None:
+    named = {"content-type": kind, "content-length": str(len(content)), **headers}
+    raw = [(name.encode("latin-1"), value.encode("latin-1")) for name, value in named.items()]
+    sent = _with_headers(send)
+    await sent({"type": "http.response.start", "status": status, "headers": raw})
+    await sent({"type": "http.response.body", "body": content})

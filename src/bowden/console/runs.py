@@ -1,0 +1,345 @@
+"""The one run of a console: begun, watched, asked and ended by one thread, which alone gives the loop its sign of life.
+
+Why nothing moves without somebody at the page, whoever of the chain page → server → this thread → loop fails:
+
+- The page is gone, hidden or cut off: no sign of life comes, the lease grows old, and this thread asks for a stop.
+- The server's event loop hangs: signs of life come through it and through nothing else, so the lease grows old as well;
+  this thread does not need the event loop to see that.
+- This thread hangs: it alone beats, in the same round in which it looks at the lease and takes the requests, so the
+  loop's `operator_age` grows, and the loop releases. A thread that holds the interpreter is the same case.
+- A stop that was asked for does not take: after `TAKEN` this thread beats no more while there is power.
+- This process is killed: no beat.
+
+A round takes 25 ms. Requests are handed over in a queue, their answers in futures; what there is to see is one value
+that is replaced whole, so that no reader waits for this thread and it waits for none.
+"""
+
+import contextlib
+import queue
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from bowden.console.lease import Lease
+from bowden.core.clock import SECOND, MonotonicClock
+from bowden.core.errors import BowdenError, SafetyError
+from bowden.core.files import printable
+from bowden.live.operator import STANDS_STILL, keeping, prompt, why_not
+from bowden.live.row import AT
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode, Request
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
+
+ROUND = 0.025
+"""Between two looks at the lease [s]."""
+TAKEN = 0.2
+"""A stop that has not taken the law off the motor after this long is not taken at all [s]."""
+_REMEMBER = 200
+"""Rounds between two times that the motor's warmth is kept."""
+POWERED = frozenset({Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING})
+"""Modes in which somebody has to be at the page; in a release the cable is being let out already."""
+
+Begin = Callable[[Callable[[str], None]], AbstractContextManager["Session"]]
+"""Begins a session, and says meanwhile what its user should know."""
+
+
+@dataclass(frozen=True)
+class RunSeen:
+    """What there is to see of the run; a new one each round."""
+
+    phase: str = "idle"
+    """``idle``, ``starting``, ``live`` or ``ending``."""
+    session: "Session | None" = None
+    """The one that goes on, or else the last one."""
+    row: dict[str, float] | None = None
+    """The newest row."""
+    came: dict[Fault, float] = field(default_factory=dict)
+    """When the faults that are there came [s]."""
+    recorder: int = 0
+    """A `RecorderState`."""
+    logs: tuple[str, ...] = ()
+    """Names of the run's files."""
+    notes: tuple[str, ...] = ()
+    """What the user should know of the run."""
+    lost: str = ""
+    """Why the lease was lost under power; empty where it was not, or a new one was armed with."""
+    error: BowdenError | None = None
+    """Why there is no run, or why it ended without being asked to."""
+
+    @property
+    def mode(self) -> Mode | None:
+        """Of the supervisor; None where there is no row."""
+        return None if self.row is None or self.phase != "live" else Mode(int(self.row["mode"]))
+
+    @property
+    def power(self) -> bool:
+        """Whether the motor has power, or may have."""
+        return self.mode not in (None, Mode.STOPPED, Mode.LATCHED)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A request with the place for its answer: empty, or why it does nothing."""
+
+    tab: str
+    request: Request
+    answer: "Future[str]" = field(default_factory=Future)
+
+
+class RunOwner:
+    """The thread that holds the run.
+
+    Args:
+        lease: who controls.
+        ended: called by this thread with each session that has ended.
+    """
+
+    def __init__(self, lease: Lease, ended: Callable[["Session"], None] = lambda session: None) -> None:
+        self.lease, self.clock = lease, MonotonicClock()
+        self.seen = RunSeen()
+        """What there is to see."""
+        self._ended = ended
+        self._begins: queue.Queue[Begin | None] = queue.Queue()
+        self._asked: queue.SimpleQueue[_Asked | None] = queue.SimpleQueue()
+        self._stop, self._end, self._over = threading.Event(), threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._live, name="run", daemon=True)
+        self._thread.start()
+
+    # by any thread
+
+    def begin(self, begin: Begin) -> None:
+        """Start a session.
+
+        Raises:
+            SafetyError: there is one, or the console ends.
+        """
+        if self.seen.phase != "idle" or not self._begins.empty() or self._over.is_set():
+            raise SafetyError("a session goes on", expected="none", do="end it first")
+        self.seen = RunSeen("starting")
+        self._end.clear()
+        self._begins.put(begin)
+
+    def ask(self, tab: str, request: Request) -> "Future[str]":
+        """Ask for something; the answer is empty, or why it does nothing. A stop needs no lease, and never waits."""
+        asked = _Asked(tab, request)
+        if self.seen.phase != "live":
+            asked.answer.set_result("there is no session: start one first" if request != Request.STOP else "")
+            return asked.answer
+        if request == Request.STOP:
+            self._stop.set()
+        self._asked.put(asked)
+        return asked.answer
+
+    def end(self) -> None:
+        """End the session, in a controlled release."""
+        self._end.set()
+        self._asked.put(None)
+
+    def close(self, patience: float = 30.0) -> None:
+        """End the session and the thread, and wait until both have ended [s]."""
+        self._over.set()
+        self.end()
+        self._begins.put(None)
+        self._thread.join(patience)
+
+    # by its own thread
+
+    def _live(self) -> None:
+        while not self._over.is_set():
+            begin = self._begins.get()
+            if begin is None:
+                return
+            notes: list[str] = []
+            try:
+                self._see_through(begin, notes)
+            except BowdenError as error:
+                self.seen = RunSeen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=error)
+            except Exception as error:  # the page says so; whoever started the console sees what it was
+                print(f"bowden: the run failed: {type(error).__name__}: {printable(str(error))}", file=sys.stderr)
+                failed = SafetyError("the run failed by an error of the console", do="see the terminal that started it")
+                self.seen = RunSeen(session=self.seen.session, row=self.seen.row, came=self.seen.came, error=failed)
+            self._answer_all("the session has ended")
+
+    def _see_through(self, begin: Begin, notes: list[str]) -> None:
+        error: BowdenError | None = None
+        with begin(notes.append) as session:
+            self.seen = RunSeen("live", session, notes=(*notes, session.live.losses()))
+            self._stop.clear()
+            self._answer_all("the session has only just begun")  # what was asked of the one before
+            with keeping(session) as keep, prompt():
+                self._operate(session, keep)
+            self.seen = self._look(session, "ending")
+        if session.error:
+            error = SafetyError(session.error, do="look at the log, then start again")
+        self._ended(session)
+        self.seen = RunSeen(
+            session=session,
+            row=self.seen.row,
+            came=dict(session.came),
+            logs=self.seen.logs,
+            lost=self.seen.lost,
+            error=error,
+        )
+
+    def _operate(self, session: "Session", keep: Callable[[dict[str, float]], None]) -> None:
+        """Round after round, until the end is asked for or the loop's process has ended."""
+        asked_at: int | None = None
+        for count in range(sys.maxsize):
+            if self._end.is_set() or not session.running:
+                return
+            now = self.clock.now()
+            asked_at = self._look_after(session, now, asked_at)
+            if asked_at is None or now - asked_at < TAKEN * SECOND:
+                session.last()  # the sign of life
+                if session.still > STANDS_STILL:
+                    print(f"bowden: note: the loop has not answered for {session.still:.0f} s", file=sys.stderr)
+                    return
+            self.seen = self._look(session, "live")
+            if count % _REMEMBER == _REMEMBER - 1 and self.seen.row is not None:
+                keep(self.seen.row)
+            self._take(session, now + round(ROUND * SECOND))
+
+    def _look_after(self, session: "Session", now: int, asked_at: int | None) -> int | None:
+        """Have the run stopped where somebody asks for it or nobody is there; when that was asked for [ns]."""
+        row = session.rows.last()
+        mode = None if row is None else Mode(int(row[AT["mode"]]))
+        if mode not in POWERED:
+            self._stop.clear()
+            return None
+        if asked_at is None:
+            view = self.lease.look(now)
+            if not self._stop.is_set():
+                if view.fresh:
+                    return None
+                self.seen = self._look(session, "live", lost=_why_lost(view.holder, self.lease.limit))
+                self.lease.drop()
+            self._stop.clear()
+            asked_at = now
+        session.block.ask(int(Request.STOP))  # again each round until it has taken; `ask` of the session would beat
+        return asked_at
+
+    def _take(self, session: "Session", until: int) -> None:
+        """Take requests until the round is over."""
+        while (left := (until - self.clock.now()) / SECOND) > 0.0:
+            try:
+                asked = self._asked.get(timeout=left)
+            except queue.Empty:
+                return
+            if asked is None:
+                return
+            _give(asked, self._granted(session, asked))
+            if asked.request == Request.STOP:
+                return
+
+    def _granted(self, session: "Session", asked: _Asked) -> str:
+        """Hand a request on; why it does nothing where it does nothing."""
+        if asked.request == Request.STOP:
+            session.ask(Request.STOP)
+            return ""
+        view = self.lease.look(self.clock.now())
+        if not view.holder or view.holder != asked.tab:
+            return "this page does not control: take the control first"
+        if not view.fresh:
+            return "no sign of life comes from this page: keep it visible and in the foreground"
+        row = self.seen.row
+        why = why_not(asked.request, row)
+        if not why:
+            session.ask(asked.request)
+            if asked.request == Request.ARM:
+                self.seen = self._look(session, "live", lost="")
+        return why
+
+    def _look(self, session: "Session", phase: str, lost: str | None = None) -> RunSeen:
+        row = session.rows.last()
+        columns = session.rows.description.columns
+        newest = self.seen.row if row is None else dict(zip(columns, row.tolist(), strict=True))
+        return RunSeen(
+            phase,
+            session,
+            newest,
+            dict(session.came),
+            session.recorder,
+            tuple(path.name for path in session.logs),
+            self.seen.notes,
+            self.seen.lost if lost is None else lost,
+        )
+
+    def _answer_all(self, why: str) -> None:
+        with contextlib.suppress(queue.Empty):
+            while True:
+                asked = self._asked.get_nowait()
+                if asked is not None:
+                    _give(asked, why)
+
+
+class TerminalRun:
+    """A run that a terminal operates, with the face of a `RunOwner`: pages look on, and may stop it.
+
+    Args:
+        session: that goes on.
+        notes: what its user was told.
+    """
+
+    def __init__(self, session: "Session", notes: Sequence[str]) -> None:
+        self.clock = MonotonicClock()
+        self._session, self._notes = session, tuple(notes)
+        self._stop = threading.Event()
+
+    @property
+    def seen(self) -> RunSeen:
+        """What there is to see."""
+        session = self._session
+        row = session.rows.last()
+        columns = session.rows.description.columns
+        newest = None if row is None else dict(zip(columns, row.tolist(), strict=True))
+        logs = tuple(path.name for path in session.logs)
+        return RunSeen("live", session, newest, dict(session.came), session.recorder, logs, self._notes)
+
+    def begin(self, begin: Begin) -> None:
+        """Nothing is started here.
+
+        Raises:
+            SafetyError: always.
+        """
+        raise SafetyError(_OF_TERMINAL, do="use its keys")
+
+    def ask(self, tab: str, request: Request) -> "Future[str]":
+        """A stop is handed to the terminal's process; all else is its own."""
+        answer: Future[str] = Future()
+        if request == Request.STOP:
+            self._stop.set()
+        answer.set_result("" if request == Request.STOP else _OF_TERMINAL)
+        return answer
+
+    def stopped(self) -> bool:
+        """Whether a page has asked for a stop since the last call."""
+        there = self._stop.is_set()
+        self._stop.clear()
+        return there
+
+    def end(self) -> None:
+        """The terminal ends its run."""
+
+    def close(self, patience: float = 0.0) -> None:
+        """Nothing is held here."""
+
+
+_OF_TERMINAL = "the terminal controls this run"
+
+
+def _give(asked: _Asked, answer: str) -> None:
+    """Answer, unless whoever asked is gone."""
+    if asked.answer.set_running_or_notify_cancel():
+        asked.answer.set_result(answer)
+
+
+def _why_lost(holder: str, limit: float) -> str:
+    if not holder:
+        return "nobody controlled the run"
+    return f"no sign of life from the page in control for {limit:g} s"

@@ -1,0 +1,384 @@
+"""The routes of a console, and uvicorn that serves them."""
+
+import asyncio
+import contextlib
+import json
+import math
+import signal
+import socket
+import sys
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, PAGE_POLICY, Bucket, Guard, Refused, document, said
+from bowden.console.console import Console, Viewer
+from bowden.console.earlier import KINDS
+from bowden.console.settings import shortly
+from bowden.console.stream import MOST_COLUMNS, PIXELS, SECONDS, Cursor
+from bowden.core.errors import BowdenError, DriveError, ParameterError, SafetyError
+
+TAB = "bowden-tab"
+"""Header that says which page asks."""
+_STATIC = Path(__file__).parent / "static"
+_TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_MOST_VIEWERS = 16
+_SLOW = 1.0
+"""A viewer whose socket takes nothing for this long is dropped [s]."""
+_LOOPS = 0.2
+"""Between two pictures of joint over motor [s]."""
+_BUFFER = 65_536
+"""Of the kernel's for what is sent to one page: a page that does not read is seen within a second [bytes]."""
+_NUMBER = 2**32
+
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+def application(console: Console) -> Starlette:
+    """The routes."""
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        await console.begin()
+        ticking = asyncio.get_running_loop().create_task(console.keep_ticking())
+        try:
+            yield
+        finally:
+            ticking.cancel()
+            await console.close()
+
+    async def state(request: Request) -> Response:
+        return _json(console.for_viewer(_tab(request)))
+
+    async def control(request: Request) -> Response:
+        given = document(await request.body())
+        console.control(_tab(request), given.get("take"))
+        return await news(request)
+
+    async def settings(request: Request) -> Response:
+        given = document(await request.body())
+        console.require_control(_tab(request))
+        await console.change(given)
+        return await news(request)
+
+    async def check(request: Request) -> Response:
+        document(await request.body())
+        console.require_control(_tab(request))
+        await console.begin_check()
+        return await news(request)
+
+    async def ask(request: Request) -> Response:
+        given = document(await request.body())
+        return _json({"answer": await console.request(_tab(request), given.get("request"))})
+
+    async def stop(request: Request) -> Response:
+        document(await request.body())
+        return _json({"answer": await console.stop()})
+
+    async def inject(request: Request) -> Response:
+        given = document(await request.body())
+        console.require_control(_tab(request))
+        await console.inject(given.get("fault"))
+        return _json({"answer": ""})
+
+    async def path(request: Request) -> Response:
+        given = document(await request.body())
+        await console.step(_tab(request), given.get("step"))
+        return await news(request)
+
+    async def path_page(request: Request) -> Response:
+        file = console.path.page(request.path_params["step"])
+        if file is None or not file.is_file():
+            raise Refused(404, "this step has no page", do="do the step first")
+        return FileResponse(file, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
+
+    async def runs(request: Request) -> Response:
+        return _json(await console.earlier.listed(request.query_params.get("search", "")[:200]))
+
+    async def one_run(request: Request) -> Response:
+        return _json(await console.earlier.details(request.path_params["run"]))
+
+    async def download(request: Request) -> Response:
+        run, kind = request.path_params["run"], request.path_params["kind"]
+        file = await console.earlier.download(run, kind)
+        return FileResponse(file, media_type=KINDS[kind], filename=f"{run}.{kind}")
+
+    async def run_page(request: Request) -> Response:
+        file = await console.earlier.page(request.path_params["run"])
+        return FileResponse(file, media_type="text/html", headers={"content-security-policy": PAGE_POLICY})
+
+    async def curves(request: Request) -> Response:
+        frame = await console.earlier.curves(request.path_params["run"], dict(request.query_params))
+        return Response(frame, media_type="application/octet-stream")
+
+    async def news(request: Request) -> Response:
+        console.renew()
+        return _json(console.for_viewer(_tab(request)))
+
+    async def stream(socket_: WebSocket) -> None:
+        await _stream(console, socket_)
+
+    def route(path: str, handler: Handler, method: str = "GET") -> Route:
+        return Route(path, _explained(handler), methods=[method])
+
+    return Starlette(
+        routes=[
+            route("/", _page),
+            route("/static/{name}", _file),
+            route("/api/state", state),
+            route("/api/control", control, "POST"),
+            route("/api/settings", settings, "POST"),
+            route("/api/check", check, "POST"),
+            route("/api/request", ask, "POST"),
+            route("/api/stop", stop, "POST"),
+            route("/api/inject", inject, "POST"),
+            route("/api/path", path, "POST"),
+            route("/api/path/{step}.html", path_page),
+            route("/api/runs", runs),
+            route("/api/runs/{run}", one_run),
+            route("/api/runs/{run}/log.{kind}", download),
+            route("/api/runs/{run}/page.html", run_page),
+            route("/api/runs/{run}/curves", curves),
+            WebSocketRoute("/stream", stream),
+        ],
+        lifespan=lifespan,
+        exception_handlers={404: _unknown, 405: _unknown, 500: _failed},
+    )
+
+
+def _tab(request: Request) -> str:
+    return request.headers.get(TAB, "")[:64]
+
+
+def _json(value: Any, status: int = 200) -> Response:
+    return JSONResponse(value, status)
+
+
+def _explained(handler: Handler) -> Handler:
+    """An error as JSON in its three parts, never a traceback."""
+
+    async def explained(request: Request) -> Response:
+        try:
+            return await handler(request)
+        except Refused as error:
+            return _json(said(error), error.status)
+        except SafetyError as error:
+            return _json(said(error), 409)
+        except BowdenError as error:
+            return _json(said(error), 400)
+
+    return explained
+
+
+async def _unknown(request: Request, error: Exception) -> Response:
+    return _json(said(Refused(404, "there is nothing under this address", do="open the console's page")), 404)
+
+
+async def _failed(request: Request, error: Exception) -> Response:
+    return _json(said(Refused(500, "the console failed to answer", do="see the terminal that started it")), 500)
+
+
+async def _page(request: Request) -> Response:
+    return _static("index.html")
+
+
+async def _file(request: Request) -> Response:
+    return _static(request.path_params["name"])
+
+
+def _static(name: str) -> Response:
+    """A file of the page; none but those that are there, by their names."""
+    there = {one.name: one for one in _STATIC.iterdir()} if _STATIC.is_dir() else {}
+    if name not in there or there[name].suffix not in _TYPES:
+        raise Refused(404, "there is nothing under this address", do="open the console's page")
+    return Response(there[name].read_bytes(), media_type=_TYPES[there[name].suffix])
+
+
+async def _stream(console: Console, page: WebSocket) -> None:
+    """One page's connection: what it says is taken in one task, what it sees is sent by another."""
+    if len(console.viewers) >= _MOST_VIEWERS:
+        full = Refused(503, "too many pages look on", expected=f"at most {_MOST_VIEWERS}", do="close one of them")
+        await page.send_denial_response(_json(said(full), 503))
+        return
+    await page.accept()
+    viewer = Viewer()
+    console.see(viewer)
+    sending = asyncio.create_task(_send(console, viewer, page))
+    taking = asyncio.create_task(_take(console, viewer, page))
+    try:
+        await asyncio.wait({sending, taking}, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        console.leave(viewer)
+        for task in (sending, taking):
+            task.cancel()
+        found = await asyncio.gather(sending, taking, return_exceptions=True)
+        for one in found:
+            if isinstance(one, Exception) and not isinstance(one, WebSocketDisconnect | TimeoutError | RuntimeError):
+                print(f"bowden: note: a page was dropped: {type(one).__name__}", file=sys.stderr)
+        with contextlib.suppress(Exception):
+            await asyncio.wait_for(page.close(1008), _SLOW)
+
+
+async def _take(console: Console, viewer: Viewer, page: WebSocket) -> None:
+    """What a page says, until it says something that it never would."""
+    bucket = Bucket(60.0, 120.0)
+    while True:
+        message = await page.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        text = message.get("text")
+        if text is None or len(text) > LARGEST_MESSAGE:
+            return
+        try:
+            given = document(text)
+            if given.get("stop") is True:
+                await console.stop()
+            elif not bucket.take(time.monotonic()):
+                return
+            else:
+                _understood(console, viewer, given)
+        except BowdenError:
+            return
+
+
+def _understood(console: Console, viewer: Viewer, given: dict[str, Any]) -> None:
+    """A sign of life, or a view.
+
+    Raises:
+        ParameterError: neither.
+    """
+    if "life" in given:
+        count = given["life"]
+        if isinstance(count, bool) or not isinstance(count, int):
+            raise ParameterError("no sign of life")
+        console.lease.sign(viewer.tab, count, console.owner.clock.now())
+        return
+    view = given.get("view")
+    if not isinstance(view, dict):
+        raise ParameterError("no message that is known")
+    columns, number = view.get("columns"), view.get("number", 0)
+    if not isinstance(columns, list) or len(columns) > MOST_COLUMNS or not all(isinstance(one, str) for one in columns):
+        raise ParameterError("no columns")
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < _NUMBER:
+        raise ParameterError("no number")
+    seconds, pixels = _within(view.get("seconds"), SECONDS), _within(view.get("pixels"), PIXELS)
+    viewer.asked = (columns, seconds, round(pixels), view.get("xy") is True, number)
+
+
+def _within(value: Any, ends: tuple[float, float]) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ParameterError(f"{shortly(value)} is no number")
+    return min(max(float(value), ends[0]), ends[1])
+
+
+async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
+    """States and frames, each as it is when the one before is on its way; a page that takes none is dropped."""
+
+    async def text(value: Any) -> None:
+        await asyncio.wait_for(page.send_text(json.dumps(value, separators=(",", ":"))), _SLOW)
+
+    await text({"tab": viewer.tab})
+    told, watch, asked = -1, None, None
+    controls = None
+    cursor: Cursor | None = None
+    while True:
+        ticked = console.ticked
+        number, _ = console.said
+        holds = console.lease.look(console.owner.clock.now()).holder == viewer.tab
+        if number != told or holds != controls:
+            told, controls = number, holds
+            await text({"state": console.for_viewer(viewer.tab)})
+        if console.watch is not watch or viewer.asked is not asked:
+            watch, asked, cursor = console.watch, viewer.asked, None
+        if watch is not None and asked is not None:
+            if cursor is None:
+                columns, seconds, pixels, loop, view = asked
+                cursor = Cursor(watch.view(columns, seconds, pixels, loop=loop), view)
+            for frame in (watch.frame(cursor), watch.loop_frame(cursor, _LOOPS)):
+                if frame is not None:
+                    await asyncio.wait_for(page.send_bytes(frame), _SLOW)
+        await ticked.wait()
+
+
+class _Server(uvicorn.Server):
+    """Asks for the end of the run before anything else, when a signal comes."""
+
+    def __init__(self, config: uvicorn.Config, console: Console) -> None:
+        super().__init__(config)
+        self._console = console
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """A signal."""
+        self._console.owner.end()
+        super().handle_exit(sig, frame)
+
+
+def listening(host: str, port: int) -> socket.socket:
+    """A socket that listens there; 0 for a free port.
+
+    Raises:
+        DriveError: it cannot.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    found = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)  # what it accepts has the same
+        found.bind((host, port))
+        found.listen(64)  # from here on whoever opens the link waits, and is not refused
+    except OSError as error:
+        found.close()
+        raise DriveError(
+            f"cannot listen at {host}, port {port}: {error.strerror}", do="choose another --port"
+        ) from error
+    return found
+
+
+def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None) -> uvicorn.Server:
+    """Who serves a console.
+
+    Args:
+        console: of a rig.
+        guard: round its application.
+        tls: certificate and key.
+    """
+    config = uvicorn.Config(
+        guard,
+        log_config=None,
+        log_level="error",
+        access_log=False,
+        ws="websockets-sansio",
+        ws_max_size=LARGEST_MESSAGE,
+        ws_per_message_deflate=False,
+        ws_ping_interval=2.0,
+        ws_ping_timeout=2.0,
+        h11_max_incomplete_event_size=LARGEST_BODY,
+        http="h11",
+        limit_concurrency=128,
+        timeout_keep_alive=15,
+        timeout_graceful_shutdown=3,
+        server_header=False,
+        date_header=False,
+        lifespan="on",
+        ssl_certfile=None if tls is None else str(tls[0]),
+        ssl_keyfile=None if tls is None else str(tls[1]),
+    )
+    return _Server(config, console)
+
+
+def serve(made: uvicorn.Server, at: socket.socket) -> None:
+    """Serve until a signal ends it; comes back when the run has been ended."""
+    before = signal.signal(signal.SIGHUP, made.handle_exit)
+    try:
+        made.run(sockets=[at])
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -1,0 +1,237 @@
+"""What is set before a run: law, gains, reference, duration, and who it is for; and the rig that this makes."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+from bowden.control import LAWS, Law
+from bowden.core.arguments import said
+from bowden.core.errors import ParameterError, near
+from bowden.core.nested import said_at
+from bowden.core.quantity import Quantity, declared, meanings
+from bowden.rig.rig import Rig
+from bowden.rig.sections import REFERENCES
+
+LONGEST = {"subject": 80, "session": 80, "notes": 2000}
+"""Texts that go into the log → characters that they may have."""
+_UNIT = re.compile(r"\[([^\]]+)\][.;, ]*$")
+_MOST_GAINS = 64
+_DEEP = 3
+_RECORDED = "recorded"
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """All that is set; `changed` makes another one."""
+
+    base: Rig
+    """What the settings begin with: the rig of the file, or that of the guided path."""
+    law: str = ""
+    """Its name; empty for the rig's own."""
+    preset: str | None = None
+    gains: Mapping[str, float] = field(default_factory=dict)
+    """Those that differ from what rig and preset give."""
+    reference: Mapping[str, Any] = field(default_factory=dict)
+    """Section of a rig.toml; empty for the rig's own."""
+    duration: float = math.nan
+    """NaN for the rig's own [s]."""
+    about: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(LONGEST, ""))
+    """`subject`, `session` and `notes`, for the log."""
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The rig that runs.
+
+        Raises:
+            ParameterError: settings that it cannot have.
+        """
+        rig = self.base
+        if self.law and self.law != rig.law_name:
+            rig = rig.with_law(self.law, self.preset)
+        elif self.preset != rig.preset:
+            rig = rig.replace(preset=self.preset, gains={})
+        if self.gains:
+            rig = rig.replace(gains={**rig.gains, **self.gains})
+        if self.reference:
+            rig = _with_reference(rig, self.reference)
+        return rig if math.isnan(self.duration) else rig.replace(duration=self.duration)
+
+    @cached_property
+    def fitted(self) -> Law:
+        """The law with the gains that run."""
+        return self.rig.fitted()
+
+    @property
+    def laws(self) -> list[str]:
+        """Names of the laws on offer: those of the package, and the rig's own."""
+        return sorted({*LAWS, self.base.law_name})
+
+    def changed(self, given: Mapping[str, Any]) -> "RunSettings":
+        """The settings with what a page gives; each change is tried, so that none is there that cannot be.
+
+        Raises:
+            ParameterError: a name that is none, or a value that cannot be.
+        """
+        known = ("law", "preset", "gains", "reference", "duration", *LONGEST)
+        for name in given:
+            if name not in known:
+                raise ParameterError(
+                    f"there is no setting {shortly(name)}", expected=near(name, known), do="reload the page"
+                )
+        made = self
+        if "law" in given and given["law"] != (made.law or made.base.law_name):
+            law = _one_of(given["law"], self.laws, "law")
+            preset = made.base.preset if law == made.base.law_name else None
+            made = replace(made, law=law, preset=preset, gains={})
+        if "preset" in given and given["preset"] != made.preset:
+            preset = given["preset"]
+            if preset is not None:
+                preset = _one_of(preset, made.rig.loaded_law.presets, "preset")
+            made = replace(made, preset=preset, gains={})
+        if "gains" in given:
+            made = replace(made, gains={**made.gains, **_gains(given["gains"], made.rig.loaded_law)})
+        if "reference" in given:
+            section = _section(given["reference"])
+            same = section.get("kind", made.reference.get("kind")) == made.reference.get("kind")
+            made = replace(made, reference={**made.reference, **section} if same else section)
+        if "duration" in given:
+            made = replace(made, duration=_number(given["duration"], "duration"))
+        for name, most in LONGEST.items():
+            if name in given:
+                made = replace(made, about={**made.about, name: _text(given[name], name, most)})
+        if made is not self:
+            _ = made.fitted
+        return made
+
+    def document(self, *, locked: bool) -> dict[str, Any]:
+        """As the page shows it.
+
+        Args:
+            locked: whether a session goes on that has these settings.
+        """
+        law = self.fitted
+        return {
+            "law": self.law or self.base.law_name,
+            "laws": titled(self.laws),
+            "preset": self.rig.preset,
+            "presets": titled(law.presets),
+            "gains": {name: gain_of(law, name) for name in law.choices[:_MOST_GAINS]},
+            "reference": reference_of(self.rig),
+            "duration": self.rig.duration,
+            **self.about,
+            "locked": locked,
+        }
+
+
+def gain_of(law: Law, name: str) -> dict[str, Any]:
+    """A gain as the page shows it; a limit that there is not is None."""
+    low, high = law.limits.get(name, (-math.inf, math.inf))
+    words = said_at(law.gains, tuple(name.split(".")), meanings)
+    found = _UNIT.search(words)
+    meaning, unit = (words[: found.start()].rstrip(" .,"), found[1]) if found else (words.rstrip("."), "")
+    value = law.numbers[name]
+    return {
+        "value": value if math.isfinite(value) else None,
+        "low": low if math.isfinite(low) else None,
+        "high": high if math.isfinite(high) else None,
+        "unit": unit,
+        "meaning": meaning,
+        "live": False,
+    }
+
+
+def reference_of(rig: Rig) -> dict[str, Any]:
+    """The reference as the section of a rig.toml has it: its kind, the kinds that there are, and its fields.
+
+    Of a recorded motion, and of one that a file has no words for, no field can be set.
+    """
+    kinds = [name for name in REFERENCES if name != _RECORDED]
+    try:
+        section = rig.tree().get("reference", {})
+    except ParameterError:
+        section = {}
+    kind = section.get("kind", type(rig.reference).__name__)
+    if kind not in kinds:
+        return {"kind": kind, "kinds": [kind, *kinds], "fields": {}}
+    named = {one.quantity.named(one.name): one.quantity for one in declared(REFERENCES[kind].kind)}
+    fields = {key: _field(one, section.get(key)) for key, one in named.items()}
+    return {"kind": kind, "kinds": kinds, "fields": fields}
+
+
+def _field(quantity: Quantity, value: Any) -> dict[str, Any]:
+    """A field as the page shows it."""
+    low = quantity.ge if quantity.ge is not None else quantity.gt
+    high = quantity.le if quantity.le is not None else quantity.lt
+    return {"value": value, "low": low, "high": high, "unit": quantity.file_unit, "meaning": quantity.meaning}
+
+
+def titled(names: "Iterable[str]") -> list[dict[str, str]]:
+    """Names with a title for each."""
+    return [{"name": name, "title": name.replace("_", " ")} for name in names]
+
+
+def shortly(value: Any) -> str:
+    """A value from the wire, short enough for a message."""
+    words = said(value)
+    return words if len(words) <= 60 else f"{words[:59]}…"
+
+
+def _one_of(value: Any, known: "Mapping[str, Any] | list[str]", what: str) -> str:
+    if not isinstance(value, str) or value not in known:
+        names = ", ".join(known) or "none"
+        raise ParameterError(f"{what} is {shortly(value)}", expected=f"one of {names}", do="choose another one")
+    return value
+
+
+def _number(value: Any, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ParameterError(f"{what} is {shortly(value)}", expected="a number", do="correct it")
+    return float(value)
+
+
+def _text(value: Any, what: str, most: int) -> str:
+    if not isinstance(value, str) or len(value) > most:
+        raise ParameterError(
+            f"{what} is {shortly(value)}", expected=f"a text of at most {most} characters", do="shorten it"
+        )
+    return "".join(one for one in value if one.isprintable() or one == "\n")
+
+
+def _gains(given: Any, law: Law) -> dict[str, float]:
+    if not isinstance(given, Mapping):
+        raise ParameterError(f"gains is {shortly(given)}", expected="an object of gains and numbers", do="correct it")
+    return {_one_of(name, law.choices, "a gain"): _number(value, f"gain {name}") for name, value in given.items()}
+
+
+def _section(given: Any) -> dict[str, Any]:
+    """A reference from the wire: numbers, lists of numbers and a kind, and no file."""
+    if not isinstance(given, Mapping) or given.get("kind") == _RECORDED or not _plain(given, _DEEP):
+        raise ParameterError(
+            f"reference is {shortly(given)}",
+            expected="the section [reference] of a rig.toml, without a file",
+            do="correct it",
+        )
+    return dict(given)
+
+
+def _plain(value: Any, deep: int) -> bool:
+    """Whether a value is made of numbers, of lists of them, and of names under `kind` alone."""
+    if isinstance(value, Mapping):
+        return deep > 0 and all(
+            isinstance(name, str) and (isinstance(one, str) if name == "kind" else _plain(one, deep - 1))
+            for name, one in value.items()
+        )
+    if isinstance(value, list):
+        return deep > 0 and len(value) <= 200 and all(_plain(one, deep - 1) for one in value)
+    return isinstance(value, int | float | bool)
+
+
+def _with_reference(rig: Rig, section: Mapping[str, Any]) -> Rig:
+    """The rig with another reference; all else stays as it is in this process."""
+    from pathlib import Path
+
+    tree = {"reference": dict(section)}
+    return rig.replace(reference=Rig.of_tree(tree, Path(rig.origin)).reference)

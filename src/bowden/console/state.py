@@ -1,0 +1,198 @@
+"""What the page shows, as one JSON document: from what the run's thread has seen, and from its rows. Pure."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bowden.console.runs import RunSeen
+from bowden.console.stream import Watch
+from bowden.core.errors import BowdenError
+from bowden.core.signals import DriveState
+from bowden.hardware.drives.family import family_of
+from bowden.hardware.twin.injection import KINDS, SIDES
+from bowden.live.preflight import REASONS, Reason
+from bowden.live.ring_status import RecorderState
+from bowden.live.stops import told_apart
+from bowden.rig.rig import Rig
+from bowden.safety import faults
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode
+
+if TYPE_CHECKING:
+    from bowden.live.session import Session
+
+PREFLIGHT = (
+    ("the drive enables", frozenset({Reason.NOT_ENABLED})),
+    ("both angles are there and at rest", frozenset({Reason.SENSORS, Reason.RESTLESS})),
+    ("the motor makes a small motion", frozenset({Reason.MOTOR_STILL, Reason.MOTOR_WRONG_WAY})),
+    ("the joint follows it", frozenset({Reason.JOINT_STILL, Reason.JOINT_WRONG_WAY})),
+    (
+        "the current answers and pulls the right way",
+        frozenset({Reason.CURRENT_STILL, Reason.SLACK_WRONG_WAY}),
+    ),
+)
+"""What the preflight looks at in its order, and what it fails by."""
+_MOST_ESTIMATES = 12
+_MOST_EVENTS = 100
+_NEXT = {
+    Mode.STOPPED: "arm: the motor gets power and makes a small motion",
+    Mode.PREFLIGHT: "wait for the preflight, then run",
+    Mode.RUNNING: "stop ends it in a controlled release",
+    Mode.BRIDGING: "stop ends it in a controlled release",
+    Mode.RELEASING: "the cable is being let out",
+    Mode.LATCHED: "correct the cause, then acknowledge",
+}
+
+
+def finite(value: Any) -> Any:
+    """A value for JSON: None in place of a number that JSON does not have."""
+    if isinstance(value, Mapping):
+        return {key: finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def error_of(error: BowdenError | None) -> dict[str, str] | None:
+    """An error in its three parts."""
+    return None if error is None else {"what": error.what, "expected": error.expected, "do": error.do}
+
+
+def rig_of(rig: Rig, name: str, *, twin: bool) -> dict[str, Any]:
+    """Which rig it is, and whether it is a twin or moves something."""
+    simulated = twin or family_of(rig.drive).simulated(rig.drive)
+    where = "of this console's own" if twin else str(getattr(rig.drive, "channel", ""))
+    return {
+        **{"name": name, "hash": rig.hash, "drive": "twin" if simulated else "hardware", "bus": where},
+        "faults": list(injected_faults()) if twin else [],
+    }
+
+
+def injected_faults() -> Iterator[dict[str, str]]:
+    """What a twin can be given: the name that injects it, and what it is."""
+    for name, kind in KINDS.items():
+        for side in SIDES if kind.side else ("",):
+            yield {"name": f"{name} {side}".strip(), "title": f"{kind.meaning}{f' ({side})' if side else ''}"}
+
+
+def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
+    """The run; None where there is none.
+
+    Args:
+        seen: by the thread that holds it.
+        watch: of its rows; None where nothing was read yet.
+    """
+    session, row = seen.session, seen.row
+    if session is None or row is None or watch is None or watch.begin is None:
+        return None
+    mode = Mode(int(row["mode"]))
+    shown = faults.of(row["faults"])
+    causes, consequences = told_apart({fault: seen.came.get(fault, row["time"]) for fault in shown})
+    listed = [fault_of(fault, seen.came.get(fault, row["time"]) - watch.begin) for fault in (*causes, *consequences)]
+    live = seen.phase == "live"
+    return {
+        "mode": "ready" if mode == Mode.PREFLIGHT and row["preflight"] > 0.0 else mode.name.lower(),
+        "power": live and mode not in (Mode.STOPPED, Mode.LATCHED),
+        "began_latched": session.began_latched,
+        "preflight": preflight_of(row, moves=watch.preflight_moves),
+        "preflight_reason": REASONS[Reason(int(row["preflight_reason"]))],
+        **times_of(session, watch, mode),
+        "first_fault": listed[0] if listed else None,
+        "consequences": listed[1:],
+        "drive_said": drive_said(session, shown),
+        "events": [{"at": round(one.time - watch.begin, 3), "text": one.text} for one in watch.events[-_MOST_EVENTS:]],
+        "next": next_of(mode, row["preflight"], shown) if live else "",
+        "lost": seen.lost,
+        "notes": list(seen.notes),
+        "log": session.log.stem,
+        "logs": list(seen.logs),
+        "ended": None if live else ended_of(session),
+        "columns": [column.document() for column in watch.columns],
+        "estimates": dict(
+            [(name[4:], value) for name, value in row.items() if name.startswith("law.")][:_MOST_ESTIMATES]
+        ),
+        "lateness": {
+            "median_us": float(1e6 * np.median(watch.late)) if len(watch.late) else None,
+            "most_us": 1e6 * watch.latest,
+            "overruns": watch.overruns,
+        },
+        "recorder": RecorderState(seen.recorder).name.lower(),
+    }
+
+
+VOLATILE = ("elapsed", "remaining", "lateness", "estimates")
+"""Of a run: what changes from moment to moment, and is no news by itself."""
+
+
+def fault_of(fault: Fault, at: float) -> dict[str, Any]:
+    """A fault: since when, what it means and what to do."""
+    return {"name": fault.name.lower(), "at": round(at, 3), "meaning": fault.meaning, "remedy": fault.remedy}
+
+
+def times_of(session: "Session", watch: Watch, mode: Mode) -> dict[str, float | None]:
+    """How long the law or the motion has led, and what is left of the whole [s]; None where nothing was begun."""
+    if math.isnan(watch.running_since):
+        return {"elapsed": None, "remaining": None}
+    whole = len(session.live.table) * session.live.rig.sample_time
+    until = watch.now if math.isnan(watch.led_until) else watch.led_until
+    led = 0.0 if math.isnan(watch.led_since) else max(0.0, until - watch.led_since)
+    left = max(0.0, whole - led) if mode in (Mode.RUNNING, Mode.BRIDGING) else None
+    return {"elapsed": round(led, 2), "remaining": None if left is None else round(left, 2)}
+
+
+def preflight_of(row: Mapping[str, float], *, moves: bool) -> list[dict[str, str]]:
+    """What the preflight has done, as far as a row shows it: the drive's state, its motion and its outcome.
+
+    Before arming all of it waits. A motion of the motor shows motor, joint and current at once, and they are judged
+    together at its end.
+    """
+    mode, outcome, reason = Mode(int(row["mode"])), row["preflight"], Reason(int(row["preflight_reason"]))
+    failed = next((i for i, item in enumerate(PREFLIGHT) if reason in item[1]), None)
+    if failed is not None:
+        states = ["done"] * failed + ["failed"] + ["waiting"] * (len(PREFLIGHT) - failed - 1)
+    elif outcome > 0.0 and mode in (Mode.PREFLIGHT, Mode.RUNNING, Mode.BRIDGING):
+        states = ["done"] * len(PREFLIGHT)
+    elif mode != Mode.PREFLIGHT:
+        states = ["waiting"] * len(PREFLIGHT)
+    elif row["drive_state"] != DriveState.OPERATION_ENABLED:
+        states = ["going"] + ["waiting"] * (len(PREFLIGHT) - 1)
+    elif not moves:
+        states = ["done", "going"] + ["waiting"] * (len(PREFLIGHT) - 2)
+    else:
+        states = ["done", "done"] + ["going"] * (len(PREFLIGHT) - 2)
+    said = REASONS[reason]
+    return [
+        {"name": title, "state": state, "said": said if state == "failed" else ""}
+        for (title, _), state in zip(PREFLIGHT, states, strict=True)
+    ]
+
+
+def drive_said(session: "Session", shown: list[Fault]) -> str:
+    """What the drive says itself, where it is the one in fault."""
+    if {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):
+        return ""
+    explain = family_of(session.live.rig.drive).explain
+    return str(explain(session.emergency) if session.emergency else session.ready["drive"])
+
+
+def next_of(mode: Mode, preflight: float, shown: list[Fault]) -> str:
+    """What may be done now."""
+    if mode == Mode.STOPPED and Fault.DRIVE_FAULT in shown:
+        return "correct the cause, then acknowledge: that resets the drive"
+    if mode == Mode.STOPPED and shown:
+        return f"cannot be armed: {shown[0].meaning}; {shown[0].remedy}"
+    if mode == Mode.PREFLIGHT and preflight:
+        return "the preflight has passed: run" if preflight > 0.0 else "the preflight has failed"
+    return _NEXT[mode]
+
+
+def ended_of(session: "Session") -> dict[str, Any] | None:
+    """How the session ended; None while it has not."""
+    ended = session.ended
+    if ended is None and not session.error:
+        return None
+    mode = None if ended is None else Mode(int(ended["mode"])).name.lower()
+    well = mode == "stopped" and not session.error and not (ended or {}).get("torque")
+    return {"well": well, "mode": mode, "reason": (ended or {}).get("reason", ""), "error": session.error}

@@ -1,0 +1,327 @@
+"""A console with a real run on a twin: who may stop it, what a lost sign of life does and how soon, and its end."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowden.live.log_facts import NEEDED, facts, lines
+from bowden.live.mcap_read import read
+from bowden.safety.faults import Fault
+from bowden.safety.supervisor import Mode
+from console_client import RIG, STRANGE, Page, RunningConsole, await_answer, running_console
+from live_runs import COMMAND, tries
+
+pytestmark = [pytest.mark.live]
+
+LEASE, MORE = 0.5, 0.25
+"""Limit of the lease, and how much later a release may begin [s]."""
+
+
+@pytest.fixture(scope="module")
+def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningConsole]:
+    """One with a name and notes that a browser must not take for HTML."""
+    folder = tmp_path_factory.mktemp("console")
+    (folder / "rig<b>.toml").write_text(RIG)
+    with running_console(folder / "rig<b>.toml", folder / "out", "--twin") as running:
+        yield running
+
+
+@pytest.fixture
+def page(console: RunningConsole) -> Iterator[Page]:
+    found = console.page().open().take()
+    found.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+    yield found
+    if found.state["phase"] == "live" and not found.closed.is_set():
+        found.take().post("/api/request", request="stop")
+        found.post("/api/request", request="end")
+        found.until(lambda state: state["phase"] == "idle", 30.0, "the end")
+    found.close()
+
+
+def released(log: Path) -> tuple[float, float]:
+    """When the last release of a run began by its log, on the monotonic clock, and when the power was off [s]."""
+    found = read(log, ("time", "mode"))
+    mode, start = found["mode"], int(found.about["start_monotonic_ns"]) * 1e-9
+    began = np.flatnonzero((mode[1:] == Mode.RELEASING) & (mode[:-1] != Mode.RELEASING))[-1] + 1
+    off = began + int(np.flatnonzero(np.isin(mode[began:], (Mode.STOPPED, Mode.LATCHED)))[0])
+    return start + float(found["time"][began]), start + float(found["time"][off])
+
+
+def ended(page: Page, console: RunningConsole) -> Path:
+    """End the session; its log."""
+    name = page.state["run"]["log"]
+    page.take()
+    assert page.post("/api/request", request="end") == ""
+    page.until(lambda state: state["phase"] == "idle", 30.0, "the end")
+    return console.out / f"{name}.mcap"
+
+
+def test_a_whole_run(page: Page, console: RunningConsole) -> None:
+    """Refused without a check; 30 frames a second; stopped by a viewer; armed anew; in the list; its page, as CSV."""
+    assert page.post("/api/settings", subject="P-1", session="7", notes=STRANGE)["settings"]["notes"] == STRANGE
+    assert "check the settings first" in page.post("/api/request", request="start")
+    page.start()
+    assert page.state["rig"]["name"] == "rig<b>.toml"
+    assert page.state["rig"]["drive"] == "twin"
+    columns = [one["name"] for one in page.state["run"]["columns"]][:8]
+    page.say(
+        '{"view": {"columns": ["' + '", "'.join(columns) + '"], "seconds": 10, "pixels": 900, "xy": true, "number": 3}}'
+    )
+    page.run()
+    before, began = len(page.frames), time.monotonic()
+    time.sleep(2.0)
+    rate = (len(page.frames) - before) / (time.monotonic() - began)
+    print(f"{rate:.0f} frames a second")
+    assert rate > 30.0
+    assert {frame[0] for frame in page.frames} == {1, 2, 3}
+
+    viewer = console.page().open()
+    viewer.until(lambda state: state["run"], 5.0, "the run")
+    assert not viewer.state["you"]["controls"]
+    for request in ("arm", "run", "acknowledge", "end"):
+        assert "this page does not control" in viewer.post("/api/request", request=request)
+    viewer.say('{"stop": true}')
+    viewer.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "the stop")
+    viewer.close()
+    assert page.post("/api/request", request="run") == "it is not armed: arm it first"
+    page.run()  # whoever was stopped by somebody arms anew
+    assert page.post("/api/request", request="stop") == ""
+    page.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "the stop")
+    log = ended(page, console)
+    about = read(log, ("time",)).settings["about"]
+    assert about == {"subject": "P-1", "session": "7", "notes": STRANGE}
+    assert ("subject", "P-1") in lines(facts(read(log, NEEDED)))
+
+    (listed,) = page.get_json("/api/runs?search=p-1")
+    assert listed["notes"] == STRANGE
+    assert 0.0 < listed["rmse_deg"] < 30.0
+    assert page.get_json("/api/runs?search=nobody") == []
+    details = page.get_json(f"/api/runs/{listed['id']}")
+    assert details["how"] == "as asked"
+    status, headers, text = page.get(f"/api/runs/{listed['id']}/page.html")
+    assert status == 200
+    assert headers["content-security-policy"].startswith("sandbox;")
+    assert b"<script" not in text
+    for kind, begin in (("mcap", b"\x89MCAP"), ("csv", b""), ("parquet", b"PAR1")):
+        status, headers, content = page.get(f"/api/runs/{listed['id']}/log.{kind}")
+        assert status == 200
+        assert content.startswith(begin)
+        assert "attachment" in headers["content-disposition"]
+    status, _, frame = page.get(
+        f"/api/runs/{listed['id']}/curves?columns=joint_deg,error_deg&from=0&to={details['to']}&pixels=300"
+    )
+    assert status == 200
+    values = np.frombuffer(frame[24:], "<f4").reshape(2, 300, 2)
+    assert np.nanmax(values[0]) > 5.0
+
+
+def test_a_page_without_a_sign_of_life_has_the_run_released_in_time(page: Page, console: RunningConsole) -> None:
+    """Frozen (its socket is there) and closed; whoever comes back finds a stopped run, to be armed anew."""
+    page.start()
+    late = []
+    for how in ("frozen", "closed"):
+        page.run()
+        if how == "frozen":
+            page.alive.clear()
+        else:
+            page.close()
+        gone = time.monotonic()
+        watcher = console.page().open()
+        watcher.until(lambda state: state["run"] and state["run"]["mode"] == "stopped", 5.0, "the release")
+        assert watcher.state["run"]["lost"]
+        assert watcher.state["you"]["controller"] is None
+        late.append(gone)
+        assert "does not control" in watcher.post("/api/request", request="arm")
+        page.alive.set()
+        time.sleep(0.3)
+        watcher.until(lambda state: state["run"]["mode"] == "stopped", 1.0, "staying stopped")
+        assert watcher.state["you"]["controller"] is None  # a sign of life gives nothing back
+        if how == "frozen":
+            page.take()
+            watcher.close()
+        else:
+            page = watcher.take()
+    log = console.out / f"{page.state['run']['log']}.mcap"
+    ended(page, console)
+    found = read(log, ("time", "mode", "operator_age"))
+    mode, start = found["mode"], int(found.about["start_monotonic_ns"]) * 1e-9
+    began = np.flatnonzero((mode[1:] == Mode.RELEASING) & (mode[:-1] != Mode.RELEASING)) + 1
+    times = start + found["time"][began]
+    for how, gone, at in zip(("frozen", "closed"), late, times, strict=True):
+        print(f"{how}: release began {1e3 * (at - gone):.0f} ms after the page was gone")
+        assert at - gone < LEASE + MORE
+    page.close()
+
+
+def test_the_first_fault_and_its_remedy(page: Page, console: RunningConsole) -> None:
+    page.start()
+    page.run()
+    assert page.post("/api/inject", fault="encoder_frozen joint") == ""
+    page.until(lambda state: state["run"]["first_fault"], 10.0, "the fault")
+    assert page.state["run"]["first_fault"]["name"] == "joint_frozen"
+    assert page.state["run"]["first_fault"]["remedy"] == Fault.JOINT_FROZEN.remedy
+    page.until(lambda state: state["run"]["mode"] == "latched", 10.0, "latched")
+    assert page.post("/api/request", request="arm") == "acknowledge the fault first"
+    assert page.post("/api/inject", fault="none") == ""
+    assert page.post("/api/request", request="acknowledge") == ""
+    page.until(lambda state: state["run"]["mode"] == "stopped", 5.0, "acknowledged")
+    page.run()
+    assert page.post("/api/inject", fault="of nothing") != ""
+    ended(page, console)
+
+
+def test_a_console_that_is_killed_or_stopped_leaves_a_loop_that_releases(tmp_path: Path) -> None:
+    """kill -9: by `operator_age`, which is 1 s here. SIGTERM: at once."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    for number, age in ((signal.SIGKILL, 1.0), (signal.SIGTERM, 0.0)):
+        out = tmp_path / number.name
+        with running_console(tmp_path / "rig.toml", out, "--twin") as console:
+            page = console.page().open().take()
+            page.until(lambda state: state["phase"] == "idle")
+            page.start()
+            page.run()
+            log = console.out / f"{page.state['run']['log']}.mcap"
+            gone = time.monotonic()
+            os.kill(console.process.pid, number)
+            console.process.wait(30.0)
+            if number == signal.SIGKILL:
+                time.sleep(age + 3.0)
+            began, off = released(log)
+            began_ms, off_ms = 1e3 * (began - gone), 1e3 * (off - gone)
+            print(f"{number.name}: release began {began_ms:.0f} ms after, power off {off_ms:.0f} ms")
+            assert began - gone < age + MORE
+            page.close()
+
+
+def test_an_event_loop_that_hangs_stops_the_run(tmp_path: Path) -> None:
+    """Through it come the signs of life: without it the lease grows old, and the thread of the run sees that."""
+    hangs = "import bowden.console.console as c, time, os\n"
+    hangs += "tick = c.Console.tick\n"
+    hangs += f"def hung(self, count):\n    tick(self, count)\n    if os.path.exists({str(tmp_path / 'hang')!r}):\n"
+    hangs += "        time.sleep(1e3)\n"
+    hangs += "c.Console.tick = hung\n"
+    (tmp_path / "rig.toml").write_text(RIG)
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin", prelude=hangs, ends=False) as console:
+        page = console.page().open().take()
+        page.until(lambda state: state["phase"] == "idle")
+        page.start()
+        page.run()
+        log = console.out / f"{page.state['run']['log']}.mcap"
+        (tmp_path / "hang").touch()
+        gone = time.monotonic()
+        time.sleep(2.0)
+        console.process.kill()
+        time.sleep(3.0)
+        began, _ = released(log)
+        print(f"hung event loop: release began {1e3 * (began - gone):.0f} ms after")
+        assert began - gone < LEASE + MORE
+
+
+def test_what_three_viewers_cost(page: Page, console: RunningConsole) -> None:
+    """Eight curves of 1 kHz over 10 s for three viewers: processor time of the process of the console itself."""
+    page.start()
+    columns = [one["name"] for one in page.state["run"]["columns"]][:8]
+    pages = [page, *(console.page().open() for _ in range(2))]
+    for one in pages:
+        one.say(json.dumps({"view": {"columns": columns, "seconds": 10, "pixels": 900, "xy": True, "number": 1}}))
+    page.run()
+
+    def used() -> float:
+        words = Path(f"/proc/{console.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+    before, began, frames = used(), time.monotonic(), [len(one.frames) for one in pages]
+    time.sleep(5.0)
+    seconds = time.monotonic() - began
+    share, sent = (used() - before) / seconds, [len(one.frames) - n for one, n in zip(pages, frames, strict=True)]
+    print(f"{100.0 * share:.1f} % of a core; {min(sent) / seconds:.0f} frames a second")
+    for one in pages[1:]:
+        one.close()
+    ended(page, console)
+    assert share < 0.4, "a fifth of a core on a computer of its own; this one is shared"
+    assert min(sent) / seconds > 25.0
+
+
+def test_a_terminals_run_has_a_page_that_may_stop_it(tmp_path: Path) -> None:
+    """`bowden run --console`: the terminal, here --auto, is the operator; nobody else takes the control."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    options = ["--twin", "--auto", "--console", "--out", str(tmp_path / "out")]
+    words = [*COMMAND, "run", str(tmp_path / "rig.toml"), *options]
+    for _ in tries():
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert process.stderr is not None
+        lines: list[str] = []
+        for line in process.stderr:
+            lines.append(line)
+            if found := re.search(r":(\d+)/\?token=(\S+)", line):
+                break
+        else:
+            process.communicate()
+            continue  # a computer that stalls has not let it begin
+        await_answer(int(found[1]))
+        page = Page(int(found[1]), found[2]).open()
+        before = ("stopped", "preflight", "ready")
+        page.until(lambda state: state["run"] and state["run"]["mode"] not in before, 30.0, "the run")  # noqa: B023
+        assert page.post("/api/control", take=True) == "the terminal controls this run"
+        assert "the terminal controls" in page.post("/api/request", request="run")
+        assert page.state["settings"]["locked"]
+        time.sleep(1.0)
+        faulty = page.state["run"]["first_fault"]
+        assert page.post("/api/request", request="stop") == ""
+        began = time.monotonic()
+        said, errors = process.communicate(timeout=60.0)
+        page.close()
+        assert "Traceback" not in errors
+        if faulty is None and "fault" not in said:
+            assert process.returncode == 0, said + errors
+            assert time.monotonic() - began < 30.0, "not to its end, after 60 s"
+            break
+    else:
+        raise AssertionError("".join(lines))
+
+
+@pytest.mark.long
+def test_the_guided_path(tmp_path: Path) -> None:
+    """Measure on the twin, identify, tune: each step's files are there, and the rig goes on with them."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin") as console:
+        page = console.page().open().take()
+        page.until(lambda state: state["phase"] == "idle")
+        before = page.state["rig"]["hash"]
+        assert page.post("/api/path", step="identify") == "nothing was measured"
+        for number in tries():
+            page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+            assert page.post("/api/path", step="measure")["path"]["running"]
+            page.until(lambda state: state["phase"] == "live" and state["run"], 180.0, "the session")
+            page.run()
+            page.until(lambda state: state["run"]["mode"] in ("stopped", "latched"), 240.0, "the end of the motion")
+            assert page.post("/api/request", request="end") == ""
+            page.until(lambda state: state["phase"] == "idle", 60.0, "the end")
+            page.until(lambda state: not state["path"]["running"], 60.0, "the files")
+            print(number, page.state["path"]["steps"][0])
+            if page.state["path"]["steps"][0]["state"] == "done":
+                break
+        assert {"path-1/cable.csv", "path-1/servo.csv"} <= {*page.state["path"]["steps"][0]["files"]}
+        for step, seconds in (("identify", 300.0), ("tune", 1500.0)):
+            assert page.post("/api/path", step=step)["phase"] == "step"
+            at = ("measure", "identify", "tune").index(step)
+            page.until(lambda state, at=at: state["path"]["steps"][at]["state"] in ("done", "failed"), seconds, step)  # type: ignore[misc]
+            found = page.state["path"]["steps"][at]
+            print(found)
+            assert found["state"] == "done", found
+            assert all((console.out / name).is_file() for name in found["files"])
+        status, headers, text = page.get("/api/path/identify.html")
+        assert status == 200
+        assert headers["content-security-policy"].startswith("sandbox;")
+        assert b"<script" not in text
+        assert page.state["rig"]["hash"] != before
+        assert page.state["path"]["next"].startswith("check")
+        page.close()

@@ -1,0 +1,285 @@
+"""Parts of the console without a server: the lease, the thread that holds a run, what is cut out of rows, settings."""
+
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bowden.console.lease import Lease
+from bowden.console.runs import TAKEN, RunOwner
+from bowden.console.settings import RunSettings
+from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, reduced
+from bowden.control import LAWS
+from bowden.core.clock import SECOND, MonotonicClock
+from bowden.core.errors import ParameterError, SafetyError
+from bowden.live.ring import Batch
+from bowden.live.row import AT, description
+from bowden.rig.rig import Rig
+from bowden.safety.limits import Limits
+from bowden.safety.supervisor import Mode, Request
+
+
+def at(seconds: float) -> int:
+    return round(seconds * SECOND)
+
+
+def test_a_lease_lives_by_signs_that_are_new_and_its_holders_own() -> None:
+    lease = Lease(0.5)
+    assert not lease.look(0).fresh
+    lease.take("a", at(1.0))
+    assert lease.look(at(1.5)).fresh
+    assert not lease.look(at(1.501)).fresh
+    lease.sign("b", 1, at(1.4))
+    lease.sign("", 1, at(1.4))
+    assert not lease.look(at(1.6)).fresh
+    lease.sign("a", 7, at(1.4))
+    assert lease.look(at(1.9)).fresh
+    for count in (7, 6, -1):
+        lease.sign("a", count, at(1.9))
+    assert not lease.look(at(2.0)).fresh, "a repetition is no sign of life"
+
+
+def test_a_lease_that_is_lost_or_taken_over_comes_back_by_being_taken_alone() -> None:
+    lease = Lease(0.5)
+    lease.take("a", 0)
+    lease.take("b", at(0.1))
+    lease.sign("a", 1, at(0.2))
+    assert lease.look(at(0.2)) == ("b", at(0.1), True)
+    assert not lease.give_back("a")
+    lease.drop()
+    lease.sign("b", 1, at(0.3))
+    assert not lease.look(at(0.3)).fresh
+    assert lease.look(at(0.3)).holder == ""
+    lease.take("b", at(0.4))
+    assert lease.look(at(0.4)).fresh
+    assert lease.give_back("b")
+    assert not lease.look(at(0.4)).fresh
+
+
+class FakeRun:
+    """A session whose loop obeys, or does not."""
+
+    def __init__(self, *, obeys: bool = True) -> None:
+        self.obeys, self.mode, self.running, self.ended, self.error = obeys, Mode.STOPPED, True, None, ""
+        self.asked: list[Request] = []
+        self.beats: list[float] = []
+        self.came: dict[Any, float] = {}
+        self.recorder, self.still, self.logs = 1, 0.0, [Path("run-1.mcap")]
+        limits = SimpleNamespace(losses=lambda: "the cable is let out", measure=False)
+        self.live = limits
+        self.description = SimpleNamespace(columns=tuple(AT))
+        self.rows = SimpleNamespace(last=self.row, description=self.description)
+        self.block = SimpleNamespace(ask=lambda request: self.take(Request(request)))
+
+    def __enter__(self) -> "FakeRun":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.running = False
+
+    def row(self) -> Any:
+        values = np.zeros(len(AT))
+        values[AT["mode"]] = self.mode
+        values[AT["preflight"]] = 1.0
+        return values
+
+    def last(self) -> None:
+        self.beats.append(time.monotonic())
+
+    def remember(self, row: Any) -> None:
+        pass
+
+    def ask(self, request: Request) -> None:
+        self.beats.append(time.monotonic())
+        self.take(request)
+
+    def take(self, request: Request) -> None:
+        self.asked.append(request)
+        if request == Request.ARM:
+            self.mode = Mode.PREFLIGHT
+        if request == Request.RUN:
+            self.mode = Mode.RUNNING
+        if request == Request.STOP and self.obeys:
+            self.mode = Mode.STOPPED
+
+
+def begun(run: FakeRun, lease: Lease) -> RunOwner:
+    """An owner with this run, which is going, under the lease of tab a."""
+    owner = RunOwner(lease)
+    owner.begin(lambda tell: run)  # type: ignore[arg-type, return-value]
+    wait(lambda: owner.seen.phase == "live")
+    with pytest.raises(SafetyError, match="a session goes on"):
+        owner.begin(lambda tell: run)  # type: ignore[arg-type, return-value]
+    lease.take("a", MonotonicClock().now())
+    for request in (Request.ARM, Request.RUN):
+        assert owner.ask("b", request).result(5.0) == "this page does not control: take the control first"
+        assert owner.ask("a", request).result(5.0) == ""
+    return owner
+
+
+def wait(holds: Any, seconds: float = 5.0) -> float:
+    """Until it holds; the time that it took [s]."""
+    begin = time.monotonic()
+    while not holds():
+        assert time.monotonic() - begin < seconds
+        time.sleep(0.002)
+    return time.monotonic() - begin
+
+
+def test_a_lease_that_grows_old_under_power_is_a_stop() -> None:
+    run, lease = FakeRun(), Lease(0.3)
+    owner = begun(run, lease)
+    took = wait(lambda: Request.STOP in run.asked)
+    assert 0.1 < took < 0.55
+    wait(lambda: owner.seen.lost)
+    assert lease.look(MonotonicClock().now()).holder == ""
+    lease.sign("a", 1, MonotonicClock().now())
+    assert owner.ask("a", Request.ARM).result(5.0).startswith("this page does not control")
+    lease.take("a", MonotonicClock().now())
+    assert owner.ask("a", Request.ARM).result(5.0) == ""
+    wait(lambda: not owner.seen.lost)
+    owner.close()
+    assert not run.running
+
+
+def test_a_stop_that_does_not_take_ends_the_signs_of_life() -> None:
+    """The loop then releases by itself; whether the lease was lost or somebody asked for the stop."""
+    for asks in (True, False):
+        run, lease = FakeRun(obeys=False), Lease(0.3)
+        owner = begun(run, lease)
+        if asks:
+            stopped = owner.ask("", Request.STOP)
+            assert stopped.result(5.0) == ""
+        wait(lambda run=run: Request.STOP in run.asked)  # type: ignore[misc]
+        begin = time.monotonic()
+        while time.monotonic() - begin < 1.0:
+            if asks:
+                lease.take("a", MonotonicClock().now())
+            time.sleep(0.05)
+        assert max(run.beats) - begin < TAKEN + 0.15
+        run.mode = Mode.LATCHED
+        wait(lambda run=run: time.monotonic() - run.beats[-1] < 0.1)  # type: ignore[misc]
+        owner.close()
+
+
+def test_a_session_that_cannot_begin_says_why() -> None:
+    def fails(tell: Any) -> Any:
+        raise SafetyError("no drive", do="switch it on")
+
+    owner = RunOwner(Lease(0.5))
+    owner.begin(fails)
+    wait(lambda: owner.seen.error is not None)
+    assert owner.seen.phase == "idle"
+    assert owner.ask("a", Request.ARM).result(1.0).startswith("there is no session")
+    owner.close()
+
+
+@settings(max_examples=60)
+@given(n=st.integers(0, 400), pixels=st.integers(1, 60), first=st.integers(0, 30), seed=st.integers(0, 99))
+def test_a_pixel_has_the_extremes_of_its_rows(n: int, pixels: int, first: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    step = 0.011
+    times = np.sort(random.uniform(0.0, 0.7, n))
+    values = random.standard_normal((n, 2)).astype(np.float32)
+    values[random.random(n) < 0.1] = np.nan
+    found = reduced(times, values, values, first, pixels, step)
+    place = np.floor(times / step + 1e-9).astype(int)
+    for pixel in range(pixels):
+        rows = values[place == first + pixel]
+        for column in range(2):
+            known = rows[np.isfinite(rows[:, column]), column]
+            low, high = found[column, pixel]
+            assert (np.isnan(low) and np.isnan(high)) if not len(known) else (low, high) == (known.min(), known.max())
+
+
+class FakeReader:
+    """Rows of a run at 1 kHz, as many as are asked for."""
+
+    def __init__(self) -> None:
+        self.description = description(LAWS["adaptive"], {"limits": Limits()._asdict()}, 0, 0)
+        self.count, self.next = 0, 0
+
+    def read(self) -> Batch:
+        numbers = np.arange(self.next, self.count)
+        rows = np.zeros((len(numbers), len(self.description.columns)))
+        rows[:, AT["time"]] = 5.0 + 1e-3 * numbers
+        rows[:, AT["joint"]] = np.sin(1e-3 * numbers)
+        rows[:, AT["motor"]] = np.sin(1e-3 * numbers + 0.1)
+        self.next = self.count
+        return Batch(numbers, rows)
+
+
+@pytest.mark.parametrize(("seconds", "pixels"), [(2.0, 2000), (10.0, 900), (30.0, 700), (60.0, 900), (300.0, 500)])
+def test_frames_follow_one_another_without_gap_or_overlap(seconds: float, pixels: int) -> None:
+    reader: Any = FakeReader()
+    watch = Watch(reader, 1e-3, {})
+    view = watch.view(["joint_deg", "nothing", "error_deg"], seconds, pixels, loop=True)
+    assert len(view.columns) == 2
+    cursor, random, next_pixel, seen = Cursor(view, 5), np.random.default_rng(1), None, []
+    while reader.count < 70_000:
+        reader.count += int(random.integers(1, 400))
+        watch.look()
+        frame = watch.frame(cursor)
+        if frame is None:
+            continue
+        kind, columns, count = frame[0], frame[1], int.from_bytes(frame[2:4], "little")
+        assert int.from_bytes(frame[4:8], "little") == 5
+        begin, step = np.frombuffer(frame[8:24], "<f8")
+        assert kind == (WHOLE if next_pixel is None else CURVES)
+        assert columns == 2
+        values = np.frombuffer(frame[24:], "<f4").reshape(2, count, 2)
+        assert step == view.step
+        number = round(begin / step)
+        assert next_pixel in (None, number)
+        next_pixel = number + count
+        if not count:  # a window before its first pixel is complete
+            continue
+        assert np.isfinite(values).all()
+        middle = (number + np.arange(count) + 0.5) * step
+        wanted = np.rad2deg(np.sin(middle))
+        assert np.abs(values[0].mean(axis=1) - wanted).max() < 60.0 * max(step, 0.04)
+        assert (values[0, :, 0] <= values[0, :, 1]).all()
+        seen.append(count)
+    assert sum(seen) >= (70_000 * 1e-3) / view.step * 0.98 - 1
+    loop = watch.loop_frame(cursor, 0.1)
+    assert loop is not None
+    assert loop[0] == 3
+    pairs = np.frombuffer(loop[12:], "<f4").reshape(-1, 2)
+    assert len(pairs) == int.from_bytes(loop[8:12], "little")
+    assert watch.loop_frame(cursor, 0.1) is None
+
+
+def test_a_viewer_that_fell_behind_gets_the_whole_window_anew() -> None:
+    reader: Any = FakeReader()
+    watch = Watch(reader, 1e-3, {})
+    cursor = Cursor(watch.view(["joint_deg"], 2.0, 200, loop=False), 1)
+    reader.count = 1000
+    watch.look()
+    assert (watch.frame(cursor) or b" ")[0] == WHOLE
+    for _ in range(5):
+        reader.count += 1000
+        watch.look()
+    frame = watch.frame(cursor) or b" "
+    assert frame[0] == WHOLE
+    assert int.from_bytes(frame[2:4], "little") == 200
+
+
+def test_settings_make_the_rig_that_runs() -> None:
+    rig = Rig(law="adaptive")
+    made = RunSettings(rig).changed({"gains": {"feedback_gain": 30.0}, "duration": 7, "subject": "S\x1b[2J"})
+    assert made.rig.duration == 7.0
+    assert made.fitted.numbers["feedback_gain"] == 30.0
+    assert made.about["subject"] == "S[2J"
+    again = made.changed({"law": "bowden"})
+    assert again.rig.law_name == "bowden"
+    assert not again.rig.gains
+    assert again.changed({"law": "adaptive"}).rig.hash == made.rig.replace(gains={}).hash
+    chirp = made.changed({"reference": {"kind": "multisine"}}).document(locked=False)["reference"]
+    assert chirp["kind"] == "multisine"
+    with pytest.raises(ParameterError, match="no setting"):
+        made.changed({"out": "/"})

@@ -1,0 +1,154 @@
+/** What a run is made of: law, gains, reference, duration, who and why. */
+
+import { attribute, h, hidden, refill, text, titled } from "./dom";
+import { ask, type Say } from "./flow";
+import type { Link } from "./link";
+import type { Quantity, State } from "./wire";
+
+type Field = HTMLInputElement | HTMLSelectElement | HTMLTextAreaElement;
+
+export function settings(link: Link, say: Say): { element: HTMLElement; update: () => void } {
+  const set = (body: Record<string, unknown>): Promise<boolean> => ask(link, "/api/settings", body, say);
+  /** Fields that the user is in, or whose change is not sent yet: the state does not write into them. */
+  const busy = new WeakSet<Field>();
+
+  function commit<F extends Field>(field: F, send: () => Promise<boolean>): F {
+    field.addEventListener("input", () => busy.add(field));
+    field.addEventListener("change", () => {
+      void send().then((ok) => {
+        busy.delete(field);
+        attribute(field, "aria-invalid", ok ? null : "true");
+        update();
+      });
+    });
+    return field;
+  }
+  function fill(field: Field, value: string): void {
+    if (!busy.has(field) && field !== document.activeElement && field.value !== value) field.value = value;
+  }
+
+  const law: HTMLSelectElement = commit(h("select", { id: "law" }), () => set({ law: law.value }));
+  const preset: HTMLSelectElement = commit(h("select", { id: "preset" }), () => set({ preset: preset.value }));
+  const kind: HTMLSelectElement = commit(h("select", { id: "kind" }), () => set({ reference: { kind: kind.value } }));
+  const seconds: HTMLInputElement = commit(h("input", { id: "duration", type: "number", min: 0, step: "any" }), () => set({ duration: seconds.valueAsNumber }));
+  const subject: HTMLInputElement = commit(h("input", { id: "subject", type: "text", maxlength: 200, autocomplete: "off" }), () => set({ subject: subject.value }));
+  const session: HTMLInputElement = commit(h("input", { id: "session", type: "text", maxlength: 200, autocomplete: "off" }), () => set({ session: session.value }));
+  const notes: HTMLTextAreaElement = commit(h("textarea", { id: "notes", rows: 2, maxlength: 4000 }), () => set({ notes: notes.value }));
+  const gains = h("div", { class: "quantities" });
+  const reference = h("div", { class: "quantities" });
+  const locked = h("p", { class: "hint" }, "A run is open. End it to change these.");
+  const label = (words: string, field: Field) => h("div", { class: "field" }, h("label", { for: field.id }, words), field);
+  const presetField = label("Preset", preset);
+
+  const summary = h("span", { class: "settings-summary" });
+  const details = h(
+    "details",
+    { class: "card settings", open: true },
+    h("summary", {}, h("h2", {}, "Settings"), summary),
+    locked,
+    h("div", { class: "pair" }, label("Law", law), presetField),
+    h("fieldset", {}, h("legend", {}, "Gains"), gains),
+    h("fieldset", {}, h("legend", {}, "Reference"), label("Kind", kind), reference),
+    label("Duration [s]", seconds),
+    h("div", { class: "pair" }, label("Subject", subject), label("Session", session)),
+    label("Notes", notes),
+    h("p", { class: "hint" }, "All of this is written into the log."),
+  );
+
+  let quantities: { name: string; field: Field }[] = [];
+
+  function quantity(prefix: string, name: string, given: Quantity, send: (value: unknown) => Promise<boolean>): HTMLElement {
+    const id = `${prefix}-${name}`;
+    const numeric = typeof given.value === "number" || given.value === null;
+    const field = h("input", { id, type: numeric ? "number" : "text", step: numeric ? "any" : null, autocomplete: "off" });
+    const bounds = limits(given);
+    if (numeric && typeof given.low === "number") field.min = String(given.low);
+    if (numeric && typeof given.high === "number") field.max = String(given.high);
+    const hint = h("p", { class: "hint", id: `${id}-hint` }, [given.meaning, bounds].filter(Boolean).join(" · "));
+    field.setAttribute("aria-describedby", hint.id);
+    commit(field, () => send(parse(field, given)));
+    quantities.push({ name: id, field });
+    const unit = given.unit && given.unit !== "1" ? ` [${given.unit}]` : "";
+    return h("div", { class: "field" }, h("label", { for: id }, `${name}${unit}`), field, hint);
+  }
+
+  function choices(field: HTMLSelectElement, all: Parameters<typeof titled>[0][], value: string, empty = ""): void {
+    refill(field, [all, empty], () => [
+      ...(empty ? [h("option", { value: "" }, empty)] : []),
+      ...all.map((choice) => h("option", { value: titled(choice).name }, titled(choice).title)),
+    ]);
+    fill(field, value);
+  }
+
+  let wasLocked: boolean | null = null;
+  function update(): void {
+    const state: State | null = link.state;
+    if (!state) return;
+    const now = state.settings;
+    const free = state.you.controls && link.connected && !now.locked && state.phase === "idle";
+    choices(law, now.laws, now.law);
+    choices(preset, now.presets, now.preset ?? "", now.preset === null ? "own gains" : "");
+    hidden(presetField, now.presets.length === 0);
+    const kinds = now.reference.kinds ?? [now.reference.kind];
+    choices(kind, kinds, now.reference.kind);
+    fill(seconds, now.duration === null ? "" : String(now.duration));
+    fill(subject, now.subject);
+    fill(session, now.session);
+    fill(notes, now.notes);
+    const shape = (all: Record<string, Quantity>) => Object.entries(all).map(([name, { low, high, unit, meaning }]) => [name, low, high, unit, meaning]);
+    const fields = now.reference.fields ?? {};
+    const before = quantities;
+    quantities = [];
+    let made = false;
+    refill(gains, [now.law, shape(now.gains)], () => {
+      made = true;
+      return Object.entries(now.gains).map(([name, given]) => quantity("gain", name, given, (value) => set({ gains: { [name]: value } })));
+    });
+    if (!made) quantities.push(...before.filter(({ name }) => name.startsWith("gain-")));
+    made = false;
+    refill(reference, [now.reference.kind, shape(fields)], () => {
+      made = true;
+      return Object.entries(fields).map(([name, given]) =>
+        quantity("reference", name, given, (value) => set({ reference: { kind: kind.value, [name]: value } })),
+      );
+    });
+    if (!made) quantities.push(...before.filter(({ name }) => name.startsWith("reference-")));
+    for (const { name, field } of quantities) {
+      const at = name.indexOf("-");
+      const given = name.startsWith("gain-") ? now.gains[name.slice(at + 1)] : fields[name.slice(at + 1)];
+      if (!given) continue;
+      fill(field, shown(given.value));
+      const may = free || (given.live === true && state.you.controls && state.phase === "live");
+      if (field.disabled === may) field.disabled = !may;
+    }
+    for (const field of [law, preset, kind, seconds, subject, session, notes]) if (field.disabled === free) field.disabled = !free;
+    hidden(locked, !now.locked);
+    text(summary, `${now.law}${now.duration ? `, ${now.duration} s` : ""}`);
+    // Out of the way when a run opens; back when it ends.
+    if (wasLocked !== now.locked) {
+      if (wasLocked !== null || now.locked) details.open = !now.locked;
+      wasLocked = now.locked;
+    }
+  }
+  return { element: details, update };
+}
+
+function shown(value: Quantity["value"]): string {
+  if (value === null || value === undefined) return "";
+  return Array.isArray(value) ? value.join(", ") : String(value);
+}
+
+function parse(field: HTMLInputElement, given: Quantity): unknown {
+  if (field.type === "number") return field.value === "" ? null : field.valueAsNumber;
+  if (Array.isArray(given.value)) return field.value.split(/[,;\s]+/).filter(Boolean).map(Number);
+  if (typeof given.value === "boolean") return field.value.trim() === "true";
+  return field.value;
+}
+
+function limits(given: Quantity): string {
+  const { low, high } = given;
+  const has = (limit: number | null | undefined): limit is number => typeof limit === "number" && Number.isFinite(limit);
+  if (has(low) && has(high)) return `${low} to ${high}`;
+  if (has(low)) return `at least ${low}`;
+  return has(high) ? `at most ${high}` : "";
+}
