@@ -386,7 +386,16 @@ def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:
         "too_busy": None,
     }
     events = [{"time_s": 40.465 + k, "text": f"event {k}"} for k in range(40)]
-    said = list(lines({**about, **nothing, "software": {}, "stops": [stop], "emergencies": [], "events": events}))
+    document = {
+        **about,
+        **nothing,
+        "settings": {},
+        "software": {},
+        "stops": [stop],
+        "emergencies": [],
+        "events": events,
+    }
+    said = list(lines(document))
     assert ("stopped", "0.900 s: loop too late; see") in said
     assert ("stopped", "0.900 s: as a consequence: drive silent") in said
     assert [text for name, text in said if name == "event"][-1] == "39.000 s: event 39"

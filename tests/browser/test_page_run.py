@@ -57,7 +57,8 @@ def reach(page: Any, locator: Any) -> None:
         if handle.evaluate("one => one === document.activeElement"):
             return
         page.keyboard.press("Tab")
-    raise AssertionError(f"Tab does not reach {locator}")
+    said = page.locator(".banner-text, .who, .message, .noted, .problem, .next").all_inner_texts()
+    raise AssertionError(f"Tab does not reach {locator}, enabled {locator.is_enabled()}: {said}")
 
 
 def button(page: Any, name: str) -> Any:
