@@ -112,7 +112,7 @@ def law_model(told: Told, lag: float, learned: float, share: float = 1.0) -> Sta
 
     def after(numbers: Array, joint: float) -> Array:
         before = Observer(*numbers.tolist())
-        arrived = arrives(before, 0.0, gains.delay, expected, time, told.dt)
+        arrived = arrives(before, 0.0, gains.delay, expected, time, unbounded.stopping, 0.0, told.dt)
         seen = joint - arrived.position
         now, acceleration = corrected(before, seen, 0.0, arrived, kappa, unbounded, 0.0, 0.0, told.dt)
         wanted = Filtered(now.sent, now.rate, acceleration)

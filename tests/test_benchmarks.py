@@ -4,6 +4,7 @@ import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -26,6 +27,18 @@ def test_our_side_of_the_comparison_with_searches() -> None:
     parameters = peer.ours(log)
     assert parameters["slope"] == pytest.approx(0.938, abs=0.005)
     assert log.test_rms(parameters) < 0.001
+
+
+def test_margins_are_those_of_the_laws_own_kernels() -> None:
+    bench = importlib.import_module("law_margins")
+    told = bench.Told(53.6, 1.0, 0.001, 1)
+
+    def found(change: str) -> Any:
+        one = bench.CHANGES[change][0]
+        return bench.margins(bench.plant_model(told, one), bench.law_model(told, one.told, one.learned), told.dt)
+
+    assert found("as told").gain_margin_db > found("slope × 1.3").gain_margin_db > 3.0
+    assert not found("load swings at 3 Hz").stable
 
 
 def test_a_long_part_goes_on_where_it_was_left(tmp_path: Path) -> None:
