@@ -424,12 +424,12 @@ def shown(rows: list[dict[str, Any]]) -> tuple[list[Figure], str]:
         cases = [row for row in rows if row["kind"] == kind and not row["before"]]
         if not cases:
             continue
-        began = np.array([row["began"] - (row["took"] if kind in BROWSER_KINDS else 0.0) for row in cases])
+        began = np.array([row["began"] for row in cases])
         late = [one for one, row in zip(began, cases, strict=True) if one > row["bound"]]
         said = f"{1e3 * np.median(began):.0f} ms in the median, {1e3 * began.max():.0f} ms at most, {len(began)} times"
         target = f"≤ {1e3 * about.bound:.0f} ms"
         found.append(Figure(f"{kind} ({about.said}): release begins after", said, target, not late))
-        lines += [row for row in cases if row["began"] - row["took"] > row["bound"] or row["again"]]
+        lines += [row for row in cases if row["began"] > row["bound"] or row["again"]]
     before = [row for row in rows if row["before"]]
     again = [row for row in rows if row["again"]]
     good = len(rows) - len(before)
@@ -442,8 +442,8 @@ def shown(rows: list[dict[str, Any]]) -> tuple[list[Figure], str]:
     load = [row["load"] for row in rows if row["load"]]
     return found, (
         f"- {len(rows)} cases at moments drawn from {EARLIEST:g} to {LATEST:g} s after arming. The loss by the clock of "
-        "the process that makes it, the release by the run's log, both of one monotonic clock; in Chromium from the end "
-        "of the command that takes it away. What was taken away comes back after "
+        "the process that makes it, the release by the run's log, both of one monotonic clock; from the beginning of "
+        f"what takes it away, which lasted up to {1e3 * max((row['took'] for row in rows), default=0.0):.0f} ms. What was taken away comes back after "
         f"{BACK[0]:g} to {BACK[1]:g} s, and the run is looked at for {STILL:g} s more.\n"
         f"- `console_lease_s` {LEASE:g} s, `operator_age_s` {OPERATOR:g} s. Load of the machine (one minute) "
         f"{min(load, default=0.0):.1f} to {max(load, default=0.0):.1f}, median {np.median(load or [0.0]):.1f}, on "
