@@ -18,7 +18,6 @@ import console_chromium
 from console_kills import (
     A_SESSION,
     BROWSER_KINDS,
-    PATIENCE,
     STILL,
     BarePage,
     Bench,
