@@ -442,9 +442,9 @@ def shown(rows: list[dict[str, Any]]) -> tuple[list[Figure], str]:
     load = [row["load"] for row in rows if row["load"]]
     took = 1e3 * max((row["took"] for row in rows), default=0.0)
     return found, (
-        f"- {len(rows)} cases at moments drawn from {EARLIEST:g} to {LATEST:g} s after arming. The loss by the clock of "
-        "the process that makes it, the release by the run's log, both of one monotonic clock; from the beginning of "
-        f"what takes it away, which lasted up to {took:.0f} ms. What was taken away comes back after "
+        f"- {len(rows)} cases at moments drawn from {EARLIEST:g} to {LATEST:g} s after arming. The loss by the clock "
+        "of the process that makes it, the release by the run's log, both of one monotonic clock; from the beginning "
+        f"of what takes it away, which lasted up to {took:.0f} ms. What was taken away comes back after "
         f"{BACK[0]:g} to {BACK[1]:g} s, and the run is looked at for {STILL:g} s more.\n"
         f"- `console_lease_s` {LEASE:g} s, `operator_age_s` {OPERATOR:g} s. Load of the machine (one minute) "
         f"{min(load, default=0.0):.1f} to {max(load, default=0.0):.1f}, median {np.median(load or [0.0]):.1f}, on "

@@ -9,10 +9,10 @@ one run for as long, whose processes may not grow. `kills`: any process of a run
 of them, and ten million inputs of every kind. `hours`: a day without a fault. `streams`: EMG over LSL and the Trigno
 protocol for five minutes each. `hostile`: every attack on such a stream 20 times. `fuzzing`: a million inputs that
 nobody would write, for everything that reads what others wrote. `page`: the console's tab, browser, network or process
-killed or halted 200 times. `drawing`: its curves in Chromium for so many minutes, beside the loop. `console`: its memory
-for so many minutes with three viewers. What is done of the others is kept in ``out/bench``
-until the package changes. Each part that was run whole writes its section of ``benchmarks/RESULTS.md``; a `--share`
-below 1 is a try, and writes nothing. Exit code 1 if a target is missed.
+killed or halted 200 times. `drawing`: its curves in Chromium for so many minutes, beside the loop. `console`: its
+memory for so many minutes with three viewers. What is done of the others is kept in ``out/bench`` until the package
+changes. Each part that was run whole writes its section of ``benchmarks/RESULTS.md``; a `--share` below 1 is a try, and
+writes nothing. Exit code 1 if a target is missed.
 """
 
 import argparse
