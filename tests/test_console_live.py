@@ -1,10 +1,12 @@
 """A console with a real run on a twin: who may stop it, what a lost sign of life does and how soon, and its end."""
 
+import contextlib
 import json
 import os
 import re
 import signal
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -159,6 +161,44 @@ def test_a_page_without_a_sign_of_life_has_the_run_released_in_time(page: Page, 
         print(f"{how}: release began {1e3 * (at - gone):.0f} ms after the page was gone")
         assert at - gone < LEASE + MORE
     page.close()
+
+
+def priority(pid: int) -> int:
+    """Scheduler of a process' first thread."""
+    return os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK
+
+
+def test_signs_of_life_come_through_a_prompt_thread_while_a_session_goes_on(
+    page: Page, console: RunningConsole
+) -> None:
+    """Where that is allowed; what the console starts to compute has the ordinary priority, and gives way."""
+    pid = console.process.pid
+    assert priority(pid) == os.SCHED_OTHER
+    page.start()
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+    except OSError:
+        allowed = os.SCHED_OTHER
+    else:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        allowed = os.SCHED_RR
+    time.sleep(0.2)
+    assert priority(pid) == allowed
+    listing = threading.Thread(target=page.get_json, args=("/api/runs",))
+    (console.out / "other.mcap").write_bytes(b"\x89MCAP")
+    listing.start()
+    seen: list[int] = []
+    while listing.is_alive():
+        for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            with contextlib.suppress(OSError):
+                if "job_process" in Path(f"/proc/{one}/cmdline").read_text():
+                    seen.append(priority(int(one)))
+    listing.join()
+    (console.out / "other.mcap").unlink()
+    assert set(seen) == {os.SCHED_OTHER}
+    ended(page, console)
+    time.sleep(0.2)
+    assert priority(pid) == os.SCHED_OTHER
 
 
 def test_the_first_fault_and_its_remedy(page: Page, console: RunningConsole) -> None:

@@ -10,15 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import uvicorn
-
 from bowden.console.access import Guard
 from bowden.console.console import Console
 from bowden.console.runs import TerminalRun
 from bowden.console.server import application, listening, serve, server
 from bowden.core.errors import ParameterError
 from bowden.core.files import output_folder
-from bowden.live.operator import prompt
 from bowden.rig.rig import Rig
 
 if TYPE_CHECKING:
@@ -81,8 +78,7 @@ def opened(
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH)
     try:
-        with prompt():  # signs of life come through this thread: other work on this computer is no page that is gone
-            serve(server(console, guard, files), at)
+        serve(server(console, guard, files), at)
     finally:
         sys.setswitchinterval(before)
         at.close()
@@ -110,7 +106,7 @@ def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -
     where = at.getsockname()[1]
     guard = Guard(application(console), _HERE, where, secure=False, clock=time.monotonic)
     made = server(console, guard)
-    thread = threading.Thread(target=_promptly, args=(made, at), name="console", daemon=True)
+    thread = threading.Thread(target=made.run, kwargs={"sockets": [at]}, name="console", daemon=True)
     print(f"Console of {name}: http://{_HERE[0]}:{where}/?token={guard.token}", file=sys.stderr, flush=True)
     thread.start()
     try:
@@ -119,11 +115,6 @@ def beside(session: "Session", name: str, *, twin: bool, notes: Sequence[str]) -
         made.should_exit = True
         thread.join(_ENDS)
         at.close()
-
-
-def _promptly(made: uvicorn.Server, at: socket.socket) -> None:
-    with prompt():
-        made.run(sockets=[at])
 
 
 _ENDS = 6.0

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import logging
 import math
 import signal
 import socket
@@ -48,6 +49,7 @@ def application(console: Console) -> Starlette:
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        asyncio.get_running_loop().set_exception_handler(_broken)
         await console.begin()
         ticking = asyncio.get_running_loop().create_task(console.keep_ticking())
         try:
@@ -309,6 +311,21 @@ async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
         await ticked.wait()
 
 
+def _broken(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """What broke outside of any request; of a connection a line is enough: by then it is ended, and its page gone."""
+    if "transport" not in context:
+        loop.default_exception_handler(context)
+        return
+    print(f"bowden: note: a connection was ended: {type(context.get('exception')).__name__}", file=sys.stderr)
+
+
+def _without_traceback(record: logging.LogRecord) -> bool:
+    """Of bytes that are no text, which is what some client sent, uvicorn would show where it found them."""
+    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+        record.exc_info = None
+    return True
+
+
 class _Server(uvicorn.Server):
     """Asks for the end of the run before anything else, when a signal comes."""
 
@@ -372,6 +389,7 @@ def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None)
         ssl_certfile=None if tls is None else str(tls[0]),
         ssl_keyfile=None if tls is None else str(tls[1]),
     )
+    logging.getLogger("uvicorn.error").addFilter(_without_traceback)
     return _Server(config, console)
 
 
