@@ -205,8 +205,8 @@ def figures(minutes: float) -> tuple[list[Figure], str]:
     return shown, (
         f"- Turns of {TURN:g} s in one run, with and without the page in Chromium (without a GPU), whose first "
         f"{SETTLED:g} s do not count; without it a page that shows no curves controls. "
-        f"Load of the machine {min(load):.1f} to {max(load):.1f} on {os.cpu_count()} processors, of which the hypervisor "
-        f"gave {stolen_by:.1f} % to others with the page and {stolen_without:.1f} % without it."
+        f"Load of the machine {min(load):.1f} to {max(load):.1f} on {os.cpu_count()} processors, of whose time the "
+        f"hypervisor gave {stolen_by:.1f} % to others with the page and {stolen_without:.1f} % without it."
     )
 
 

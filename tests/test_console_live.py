@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import re
+import resource
 import signal
 import subprocess
 import threading
@@ -326,6 +327,60 @@ def test_a_terminals_run_has_a_page_that_may_stop_it(tmp_path: Path) -> None:
             break
     else:
         raise AssertionError("".join(lines))
+
+
+def recorder_of(console: int) -> int:
+    """The process that records a console's run."""
+    for thread in Path(f"/proc/{console}/task").iterdir():
+        for child in (thread / "children").read_text().split():
+            if "live.recorder" in Path(f"/proc/{child}/cmdline").read_text():
+                return int(child)
+    raise AssertionError("nobody records")
+
+
+def test_a_disk_that_is_full_is_said_and_hinders_no_stop(tmp_path: Path) -> None:
+    """The run goes on and is stopped as ever; no other one is armed; what cannot be written says why."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin") as console:
+        page = console.page().open().take()
+        page.until(lambda state: state["phase"] == "idle")
+        page.start()
+        page.run()
+        assert page.state["run"]["recorder"] == "ok"
+        log = console.out / f"{page.state['run']['log']}.mcap"
+        full = log.stat().st_size + 1000
+        _, most = resource.prlimit(console.process.pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(recorder_of(console.process.pid), resource.RLIMIT_FSIZE, (full, most))
+        resource.prlimit(console.process.pid, resource.RLIMIT_FSIZE, (20_000, most))
+        page.until(lambda state: state["run"]["recorder"] != "ok", 20.0, "the recorder's word")
+        said = page.state["run"]["recorder"]
+        assert "full" in said, said
+        assert page.mode == "running"
+        assert page.post("/api/request", request="stop") == ""
+        page.until(lambda state: state["run"]["mode"] == "stopped", 10.0, "the stop")
+        assert page.post("/api/request", request="arm") != ""
+        page.post("/api/request", request="end")
+        page.until(lambda state: state["phase"] == "idle", 60.0, "the end")
+
+        (listed,) = page.get_json("/api/runs")
+        details = page.get_json(f"/api/runs/{listed['id']}")
+        assert details["events"]
+        for kind in ("csv", "parquet"):
+            status, _, content = page.get(f"/api/runs/{listed['id']}/log.{kind}")
+            assert status >= 400
+            assert set(json.loads(content)["error"]) == {"what", "expected", "do"}
+        page.get(f"/api/runs/{listed['id']}/page.html")
+        assert page.post("/api/request", request="start") == ""
+        page.until(lambda state: state["error"] and state["phase"] == "idle", 60.0, "why nothing begins")
+        print(said, "|", page.state["error"])
+        resource.prlimit(console.process.pid, resource.RLIMIT_FSIZE, (most, most))
+        assert page.get(f"/api/runs/{listed['id']}/log.csv")[0] == 200
+        assert page.post("/api/request", request="start") == ""
+        page.until(lambda state: state["phase"] == "live" and state["run"], 60.0, "a session")
+        assert page.state["error"] is None
+        page.run()
+        assert page.post("/api/request", request="stop") == ""
+        page.close()
 
 
 @pytest.mark.long
