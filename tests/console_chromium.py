@@ -20,9 +20,15 @@ def program() -> str | None:
     return next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
 
 
-def launched(playwright: Any) -> Any:
-    """A browser without a window."""
-    return playwright.chromium.launch(executable_path=program(), args=list(FLAGS))
+def launched(playwright: Any, *, keeps_pages: bool = False) -> Any:
+    """A browser without a window.
+
+    Args:
+        playwright: that drives it.
+        keeps_pages: keep pages for the way back, as Chromium does and Playwright's does not.
+    """
+    left_out = ["--disable-back-forward-cache"] if keeps_pages else []
+    return playwright.chromium.launch(executable_path=program(), args=list(FLAGS), ignore_default_args=left_out)
 
 
 def processes(browser: Any) -> dict[int, str]:

@@ -12,15 +12,21 @@ AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    """One Chromium for all tests of this folder."""
+def playwright() -> Iterator[Any]:
+    """What drives a browser."""
     sync = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: the extra dev has it")
     if console_chromium.program() is None:
         pytest.skip("there is no Chromium: apt-get install chromium")
-    with sync.sync_playwright() as playwright:
-        started = console_chromium.launched(playwright)
+    with sync.sync_playwright() as started:
         yield started
-        started.close()
+
+
+@pytest.fixture(scope="session")
+def browser(playwright: Any) -> Iterator[Any]:
+    """One Chromium for all tests of this folder."""
+    started = console_chromium.launched(playwright)
+    yield started
+    started.close()
 
 
 @pytest.fixture
