@@ -38,7 +38,7 @@ from console_client import Page, RunningConsole, running_console
 from kept import Kept
 from measure import Figure
 
-COUNTS = {"bare": 160, "chromium": 48}
+COUNTS = {"bare": 165, "chromium": 50}
 """Cases of each part."""
 EARLIEST, LATEST = 0.05, 6.0
 """After the rig was armed; by then it is in the preflight, on its way to the beginning, or under its law [s]."""
@@ -49,7 +49,7 @@ STILL = 0.8
 LEASE, OPERATOR = Limits().console_lease, Limits().operator_age
 MORE, CYCLE = 0.25, 0.005
 """How much later a release may begin than the limit of the lease; and than that of the operator: the loop's own [s]."""
-PINGS = 4.0
+PINGS = 1.5
 """A page that answers no ping is dropped after this long, at most [s]."""
 PATIENCE = 30.0
 A_SESSION = 8
@@ -200,6 +200,8 @@ def armed(bench: Bench, page: Any) -> float:
     while True:
         mode = bench.watcher.mode
         if mode == "latched":
+            page.ask("acknowledge")
+        elif mode == "stopped" and bench.watcher.state["run"]["first_fault"]:
             page.ask("acknowledge")
         elif mode == "stopped" and page.ask("arm") == "":
             return time.monotonic()

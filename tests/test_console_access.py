@@ -287,7 +287,7 @@ def test_a_viewer_that_does_not_read_is_dropped(console: RunningConsole) -> None
         assert link.recv(12) == b"HTTP/1.1 101"
         time.sleep(0.5)
         assert page.get_json("/api/state")["you"]["viewers"] == 1
-        deadline = time.monotonic() + 8.0
+        deadline = time.monotonic() + 4.0
         while page.get_json("/api/state")["you"]["viewers"] and time.monotonic() < deadline:
             time.sleep(0.2)
         assert page.get_json("/api/state")["you"]["viewers"] == 0

@@ -35,6 +35,8 @@ _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".
 _MOST_VIEWERS = 16
 _SLOW = 1.0
 """A viewer whose socket takes nothing for this long is dropped [s]."""
+_PING, _PONG = 0.5, 1.0
+"""Between two pings of a page, and for its answer [s]: one to which nothing comes any more shows what is long over."""
 _LOOPS = 0.2
 """Between two pictures of joint over motor [s]."""
 _BUFFER = 65_536
@@ -376,8 +378,8 @@ def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None)
         ws="websockets-sansio",
         ws_max_size=LARGEST_MESSAGE,
         ws_per_message_deflate=False,
-        ws_ping_interval=2.0,
-        ws_ping_timeout=2.0,
+        ws_ping_interval=_PING,
+        ws_ping_timeout=_PONG,
         h11_max_incomplete_event_size=LARGEST_BODY,
         http="h11",
         limit_concurrency=128,
