@@ -199,9 +199,7 @@ def armed(bench: Bench, page: Any) -> float:
     deadline = time.monotonic() + PATIENCE
     while True:
         mode = bench.watcher.mode
-        if mode == "latched":
-            page.ask("acknowledge")
-        elif mode == "stopped" and bench.watcher.state["run"]["first_fault"]:
+        if mode == "latched" or (mode == "stopped" and bench.watcher.state["run"]["first_fault"]):
             page.ask("acknowledge")
         elif mode == "stopped" and page.ask("arm") == "":
             return time.monotonic()
