@@ -14,7 +14,8 @@ ORDER = [
     *("Identification against others", "The forecast of an identification"),
     *("Our law on random plants", "The suit on random wearers"),
     *("The live loop", "A long run", "Loss of a process", "Loss of the recorder", "Faults", "Hours without a fault"),
-    *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write", "Every command of the pages"),
+    *("EMG streams", "Hostile streams of EMG", "Inputs that nobody would write"),
+    *("Loss of the console's page", "Curves of the console", "A console for a long time", "Every command of the pages"),
 ]
 """Titles."""
 

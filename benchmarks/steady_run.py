@@ -33,7 +33,7 @@ def figures(minutes: float) -> tuple[list[Figure], str]:
         while run.poll() is None and time.monotonic() < begun + 60.0 * minutes + 120.0:
             for role, pid in {"operator": run.pid, **_children(run.pid)}.items():
                 with contextlib.suppress(OSError, ValueError, StopIteration):  # it has just ended
-                    samples.setdefault(role, []).append((time.monotonic() - begun, *_state(pid)))
+                    samples.setdefault(role, []).append((time.monotonic() - begun, *state_of(pid)))
             time.sleep(EVERY)
         said, errors = run.communicate(timeout=60.0)
     found = json.loads(said) if said else {"ended_well": False, "faults": [errors.strip()], "cycles": 0, "overruns": 0}
@@ -62,7 +62,7 @@ def _children(parent: int) -> dict[str, int]:
     return found
 
 
-def _state(pid: int) -> tuple[float, int, int]:
+def state_of(pid: int) -> tuple[float, int, int]:
     """Resident memory [MB], descriptors, threads."""
     lines = (line.split() for line in Path(f"/proc/{pid}/status").read_text().splitlines())
     said = {words[0]: int(words[1]) for words in lines if words[0] in ("VmRSS:", "Threads:")}

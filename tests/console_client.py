@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import json
 import re
+import socket
 import subprocess
 import tempfile
 import threading
@@ -37,10 +38,18 @@ LIFE = 0.1
 
 
 class Page:
-    """A browser's page, as far as the server sees one."""
+    """A browser's page, as far as the server sees one.
 
-    def __init__(self, port: int, token: str = "", cookie: str = "", *, reads: bool = True) -> None:
-        self.port, self.host = port, f"127.0.0.1:{port}"
+    Args:
+        port: of the console.
+        token: of its link.
+        cookie: of a browser that has a session already.
+        reads: whether it reads what comes.
+        via: port to connect to in place of the console's own: of something between the two.
+    """
+
+    def __init__(self, port: int, token: str = "", cookie: str = "", *, reads: bool = True, via: int = 0) -> None:
+        self.port, self.host, self.via = port, f"127.0.0.1:{port}", via or port
         self.cookie = cookie
         if token:
             status, headers, _ = self.get(f"/?token={token}")
@@ -60,7 +69,8 @@ class Page:
         headers = {"Cookie": self.cookie}
         url = f"ws://{self.host}/stream"
         origin: Any = f"http://{self.host}"
-        link = connect(url, origin=origin, additional_headers=headers, compression=None)
+        to = socket.create_connection(("127.0.0.1", self.via), 10.0)
+        link = connect(url, sock=to, origin=origin, additional_headers=headers, compression=None)
         self.socket = self._open.enter_context(link)
         self.tab = json.loads(self.socket.recv(5.0))["tab"]
         for work in (self._read, self._live) if self._reads else (self._live,):
@@ -105,7 +115,7 @@ class Page:
         if method == "POST":
             given |= {"Origin": f"http://{self.host}", "Content-Type": "application/json"}
         given |= headers or {}
-        link = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
+        link = http.client.HTTPConnection("127.0.0.1", self.via, timeout=60.0)
         with contextlib.closing(link):
             link.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
             for name, value in given.items():
@@ -131,8 +141,10 @@ class Page:
         return json.loads(said)
 
     def post(self, path: str, **given: Any) -> Any:
-        """What a POST of JSON gives: the document, or its error's first part."""
-        status, _, said = self.request("POST", path, json.dumps(given).encode())
+        """What a POST of JSON gives: the document, or its error's first part. It says which state it has seen."""
+        stamp = self.state.get("stamp")
+        said_too = {} if stamp is None else {"seen": stamp}
+        status, _, said = self.request("POST", path, json.dumps({**said_too, **given}).encode())
         found = json.loads(said)
         return found["error"]["what"] if status != 200 else found.get("answer", found)
 

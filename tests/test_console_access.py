@@ -1,7 +1,6 @@
 """Who may ask a console, and what: token, cookie, Host, Origin, sizes, rates, and whatever else comes over a wire."""
 
 import http.client
-import itertools
 import json
 import shutil
 import socket
@@ -10,12 +9,9 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 
 from bowden.app.main import run
 from bowden.console.access import LARGEST_BODY, LARGEST_MESSAGE, POLICY, Bucket
@@ -275,59 +271,6 @@ def test_a_flood_is_refused_and_a_stop_is_not(console: RunningConsole) -> None:
     page.close()
 
 
-_KEYS = st.sampled_from(["life", "stop", "view", "state", "x", ""])
-_PLAIN = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20)
-_ANY = st.recursive(
-    _PLAIN, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(_KEYS, inner, max_size=4), max_leaves=12
-)
-_VIEW = {
-    name: _PLAIN | st.lists(st.text(max_size=8), max_size=20) for name in ("columns", "seconds", "pixels", "number")
-}
-_VIEWS = st.fixed_dictionaries({"view": st.fixed_dictionaries({}, optional=_VIEW)})
-MESSAGES = st.one_of(st.text(max_size=200), st.binary(max_size=200), _ANY.map(json.dumps), _VIEWS.map(json.dumps))
-
-
-def many(console: RunningConsole, count: int) -> None:
-    """Messages of all kinds on one connection after another, and requests beside them; the console goes on."""
-    pages = [console.page() for _ in range(12)]  # each session has requests of its own
-    turns = itertools.cycle(range(len(pages)))
-
-    @settings(max_examples=count, suppress_health_check=list(HealthCheck), database=None)
-    @given(message=MESSAGES, path=st.sampled_from(POSTS))
-    def said(message: Any, path: str) -> None:
-        turn = next(turns)
-        one = pages[turn]
-        try:
-            if one.socket is None or one.closed.is_set():
-                one.close()
-                one = pages[turn] = Page(console.port, cookie=one.cookie).open()
-            one.say(message)
-        except (InvalidStatus, ConnectionClosed):  # too many at once, or ended by what was said before
-            time.sleep(0.02)
-        body = message if isinstance(message, bytes) else message.encode("utf-8", "replace")
-        status, _, content = one.request("POST", f"/api/{path}", body)
-        assert status in (200, 400, 404, 409, 429), (status, content)
-        assert b"Traceback" not in content
-
-    said()
-    for page in pages:
-        page.close()
-    time.sleep(1.0)
-    state = pages[0].get_json("/api/state")
-    assert state["phase"] == "idle"
-    assert state["you"]["controller"] is None
-    assert state["error"] is None
-
-
-def test_whatever_comes_the_console_goes_on(console: RunningConsole) -> None:
-    many(console, 150)
-
-
-@pytest.mark.long
-def test_a_hundred_thousand_of_them(console: RunningConsole) -> None:
-    many(console, 100_000)
-
-
 def test_a_message_that_is_too_large_ends_the_connection(console: RunningConsole) -> None:
     page = console.page().open()
     page.say(json.dumps({"view": {"columns": ["x" * LARGEST_MESSAGE], "seconds": 10, "pixels": 100}}))
@@ -344,7 +287,7 @@ def test_a_viewer_that_does_not_read_is_dropped(console: RunningConsole) -> None
         assert link.recv(12) == b"HTTP/1.1 101"
         time.sleep(0.5)
         assert page.get_json("/api/state")["you"]["viewers"] == 1
-        deadline = time.monotonic() + 8.0
+        deadline = time.monotonic() + 4.0
         while page.get_json("/api/state")["you"]["viewers"] and time.monotonic() < deadline:
             time.sleep(0.2)
         assert page.get_json("/api/state")["you"]["viewers"] == 0

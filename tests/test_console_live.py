@@ -1,10 +1,13 @@
 """A console with a real run on a twin: who may stop it, what a lost sign of life does and how soon, and its end."""
 
+import contextlib
 import json
 import os
 import re
+import resource
 import signal
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -161,6 +164,44 @@ def test_a_page_without_a_sign_of_life_has_the_run_released_in_time(page: Page, 
     page.close()
 
 
+def priority(pid: int) -> int:
+    """Scheduler of a process' first thread."""
+    return os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK
+
+
+def test_signs_of_life_come_through_a_prompt_thread_while_a_session_goes_on(
+    page: Page, console: RunningConsole
+) -> None:
+    """Where that is allowed; what the console starts to compute has the ordinary priority, and gives way."""
+    pid = console.process.pid
+    assert priority(pid) == os.SCHED_OTHER
+    page.start()
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+    except OSError:
+        allowed = os.SCHED_OTHER
+    else:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        allowed = os.SCHED_RR
+    time.sleep(0.2)
+    assert priority(pid) == allowed
+    listing = threading.Thread(target=page.get_json, args=("/api/runs",))
+    (console.out / "other.mcap").write_bytes(b"\x89MCAP")
+    listing.start()
+    seen: list[int] = []
+    while listing.is_alive():
+        for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            with contextlib.suppress(OSError):
+                if "job_process" in Path(f"/proc/{one}/cmdline").read_text():
+                    seen.append(priority(int(one)))
+    listing.join()
+    (console.out / "other.mcap").unlink()
+    assert set(seen) == {os.SCHED_OTHER}
+    ended(page, console)
+    time.sleep(0.2)
+    assert priority(pid) == os.SCHED_OTHER
+
+
 def test_the_first_fault_and_its_remedy(page: Page, console: RunningConsole) -> None:
     page.start()
     page.run()
@@ -286,6 +327,60 @@ def test_a_terminals_run_has_a_page_that_may_stop_it(tmp_path: Path) -> None:
             break
     else:
         raise AssertionError("".join(lines))
+
+
+def recorder_of(console: int) -> int:
+    """The process that records a console's run."""
+    for thread in Path(f"/proc/{console}/task").iterdir():
+        for child in (thread / "children").read_text().split():
+            if "live.recorder" in Path(f"/proc/{child}/cmdline").read_text():
+                return int(child)
+    raise AssertionError("nobody records")
+
+
+def test_a_disk_that_is_full_is_said_and_hinders_no_stop(tmp_path: Path) -> None:
+    """The run goes on and is stopped as ever; no other one is armed; what cannot be written says why."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    with running_console(tmp_path / "rig.toml", tmp_path / "out", "--twin") as console:
+        page = console.page().open().take()
+        page.until(lambda state: state["phase"] == "idle")
+        page.start()
+        page.run()
+        assert page.state["run"]["recorder"] == "ok"
+        log = console.out / f"{page.state['run']['log']}.mcap"
+        full = log.stat().st_size + 1000
+        _, most = resource.prlimit(console.process.pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(recorder_of(console.process.pid), resource.RLIMIT_FSIZE, (full, most))
+        resource.prlimit(console.process.pid, resource.RLIMIT_FSIZE, (20_000, most))
+        page.until(lambda state: state["run"]["recorder"] != "ok", 20.0, "the recorder's word")
+        said = page.state["run"]["recorder"]
+        assert "full" in said, said
+        assert page.mode == "running"
+        assert page.post("/api/request", request="stop") == ""
+        page.until(lambda state: state["run"]["mode"] == "stopped", 10.0, "the stop")
+        assert page.post("/api/request", request="arm") != ""
+        page.post("/api/request", request="end")
+        page.until(lambda state: state["phase"] == "idle", 60.0, "the end")
+
+        (listed,) = page.get_json("/api/runs")
+        details = page.get_json(f"/api/runs/{listed['id']}")
+        assert details["events"]
+        for kind in ("csv", "parquet"):
+            status, _, content = page.get(f"/api/runs/{listed['id']}/log.{kind}")
+            assert status >= 400
+            assert set(json.loads(content)["error"]) == {"what", "expected", "do"}
+        page.get(f"/api/runs/{listed['id']}/page.html")
+        assert page.post("/api/request", request="start") == ""
+        page.until(lambda state: state["error"] and state["phase"] == "idle", 60.0, "why nothing begins")
+        print(said, "|", page.state["error"])
+        resource.prlimit(console.process.pid, resource.RLIMIT_FSIZE, (most, most))
+        assert page.get(f"/api/runs/{listed['id']}/log.csv")[0] == 200
+        assert page.post("/api/request", request="start") == ""
+        page.until(lambda state: state["phase"] == "live" and state["run"], 60.0, "a session")
+        assert page.state["error"] is None
+        page.run()
+        assert page.post("/api/request", request="stop") == ""
+        page.close()
 
 
 @pytest.mark.long

@@ -1,5 +1,7 @@
 """Parts of the console without a server: the lease, the thread that holds a run, what is cut out of rows, settings."""
 
+import sys
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bowden.console.lease import Lease
-from bowden.console.runs import TAKEN, RunOwner
+from bowden.console.runs import TAKEN, RunOwner, TerminalRun
 from bowden.console.settings import RunSettings
 from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, reduced
 from bowden.control import LAWS
 from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import ParameterError, SafetyError
-from bowden.live.ring import Batch
+from bowden.live.ring import Batch, RingReader, RingWriter, create
 from bowden.live.row import AT, description
 from bowden.rig.rig import Rig
 from bowden.safety.limits import Limits
@@ -267,6 +269,37 @@ def test_a_viewer_that_fell_behind_gets_the_whole_window_anew() -> None:
     frame = watch.frame(cursor) or b" "
     assert frame[0] == WHOLE
     assert int.from_bytes(frame[2:4], "little") == 200
+
+
+def test_a_terminals_rows_are_read_by_a_reader_for_each_thread(tmp_path: Path) -> None:
+    """The terminal's own reads on while pages are told: a barrier is a lock, which no two threads may share."""
+    about = description(LAWS["adaptive"], {"limits": {}}, 0, 0)
+    create(tmp_path / "a.ring", about, 64)
+    writer, rows = RingWriter(tmp_path / "a.ring"), RingReader(tmp_path / "a.ring")
+    session: Any = SimpleNamespace(rows=rows, logs=[tmp_path / "a.mcap"], came={}, recorder=1)
+    run, failed, over = TerminalRun(session, []), [], threading.Event()
+
+    def told() -> None:
+        try:
+            while not over.is_set():
+                assert run.seen.phase == "live"
+        except RuntimeError as error:
+            failed.append(error)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    thread = threading.Thread(target=told)
+    thread.start()
+    try:
+        for _ in range(3000):
+            writer.write(np.zeros(len(about.columns)))
+            assert len(rows.read().rows) == 1
+            rows.last()
+    finally:
+        over.set()
+        thread.join()
+        sys.setswitchinterval(before)
+    assert failed == []
 
 
 def test_settings_make_the_rig_that_runs() -> None:

@@ -1,35 +1,32 @@
 """Chromium for the tests of the console's page: Debian's, driven by Playwright."""
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
+import console_chromium
+
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    """One Chromium for all tests of this folder."""
+def playwright() -> Iterator[Any]:
+    """What drives a browser."""
     sync = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: the extra dev has it")
-    found = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
-    if found is None:
+    if console_chromium.program() is None:
         pytest.skip("there is no Chromium: apt-get install chromium")
-    with sync.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=found, args=list(FLAGS))
+    with sync.sync_playwright() as started:
         yield started
-        started.close()
+
+
+@pytest.fixture(scope="session")
+def browser(playwright: Any) -> Iterator[Any]:
+    """One Chromium for all tests of this folder."""
+    started = console_chromium.launched(playwright)
+    yield started
+    started.close()
 
 
 @pytest.fixture

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+import console_chromium
 from bowden.live.mcap_read import read
 from bowden.safety.supervisor import Mode
 from console_client import RIG, RunningConsole, running_console
+from live_runs import tries
 
 pytestmark = [pytest.mark.browser, pytest.mark.live]
 
@@ -307,6 +309,85 @@ def test_a_tab_that_goes_away_lets_the_cable_out(page: Any, console: RunningCons
     after = released(console.out / f"{log}.mcap") - gone
     print(f"{way}: the release began {1e3 * after:.0f} ms after it, which took {1e3 * (done - gone):.0f} ms")
     assert -0.1 <= after <= LEASE + MORE + (done - gone)
+
+
+@pytest.mark.parametrize("keeps_pages", [False, True])
+def test_a_page_that_is_sent_away_is_disconnected(playwright: Any, console: RunningConsole, keeps_pages: bool) -> None:
+    """Also where the browser keeps pages for the way back; whoever comes back does not control."""
+    watcher = console.page().open()
+    watcher.until(lambda state: state["you"]["viewers"] == 1, 10.0, "nobody else")
+    browser = console_chromium.launched(playwright, keeps_pages=keeps_pages)
+    page = browser.new_page()
+    page.goto(link(console))
+    button(page, "Take control").click()
+    page.get_by_text("You control the rig").wait_for()
+    watcher.until(lambda state: state["you"]["viewers"] == 2, 10.0, "the page")
+    begun = time.monotonic()
+    page.goto("about:blank", wait_until="commit")
+    gone = time.monotonic() - begun
+    watcher.until(lambda state: state["you"]["viewers"] == 1, gone + 2.0, "its end")
+    watcher.until(lambda state: state["you"]["controller"] is None, 2.0, "nobody in control")
+    page.go_back(wait_until="commit")
+    watcher.until(lambda state: state["you"]["viewers"] == 2, 10.0, "the way back")
+    page.get_by_text("Nobody controls").wait_for()
+    page.wait_for_timeout(500)
+    assert watcher.state["you"]["controller"] is None
+    browser.close()
+    watcher.close()
+
+
+@pytest.mark.long
+def test_the_guided_path(page: Any, console: RunningConsole) -> None:
+    """Measure, identify, tune and run by the page and its real server; files and the page of a step are there."""
+    page.goto(link(console))
+    button(page, "Take control").click()
+    before = page.locator(".rig-hash").inner_text()
+
+    def step(name: str) -> Any:
+        return page.locator(".path-step", has=page.get_by_role("heading", name=name))
+
+    def done(name: str, seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        while not step(name).and_(page.locator(".done")).count():
+            said = step(name).inner_text()
+            assert not step(name).and_(page.locator(".failed")).count(), said
+            assert time.monotonic() < deadline, said
+            page.wait_for_timeout(200)
+
+    for _ in tries():
+        button(page, "Identify and tune").click()
+        enabled(page, "Begin: measure").click()
+        banner(page, "Stopped", 240.0)  # compiled for the first time
+        running(page)
+        deadline = time.monotonic() + 240.0
+        while page.locator(".banner-word").inner_text() not in ("Stopped", "Latched"):
+            assert time.monotonic() < deadline
+            page.wait_for_timeout(200)
+        if page.get_by_text("Nobody controls").count():  # a busy computer: the page was not woken for half a second
+            button(page, "Take control").click()
+        end(page)
+        button(page, "Identify and tune").click()
+        page.wait_for_timeout(2000)
+        if step("1. Measure").and_(page.locator(".done")).count():
+            break
+    assert "cable.csv" in step("1. Measure").inner_text()
+    enabled(page, "Begin: identify").click()
+    done("2. Identify", 400.0)
+    button(page, "Show its page").click()
+    page.frame_locator("iframe").locator("h1").first.wait_for()
+    enabled(page, "Begin: tune").click()
+    done("3. Tune", 1500.0)
+    assert "rig.toml" in step("3. Tune").inner_text()
+    assert page.locator(".rig-hash").inner_text() != before
+    button(page, "Go to the rig").click()
+    checked(page)
+    enabled(page, "Start").click()
+    banner(page, "Stopped", 60.0)
+    running(page)
+    page.wait_for_timeout(1500)
+    page.keyboard.press("Space")
+    banner(page, "Stopped", 20.0)
+    end(page)
 
 
 @pytest.mark.long

@@ -27,6 +27,8 @@ export class Link {
   start(): void {
     this.open();
     window.setInterval(() => this.beat(), BEAT_MS);
+    // A page that is kept for the way back is gone for the console; when it comes back it connects anew, and controls nothing.
+    window.addEventListener("pagehide", () => this.socket?.close());
     for (const name of ["visibilitychange", "focus", "blur"]) {
       (name === "visibilitychange" ? document : window).addEventListener(name, () => this.look());
     }

@@ -1,6 +1,7 @@
 """A console of one rig: its settings, the check, the run, its curves, and who looks on. For one event loop."""
 
 import asyncio
+import contextlib
 import secrets
 import sys
 from collections.abc import Callable, Mapping
@@ -23,6 +24,7 @@ from bowden.face.run import live_session
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.control import TwinControl
 from bowden.live.live_run import live_run
+from bowden.live.operator import prompt
 from bowden.live.ring import RingReader
 from bowden.rig.rig import Rig
 from bowden.safety.supervisor import Mode, Request
@@ -80,6 +82,8 @@ class Console:
         self._watched: Session | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
         self._changing = asyncio.Lock()
+        self._promptly = contextlib.ExitStack()
+        self._prompt = False
         self.ticked = asyncio.Event()
         """Set, and replaced, at each tick."""
         self.said: tuple[int, dict[str, Any]] = (0, {})
@@ -154,6 +158,7 @@ class Console:
     def tick(self, count: int) -> None:
         """Take in the rows that have come, and tell every viewer; the state is looked at now and then."""
         seen = self.owner.seen
+        self._be_prompt(seen.phase == "live")
         if seen.session is not self._watched and seen.session is not None:
             self._watched = seen.session
             settings = seen.session.live
@@ -169,6 +174,15 @@ class Console:
             self.renew(moved=seen.power and count % _WHILE_IT_RUNS == 0)
         self.ticked.set()
         self.ticked = asyncio.Event()
+
+    def _be_prompt(self, live: bool) -> None:
+        """While a session goes on signs of life come through this thread: other work here is no page that is gone."""
+        if live != self._prompt:
+            self._prompt = live
+            if live:
+                self._promptly.enter_context(prompt())
+            else:
+                self._promptly.close()
 
     def renew(self, *, moved: bool = False) -> None:
         """Make the state anew, and have it told where it is news, or `moved` says that it goes on."""

@@ -29,6 +29,7 @@ from bowden.core.clock import SECOND, MonotonicClock
 from bowden.core.errors import BowdenError, SafetyError
 from bowden.core.files import printable
 from bowden.live.operator import STANDS_STILL, keeping, prompt, why_not
+from bowden.live.ring import RingReader
 from bowden.live.row import AT
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
@@ -289,14 +290,15 @@ class TerminalRun:
     def __init__(self, session: "Session", notes: Sequence[str]) -> None:
         self.clock = MonotonicClock()
         self._session, self._notes = session, tuple(notes)
+        self._rows = RingReader(session.rows.path)  # of its own: a reader is one thread's, and the terminal has one
         self._stop = threading.Event()
 
     @property
     def seen(self) -> RunSeen:
         """What there is to see."""
         session = self._session
-        row = session.rows.last()
-        columns = session.rows.description.columns
+        row = self._rows.last()
+        columns = self._rows.description.columns
         newest = None if row is None else dict(zip(columns, row.tolist(), strict=True))
         logs = tuple(path.name for path in session.logs)
         return RunSeen("live", session, newest, dict(session.came), session.recorder, logs, self._notes)

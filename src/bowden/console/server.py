@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import logging
 import math
 import signal
 import socket
@@ -34,6 +35,8 @@ _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".
 _MOST_VIEWERS = 16
 _SLOW = 1.0
 """A viewer whose socket takes nothing for this long is dropped [s]."""
+_PING, _PONG = 0.5, 1.0
+"""Between two pings of a page, and for its answer [s]: one to which nothing comes any more shows what is long over."""
 _LOOPS = 0.2
 """Between two pictures of joint over motor [s]."""
 _BUFFER = 65_536
@@ -48,6 +51,7 @@ def application(console: Console) -> Starlette:
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        asyncio.get_running_loop().set_exception_handler(_broken)
         await console.begin()
         ticking = asyncio.get_running_loop().create_task(console.keep_ticking())
         try:
@@ -309,6 +313,21 @@ async def _send(console: Console, viewer: Viewer, page: WebSocket) -> None:
         await ticked.wait()
 
 
+def _broken(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """What broke outside of any request; of a connection a line is enough: by then it is ended, and its page gone."""
+    if "transport" not in context:
+        loop.default_exception_handler(context)
+        return
+    print(f"bowden: note: a connection was ended: {type(context.get('exception')).__name__}", file=sys.stderr)
+
+
+def _without_traceback(record: logging.LogRecord) -> bool:
+    """Of bytes that are no text, which is what some client sent, uvicorn would show where it found them."""
+    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+        record.exc_info = None
+    return True
+
+
 class _Server(uvicorn.Server):
     """Asks for the end of the run before anything else, when a signal comes."""
 
@@ -359,8 +378,8 @@ def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None)
         ws="websockets-sansio",
         ws_max_size=LARGEST_MESSAGE,
         ws_per_message_deflate=False,
-        ws_ping_interval=2.0,
-        ws_ping_timeout=2.0,
+        ws_ping_interval=_PING,
+        ws_ping_timeout=_PONG,
         h11_max_incomplete_event_size=LARGEST_BODY,
         http="h11",
         limit_concurrency=128,
@@ -372,6 +391,7 @@ def server(console: Console, guard: Guard, tls: tuple[Path, Path] | None = None)
         ssl_certfile=None if tls is None else str(tls[0]),
         ssl_keyfile=None if tls is None else str(tls[1]),
     )
+    logging.getLogger("uvicorn.error").addFilter(_without_traceback)
     return _Server(config, console)
 
 

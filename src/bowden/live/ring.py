@@ -193,6 +193,8 @@ class RingWriter(_Mapped):
 class RingReader(_Mapped):
     """The side of the recorder, the screen or a test; any number of them, none of which the writer notices.
 
+    Each belongs to one thread: it counts what it has read, and its barrier is a lock that one thread takes.
+
     Args:
         path: of the ring.
         from_now: begin with the next row to come, in place of the oldest that is still there.
