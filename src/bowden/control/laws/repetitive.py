@@ -56,7 +56,7 @@ class RepetitiveGains(NamedTuple):
     """τ [s]."""
     bandwidth: Annotated[float, Quantity("q, of the observer's filter", "rad/s", live=True)] = _OWN.bandwidth
     rate_limit: Annotated[
-        float, Quantity("How fast the disturbance may change, at most", "rad/s", live=True)
+        float, Quantity("how fast the disturbance may change, at most", "rad/s", live=True)
     ] = _OWN.rate_limit
     half_width: float = _OWN.half_width
     """r, half of what the feed-forward crosses at a reversal, in motor travel; 0 where no width is known [rad]."""
