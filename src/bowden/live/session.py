@@ -443,6 +443,13 @@ class Session:
             ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
             SafetyError: no session is live, or another change goes on.
         """
+        self._require_gain(name, value)
+        rig = self.live.logged
+        for one, number in {**self._changed, name: float(value)}.items():
+            rig = rig.with_gain(one, number)
+        return rig
+
+    def _require_gain(self, name: str, value: float) -> None:
         law = self.live.law
         if not isinstance(name, str):
             raise ParameterError(f"the gain's name is {said(name)}", expected="text", do="name a gain")
@@ -455,13 +462,17 @@ class Session:
             )
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ParameterError(f"gain {name} of law {law.name!r} is {said(value)}", expected="a number", do="give one")
-        law.with_gains(**{name: float(value)})  # which refuses what is out of bounds, and no number
+        low, high = law.limits.get(name, (-math.inf, math.inf))
+        if not low <= value <= high:  # nor is what is no number
+            raise ParameterError(
+                f"gain {name} of law {law.name!r} is {said(value)}",
+                expected=f"a number from {low:g} to {high:g}",
+                do="correct it",
+            )
+        law.with_gains(**{name: float(value)})  # which refuses a gain that there is not
         self._require_live()
-        self._require_settled()
-        rig = self.live.logged
-        for one, number in {**self._changed, name: float(value)}.items():
-            rig = rig.with_gain(one, number)
-        return rig
+        if self.changing:
+            raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
 
     def ask_gain(self, name: str, value: float) -> None:
         """Ask the loop for another value of a live gain, whose check holds; nothing is waited for.
@@ -470,7 +481,7 @@ class Session:
             ParameterError: as `with_gain`.
             SafetyError: as `with_gain`.
         """
-        self.with_gain(name, value)
+        self._require_gain(name, value)
         self.beat()
         self._changed[name] = float(value)
         self.block.ask_gain(self.live.law.live.index(name), float(value))
@@ -484,10 +495,6 @@ class Session:
     def _require_live(self) -> None:
         if not hasattr(self, "ready") or not self.running or self.ended is not None or self.block.quitting:
             raise SafetyError("no session is live", expected="one that goes on", do="change the gain in its settings")
-
-    def _require_settled(self) -> None:
-        if self.changing:
-            raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
 
     def remember(self, row: dict[str, float] | None, *, surely: bool = False) -> None:
         """Keep how warm the motor is in a row, for the next run; `surely` waits for the disk. Any thread may ask."""
