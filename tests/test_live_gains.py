@@ -201,6 +201,8 @@ def test_gains_are_refused_that_do_not_hold_or_cannot_be_checked() -> None:
     assert required("a", "little_margin", "little") == "little"
     with pytest.raises(SafetyError, match="do not hold on this rig: poles at 1.1"):
         required("a", "does_not_hold", "poles at 1.1")
+    with pytest.raises(SafetyError, match="swing at rest on this rig: by 3°"):
+        required("a", "limit_cycle", "by 3°")
     for said in ({"reason": "no number"}, {"reason": "", "error": "no number"}):
         with pytest.raises(SafetyError, match=r"cannot be checked \(no number\)"):
             required("a", None, **said)
@@ -284,7 +286,10 @@ def test_a_gain_that_does_not_hold_is_refused_with_the_figure(tmp_path: Path) ->
             except (AssertionError, SafetyError):
                 continue
             with pytest.raises(SafetyError, match=r"these gains of cascaded_pid do not hold on this rig: .*\d"):
+                session.set_gain("integral_gain", 400.0)
+            with pytest.raises(SafetyError, match=r"these gains of cascaded_pid swing at rest on this rig: .*\d"):
                 session.set_gain("proportional_gain", 50.0)
-            assert session.gains["proportional_gain"] == rig.fitted().numbers["proportional_gain"]
+            assert session.gains == rig.fitted().numbers
         break
-    assert set(read(session.log)["asked.proportional_gain"]) == {rig.fitted().numbers["proportional_gain"]}
+    log = read(session.log)
+    assert set(log["asked.proportional_gain"]) == {rig.fitted().numbers["proportional_gain"]}

@@ -15,6 +15,7 @@ from typing import IO, Any
 from bowden.core.errors import BowdenError, SafetyError
 from bowden.rig.rig import Rig
 
+_REFUSED = {"does_not_hold": "do not hold", "limit_cycle": "swing at rest"}
 _NICE = 10
 """The loop comes first."""
 
@@ -83,6 +84,9 @@ def _close(pipe: IO[str]) -> None:
 def required(law: str, name: str | None, reason: str, error: str = "") -> str:
     """What to know of gains that are wanted while the law runs, by what the check says of them; empty where they hold.
 
+    A loop that swings at rest is begun with, where its user has read so, but not gone over to in mid-run: what holds
+    otherwise, with margins or with little, holds at every value between the old ones and the new.
+
     Args:
         law: its name.
         name: of the verdict; None where the check cannot judge.
@@ -98,9 +102,9 @@ def required(law: str, name: str | None, reason: str, error: str = "") -> str:
             f"the gains of {law} cannot be checked ({why}), so that none changes while it runs",
             do="stop the run, change it, and start again",
         )
-    if name == "does_not_hold":
+    if name in _REFUSED:
         raise SafetyError(
-            f"these gains of {law} do not hold on this rig: {reason}",
+            f"these gains of {law} {_REFUSED[name]} on this rig: {reason}",
             expected="gains that hold by bowden check",
             do="choose a value nearer to the one in force",
         )
