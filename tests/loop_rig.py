@@ -72,7 +72,7 @@ class LoopRig:
         self._columns, self._units = about.columns, about.units
         ring.create(folder / "ring", about, ROWS)
         shared_memory.create(folder / "block", control_block.WORDS)
-        self.reader, self._block = RingReader(folder / "ring"), ControlBlock(folder / "block")
+        self.reader, self.block = RingReader(folder / "ring"), ControlBlock(folder / "block")
         cycle = Cycle(law, limits, Filters(), PERIOD / SECOND, source)
         cycle.begin(NOTHING_READ, cold(limits.thermal), latched)
         writer, words = RingWriter(folder / "ring"), ControlBlock(folder / "block")
@@ -85,7 +85,7 @@ class LoopRig:
         self.time = max(self.time, deadline)
         self.reader.recorder.write(Report(int(RecorderState.OK), self.time, 0, 0, 0, 0))
         if self.operator:
-            self._block.beat(self.time)
+            self.block.beat(self.time)
         row = self.reader.last()
         self.led += row is not None and row[AT["source"]] >= LAW_BEGINS
         self._between(self)
@@ -96,11 +96,11 @@ class LoopRig:
 
     def _ask(self, mode: Mode, passed: bool) -> None:
         if self.sleeps in self._arms:
-            self._block.ask(Request.ARM)
+            self.block.ask(Request.ARM)
         elif mode == Mode.PREFLIGHT and passed:
-            self._block.ask(Request.RUN)
+            self.block.ask(Request.RUN)
         elif mode in (Mode.STOPPED, Mode.LATCHED) and self.sleeps >= self._quits:
-            self._block.quit()
+            self.block.quit()
 
     def run(self) -> tuple[Ended, Recording]:
         """The whole run, and its rows as the log would have them."""

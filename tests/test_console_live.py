@@ -391,7 +391,8 @@ def test_the_guided_path(tmp_path: Path) -> None:
         page = console.page().open().take()
         page.until(lambda state: state["phase"] == "idle")
         before = page.state["rig"]["hash"]
-        assert page.post("/api/path", step="identify") == "nothing was measured"
+        for step in ("identify", "identify-servo"):
+            assert page.post("/api/path", step=step) == "nothing was measured"
         for number in tries():
             page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
             assert page.post("/api/path", step="measure")["path"]["running"]
@@ -405,9 +406,10 @@ def test_the_guided_path(tmp_path: Path) -> None:
             if page.state["path"]["steps"][0]["state"] == "done":
                 break
         assert {"path-1/cable.csv", "path-1/servo.csv"} <= {*page.state["path"]["steps"][0]["files"]}
-        for step, seconds in (("identify", 300.0), ("tune", 1500.0)):
+        steps = ("measure", "identify", "identify-servo", "tune")
+        for step, seconds in (("identify", 300.0), ("identify-servo", 120.0), ("tune", 1500.0)):
             assert page.post("/api/path", step=step)["phase"] == "step"
-            at = ("measure", "identify", "tune").index(step)
+            at = steps.index(step)
             page.until(lambda state, at=at: state["path"]["steps"][at]["state"] in ("done", "failed"), seconds, step)  # type: ignore[misc]
             found = page.state["path"]["steps"][at]
             print(found)

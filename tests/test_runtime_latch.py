@@ -117,7 +117,7 @@ def test_a_run_that_begins_latched_is_armed_by_nothing_but_an_acknowledgement_fi
 
     def between(rig: LoopRig) -> None:
         if rig.sleeps == 100:
-            rig._block.ask(Request.ACKNOWLEDGE)
+            rig.block.ask(Request.ACKNOWLEDGE)
 
     drive, arms = SimulatedDrive(twin_bench()), (10, 50, 200)
     rig = LoopRig(tmp_path, LAWS["adaptive"], Limits(), drive, script, between, arms=arms, quits=400, latched=FAULTS)

@@ -1,4 +1,4 @@
-/** The guided path: measure, identify, tune, run. */
+/** The guided path: measure, identify, identify the servo, tune, run. */
 
 import { attribute, h, hidden, icon, refill, text } from "./dom";
 import { ask, type Say } from "./flow";
@@ -9,6 +9,7 @@ import type { PathStep } from "./wire";
 const STEPS: { name: string; title: string; words: string; moves: boolean }[] = [
   { name: "measure", title: "Measure", words: "The motor moves through ramps, sines and a chirp. It is armed, run and ended on the page Rig; then the files are written.", moves: true },
   { name: "identify", title: "Identify", words: "A model of the cable is fitted to the logs. Nothing moves.", moves: false },
+  { name: "identify-servo", title: "Identify servo", words: "Natural frequency, damping and delay of the motor's servo are fitted to the log. Nothing moves.", moves: false },
   { name: "tune", title: "Tune", words: "Gains with margins are found for this model. Nothing moves.", moves: false },
   { name: "run", title: "Run", words: "A law moves the joint. It is armed and run on the page Rig.", moves: true },
 ];

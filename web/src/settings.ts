@@ -1,7 +1,7 @@
 /** What a run is made of: law, gains, reference, duration, who and why. */
 
-import { attribute, h, hidden, refill, text, titled } from "./dom";
-import { ask, type Say } from "./flow";
+import { attribute, h, hidden, number, refill, text, titled } from "./dom";
+import { ask, sentence, type Say } from "./flow";
 import type { Link } from "./link";
 import type { Quantity, State } from "./wire";
 
@@ -36,7 +36,7 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
   const notes: HTMLTextAreaElement = commit(h("textarea", { id: "notes", rows: 2, maxlength: 4000 }), () => set({ notes: notes.value }));
   const gains = h("div", { class: "quantities" });
   const reference = h("div", { class: "quantities" });
-  const locked = h("p", { class: "hint" }, "A run is open. End it to change these.");
+  const locked = h("p", { class: "hint" }, "A run is open. End it to change these; gains with a button may be changed while the law runs.");
   const label = (words: string, field: Field) => h("div", { class: "field" }, h("label", { for: field.id }, words), field);
   const presetField = label("Preset", preset);
 
@@ -56,6 +56,33 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
   );
 
   let quantities: { name: string; field: Field }[] = [];
+  /** Of each gain: the button that changes it while the law runs, and what became of that. */
+  const changes = new Map<string, { field: HTMLInputElement; button: HTMLButtonElement; said: HTMLElement }>();
+
+  function gain(name: string, given: Quantity): HTMLElement {
+    const row = quantity("gain", name, given, (value) => (running() ? Promise.resolve(true) : set({ gains: { [name]: value } })));
+    const field = row.querySelector("input")!;
+    const change = (): void => {
+      if (button.disabled) return;
+      void ask(link, "/api/gain", { name, value: field.valueAsNumber }, say).then((ok) => {
+        if (ok) busy.delete(field);
+        attribute(field, "aria-invalid", ok ? null : "true");
+        update();
+      });
+    };
+    const button = h("button", { type: "button", class: "small", onclick: change }, `Change ${name}`);
+    // While the law runs a value goes to it by Enter or the button alone, not by leaving the field.
+    field.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && !event.repeat && running()) change();
+    });
+    field.addEventListener("change", (event) => running() && event.stopImmediatePropagation(), true);
+    field.addEventListener("input", () => update());
+    const said = h("p", { class: "change", role: "status" });
+    row.append(button, said);
+    changes.set(name, { field, button, said });
+    return row;
+  }
+  const running = (): boolean => link.state?.phase === "live";
 
   function quantity(prefix: string, name: string, given: Quantity, send: (value: unknown) => Promise<boolean>): HTMLElement {
     const id = `${prefix}-${name}`;
@@ -102,7 +129,8 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
     let made = false;
     refill(gains, [now.law, shape(now.gains)], () => {
       made = true;
-      return Object.entries(now.gains).map(([name, given]) => quantity("gain", name, given, (value) => set({ gains: { [name]: value } })));
+      changes.clear();
+      return Object.entries(now.gains).map(([name, given]) => gain(name, given));
     });
     if (!made) quantities.push(...before.filter(({ name }) => name.startsWith("gain-")));
     made = false;
@@ -113,24 +141,56 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
       );
     });
     if (!made) quantities.push(...before.filter(({ name }) => name.startsWith("reference-")));
+    if (wasLocked === true && !now.locked) {
+      // What was typed and not sent is of the run that has ended.
+      for (const [name, { field }] of changes) {
+        busy.delete(field);
+        field.value = shown(now.gains[name]?.value ?? null);
+      }
+    }
     for (const { name, field } of quantities) {
       const at = name.indexOf("-");
       const given = name.startsWith("gain-") ? now.gains[name.slice(at + 1)] : fields[name.slice(at + 1)];
       if (!given) continue;
-      fill(field, shown(given.value));
-      const may = free || (given.live === true && state.you.controls && state.phase === "live");
+      const under = given.change?.state === "checking" || given.change?.state === "going";
+      fill(field, shown(under ? given.change!.to : given.value));
+      const may = free || (given.live === true && state.you.controls && link.connected && state.phase === "live");
       if (field.disabled === may) field.disabled = !may;
     }
+    for (const [name, one] of changes) showChange(one, now.gains[name], state);
     for (const field of [law, preset, kind, seconds, subject, session, notes]) if (field.disabled === free) field.disabled = !free;
     hidden(locked, !now.locked);
     text(summary, `${now.law}${now.duration ? `, ${now.duration} s` : ""}`);
     // Out of the way when a run opens; back when it ends.
     if (wasLocked !== now.locked) {
-      if (wasLocked !== null || now.locked) details.open = !now.locked;
+      if (wasLocked !== null || now.locked) details.open = !now.locked || Object.values(now.gains).some((given) => given.live === true);
       wasLocked = now.locked;
     }
   }
+  function showChange({ field, button, said }: { field: HTMLInputElement; button: HTMLButtonElement; said: HTMLElement }, given: Quantity | undefined, state: State): void {
+    const live = state.phase === "live" && given?.live === true;
+    if (!running() && !busy.has(field)) attribute(field, "aria-invalid", null);
+    hidden(button, !live);
+    const going = Object.values(state.settings.gains).some(({ change }) => change?.state === "checking" || change?.state === "going");
+    const may = live && !going && !field.disabled && Number.isFinite(field.valueAsNumber) && field.valueAsNumber !== given?.value;
+    if (button.disabled === may) button.disabled = !may;
+    const words = live ? changed(given) : state.phase === "live" ? LOCKED : "";
+    text(said, words);
+    attribute(said, "class", `change ${live ? (given.change?.state ?? "").replace(" ", "-") : ""}`.trim());
+    hidden(said, words === "");
+  }
   return { element: details, update };
+}
+
+const LOCKED = "Locked while the law runs: it is no gain that the law lets change then.";
+
+/** What became of the newest change of a gain. */
+function changed({ change, value }: Quantity): string {
+  if (!change) return "";
+  if (change.state === "checking") return `Checking ${change.to} on this rig… ${value} stays in force.`;
+  if (change.state === "going") return `Holds. Going over to ${change.to}, now ${number(value as number)}.${change.text ? ` ${sentence(change.text)}` : ""}`;
+  if (change.state === "in force") return `${change.to} is in force; it was ${change.from}.${change.text ? ` ${sentence(change.text)}` : ""}`;
+  return `${change.to} is refused, ${value} stays in force: ${sentence(change.text)}`;
 }
 
 function shown(value: Quantity["value"]): string {

@@ -10,7 +10,10 @@ export interface Quantity {
   high?: number | null;
   unit?: string;
   meaning?: string;
+  /** Whether it may be changed while the law runs. */
   live?: boolean;
+  /** Its newest change in this run. */
+  change?: { to: number; from: number; state: "checking" | "going" | "in force" | "refused"; text: string };
 }
 
 export interface Choice {

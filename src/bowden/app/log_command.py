@@ -33,10 +33,10 @@ class LogFormat(StrEnum):
 
 def info(file: FileArgument, json: JsonOption = False) -> None:
     """Say what a log holds: duration, cycles, what is missing, lateness, events, settings."""
-    from bowden.live.log_facts import NEEDED, facts
+    from bowden.live.log_facts import facts, needed
     from bowden.live.mcap_read import read
 
-    found = read(file, NEEDED)
+    found = read(file, needed(file))
     document = facts(found)
     if json:
         print_json({"file": str(file), **document, "seconds": seconds()})

@@ -14,15 +14,17 @@ from bowden.console.earlier import EarlierRuns
 from bowden.console.guided import GuidedPath
 from bowden.console.jobs import Jobs
 from bowden.console.lease import Lease
-from bowden.console.runs import RunOwner, TerminalRun
+from bowden.console.runs import RunOwner, RunSeen, TerminalRun
 from bowden.console.settings import RunSettings, shortly
-from bowden.console.state import VOLATILE, error_of, finite, rig_of, run_of
+from bowden.console.state import VOLATILE, error_of, finite, gains_of, rig_of, run_of
 from bowden.console.stream import Watch
 from bowden.core.errors import BowdenError, ParameterError, SafetyError
 from bowden.design.verdict import CheckVerdict
 from bowden.face.run import live_session
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.control import TwinControl
+from bowden.live.gain_check import required
+from bowden.live.gain_ramp import in_force
 from bowden.live.live_run import live_run
 from bowden.live.operator import prompt
 from bowden.live.ring import RingReader
@@ -78,6 +80,8 @@ class Console:
         self.watch: Watch | None = None
         self.check: dict[str, Any] | None = None
         self.path = GuidedPath(out, self.jobs)
+        self.gain: dict[str, Any] | None = None
+        """The newest change of a gain while a law runs."""
         self.error: BowdenError | None = None
         self._watched: Session | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
@@ -129,6 +133,8 @@ class Console:
         run = finite(run_of(seen, self.watch))
         view = self.lease.look(self.owner.clock.now())
         since = (self.owner.clock.now() - view.since) * 1e-9
+        self._follow_gain(seen)
+        settings = self._document["settings"]
         if self.path.going == "measure" and run is not None and run["remaining"] is not None:
             self.path.fraction = run["elapsed"] / max(1e-9, run["elapsed"] + run["remaining"])
         return {
@@ -136,7 +142,7 @@ class Console:
             "phase": self.phase,
             "controller": {"seconds": since, "fresh": view.fresh} if view.holder else None,
             "viewers": len(self.viewers),
-            "settings": {**self._document["settings"], "locked": seen.phase != "idle"},
+            "settings": {**settings, "gains": gains_of(settings, seen, self.gain), "locked": seen.phase != "idle"},
             "check": self.check,
             "run": run,
             "path": self.path.document(),
@@ -303,6 +309,53 @@ class Console:
             raise ParameterError(f"request is {shortly(name)}", expected=f"one of {known}", do="reload the page")
         self._require_page(tab)
         return await asyncio.wrap_future(self.owner.ask(tab, REQUESTS[name]))
+
+    async def set_gain(self, tab: str, name: Any, value: Any) -> None:
+        """Have a gain changed while the law runs, if the gains wanted hold; `state` tells how far it is.
+
+        Raises:
+            ParameterError: there is no such gain, it is not live, or the value cannot be.
+            SafetyError: the page does not control, nothing runs, or another change goes on.
+        """
+        if self._terminal is not None:
+            raise SafetyError("the terminal controls this run", expected="no change of gains", do="end it there")
+        self.require_control(tab)
+        session = self.owner.seen.session
+        if session is None or self.owner.seen.phase != "live":
+            raise SafetyError("no session is live", expected="one that goes on", do="change the gain in the settings")
+        if self.gain is not None and self.gain["state"] in ("checking", "going"):
+            raise SafetyError("another change of gains goes on", do="wait until it is in force, or refused")
+        if not isinstance(name, str):
+            raise ParameterError(f"gain is {shortly(name)}", expected="the name of a gain", do="choose one")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ParameterError(f"gain {shortly(name)} is {shortly(value)}", expected="a number", do="correct it")
+        rig = session.with_gain(name, value)
+        self.gain = {"name": name, "from": session.gains[name], "to": float(value), "state": "checking", "text": ""}
+        self._beside(self._changed(tab, session, rig, self.gain))
+
+    async def _changed(self, tab: str, session: "Session", rig: Rig, change: dict[str, Any]) -> None:
+        """Check a change, and hand it to the run's thread where it holds; what becomes of it is written into it."""
+        why = "the console failed to check it"
+        try:
+            found = await self.jobs.do("check", rig=rig.document())
+            change["text"] = required(rig.law_name, found["name"], found["text"])
+            if self.owner.seen.session is not session:
+                raise SafetyError("the session has ended")
+            why = await asyncio.wrap_future(self.owner.ask_gain(tab, change["name"], change["to"]))
+        except BowdenError as error:
+            why = error.what
+        finally:
+            change.update({"state": "refused", "text": why} if why else {"state": "going"})
+
+    def _follow_gain(self, seen: RunSeen) -> None:
+        """See whether the newest change is in force."""
+        change = self.gain
+        if change is None or seen.session is None or seen.row is None:
+            return
+        if seen.phase != "live":
+            self.gain = None
+        elif change["state"] == "going" and in_force(seen.row).get(change["name"]) == change["to"]:
+            change["state"] = "in force"
 
     async def stop(self) -> str:
         """Stop the run, whoever asks."""

@@ -1,4 +1,4 @@
-"""The guided path: measure, identify, tune, run. Each step's files lie in one folder, and the rig goes on with them."""
+"""The guided path: measure, identify, identify-servo, tune, run. Each step's files lie in one folder, and the rig goes on with them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,13 +12,16 @@ from bowden.live.live_run import Live
 from bowden.live.measured import write_motions
 from bowden.rig.rig import Rig
 
-STEPS = ("measure", "identify", "tune", "run")
+STEPS = ("measure", "identify", "identify-servo", "tune", "run")
 """In their order."""
+_NEEDS = {"identify": "cable.csv", "identify-servo": "servo.csv"}
+"""Step → the file of the measurement that it begins with."""
 PAGES = {"identify": "identify.html"}
 """Step → its page."""
 _NEXT = {
     "measure": "measure: the motor moves through ramps, sines and a chirp within the limits",
     "identify": "identify the cable from what was measured",
+    "identify-servo": "identify the servo from what was measured",
     "tune": "tune the gains on the identified cable",
     "run": "check the law, then run it",
 }
@@ -83,11 +86,11 @@ class GuidedPath:
         Raises:
             ParameterError: there is no such step, or what it needs is not there.
         """
-        if step not in STEPS[:3]:
-            raise ParameterError("there is no such step", expected=", ".join(STEPS[:3]), do="choose one")
+        if step not in STEPS[:-1]:
+            raise ParameterError("there is no such step", expected=", ".join(STEPS[:-1]), do="choose one")
         if self.going:
             raise ParameterError(f"the step {self.going} goes on", do="wait until it has ended")
-        if step == "identify" and not (self.folder / "cable.csv").is_file():
+        if step in _NEEDS and not (self.folder / _NEEDS[step]).is_file():
             raise ParameterError("nothing was measured", expected="a measurement", do="measure first")
         return str(step)
 
@@ -115,7 +118,7 @@ class GuidedPath:
         self.end("the motor has moved through the excitation", [log.name, *map(self._named, files)])
 
     async def compute(self, step: str, rig: Rig) -> Rig | None:
-        """Identify or tune; the rig with what was found, None where nothing was."""
+        """Identify, or tune; the rig with what was found, None where nothing was."""
 
         def progress(what: str, share: float) -> None:
             self.fraction, self._steps[step].said = share, what
@@ -162,6 +165,33 @@ def identified(progress: Callable[[str, float], None], rig: Mapping[str, Any], f
     trust = f"trust: {fit.trust.level}, {fit.trust.why}"
     said = f"{fit.best.name}: {left:.2g}° RMS left with this model as feed-forward, {without:.2g}° without; {trust}"
     return {"rig": made.document(), "said": said, "files": files}
+
+
+def identified_servo(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
+    """Identify the servo that was measured, and put it into the rig: the keys that identify-servo writes."""
+    from bowden.identify.servo.fit import identify_servo
+    from bowden.identify.servo.keys import document_of, keys_of
+    from bowden.identify.servo.log import read_servo_log
+
+    place, given = Path(folder), Rig.unpack(rig)
+    log = place / "servo.csv"
+    columns, _ = read_servo_log(log, {"time": "time_s", "command": "command_rad", "motor": "motor_rad"})
+    progress("fitting the servo", 0.1)
+    found = identify_servo(*columns)
+    keys = document_of(found, 1e3 * given.sample_time)
+    with whole_files(place) as stage:
+        (stage / "servo.toml").write_text(keys_of(keys, log.name), encoding="utf-8")
+    servo = given.servo._replace(natural_frequency=found.natural_frequency.value, damping=found.damping.value)
+    if found.speed_limit is not None:
+        servo = servo._replace(speed_limit=found.speed_limit.value)
+    made = given.replace(servo=servo, delay=keys["delay_cycles"])
+    frequency, damping, delay = (keys[name] for name in ("natural_frequency_hz", "damping", "delay_s"))
+    said = (
+        f"natural frequency {frequency['value']:.4g} ± {frequency['uncertainty']:.1g} Hz, damping "
+        f"{damping['value']:.3g} ± {damping['uncertainty']:.1g}, delay {1e3 * delay['value']:.3g} ± "
+        f"{1e3 * delay['uncertainty']:.1g} ms; {keys['residual_deg']:.2g}° RMS of the motor's motion are left"
+    )
+    return {"rig": made.document(), "said": said, "files": ["servo.toml", *_written(made, place, "servo")]}
 
 
 def tuned_rig(progress: Callable[[str, float], None], rig: Mapping[str, Any], folder: str) -> dict[str, Any]:

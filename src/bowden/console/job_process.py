@@ -215,6 +215,13 @@ def identify(progress: Progress, rig: Mapping[str, Any], folder: str) -> dict[st
     return identified(progress, rig, folder)
 
 
+def identify_servo(progress: Progress, rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
+    """A step of the guided path."""
+    from bowden.console.guided import identified_servo
+
+    return identified_servo(progress, rig, folder)
+
+
 def tune(progress: Progress, rig: Mapping[str, Any], folder: str) -> dict[str, Any]:
     """A step of the guided path."""
     from bowden.console.guided import tuned_rig
@@ -232,6 +239,7 @@ WORKS: dict[str, Callable[..., Any]] = {
     "export": export,
     "curves": curves,
     "identify": identify,
+    "identify-servo": identify_servo,
     "tune": tune,
 }
 """Name → the work."""

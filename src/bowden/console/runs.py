@@ -89,7 +89,9 @@ class _Asked:
     """A request with the place for its answer: empty, or why it does nothing."""
 
     tab: str
-    request: Request
+    request: Request | None
+    gain: tuple[str, float] | None = None
+    """In place of a request: another value of a gain, whose check holds."""
     answer: "Future[str]" = field(default_factory=Future)
 
 
@@ -128,7 +130,14 @@ class RunOwner:
 
     def ask(self, tab: str, request: Request) -> "Future[str]":
         """Ask for something; the answer is empty, or why it does nothing. A stop needs no lease, and never waits."""
-        asked = _Asked(tab, request)
+        return self._handed(_Asked(tab, request))
+
+    def ask_gain(self, tab: str, name: str, value: float) -> "Future[str]":
+        """Ask for another value of a live gain, whose check holds; the answer as of `ask`."""
+        return self._handed(_Asked(tab, None, (name, value)))
+
+    def _handed(self, asked: _Asked) -> "Future[str]":
+        request = asked.request
         if self.seen.phase != "live":
             asked.answer.set_result("there is no session: start one first" if request != Request.STOP else "")
             return asked.answer
@@ -248,8 +257,14 @@ class RunOwner:
             return "this page does not control: take the control first"
         if not view.fresh:
             return "no sign of life comes from this page: keep it visible and in the foreground"
-        row = self.seen.row
-        why = why_not(asked.request, row)
+        if asked.gain is not None:
+            try:
+                session.ask_gain(*asked.gain)
+            except BowdenError as error:
+                return error.what
+            return ""
+        assert asked.request is not None
+        why = why_not(asked.request, self.seen.row)
         if not why:
             session.ask(asked.request)
             if asked.request == Request.ARM:
@@ -317,6 +332,12 @@ class TerminalRun:
         if request == Request.STOP:
             self._stop.set()
         answer.set_result("" if request == Request.STOP else _OF_TERMINAL)
+        return answer
+
+    def ask_gain(self, tab: str, name: str, value: float) -> "Future[str]":
+        """Nothing is changed here."""
+        answer: Future[str] = Future()
+        answer.set_result(_OF_TERMINAL)
         return answer
 
     def stopped(self) -> bool:

@@ -88,6 +88,11 @@ def application(console: Console) -> Starlette:
         document(await request.body())
         return _json({"answer": await console.stop()})
 
+    async def gain(request: Request) -> Response:
+        given = document(await request.body())
+        await console.set_gain(_tab(request), given.get("name"), given.get("value"))
+        return await news(request)
+
     async def inject(request: Request) -> Response:
         given = document(await request.body())
         console.require_control(_tab(request))
@@ -144,6 +149,7 @@ def application(console: Console) -> Starlette:
             route("/api/check", check, "POST"),
             route("/api/request", ask, "POST"),
             route("/api/stop", stop, "POST"),
+            route("/api/gain", gain, "POST"),
             route("/api/inject", inject, "POST"),
             route("/api/path", path, "POST"),
             route("/api/path/{step}.html", path_page),

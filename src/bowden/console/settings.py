@@ -139,7 +139,7 @@ def gain_of(law: Law, name: str) -> dict[str, Any]:
         "high": high if math.isfinite(high) else None,
         "unit": unit,
         "meaning": meaning,
-        "live": False,
+        "live": name in law.live,
     }
 
 

@@ -12,6 +12,7 @@ from bowden.core.errors import BowdenError
 from bowden.core.signals import DriveState
 from bowden.hardware.drives.family import family_of
 from bowden.hardware.twin.injection import KINDS, SIDES
+from bowden.live.gain_ramp import in_force
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.stops import told_apart
@@ -119,6 +120,29 @@ def run_of(seen: RunSeen, watch: Watch | None) -> dict[str, Any] | None:
             "overruns": watch.overruns,
         },
         "recorder": RecorderState(seen.recorder).name.lower(),
+    }
+
+
+def gains_of(settings: Mapping[str, Any], seen: RunSeen, change: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The gains of the settings, while a session is live with what the loop says of them.
+
+    Args:
+        settings: as `RunSettings.document` has them.
+        seen: by the thread that holds the run.
+        change: the newest change: its ``name``, ``to``, ``state`` and ``text``.
+    """
+    gains: dict[str, Any] = settings["gains"]
+    if seen.phase != "live" or seen.session is None or seen.row is None:
+        return gains
+    now = in_force(seen.row)
+    return {
+        name: {
+            **gain,
+            "value": now.get(name, gain["value"]),
+            "live": name in now,
+            **({"change": change} if change is not None and change["name"] == name else {}),
+        }
+        for name, gain in gains.items()
     }
 
 

@@ -21,7 +21,7 @@ from bowden.core import shown
 from bowden.core.arguments import said
 from bowden.core.errors import ParameterError, near
 from bowden.core.kernel import stand_in
-from bowden.core.nested import columns, is_named, leaves, name_of, rebuilt
+from bowden.core.nested import columns, is_named, leaves, name_of, quantity_at, rebuilt
 from bowden.core.part import signed
 from bowden.core.signals import Reference, Sample
 
@@ -101,7 +101,8 @@ class Law:
     nested part's name stands for all of it. Of a law that does not say, all that `from_rig` does not set; never None
     once the law is made."""
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others."""
+    """Gain → the smallest and the largest value that makes sense; `with_gains` refuses others. A gain that is not named
+    here has the range that its `Quantity` declares, if it has one."""
     state_units: Mapping[str, str] = field(default_factory=dict)
     """Field of the state, or its column (``part.field``) → unit for the record, where the state's type does not say."""
     former: Mapping[str, str] = field(default_factory=dict)
@@ -127,7 +128,8 @@ class Law:
         """Keep the law's own gains, and refuse a declaration that cannot be.
 
         Raises:
-            ParameterError: `from_rig`, `tunable` or `feeds_back` names what is not there, or `suit_preset` no preset.
+            ParameterError: `from_rig`, `tunable` or `feeds_back` names what is not there, `suit_preset` no preset, or a
+                live gain is no choice or has no limits.
         """
         if not isinstance(self.name, str):
             raise ParameterError(f"Law: name is {said(self.name)}", expected="text", do="give it a name")
@@ -171,6 +173,35 @@ class Law:
                     raise ParameterError(
                         f"{what} of law {self.name!r} names {name!r}", expected=near(str(name), known), do="correct it"
                     )
+        self._take_declared()
+
+    def _take_declared(self) -> None:
+        """Take the ranges that the gains' own type declares, and refuse live gains that cannot be.
+
+        Raises:
+            ParameterError: see above.
+        """
+        quantities = {name_of(path): quantity_at(self.gains, path) for path, _ in leaves(self.gains)}
+        ranges = {name: one.ends for name, one in quantities.items() if one is not None and one.rules}
+        object.__setattr__(self, "limits", {**ranges, **self.limits})
+        live = tuple(name for name, one in quantities.items() if one is not None and one.live)
+        object.__setattr__(self, "_live", live)
+        for name in live:
+            low, high = self.limits.get(name, (-math.inf, math.inf))
+            what = f"gain {name} of law {self.name!r} may be changed while the law runs"
+            if not (math.isfinite(low) and math.isfinite(high)):
+                do = "give it a range: Quantity(…, ge=…, le=…, live=True), or one in limits"
+                raise ParameterError(f"{what}, and has no limits", expected="a smallest and a largest value", do=do)
+            if name not in self.choices:
+                do = "leave out live=True, or name it in tunable"
+                raise ParameterError(f"{what}, and is a fact of the rig", expected="a choice, see tunable", do=do)
+
+    @property
+    def live(self) -> tuple[str, ...]:
+        """Gains that may be changed while the law runs, since the gains' type declares them ``Quantity(…, live=True)``;
+        one of a nested part by its dotted name, as in `numbers`."""
+        found: tuple[str, ...] = self.__dict__["_live"]
+        return found
 
     @property
     def choices(self) -> list[str]:

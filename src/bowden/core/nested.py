@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.quantity import declared
+from bowden.core.quantity import Quantity, declared
 
 Array = NDArray[np.float64]
 
@@ -92,6 +92,18 @@ def columns(example: Any, prefix: str = "", units: Mapping[str, str] | None = No
 def unit_at(value: Any, path: Path) -> str:
     """The unit that the types say for a leaf, the innermost that says one; nothing where none does."""
     return said_at(value, path, _units_of)
+
+
+def quantity_at(value: Any, path: Path) -> Quantity | None:
+    """How the innermost type on the way to a leaf declares its field; None where none does."""
+    found = None
+    for step in path:
+        if isinstance(step, str):
+            found = next((one.quantity for one in declared(type(value)) if one.name == step), found)
+            value = getattr(value, step)
+        else:
+            value = value[step]
+    return found
 
 
 def said_at(value: Any, path: Path, of: Callable[[Any], Mapping[str, str]]) -> str:

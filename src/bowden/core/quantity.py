@@ -108,6 +108,8 @@ class Quantity:
     """Whether it may be infinite, for no limit."""
     least: int = 0
     """Shortest length of a list."""
+    live: bool = False
+    """Of a law's gain: whether it may be changed while the law runs (`Law.live`)."""
 
     @cached_property
     def file_unit(self) -> str:
@@ -152,6 +154,21 @@ class Quantity:
             and (self.ge is None or scaled >= self.ge - _ROUNDING * abs(self.ge))
             and (self.lt is None or scaled < self.lt)
             and (self.le is None or scaled <= self.le + _ROUNDING * abs(self.le))
+        )
+
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The smallest and the largest value, in the unit inside; infinite where there is no such rule.
+
+        >>> Quantity("a share", ge=0.0, le=1.0).ends
+        (0.0, 1.0)
+        """
+        low = self.ge if self.gt is None else math.nextafter(self.gt, math.inf)
+        high = self.le if self.lt is None else math.nextafter(self.lt, -math.inf)
+        return (
+            -math.inf if low is None else low * self.factor,
+            math.inf if high is None else high * self.factor,
         )
 
 

@@ -27,7 +27,7 @@ from bowden.control.conditioning import Conditioned, Conditioning, condition_sta
 from bowden.control.law import Law, law_start, law_step
 from bowden.control.source import TABLE, Measurement, Source, source_start, source_step
 from bowden.core.kernel import kernel, specialise, stand_in
-from bowden.core.nested import flat, restored
+from bowden.core.nested import flat, name_of, numbers_of, rebuilt, refilled, restored
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.models.drive.thermal import ThermalState
 from bowden.safety.limits import Limits
@@ -274,6 +274,7 @@ def law_and_source(law: Law, source: Source = TABLE) -> dict[str, Callable[..., 
 @kernel
 def cycle_in_place(
     settings: CycleSettings,
+    gains: Array,
     sample: Array,
     law: Array,
     conditioned: Array,
@@ -285,18 +286,23 @@ def cycle_in_place(
 ) -> tuple[Reference, float, Verdict]:
     """`one_cycle` under the supervisor on states that are kept flat; each row is written again.
 
-    Of the states that begin here the types alone are needed, so that no state crosses from Python and back.
+    Of the states that begin here the types alone are needed, so that no state crosses from Python and back. The law's
+    gains are kept flat too, so that one of them can be changed between two cycles; those of the settings are their
+    type.
     """
+    now = CycleSettings(
+        refilled(settings.gains, gains), settings.conditioning, settings.source, settings.filters, settings.limits
+    )
     begun = Sample(0.0, 0.0)
     like = DriveReading(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     before = CycleState(
         restored(begun, sample),
-        restored(law_start(settings.gains, begun), law),
+        restored(law_start(now.gains, begun), law),
         restored(condition_start(settings.conditioning, begun), conditioned),
         restored(source_start(settings.source, Measurement(0.0, 0.0, 0.0, 0.0)), source),
         restored(begin(settings.limits, like, ThermalState(0.0, 0.0, 0.0)), supervisor),
     )
-    after, reference, wish, verdict = one_cycle(settings, before, observed, plan, dt)
+    after, reference, wish, verdict = one_cycle(now, before, observed, plan, dt)
     keep(sample, after.sample)
     keep(law, after.law)
     keep(conditioned, after.conditioned)
@@ -330,10 +336,13 @@ class Cycle:
 
     def __init__(self, law: Law, limits: Limits, filters: Filters, period: float, source: Source = TABLE) -> None:
         self.law, self.limits, self.filters, self.period, self.source = law, limits, filters, period, source
-        self._settings = CycleSettings(law.gains, law.conditioning, source.settings, filters, limits)
+        gains = rebuilt(law.gains, lambda path, value: float(value) if name_of(path) in law.live else value)
+        self._settings = CycleSettings(gains, law.conditioning, source.settings, filters, limits)
         self._run: Callable[..., tuple[Reference, float, Verdict]] = specialise(
             cycle_in_place, f"{law.name}_{source.name}", **law_and_source(law, source), **SUPERVISED
         )
+        self.gains = np.array(numbers_of(law.gains), dtype=np.float64)
+        """The law's gains, flat, as `Law.numbers` has them: what stands here the next cycle runs with."""
         self.reference = NOWHERE
         """What the source gave last."""
         self._like: CycleState
@@ -374,7 +383,7 @@ class Cycle:
 
     def step(self, observed: Observed, plan: Plan) -> tuple[float, Verdict]:
         """The wish for the motor [rad] and the verdict on it."""
-        self.reference, wish, verdict = self._run(self._settings, *self._rows, observed, plan, self.period)
+        self.reference, wish, verdict = self._run(self._settings, self.gains, *self._rows, observed, plan, self.period)
         return wish, verdict
 
     def recorded(self) -> CycleState:

@@ -1,4 +1,6 @@
-"""What changed from row to row, in words: modes, reactions, faults that come and go, emergencies, missing rows."""
+"""What changed from row to row, in words: modes, reactions, faults that come and go, emergencies, gains, missing
+rows.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core.errors import counted
+from bowden.live.gain_ramp import ASKED, IN_FORCE
 from bowden.live.mcap_layout import Event
 from bowden.live.ring import Description
 
@@ -35,6 +38,11 @@ class Changes:
         columns = list(description.columns)
         self._time = columns.index("time")
         self._watched = [(name, columns.index(name)) for name in (*WATCHED, FAULTS, EMERGENCY) if name in columns]
+        self._gains = [
+            (name, columns.index(IN_FORCE + name), columns.index(column))
+            for column in columns
+            if column.startswith(ASKED) and IN_FORCE + (name := column.removeprefix(ASKED)) in columns
+        ]
         self._names: Mapping[str, Any] = description.settings.get("names", {})
 
     def find(self, numbers: NDArray[np.int64], rows: NDArray[np.float64]) -> tuple[list[Event], "Changes"]:
@@ -64,6 +72,14 @@ class Changes:
                 text = self._text(name, old[i], new[i])
                 if text:
                     events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
+        for name, at, goal in self._gains:
+            values, asked, was_asked = rows[:, at], rows[:, goal], before[:, goal]
+            for i in np.flatnonzero((asked != was_asked) & ~np.isnan(was_asked)).tolist():
+                text = f"gain {name}: {before[i, at]:.6g} → {asked[i]:.6g} asked for"
+                events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
+            for i in np.flatnonzero((values == asked) & (before[:, at] != was_asked) & ~np.isnan(was_asked)).tolist():
+                text = f"gain {name}: {values[i]:.6g} in force"
+                events.append(Event(int(numbers[i]), float(rows[i, self._time]), text))
         events.sort(key=lambda event: event.number)
         return events, Changes(self._description, (int(numbers[-1]), rows[-1].copy()))
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,11 +16,25 @@ from bowden.hardware.drives.emergencies import emergency_text
 from bowden.hardware.drives.family import family_named
 from bowden.live import stops
 from bowden.live.events import EMERGENCY
+from bowden.live.gain_ramp import ASKED, IN_FORCE
 from bowden.live.log_rig import hash_of
 from bowden.live.mcap_read import Recording
+from bowden.live.mcap_reader import LogReader
 
 NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY, *stops.NEEDED)),)
 """Columns of the log that are looked at."""
+
+
+
+def needed(path: Path) -> tuple[str, ...]:
+    """`NEEDED`, and the columns of the gains that this log has.
+
+    Raises:
+        LogError: it is none that can be read.
+    """
+    named = json.loads(LogReader(path, ()).about["columns"])
+    return (*NEEDED, *(name for name in named if name.startswith((IN_FORCE, ASKED))))
+
 
 _MOST_EVENTS = 12  # printed, half of them from the end; the JSON document has them all
 
@@ -49,6 +64,7 @@ def facts(found: Recording) -> dict[str, Any]:
         "overruns": _overruns(found),
         "stops": stops.document(found, settings.get("limits", {}), twin=settings.get("twin", False)),
         "emergencies": _emergencies(found),
+        "gains": list(_gains(found)),
         "events": [{"time_s": _number(event.time), "text": event.text} for event in found.events],
         "software": {key: found.about[key] for key in _ABOUT if key in found.about},
         "recorder": found.closing or {},
@@ -114,6 +130,28 @@ def _emergencies(found: Recording) -> list[dict[str, Any]]:
     return [{"time_s": _number(time[i]), "text": explain(int(codes[i]))} for i in np.flatnonzero(codes > 0.0)]
 
 
+def _gains(found: Recording) -> Iterator[dict[str, Any]]:
+    """Changes of gains while the law ran, in the order of time."""
+    time, changes = found["time"], []
+    for column in found.columns:
+        name = column.removeprefix(ASKED)
+        if column == name or IN_FORCE + name not in found.columns:
+            continue
+        asked, value = found[column], found[IN_FORCE + name]
+        for i in (np.flatnonzero(np.diff(asked)) + 1).tolist():
+            there = np.flatnonzero(value[i:] == asked[i])
+            changes.append(
+                {
+                    "name": name,
+                    "time_s": _number(time[i]),
+                    "from": float(value[i - 1]),
+                    "to": float(asked[i]),
+                    "in_force_s": _number(time[i + there[0]]) if len(there) else None,
+                }
+            )
+    yield from sorted(changes, key=lambda change: change["time_s"] or 0.0)
+
+
 def _overruns(found: Recording) -> int | None:
     """Deadlines that were skipped; the column says how many before each cycle."""
     if "overruns" not in found.columns or not np.isfinite(found["overruns"]).any():
@@ -165,6 +203,11 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     events, begin = document["events"], document["begin_s"] or 0.0
     for emergency in document["emergencies"]:
         yield "emergency", f"{(emergency['time_s'] or begin) - begin:.3f} s: {emergency['text']}"
+    for change in document["gains"]:
+        there = change["in_force_s"]
+        when = "not in force at the log's end" if there is None else f"in force at {there - begin:.3f} s"
+        values = f"{change['name']} {change['from']:.6g} → {change['to']:.6g}"
+        yield "gain", f"{(change['time_s'] or begin) - begin:.3f} s: {values}, {when}"
     left_out = len(events) - _MOST_EVENTS
     for number, event in enumerate(events):
         if left_out > 0 and number == _MOST_EVENTS // 2:

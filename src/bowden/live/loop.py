@@ -10,6 +10,7 @@ from bowden.cycle.torque_offset import TorqueOffset
 from bowden.hardware.emg.course import EmgCourse
 from bowden.hardware.ports import Drive, Power
 from bowden.live.control_block import ControlBlock
+from bowden.live.gain_ramp import GainRamp
 from bowden.live.ring import RingWriter
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import AT
@@ -104,7 +105,7 @@ class Loop:
         before, skipped, overruns, cycles, resting = deadline - period, 0, 0, 0, 0
         begun = cycle.state.supervisor
         mode, target, verdict, stalled = float(begun.decided.mode), begun.target, None, 0.0
-        last_word = LastWord(cycle.limits, cycle.period, target)
+        last_word, gains = LastWord(cycle.limits, cycle.period, target), GainRamp(cycle.law, cycle.gains, cycle.period)
         while resting < _LAST:
             clock.sleep_until(deadline)
             woke = clock.now()
@@ -121,6 +122,7 @@ class Loop:
                 drive.reset_fault()
             emg_age = 0.0 if course is None else course.look(woke)
             plan = script.plan(mode, target, reading, 1 + skipped)
+            gains.step(block, 1 + skipped)
 
             # what is done
             recorder = 1.0 if ring.recorder.state(woke) == RecorderState.OK else 0.0
@@ -146,7 +148,7 @@ class Loop:
                 *(*verdict, plan.source, lateness, elapsed, skipped, request, age, recorder),
                 *(script.outcome, script.reason, script.play, 0.0),
                 *(*state.law, *state.conditioned, *state.supervisor, *(() if course is None else course.row())),
-                *(*(() if push is None else push.row()), *state.source),
+                *(*(() if push is None else push.row()), *state.source, *gains.recorded),
             )
             finished = clock.now()
             row[_RUN_TIME] = (finished - woke) * 1e-9

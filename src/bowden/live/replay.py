@@ -16,6 +16,7 @@ from bowden.core.nested import from_columns
 from bowden.core.signals import DriveReading, Reference, Sample
 from bowden.cycle.one_cycle import LAW_BEGINS, Cycle, CycleState, Filters, Plan
 from bowden.cycle.torque_offset import COLUMNS, TorqueOffset
+from bowden.live.gain_ramp import IN_FORCE
 from bowden.live.mcap_read import Recording
 from bowden.live.old_names import SINCE
 from bowden.live.row import STOPPED, SUPERVISOR
@@ -104,6 +105,7 @@ def replay(
             ("reference", "reference_velocity", "reference_acceleration"),
         )
     )
+    changed = _gain_columns(found, law) if same else []
     gaps = np.diff(found.numbers, prepend=found.numbers[0] - 2) > 1
     wishes = np.full(len(found.rows), np.nan)
     said = np.full((len(found.rows), len(_VERDICT)), np.nan)
@@ -125,9 +127,18 @@ def replay(
         around = (*(row[i] for i in surroundings), emg_age)
         observed = Observed(DriveReading(*(row[i] for i in reading)), *around)
         plan = Plan(row[at["source"]], row[at["wish"]], Reference(*(row[i] for i in reference)))
+        for place, column in changed:
+            cycle.gains[place] = row[column]
         wishes[k], judged = cycle.step(observed, plan)
         said[k] = judged
     return _compared(found, gaps, wishes, said, found.rows[:, verdict], _torques(found, gaps, period))
+
+
+def _gain_columns(found: Recording, law: Law) -> list[tuple[int, int]]:
+    """Place of each live gain among the law's, and its column; none in a log from before there were such."""
+    order = list(law.numbers)
+    names = [name for name in law.live if f"{IN_FORCE}{name}" in found.columns]
+    return [(order.index(name), found.columns.index(f"{IN_FORCE}{name}")) for name in names]
 
 
 def _conditioned(row: Mapping[str, float]) -> Conditioned:

@@ -10,6 +10,7 @@ from bowden.core.nested import from_columns
 from bowden.core.signals import DriveReading
 from bowden.cycle.torque_offset import COLUMNS as PUSH
 from bowden.hardware.emg.course import COLUMNS
+from bowden.live import gain_ramp
 from bowden.live.ring import Description
 from bowden.models.drive.thermal import Thermal, ThermalState, cold
 from bowden.safety.limits import Limits
@@ -55,7 +56,8 @@ CYCLE: Mapping[str, str] = {
 }
 """Column → unit of what every run has; the law's state follows, what it was shown of the reference with what the
 conditioner remembers, the supervisor's state, what EMG said in a run by
-it, the torque offset in a run with one, and the state of what makes the reference where the wearer's push does.
+it, the torque offset in a run with one, the state of what makes the reference where the wearer's push does, and the
+law's live gains (`live.gain_ramp`).
 
 ``joint`` and ``motor`` are as measured, at the same instant as the reference, which is what the source gave;
 ``joint_seen`` and ``motor_seen`` are behind the filters. ``wish`` is from before the supervisor and ``command`` from
@@ -85,6 +87,7 @@ def columns(law: Law, *, emg: bool = False, pushed: bool = False, source: Source
         **(COLUMNS if emg else {}),
         **(PUSH if pushed else {}),
         **({} if source is TABLE else source.columns()),
+        **gain_ramp.columns(law),
     }
 
 

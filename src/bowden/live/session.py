@@ -22,14 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowden.core import shared_memory, shown
+from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
-from bowden.core.errors import DriveError, LogError, OutputError
+from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError
 from bowden.core.trace import Trace
 from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, latch_file, left_behind, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.control_block import ControlBlock
 from bowden.live.emg_process import EmgProcess
+from bowden.live.gain_check import GainCheck
+from bowden.live.gain_ramp import RAMP, in_force
 from bowden.live.live_run import Live
 from bowden.live.mcap_read import read
 from bowden.live.operator import STANDS_STILL
@@ -59,6 +62,8 @@ _MOST_LOGS = 3
 """Recorders of a run, one after the other."""
 _BEAT = 0.05
 """Between two signs of life [s]."""
+_TAKEN_WITHIN = 2.0
+"""A change of gains that is not in force this long after its ramp has not been taken [s]."""
 
 
 class Session:
@@ -105,6 +110,7 @@ class Session:
         self._came = self.clock.now()
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._processes: list[subprocess.Popen[str]] = []
+        self._changed: dict[str, float] = {}
         name = left_behind.name_of_this()
         self._ring, self._block = FOLDER / f"{name}.ring", FOLDER / f"{name}.block"
 
@@ -357,7 +363,10 @@ class Session:
         row = self._last
         if len(rows):
             self._came = self.clock.now()
-        return None if row is None else dict(zip(self.rows.description.columns, row.tolist(), strict=True))
+        return None if row is None else self._row_of(row)
+
+    def _row_of(self, row: Row) -> dict[str, float]:
+        return dict(zip(self.rows.description.columns, row.tolist(), strict=True))
 
     def _see_faults(self, rows: NDArray[np.float64]) -> None:
         """Keep since when there are which faults."""
@@ -387,6 +396,105 @@ class Session:
         """Ask the supervisor for something."""
         self.beat()
         self.block.ask(int(request))
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Gain → its value in force, as far as `last` has looked; those of `Law.live` may be changed, `set_gain`."""
+        numbers = {name: float(value) for name, value in self.live.law.numbers.items()}
+        return numbers if self._last is None else {**numbers, **in_force(self._row_of(self._last))}
+
+    def set_gain(self, name: str, value: float) -> None:
+        """Change a gain while the law runs: checked first, gone over to in half a second, and in force on return.
+
+        The gains wanted are checked on this rig as `bowden.check` does it, which takes seconds; meanwhile the run goes
+        on as it is. Each moment of it is a sign of life, as of `wait`.
+
+        Args:
+            name: of a gain that the law declares live, `Law.live`.
+            value: in the law's own unit, as in rig.toml.
+
+        Raises:
+            ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
+            SafetyError: the gains do not hold, with the figure, or no session is live.
+        """
+        check = GainCheck(self.with_gain(name, value))
+        try:
+            while not check.done:
+                self._look_on()
+            check.require()
+        finally:
+            check.close()
+        self.ask_gain(name, value)
+        until = self.clock.now() + round((RAMP + _TAKEN_WITHIN) * SECOND)
+        while self.gains[name] != value:
+            self._look_on()
+            if self.clock.now() > until:
+                raise SafetyError(f"the loop has not taken {name} = {value:g}", do="see bowden log info of its log")
+
+    def _look_on(self) -> None:
+        self._require_live()
+        self.last()
+        self.wait(_LOOK)
+
+    def with_gain(self, name: str, value: float) -> Rig:
+        """The run's rig with the gains in force and another value of this one, to be checked before it is asked for.
+
+        Raises:
+            ParameterError: the law has no such gain, it is not live, or the value is outside its limits.
+            SafetyError: no session is live, or another change goes on.
+        """
+        self._require_gain(name, value)
+        rig = self.live.logged
+        for one, number in {**self._changed, name: float(value)}.items():
+            rig = rig.with_gain(one, number)
+        return rig
+
+    def _require_gain(self, name: str, value: float) -> None:
+        law = self.live.law
+        if not isinstance(name, str):
+            raise ParameterError(f"the gain's name is {said(name)}", expected="text", do="name a gain")
+        if name in law.numbers and name not in law.live:
+            listed = ", ".join(law.live) or "no gain of it"
+            raise ParameterError(
+                f"gain {name} of law {law.name!r} cannot be changed while it runs",
+                expected=f"one of those that the law declares live: {listed}",
+                do="end the run, change it, and start again",
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ParameterError(f"gain {name} of law {law.name!r} is {said(value)}", expected="a number", do="give one")
+        low, high = law.limits.get(name, (-math.inf, math.inf))
+        if not low <= value <= high:  # nor is what is no number
+            raise ParameterError(
+                f"gain {name} of law {law.name!r} is {said(value)}",
+                expected=f"a number from {low:g} to {high:g}",
+                do="correct it",
+            )
+        law.with_gains(**{name: float(value)})  # which refuses a gain that there is not
+        self._require_live()
+        if self.changing:
+            raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
+
+    def ask_gain(self, name: str, value: float) -> None:
+        """Ask the loop for another value of a live gain, whose check holds; nothing is waited for.
+
+        Raises:
+            ParameterError: as `with_gain`.
+            SafetyError: as `with_gain`.
+        """
+        self._require_gain(name, value)
+        self.beat()
+        self._changed[name] = float(value)
+        self.block.ask_gain(self.live.law.live.index(name), float(value))
+
+    @property
+    def changing(self) -> bool:
+        """Whether a change of gains that was asked for is not in force yet, as far as `last` has looked."""
+        now = self.gains
+        return any(now[name] != value for name, value in self._changed.items())
+
+    def _require_live(self) -> None:
+        if not hasattr(self, "ready") or not self.running or self.ended is not None or self.block.quitting:
+            raise SafetyError("no session is live", expected="one that goes on", do="change the gain in its settings")
 
     def remember(self, row: dict[str, float] | None, *, surely: bool = False) -> None:
         """Keep how warm the motor is in a row, for the next run; `surely` waits for the disk. Any thread may ask."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bowden.control import LAWS, Law
-from bowden.control.knowledge import Knowledge, configured
+from bowden.control.knowledge import Knowledge, configured, preset_of
 from bowden.control.reference import Recorded, Trajectory
 from bowden.core import arguments
 from bowden.core.errors import OutputError, ParameterError, asked_for_by, near
@@ -376,6 +376,24 @@ class Rig:
         if given is None or given == self.law or _one_file(given, self.law):
             return self if preset is None else self.replace(preset=preset)
         return self.replace(law=given, preset=preset, gains=Gains())
+
+    def with_gain(self, name: str, value: float) -> "Rig":
+        """The same rig with another value of one of its law's gains; all other gains stay as they are.
+
+        On a suit a law that has a preset for it begins with that; the changed rig names this preset.
+
+        Args:
+            name: of the gain; one of a nested part by its dotted name.
+            value: in the law's own unit.
+
+        Raises:
+            ParameterError: the law has no such gain, or the value is outside its limits.
+
+        >>> Rig().with_gain("bandwidth", 4.0).fitted().gains.bandwidth
+        4.0
+        """
+        preset = preset_of(self.loaded_law, self.knowledge, preset=self.preset, gains=self.gains)
+        return self.replace(preset=preset, gains={**self.gains, name: value})
 
     def with_emg(self, source: str, wearer: wearer_file.MuscleCalibration | None = None) -> "Rig":
         """The same rig moved by another source of EMG, whose file is found from here.

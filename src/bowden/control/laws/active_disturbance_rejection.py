@@ -42,10 +42,10 @@ class ActiveDisturbanceRejectionGains(NamedTuple):
     """ω of the servo [rad/s]."""
     damping: float = 1.0
     """ζ of the servo [–]."""
-    observer_bandwidth: float = 190.0
-    """ωo [rad/s]."""
-    control_bandwidth: float = 53.58
-    """ωc; the servo's ω, so that the command only cancels f [rad/s]."""
+    observer_bandwidth: Annotated[float, Quantity("ωo", "rad/s", live=True)] = 190.0
+    control_bandwidth: Annotated[
+        float, Quantity("ωc; the servo's ω, so that the command only cancels f", "rad/s", live=True)
+    ] = 53.58
     lead: float = LEAD
     """Lag of servo and delay that is taken away [s]."""
     lead_square: float = LEAD_SQUARE

@@ -36,8 +36,7 @@ class AdaptiveGains(NamedTuple):
 
     error_gain: float = 0.035
     """λ [s]."""
-    feedback_gain: float = 40.0
-    """κ [1/s]."""
+    feedback_gain: Annotated[float, Quantity("κ", "1/s", live=True)] = 40.0
     smoothing: float = 0.01
     """ε, width of tanh's transition [rad·s]."""
     slope_adaptation: float = 2.0

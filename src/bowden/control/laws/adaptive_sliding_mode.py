@@ -54,8 +54,7 @@ class AdaptiveSlidingModeGains(NamedTuple):
     """ω of the servo [rad/s]."""
     damping: float = 1.0
     """ζ of the servo [–]."""
-    bandwidth: float = 190.0
-    """q, twice the gain within the boundary layer [rad/s]."""
+    bandwidth: Annotated[float, Quantity("q, twice the gain within the boundary layer", "rad/s", live=True)] = 190.0
     adaptation: float = 95.0
     """γ, with which the gain grows and falls [rad/s]."""
     deadband: float = 0.001

@@ -25,10 +25,8 @@ class CascadedPidGains(NamedTuple):
 
     slope: float = 0.938
     """α̂, joint motion per motor motion; negative where the cable runs the other way [rad/rad]."""
-    proportional_gain: float = 0.4
-    """kp [–]."""
-    integral_gain: float = 40.0
-    """ki [1/s]."""
+    proportional_gain: Annotated[float, Quantity("kp", live=True)] = 0.4
+    integral_gain: Annotated[float, Quantity("ki", "1/s", live=True)] = 40.0
     derivative_gain: float = 0.01
     """kd [s]."""
     correction_limit: float = 0.35

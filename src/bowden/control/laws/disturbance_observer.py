@@ -59,10 +59,8 @@ class DisturbanceObserverGains(NamedTuple):
     """ζ of the servo [–]."""
     delay: float = 0.0015
     """τ [s]."""
-    bandwidth: float = 190.0
-    """q, of Q [rad/s]."""
-    rate_limit: float = 2.679
-    """How fast d̂ may change, at most [rad/s]."""
+    bandwidth: Annotated[float, Quantity("q, of Q", "rad/s", live=True)] = 190.0
+    rate_limit: Annotated[float, Quantity("how fast d̂ may change, at most", "rad/s", live=True)] = 2.679
     half_width: float = 0.0
     """r, half of what the feed-forward crosses at a reversal, in motor travel; 0 where no width is known [rad]."""
     jump_bandwidth: float = 107.16

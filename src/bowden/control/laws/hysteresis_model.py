@@ -48,10 +48,8 @@ class HysteresisModelGains(NamedTuple):
     """Reference speed below which nothing changes side [rad/s]."""
     switching_time: float = 0.01
     """Time constant with which the clearance is crossed [s]."""
-    proportional_gain: float = 1.3
-    """kp [–]."""
-    integral_gain: float = 30.0
-    """ki [1/s]."""
+    proportional_gain: Annotated[float, Quantity("kp", live=True)] = 1.3
+    integral_gain: Annotated[float, Quantity("ki", "1/s", live=True)] = 30.0
     integral_limit: float = 0.35
     """Largest size of ki·∫e dt [rad]."""
     hold: float = 0.05

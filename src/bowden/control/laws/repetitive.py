@@ -54,10 +54,10 @@ class RepetitiveGains(NamedTuple):
     """ζ of the servo [–]."""
     delay: float = _OWN.delay
     """τ [s]."""
-    bandwidth: float = _OWN.bandwidth
-    """q, of the observer's filter [rad/s]."""
-    rate_limit: float = _OWN.rate_limit
-    """How fast the disturbance may change, at most [rad/s]."""
+    bandwidth: Annotated[float, Quantity("q, of the observer's filter", "rad/s", live=True)] = _OWN.bandwidth
+    rate_limit: Annotated[
+        float, Quantity("how fast the disturbance may change, at most", "rad/s", live=True)
+    ] = _OWN.rate_limit
     half_width: float = _OWN.half_width
     """r, half of what the feed-forward crosses at a reversal, in motor travel; 0 where no width is known [rad]."""
     jump_bandwidth: float = _OWN.jump_bandwidth
@@ -68,8 +68,9 @@ class RepetitiveGains(NamedTuple):
     """Lag of servo and delay that is taken away [s]."""
     lead_square: float = _OWN.lead_square
     """The same to second order [s²]."""
-    learning: float = 1.0
-    """μ: a harmonic comes to 1 − exp(−μ/2) of what it should be in a period [–]."""
+    learning: Annotated[
+        float, Quantity("μ: a harmonic comes to 1 − exp(−μ/2) of what it should be in a period", live=True)
+    ] = 1.0
     cutoff: float = 6.7
     """ω_q [rad/s]."""
     largest: float = 0.1

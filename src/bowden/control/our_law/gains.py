@@ -1,6 +1,8 @@
 """What our law is given: eight numbers, their values for the suit, and the limits within which they make sense."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from bowden.core.quantity import Quantity
 
 
 class BowdenGains(NamedTuple):
@@ -20,8 +22,7 @@ class BowdenGains(NamedTuple):
     """σ, standard deviation of the joint's reading, counting included [rad]."""
     lag: float = 0.0
     """Time by which the joint follows the cable late, such as an arm in its springs; how it swings is learned [s]."""
-    bandwidth: float = 6.0
-    """c, of the observer: its rate κ is c/(1/ω + 1.5·τ) [–]."""
+    bandwidth: Annotated[float, Quantity("c, of the observer: its rate κ is c/(1/ω + 1.5·τ)", live=True)] = 6.0
 
 
 SUIT = BowdenGains(noise=0.0009, lag=0.09, bandwidth=4.0)

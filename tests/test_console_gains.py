@@ -1,0 +1,118 @@
+"""A console in which gains are changed while the law runs: who may, what is refused and why, what the log has."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bowden.console.runs import TerminalRun
+from bowden.live.log_facts import facts, needed
+from bowden.live.mcap_read import read
+from console_client import RIG, Page, RunningConsole, running_console
+from live_runs import assert_replays
+
+pytestmark = [pytest.mark.live]
+
+
+@pytest.fixture(scope="module")
+def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningConsole]:
+    folder = tmp_path_factory.mktemp("console")
+    (folder / "rig.toml").write_text(RIG + "[control]\nlaw = 'cascaded_pid'\n")
+    with running_console(folder / "rig.toml", folder / "out", "--twin") as running:
+        yield running
+
+
+def gain(page: Page, name: str = "integral_gain") -> dict[str, Any]:
+    found: dict[str, Any] = page.state["settings"]["gains"][name]
+    return found
+
+
+def change(page: Page, value: Any, name: Any = "integral_gain") -> str:
+    """Ask for a gain; why it is refused at once, or empty."""
+    said = page.post("/api/gain", name=name, value=value)
+    return said if isinstance(said, str) else ""
+
+
+def until(page: Page, how: str) -> None:
+    page.until(lambda state: state["settings"]["gains"]["integral_gain"].get("change", {}).get("state") == how, 60.0, how)
+
+
+def test_a_gain_is_changed_while_the_law_runs(console: RunningConsole) -> None:
+    page = console.page().open().take()
+    page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+    assert gain(page)["live"]
+    assert not gain(page, "derivative_time")["live"]
+    assert change(page, 30.0) == "no session is live"
+    page.start()
+    page.run()
+    begun = page.state["settings"]["gains"]
+
+    for name, value, why in (
+        ("derivative_time", 0.03, "gain derivative_time of law 'cascaded_pid' cannot be changed while it runs"),
+        ("slope", 0.9, "gain slope of law 'cascaded_pid' cannot be changed while it runs"),
+        ("nonsense", 1.0, "law 'cascaded_pid' has no gain 'nonsense'"),
+        (7, 1.0, "gain is 7"),
+        ("integral_gain", -1.0, "gain integral_gain of law 'cascaded_pid' is -1"),
+        ("integral_gain", 1e5, "gain integral_gain of law 'cascaded_pid' is 100000"),
+        ("integral_gain", float("nan"), ""),
+        ("integral_gain", float("inf"), ""),
+        ("integral_gain", "30", "gain 'integral_gain' is '30'"),
+        ("integral_gain", True, "gain 'integral_gain' is True"),
+        ("integral_gain", None, "gain 'integral_gain' is None"),
+        ("integral_gain", [30.0], "gain 'integral_gain' is [30.0]"),
+    ):
+        status, _, said = page.request("POST", "/api/gain", json.dumps({"name": name, "value": value}).encode())
+        assert status == 400, (name, value, said)
+        assert why in json.loads(said)["error"]["what"]
+    viewer = console.page().open()
+    viewer.until(lambda state: state["run"], 5.0, "the run")
+    assert change(viewer, 30.0) == "this page does not control"
+    viewer.close()
+    assert page.state["settings"]["gains"] == begun
+
+    assert change(page, 30.0) == ""
+    assert change(page, 31.0) == "another change of gains goes on"
+    until(page, "going")
+    until(page, "in force")
+    assert gain(page)["value"] == 30.0
+    assert change(page, 400.0) == ""
+    until(page, "refused")
+    assert "do not hold on this rig" in gain(page)["change"]["text"]
+    assert gain(page)["value"] == 30.0
+
+    log = console.out / f"{page.state['run']['log']}.mcap"
+    page.post("/api/request", request="end")
+    page.until(lambda state: state["phase"] == "idle", 30.0, "the end")
+    assert gain(page)["value"] == begun["integral_gain"]["value"], "the settings are those that were set"
+    found = read(log)
+    asked = found["asked.integral_gain"]
+    assert asked[np.flatnonzero(np.diff(asked)) + 1].tolist() == [30.0]
+    (told,) = facts(read(log, needed(log)))["gains"]
+    assert (told["name"], told["from"], told["to"]) == ("integral_gain", begun["integral_gain"]["value"], 30.0)
+    assert told["in_force_s"] - told["time_s"] == pytest.approx(0.5, abs=0.1)
+    assert_replays(str(log))
+    page.close()
+
+
+def test_who_does_not_control_any_more_when_the_check_is_done_changes_nothing(console: RunningConsole) -> None:
+    page = console.page().open().take()
+    page.until(lambda state: state["phase"] == "idle", 60.0, "idle")
+    page.start()
+    page.run()
+    assert change(page, 30.0) == ""
+    other = console.page().open().take()
+    until(other, "refused")
+    assert gain(other)["change"]["text"] == "this page does not control: take the control first"
+    assert gain(other)["value"] == 40.0
+    assert other.post("/api/request", request="end") == ""
+    other.until(lambda state: state["phase"] == "idle", 30.0, "the end")
+    for one in (page, other):
+        one.close()
+
+
+def test_a_terminals_run_shows_its_gains_and_changes_none(tmp_path: Path) -> None:
+    answer = TerminalRun(session=None, notes=()).ask_gain("a", "bandwidth", 4.0)  # type: ignore[arg-type]
+    assert answer.result(1.0) == "the terminal controls this run"
