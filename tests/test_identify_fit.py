@@ -25,7 +25,7 @@ from bowden.identify.cable.turns import find_turns
 from bowden.identify.cable.validation import folds, simplest_of_the_best
 from bowden.models.cable.bouc_wen import BoucWen, joint_angle
 from bowden.models.cable.bouc_wen_sensitivity import hysteresis
-from bowden.models.cable.generalised_play import Branches, design_of
+from bowden.models.cable.generalised_play import Branches, design_of, with_curve
 from bowden.models.cable.generalised_play import joint_angle as branched
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
@@ -168,7 +168,7 @@ def test_a_finely_bent_loop_needs_free_branches_and_is_no_worse_outward() -> Non
     nodes = np.arange(40)
     bends, gaps = 0.004 * np.sin(1.3 * nodes), 0.05 + 0.005 * np.cos(0.9 * nodes)
     low, high = float(MOTOR.min()), float(MOTOR.max())
-    bent = Branches(0.9, bends, gaps, low, high, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1)
+    bent = Branches(0.9, bends, gaps, low, high, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1, 0.0)
     fit = identify(TIME, MOTOR + noise(1), branched(MOTOR, 0.0, bent) + noise(2))
     assert fit.best.name == "generalised_play"
     assert fit.chosen.test_rms < 0.7 * fit.models["bouc_wen_static"].test_rms
@@ -185,7 +185,7 @@ def test_the_final_model_holds_where_the_second_half_reaches_further() -> None:
     nodes, time = np.arange(40), np.arange(0.0, 30.0, 0.01)
     motor = -np.where(time < 15.0, 0.5, 0.55) * np.cos(4.0 * math.pi / 3.0 * time)
     bends, gaps = 0.004 * np.sin(1.3 * nodes), 0.05 + 0.005 * np.cos(0.9 * nodes)
-    bent = Branches(0.9, bends, gaps, -0.5, 0.5, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1)
+    bent = Branches(0.9, bends, gaps, -0.5, 0.5, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.1, 0.0)
     branches, paths = GeneralisedPlay(), []
     for stop in (1500, 3000):
         path_turns = find_turns(motor[:stop], 1e-9)
@@ -201,11 +201,13 @@ def test_the_final_model_holds_where_the_second_half_reaches_further() -> None:
 def test_the_design_is_the_model_beyond_the_last_node_too() -> None:
     nodes = np.arange(40)
     ends = (-0.3, 0.3)
-    cable = Branches(0.9, np.zeros(40), 0.05 + 0.0 * nodes, *ends, np.array([0.5, 1.5]), np.array([0.5, 0.5]), 0.0)
+    shares = np.array([0.5, 0.5])
+    cable = Branches(0.9, np.zeros(40), 0.05 + 0.0 * nodes, *ends, np.array([0.5, 1.5]), shares, 0.0, 0.0)
     mean, gaps = 0.9 * np.linspace(*ends, 40) + 0.004 * np.sin(1.3 * nodes), 0.05 + 0.005 * np.cos(0.9 * nodes)
     slope, offset = np.polyfit(np.linspace(*ends, 40), mean, 1)
     bends = mean - slope * np.linspace(*ends, 40) - offset
-    cable = cable._replace(slope=slope, offset=offset, bends=bends, gaps=gaps)
+    cable = with_curve(cable._replace(slope=slope, offset=offset, bends=bends, gaps=gaps))
+    assert cable.curve != 0.0
     motor = 0.5 * np.sin(np.linspace(0.3, 20.0, 3000))
     drawn = design_of(motor, 0.4, cable) @ np.concatenate([mean, gaps])
     assert drawn == pytest.approx(branched(motor, 0.4, cable), abs=1e-12)

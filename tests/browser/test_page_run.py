@@ -159,6 +159,28 @@ def running(page: Any) -> None:
     banner(page, "Running", seconds=20.0)
 
 
+def regained(page: Any) -> None:
+    """Control again, where a busy computer did not wake the page for half a second; a fault is acknowledged."""
+    if page.get_by_text("Nobody controls").count():
+        button(page, "Take control").click()
+        page.get_by_text("You control the rig").wait_for()
+    if button(page, "Acknowledge fault").is_visible():
+        button(page, "Acknowledge fault").click()
+    banner(page, "Stopped", 20.0)
+
+
+def running_at_last(page: Any) -> None:
+    """`running`, on a computer that may be busy."""
+    for _ in tries():
+        try:
+            running(page)
+            return
+        except AssertionError as error:
+            print(error)
+        regained(page)
+    raise AssertionError("it does not run")
+
+
 def end(page: Any) -> None:
     enabled(page, "End").click()
     banner(page, "Ended", seconds=40.0)
@@ -358,13 +380,12 @@ def test_the_guided_path(page: Any, console: RunningConsole) -> None:
         button(page, "Identify and tune").click()
         enabled(page, "Begin: measure").click()
         banner(page, "Stopped", 240.0)  # compiled for the first time
-        running(page)
+        running_at_last(page)
         deadline = time.monotonic() + 240.0
         while page.locator(".banner-word").inner_text() not in ("Stopped", "Latched"):
             assert time.monotonic() < deadline
             page.wait_for_timeout(200)
-        if page.get_by_text("Nobody controls").count():  # a busy computer: the page was not woken for half a second
-            button(page, "Take control").click()
+        regained(page)
         end(page)
         button(page, "Identify and tune").click()
         page.wait_for_timeout(2000)
@@ -382,8 +403,8 @@ def test_the_guided_path(page: Any, console: RunningConsole) -> None:
     button(page, "Go to the rig").click()
     checked(page)
     enabled(page, "Start").click()
-    banner(page, "Stopped", 60.0)
-    running(page)
+    banner(page, "Stopped", 240.0)
+    running_at_last(page)
     page.wait_for_timeout(1500)
     page.keyboard.press("Space")
     banner(page, "Stopped", 20.0)

@@ -14,7 +14,7 @@ from bowden.models.cable.backlash import Play, push
 from bowden.models.cable.bouc_wen import BoucWen, PreparedCable, advance_prepared, prepare_cable, saturation, upright
 from bowden.models.cable.bouc_wen_static import StaticTerms, joint_angle
 from bowden.models.cable.capstan import Tendon
-from bowden.models.cable.generalised_play import Branches, joined, mean_branch, push_slots
+from bowden.models.cable.generalised_play import Branches, joined, mean_branch, push_slots, with_curve
 from bowden.models.cable.lumped_cable import LumpedTendon
 from bowden.plants.bench import Bench, check_bouc_wen
 from bowden.plants.cable_body import Seen
@@ -299,7 +299,7 @@ def branches_of(given: Mapping[str, float]) -> Branches:
         np.array(_numbered(given, name), dtype=np.float64) for name in ("bend_", "gap_", "reach_", "share_")
     )
     ends = float(given["first_node"]), float(given["last_node"])
-    return Branches(float(given["slope"]), bends, gaps, *ends, reaches, shares, float(given["offset"]))
+    return with_curve(Branches(float(given["slope"]), bends, gaps, *ends, reaches, shares, float(given["offset"]), 0.0))
 
 
 def _generalised(given: Mapping[str, float]) -> Cable:

@@ -22,7 +22,7 @@ from bowden.identify.cable.non_negative import non_negative
 from bowden.identify.cable.path import Path
 from bowden.identify.cable.projection import inverse_of, products
 from bowden.identify.cable.validation import folds
-from bowden.models.cable.generalised_play import Branches, design_of, half_gap, joint_angle, mean_branch
+from bowden.models.cable.generalised_play import Branches, design_of, half_gap, joint_angle, mean_branch, with_curve
 from bowden.models.cable.prandtl_ishlinskii import plays
 from bowden.plants.cables import branches_of
 
@@ -122,7 +122,7 @@ def _range(path: Path) -> tuple[float, float]:
 
 def _straight(path: Path, memory: _Memory) -> Branches:
     gaps = np.full(_NODES, memory.gap)
-    return Branches(memory.slope, np.zeros(_NODES), gaps, *_range(path), memory.reaches, memory.shares, 0.0)
+    return Branches(memory.slope, np.zeros(_NODES), gaps, *_range(path), memory.reaches, memory.shares, 0.0, 0.0)
 
 
 def _settled(path: Path, lag: float, cable: Branches) -> Estimate:
@@ -148,7 +148,7 @@ def _through(cable: Branches, mean: Array, gaps: Array) -> Branches:
     """The cable with other nodes, its slope and offset those of the mean's line."""
     slope, offset = _line(cable.low, cable.high) @ mean
     bends = mean - slope * np.linspace(cable.low, cable.high, _NODES) - offset
-    return cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=gaps)
+    return with_curve(cable._replace(slope=float(slope), offset=float(offset), bends=bends, gaps=gaps))
 
 
 def _penalty(strengths: tuple[float, float], weight: float) -> Array:

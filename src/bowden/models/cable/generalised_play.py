@@ -5,9 +5,10 @@
 
 With Σ shareᵢ·reachᵢ = 1 the joint runs on a − b while the motor goes on one way and on a + b on the way back: both
 branches have a form of their own, and the reaches say how it goes over from one to the other. `bend` and `gap` are
-straight between evenly spaced nodes; beyond the last of them the bend stays, so that the mean goes on along the slope,
-and so does the gap. With straight branches it is the Prandtl–Ishlinskii stack. While both branches rise, each z does:
-the joint never goes against the motor, small loops close, and none gives energy back.
+straight between evenly spaced nodes. Beyond the last of them, d away from it, the mean goes on along the slope and the
+bends' parabola, curve·d·(span + d), which turns into its tangent half a span further on; the gap stays. With straight
+branches it is the Prandtl–Ishlinskii stack. While both branches rise, each z does: the joint never goes against the
+motor, small loops close, and none gives energy back.
 
 Source: Al Janaideh, Rakheja and Su, IEEE/ASME Transactions on Mechatronics 16(4), 2011 (the generalised
 Prandtl–Ishlinskii model and its envelopes).
@@ -42,6 +43,39 @@ class Branches(NamedTuple):
     """Of the joint's motion that each z makes (s,) [–]."""
     offset: float
     """[rad]"""
+    curve: float
+    """Of the bends' least-squares parabola, along which the mean goes on beyond the nodes [1/rad]."""
+
+
+_STEEPEST = 0.25
+"""Most that the curve may be, over slope/span: half a span beyond the nodes half of the slope is left then."""
+
+
+def with_curve(cable: Branches) -> Branches:
+    """The cable with the curve that its bends have."""
+    row, span = np.zeros(cable.bends.size), cable.high - cable.low
+    add_curve(row, cable.bends.size, 1.0 / span**2)
+    most = _STEEPEST * abs(cable.slope) / span
+    return cable._replace(curve=float(np.clip(row @ cable.bends, -most, most)))
+
+
+@kernel
+def add_curve(row: Array, count: int, factor: float) -> None:
+    """Add `factor` times the weights of the parabola's nodes: c of least-squares a + b·u + c·u², u from 0 to 1."""
+    middle, last = 0.5 * (count - 1), count - 1.0
+    spread = (count * count - 1.0) / 12.0
+    square = count * (count * count - 1.0) * (count * count - 4.0) / 180.0
+    for k in range(count):
+        row[k] += factor * last * last * ((k - middle) ** 2 - spread) / square
+
+
+@kernel
+def bent_on(motor: float, cable: Branches) -> float:
+    """What the curve adds to the mean beyond the nodes [rad]."""
+    span = cable.high - cable.low
+    away = abs(motor - max(cable.low, min(cable.high, motor)))
+    near = min(away, 0.5 * span)
+    return cable.curve * (near * (span + near) + (away - near) * (span + 2.0 * near))
 
 
 @kernel
@@ -56,7 +90,7 @@ def between(values: Array, low: float, high: float, motor: float) -> float:
 @kernel
 def mean_branch(motor: float, cable: Branches) -> float:
     """a(motor) [rad]."""
-    return cable.slope * motor + between(cable.bends, cable.low, cable.high, motor)
+    return cable.slope * motor + between(cable.bends, cable.low, cable.high, motor) + bent_on(motor, cable)
 
 
 @kernel
@@ -115,6 +149,14 @@ def beyond(place: float) -> float:
 
 
 @kernel
+def bulge(place: float) -> float:
+    """What a curve of one adds to the mean at a place outside 0 … 1."""
+    away = abs(beyond(place))
+    near = min(away, 0.5)
+    return near * (1.0 + near) + (away - near) * (1.0 + 2.0 * near)
+
+
+@kernel
 def add_slope(row: Array, count: int, factor: float) -> None:
     """Add `factor` times the weights of the slope's nodes: rise from first to last node of their least-squares line."""
     middle = 0.5 * (count - 1)
@@ -128,7 +170,8 @@ def fill_design(motor: Array, before: float, cable: Branches, slots: Array, desi
     """∂joint/∂(a at the bends' nodes, b at the gaps' nodes) along a motion (n, k + m), for branches near `cable`'s.
 
     A z in contact lies on a branch where the motor is; a free one where it last was in contact. Beyond the last node
-    the mean goes on along the slope, which is that of the nodes' least-squares line, as `mean_branch` has it.
+    the mean goes on along the nodes' least-squares line and parabola, as `mean_branch` has it with a curve below its
+    limit and half a span from the nodes.
 
     Args:
         motor: (n,) [rad].
@@ -149,7 +192,7 @@ def fill_design(motor: Array, before: float, cable: Branches, slots: Array, desi
         row, here = design[n], (motor[n] - cable.low) / span
         mean, gap = mean_branch(motor[n], cable), half_gap(motor[n], cable)
         add_node(row, 0, count, here, rest)
-        outside = rest * beyond(here)
+        outside, square = rest * beyond(here), rest * bulge(here)
         for i in range(z.size):
             low, high = mean - cable.reaches[i] * gap, mean + cable.reaches[i] * gap
             if z[i] <= low:
@@ -159,8 +202,10 @@ def fill_design(motor: Array, before: float, cable: Branches, slots: Array, desi
             add_node(row, 0, count, place[i], cable.shares[i])
             add_node(row, count, wide, place[i], cable.shares[i] * side[i] * cable.reaches[i])
             outside += cable.shares[i] * beyond(place[i])
+            square += cable.shares[i] * bulge(place[i])
         if outside != 0.0:
             add_slope(row, count, outside)
+            add_curve(row, count, square)
 
 
 def design_of(motor: Array, lag: float, cable: Branches) -> Array:
