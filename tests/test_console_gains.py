@@ -37,7 +37,10 @@ def change(page: Page, value: Any, name: Any = "integral_gain") -> str:
 
 
 def until(page: Page, how: str) -> None:
-    page.until(lambda state: state["settings"]["gains"]["integral_gain"].get("change", {}).get("state") == how, 60.0, how)
+    def there(state: dict[str, Any]) -> bool:
+        return bool(state["settings"]["gains"]["integral_gain"].get("change", {}).get("state") == how)
+
+    page.until(there, 60.0, how)
 
 
 def test_a_gain_is_changed_while_the_law_runs(console: RunningConsole) -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from bowden.live.log_facts import facts, needed
 from bowden.live.mcap_read import read
+from browser.test_page_run import button, end, picture, reach, ready_to_arm, running
 from console_client import RIG, RunningConsole, running_console
 from live_runs import assert_replays
-from browser.test_page_run import button, end, picture, reach, ready_to_arm, running
 
 pytestmark = [pytest.mark.browser, pytest.mark.live]
 

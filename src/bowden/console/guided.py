@@ -1,4 +1,7 @@
-"""The guided path: measure, identify, identify-servo, tune, run. Each step's files lie in one folder, and the rig goes on with them."""
+"""The guided path: measure, identify, identify-servo, tune, run.
+
+Each step's files lie in one folder, and the rig goes on with them.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

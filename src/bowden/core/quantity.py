@@ -156,7 +156,6 @@ class Quantity:
             and (self.le is None or scaled <= self.le + _ROUNDING * abs(self.le))
         )
 
-
     @property
     def ends(self) -> tuple[float, float]:
         """The smallest and the largest value, in the unit inside; infinite where there is no such rule.

@@ -5,12 +5,13 @@ of JSON what `bowden check` makes of it: ``{"name", "reason"}``, or ``{"error"}`
 it.
 """
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
 import threading
-from typing import IO, Any
+from typing import Any
 
 from bowden.core.errors import BowdenError, SafetyError
 from bowden.rig.rig import Rig
@@ -40,12 +41,10 @@ class GainCheck:
         given, said = self._process.stdin, self._process.stdout
         assert given is not None
         assert said is not None
-        try:
+        with contextlib.suppress(OSError):  # one that has died says nothing
             given.write(document + "\n")
             given.flush()  # and kept open: its end is the sign that nobody waits any more
             self._said.append(said.readline())
-        except OSError:
-            pass  # it has died, and says nothing
 
     @property
     def done(self) -> bool:
@@ -71,14 +70,8 @@ class GainCheck:
         self._listener.join()
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                _close(pipe)
-
-
-def _close(pipe: IO[str]) -> None:
-    try:
-        pipe.close()
-    except OSError:
-        pass  # what was not written is for nobody
+                with contextlib.suppress(OSError):  # what was not written is for nobody
+                    pipe.close()
 
 
 def required(law: str, name: str | None, reason: str, error: str = "") -> str:

@@ -25,7 +25,6 @@ NEEDED = (*dict.fromkeys(("time", "lateness", "run_time", "overruns", EMERGENCY,
 """Columns of the log that are looked at."""
 
 
-
 def needed(path: Path) -> tuple[str, ...]:
     """`NEEDED`, and the columns of the gains that this log has.
 

@@ -26,6 +26,7 @@ from bowden.core.arguments import said
 from bowden.core.clock import SECOND, MonotonicClock, unix_seconds
 from bowden.core.errors import DriveError, LogError, OutputError, ParameterError, SafetyError
 from bowden.core.trace import Trace
+from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
 from bowden.live import control_block, latch_file, left_behind, thermal_file
 from bowden.live.automatic import automatic
@@ -111,6 +112,7 @@ class Session:
         self._said: queue.Queue[dict[str, Any] | None] = queue.Queue()
         self._processes: list[subprocess.Popen[str]] = []
         self._changed: dict[str, float] = {}
+        self._steps: Iterator[bool] | None = None
         name = left_behind.name_of_this()
         self._ring, self._block = FOLDER / f"{name}.ring", FOLDER / f"{name}.block"
 
@@ -461,7 +463,9 @@ class Session:
                 do="end the run, change it, and start again",
             )
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ParameterError(f"gain {name} of law {law.name!r} is {said(value)}", expected="a number", do="give one")
+            raise ParameterError(
+                f"gain {name} of law {law.name!r} is {said(value)}", expected="a number", do="give one"
+            )
         low, high = law.limits.get(name, (-math.inf, math.inf))
         if not low <= value <= high:  # nor is what is no number
             raise ParameterError(
@@ -512,12 +516,38 @@ class Session:
             SafetyError: the supervisor or the preflight did not let it run.
             DriveError: the loop's process has ended.
         """
-        steps, ran = automatic(self), False
+        ran = self._steps is not None
+        for going in self._stepped():
+            ran = ran or self.mode == Mode.RUNNING
+            if not going:
+                return ran and self.mode == Mode.STOPPED
+        raise AssertionError  # it ends with what is not going
+
+    def start(self) -> None:
+        """Arm and run, and come back when the law leads; `complete` sees the run through from there.
+
+        Raises:
+            SafetyError: the supervisor or the preflight did not let it run, or it ended before the law led.
+            DriveError: the loop's process has ended.
+        """
+        for going in self._stepped():
+            if not going:
+                raise SafetyError(
+                    f"the run ended before the law led: {self.outcome}", do="correct the cause, try again"
+                )
+            if self.mode == Mode.RUNNING and self._last is not None and self._last[AT["source"]] == WishSource.LAW:
+                return
+
+    def _stepped(self) -> Iterator[bool]:
+        """Arm, run and look on, one look after the other: whether it goes on; False at last."""
+        self._steps = automatic(self) if self._steps is None else self._steps
         while self.running:
             row = self.last()
-            ran = ran or self.mode == Mode.RUNNING
-            if row is not None and next(steps, None) is None:
-                return ran and self.mode == Mode.STOPPED
+            if row is not None and next(self._steps, None) is None:
+                self._steps = None
+                yield False
+                return
+            yield True
             if self.still > STANDS_STILL:
                 break
             self.wait(_LOOK)

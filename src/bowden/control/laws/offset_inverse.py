@@ -34,9 +34,9 @@ class OffsetInverseGains(NamedTuple):
     switching_time: float = 0.01
     """T, time constant of the offset's change of side [s]."""
     error_share: Annotated[float, Quantity("k, share of the tracking error that is added at once", live=True)] = 1.3
-    error_rate: Annotated[
-        float, Quantity("1/Tc, rate at which the tracking error is added up", "1/s", live=True)
-    ] = 30.0
+    error_rate: Annotated[float, Quantity("1/Tc, rate at which the tracking error is added up", "1/s", live=True)] = (
+        30.0
+    )
     correction_limit: float = 0.35
     """Largest size of the sum [rad]."""
     hold: float = 0.05

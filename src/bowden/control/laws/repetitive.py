@@ -55,9 +55,9 @@ class RepetitiveGains(NamedTuple):
     delay: float = _OWN.delay
     """τ [s]."""
     bandwidth: Annotated[float, Quantity("q, of the observer's filter", "rad/s", live=True)] = _OWN.bandwidth
-    rate_limit: Annotated[
-        float, Quantity("how fast the disturbance may change, at most", "rad/s", live=True)
-    ] = _OWN.rate_limit
+    rate_limit: Annotated[float, Quantity("how fast the disturbance may change, at most", "rad/s", live=True)] = (
+        _OWN.rate_limit
+    )
     half_width: float = _OWN.half_width
     """r, half of what the feed-forward crosses at a reversal, in motor travel; 0 where no width is known [rad]."""
     jump_bandwidth: float = _OWN.jump_bandwidth
