@@ -15,6 +15,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -455,25 +456,26 @@ class Session:
         law = self.live.law
         if not isinstance(name, str):
             raise ParameterError(f"the gain's name is {said(name)}", expected="text", do="name a gain")
-        if name in law.numbers and name not in law.live:
+        if name not in law.live:
+            if name not in law.numbers:
+                law.with_gains(**{name: 0.0})  # which refuses it, and says what is like it
             listed = ", ".join(law.live) or "no gain of it"
             raise ParameterError(
                 f"gain {name} of law {law.name!r} cannot be changed while it runs",
                 expected=f"one of those that the law declares live: {listed}",
                 do="end the run, change it, and start again",
             )
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if isinstance(value, bool) or not isinstance(value, Real):
             raise ParameterError(
                 f"gain {name} of law {law.name!r} is {said(value)}", expected="a number", do="give one"
             )
-        low, high = law.limits.get(name, (-math.inf, math.inf))
+        low, high = law.limits[name]
         if not low <= value <= high:  # nor is what is no number
             raise ParameterError(
                 f"gain {name} of law {law.name!r} is {said(value)}",
                 expected=f"a number from {low:g} to {high:g}",
                 do="correct it",
             )
-        law.with_gains(**{name: float(value)})  # which refuses a gain that there is not
         self._require_live()
         if self.changing:
             raise SafetyError("another change of gains goes on", do=f"wait until it is in force, {RAMP:g} s")
