@@ -97,6 +97,7 @@ def test_the_residual_is_a_density_with_its_means() -> None:
 
 FACTS: dict[str, Any] = {
     "whole": True,
+    "twin": False,
     "cycles": 10_000,
     "missing": 0,
     "duration_s": 10.0,
