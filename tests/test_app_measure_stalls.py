@@ -61,7 +61,7 @@ def test_a_measurement_on_a_twin_bears_stalls(tmp_path: Path, capsys: pytest.Cap
     for file in found["files"]:
         time_s = np.loadtxt(file, delimiter=",", skiprows=1, usecols=0)
         np.testing.assert_allclose(np.diff(time_s), 1e-3, atol=1e-7)
-    assert bowden.identify(found["files"][0]).trust.answer != "no"
+    assert bowden.identify(found["files"][0]).trust.level != "no"
     assert run(["identify-servo", found["files"][1], "--json", "--out", str(tmp_path / "servo")]) == 0
     servo = json.loads(capsys.readouterr().out)
     assert servo["natural_frequency_hz"]["value"] == pytest.approx(8.527, rel=0.03)

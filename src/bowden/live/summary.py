@@ -116,7 +116,7 @@ def print_summary(found: dict[str, Any]) -> None:
     """The same for a person."""
     if found["rmse_deg"] is not None:
         print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
-        print(f" over {found['seconds_led']:g} s")
+        print(f" over {found['seconds_led']:g} s{' on the twin' if found['twin'] else ''}")
     late = found["lateness"]
     if late:
         print(
