@@ -9,7 +9,7 @@ from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
 from bowden.live.mcap_read import Recording
 from bowden.live.mcap_reader import Damage
-from bowden.live.measured import NEEDED, motions
+from bowden.live.measured import NEEDED, motions, stalls
 from bowden.safety.supervisor import Mode
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -40,8 +40,8 @@ def run(
     place = -approach - 1
     end = len(MOTION) - 1 if until is None else until
     while place < end:
-        step = 1 + skips.get(place, 0)
-        place, tick = place + step, tick + step
+        tick += 1 + skips.get(place, 0)  # after cycles that were skipped the motion goes on where it was
+        place += 1
         wish = MOTION[min(place, len(MOTION) - 1)] if place >= 0 else -0.01
         cycle(Mode.BRIDGING if place in bridged else Mode.RUNNING, WishSource.MOTION, float(wish))
     for _ in range(20):
@@ -82,15 +82,26 @@ def test_bridged_cycles_do_not_lose_the_measurement(approach: int) -> None:
 
 
 @pytest.mark.parametrize("at", [-20, 100, 700, 990])
-def test_skipped_cycles_are_drawn_in_and_nothing_is_out_of_place(at: int) -> None:
-    check(motions(log(run(30, skipped={at: 6})), MOTION, SERVO, PERIOD), 1e-3)
+def test_skipped_cycles_are_drawn_in_and_the_motion_goes_on_where_it_was(at: int) -> None:
+    record = log(run(30, skipped={at: 6}))
+    found = motions(record, MOTION, SERVO, PERIOD)
+    for name, wanted, begin in (("cable.csv", MOTION[:SERVO], 0), ("servo.csv", MOTION[SERVO:], SERVO)):
+        more = 6 if begin <= at < begin + len(wanted) else 0
+        table, cut = found[name], at - begin + 1
+        assert len(table) in (len(wanted) + more, len(wanted) + more - 1)
+        np.testing.assert_allclose(np.diff(table[:, 0]), PERIOD, atol=1e-9)
+        whole = np.concatenate([wanted[:cut], np.full(more, np.nan), wanted[cut:]]) if more else wanted
+        there = np.isfinite(whole[: len(table)])
+        np.testing.assert_allclose(table[there, 1], whole[: len(table)][there], atol=1e-12)
+    assert stalls(record, PERIOD) == (6, pytest.approx(6.0 * PERIOD))
+    assert "6 samples of the files drawn in between others" in stalls(record, PERIOD).note
+    assert not stalls(log(run(30)), PERIOD).note
 
 
-@pytest.mark.parametrize("at", [SERVO - 3, len(MOTION) - 2])
-def test_cycles_that_are_skipped_at_an_end_move_nothing(at: int) -> None:
-    found = motions(log(run(30, skipped={at: 6})), MOTION, SERVO, PERIOD)["cable.csv"]
-    np.testing.assert_allclose(found[:, 1], MOTION[: len(found)], atol=1e-12)
-    assert SERVO - 3 <= len(found) <= SERVO
+def test_a_computer_that_is_too_busy_to_measure_is_told_with_its_figure() -> None:
+    busy = log(run(30, skipped=dict.fromkeys(range(100, 900, 40), 6)))
+    with pytest.raises(SafetyError, match="too busy to measure: 12 % of the cycles were left out, for 6 ms at most"):
+        motions(busy, MOTION, SERVO, PERIOD)
 
 
 def test_an_angle_that_did_not_come_is_drawn_in() -> None:

@@ -25,6 +25,7 @@ from bowden.core.clock import boot_seconds
 from bowden.core.errors import SafetyError
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.parameters import DriveParameters
+from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import operator, stops, thermal_file
 from bowden.live.automatic import automatic
 from bowden.live.mcap_read import Recording
@@ -33,7 +34,7 @@ from bowden.live.preflight import Reason
 from bowden.live.ring_status import RecorderState
 from bowden.live.row import columns
 from bowden.live.screen import picture
-from bowden.live.session import patient
+from bowden.live.session import PATIENCE, patient
 from bowden.live.stops import told_apart
 from bowden.live.summary import print_summary
 from bowden.models.drive.thermal import Thermal, cold
@@ -66,6 +67,7 @@ class FakeSession:
     ended: bool = False
     running: bool = True
     began_latched: bool = False
+    on_twin: bool = False
     still: float = 0.0
 
     def beat(self) -> None:
@@ -239,6 +241,7 @@ def shown(
         emergency=emergency,
         ready=ready,
         emg_process=None,
+        on_twin=False,
         came=came or {},
     )
     console = Console(width=200, record=True, file=io.StringIO())
@@ -286,7 +289,8 @@ def test_the_name_of_a_log_is_text_and_no_markup() -> None:
 
 def test_the_summary_says_what_ended_the_run_and_what_its_log_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     found = {
-        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction", "stalled_ms")),
+        **dict.fromkeys(("rmse_deg", "lateness", "preflight", "emg", "interaction", "stalled_ms", "unattended")),
+        "twin": False,
         "stops": [],
         "ended_well": False,
         "faults": ["drive in fault"],
@@ -395,11 +399,12 @@ def test_faults_are_told_in_the_order_of_time_and_consequences_as_such() -> None
     assert told_apart(at_once) == ((Fault.LATE,), (Fault.MOTOR_JUMP,)), "a loose plug is not looked for"
 
 
-def log_of(*modes_and_faults: tuple[Mode, int, tuple[Fault, ...]], late: float = 0.0) -> Recording:
+def log_of(*modes_and_faults: tuple[Mode, int, tuple[Fault, ...]], late: float = 0.0, alone: float = 0.0) -> Recording:
     """A log of 1 kHz with so many rows of a mode and its faults after one another."""
     parts = [[mode, float(sum(1 << fault for fault in there))] for mode, n, there in modes_and_faults for _ in range(n)]
     zeros = np.zeros(len(parts))
-    columns = (np.arange(len(parts)) * 1e-3 + 40.465, *np.array(parts).T, zeros, zeros + late, zeros, zeros + 3.0)
+    time = np.arange(len(parts)) * 1e-3 + 40.465
+    columns = (time, *np.array(parts).T, zeros, zeros + late, zeros, zeros + 3.0, zeros + alone)
     about = (stops.NEEDED, ("1",) * len(stops.NEEDED), np.arange(len(parts)), np.column_stack(columns))
     return Recording({}, {}, *about, [], Damage(0, 0, 0))
 
@@ -436,6 +441,26 @@ def test_a_busy_computer_is_said_with_its_figure_and_is_no_fault_of_the_rig() ->
     slower = LIMITS._replace(reading_age=3.0)._asdict()
     assert not stops.document(stale, slower, twin=True)[0]["too_busy"], "3 cycles are allowed: it is something else"
     assert not stops.document(late, {}, twin=True)[0]["too_busy"], "a log without limits says none"
+
+
+def test_a_command_that_was_not_let_run_is_no_fault_of_the_rig() -> None:
+    lost = log_of((Mode.RUNNING, 99, ()), (Mode.LATCHED, 9, (Fault.OPERATOR_LOST,)), alone=0.312)
+    for twin in (False, True):
+        (line,) = stops.lines(stops.document(lost, LIMITS._asdict(), twin=twin)[0], twin=twin)
+        assert "gave no sign of life for 312 ms (280 ms are allowed, operator_age_s of [limits])" in line
+    wider = LIMITS._replace(operator_age=1.0)._asdict()
+    assert not stops.document(lost, wider, twin=True)[0]["too_busy"], "less than is allowed: it is something else"
+
+
+@pytest.mark.parametrize("left", list(TorqueLeft))
+def test_nobody_is_asked_to_stop_a_twin_by_hand(left: TorqueLeft) -> None:
+    assert "press" not in torque_left(left, twin=True)
+    assert ("press the emergency stop" in torque_left(left, twin=False)) == (left != TorqueLeft.OFF)
+    for fault in Fault:
+        said = stops.remedy_of(fault, twin=True)
+        assert said
+        assert "press" not in said
+        assert stops.remedy_of(fault, twin=False) == fault.remedy
 
 
 def test_a_computer_that_is_late_after_a_fault_hides_no_fault() -> None:
@@ -510,7 +535,11 @@ def test_a_rig_is_not_run_over_ssh_unless_somebody_stands_at_it(
 def test_a_twin_of_the_commands_own_may_answer_late_and_a_drive_may_not() -> None:
     rig = Rig()
     assert rig.limits.reading_age == 2.0
-    assert patient(rig).limits == rig.limits._replace(reading_age=20.0), "as late as the loop"
+    assert patient(rig).limits == rig.limits._replace(reading_age=20.0, operator_age=1.0), "as late as the loop"
     assert patient(rig.replace(sample_time=0.002)).limits.reading_age == 10.0
-    strict = rig.replace(limits=rig.limits._replace(reading_age=3.0))
+    strict = rig.replace(limits=rig.limits._replace(reading_age=3.0, operator_age=0.1))
     assert patient(strict).limits == strict.limits
+    measured = patient(rig, measure=True).limits
+    assert measured.lateness + measured.bridge_time < measured.heartbeat_age <= PATIENCE
+    assert (measured.reading_age, measured.operator_age) == (50.0, PATIENCE)
+    assert patient(strict, measure=True).limits.reading_age == 3.0

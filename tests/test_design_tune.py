@@ -16,12 +16,12 @@ from bowden.control import LAWS
 from bowden.control.law import Law
 from bowden.control.reference import PeriodicMinimumJerk, Trajectory
 from bowden.core.errors import OutputError, ParameterError
-from bowden.design.check import check
+from bowden.design.check import MOST_PER_COUNT, check
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.gains_text import with_gains
 from bowden.design.processes import two_workers
 from bowden.design.tune import tune
-from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task
+from bowden.design.tune_judge import WANTED_DB, WANTED_DEG, Task, chatter, keeps, shortfall
 from bowden.design.tune_runs import NineRuns, TuningTarget, course_of, runs_of
 from bowden.plants.bench import Bench
 from bowden.rig.presets.bench import default_bench
@@ -132,6 +132,38 @@ def test_the_evolution_finds_the_lowest_place_that_is_allowed() -> None:
     best = population.ranked()[0]
     assert population.scores[best][0] == 0.0
     np.testing.assert_allclose(population.points[best], (0.786, 0.618), atol=0.005)
+
+
+COARSE = BENCH._replace(joint_encoder=BENCH.joint_encoder._replace(resolution=np.radians(0.3)))
+
+
+def test_gains_whose_command_jumps_with_the_encoders_counts_are_refused() -> None:
+    """A law that has its margins may still send the motor each count, many times over."""
+    law = LAWS["adaptive_sliding_mode"]
+    usual, coarse = (TuningTarget(bench, BENDS, STROKE) for bench in (BENCH, COARSE))
+    tasks = [Task(rig, law, ({},), (), np.inf, NineRuns(rig)) for rig in (usual, coarse)]
+    per_count = [check(rig.bench, law, bends=BENDS).command_per_count for rig in (usual, coarse)]
+    assert per_count[0] < MOST_PER_COUNT < per_count[1]
+    assert shortfall(tasks[0]) == chatter(tasks[0]) == 0.0
+    assert shortfall(tasks[1]) == pytest.approx(per_count[1] / MOST_PER_COUNT - 1.0, rel=0.2)
+    found = check(COARSE, law, bends=BENDS)
+    assert not keeps(found)
+    assert "of command for one count of the encoder: more than 0.5°, so the motor buzzes" in repr(found)
+
+
+@pytest.mark.usefixtures("small_search")
+def test_an_encoder_that_no_gains_are_calm_with_is_the_reason_that_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bowden.design.tune.keeps", lambda _: False)
+    monkeypatch.setattr("bowden.design.tune.chatter", lambda _: 0.1)
+    with pytest.raises(ParameterError, match=r"one count of the joint's encoder, 0.3°, changes the command by more"):
+        tune(COARSE, ADAPTIVE, generations=1)
+
+
+@pytest.mark.usefixtures("small_search")
+def test_what_is_tuned_is_calm() -> None:
+    bench = BENCH._replace(joint_encoder=BENCH.joint_encoder._replace(resolution=np.radians(0.15)))
+    found = tune(bench, ADAPTIVE, generations=1)
+    assert 0.0 < found.found.command_per_count <= MOST_PER_COUNT
 
 
 def test_a_rig_that_no_gains_stabilise_is_refused_with_the_nearest_that_could_be() -> None:

@@ -348,6 +348,7 @@ FROZEN = (
 def test_how_a_run_ended_is_said(ended: Any, error: str, mode: Any, came: list[Fault], said: str) -> None:
     session = Session.__new__(Session)
     session.ended, session.error, session.came = ended, error, {fault: float(i) for i, fault in enumerate(came)}
+    session._remembers = True
     session._last = None if mode is None else np.full(len(AT), float(mode))
     assert said in session.outcome
 

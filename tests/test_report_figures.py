@@ -16,6 +16,7 @@ from bowden.report.identify_page import _density
 from bowden.report.league_page import league_page
 from bowden.report.log_page import log_page
 from bowden.report.page import Page
+from bowden.safety.faults import Fault
 from bowden.study.distributions import distribution
 from bowden.study.figures import LawFigures, Summary
 from bowden.study.sensitivity import Sensitivity
@@ -97,6 +98,7 @@ def test_the_residual_is_a_density_with_its_means() -> None:
 
 FACTS: dict[str, Any] = {
     "whole": True,
+    "twin": False,
     "cycles": 10_000,
     "missing": 0,
     "duration_s": 10.0,
@@ -142,6 +144,29 @@ def test_a_log_without_reference_has_no_empty_panel_and_what_was_not_read_yet_is
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_the_speed_of_a_first_reading_is_no_fault() -> None:
+    """The angles step from nothing to what they are; the same later is a fault."""
+    names = [fault.name.lower() for fault in Fault]
+    sets = np.zeros(200)
+    sets[:2] = 1 << Fault.JOINT_LOST | 1 << Fault.MOTOR_LOST
+    sets[2:9] = 1 << Fault.JOINT_OVER_SPEED
+    sets[100:110] = 1 << Fault.MOTOR_OVER_SPEED
+    time = np.arange(200) * 1e-3
+    trace = Trace({"time": time, "faults": sets}, {"time": "s", "faults": "1"}, {"names": {"faults": names}})
+    ((name, there),) = log_figures._faults(trace)
+    assert name == "motor over speed"
+    assert there.sum() == 10
+
+
+def test_the_line_of_a_law_alone_is_not_broken() -> None:
+    law = "active_disturbance_rejection"
+    for others in ((), ("bowden", "adaptive")):
+        traces = dict.fromkeys((law, *others), run())
+        figure = simulate_figures.error(traces, dict.fromkeys(traces, "#000000"))
+        (line,) = [line for line in figure.axes[0].lines if line.get_label() == law]
+        assert (line.get_linestyle() == "-") == (not others)
+
+
 def test_a_campaign_ranks_what_matters_most_and_faults_too() -> None:
     from bowden.report.campaign_page import campaign_page
 

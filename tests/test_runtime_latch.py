@@ -132,7 +132,8 @@ def test_a_run_that_begins_latched_is_armed_by_nothing_but_an_acknowledgement_fi
 def test_without_keys_a_run_that_begins_latched_is_refused_with_what_latched_it() -> None:
     latched = {name: float(value) for name, value in zip(AT, row(Mode.LATCHED, FAULTS), strict=True)}
     asked: list[Request] = []
-    session = SimpleNamespace(ready={"drive": "x"}, began_latched=True, last=lambda: latched, ask=asked.append)
+    about = {"ready": {"drive": "x"}, "began_latched": True, "on_twin": False}
+    session = SimpleNamespace(**about, last=lambda: latched, ask=asked.append)
     with pytest.raises(SafetyError, match="has not been acknowledged: motor does not follow its model"):
         list(automatic(session))
     session.began_latched = False

@@ -101,6 +101,29 @@ def test_every_cycle_is_a_row(whole: tuple[LoopRig, Ended, Recording]) -> None:
     assert rows["elapsed"][1:] == pytest.approx(1e-3)
 
 
+@pytest.mark.parametrize(("gone", "unattended"), [(True, True), (False, False)])
+def test_a_run_whose_operator_is_not_seen_before_it_is_armed_did_not_end_as_asked(
+    gone: bool, unattended: bool, tmp_path: Path
+) -> None:
+    def between(rig: LoopRig) -> None:
+        rig.operator = not gone or rig.sleeps < 20
+
+    ended, _ = rig_of(tmp_path, between, arms=(), quits=1e9 if gone else 200).run()
+    assert Mode(ended.mode) == Mode.STOPPED
+    assert (ended.unattended > Limits().operator_age) == unattended
+    assert unattended or ended.unattended == 0.0
+
+
+def test_a_run_that_came_to_its_end_needs_nobody_afterwards(tmp_path: Path) -> None:
+    def between(rig: LoopRig) -> None:
+        rig.operator = not rig.drive.told or rig.drive.told[-1][1] != Power.OFF or rig.led < 1000 * SECONDS - 2
+
+    ended, rows = rig_of(tmp_path, between, quits=1e9).run()
+    assert Mode(ended.mode) == Mode.STOPPED
+    assert (rows["source"] >= WishSource.LAW_BEGINS).sum() >= 1000 * SECONDS - 2
+    assert ended.unattended == 0.0
+
+
 def test_an_overrun_skips_and_never_bursts(tmp_path: Path) -> None:
     stalls = {50: 3_400_000, 51: 0, 80: 12_900_000, 120: 990_000}
 

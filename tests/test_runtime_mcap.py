@@ -365,6 +365,11 @@ def test_a_run_does_not_begin_with_faults_of_a_drive_that_is_not_read_yet() -> N
     rows = np.array([[40.465, unread + float(1 << Fault.BUS_ERRORS)], [40.466, 0.0]])
     events, _ = Changes(about).find(np.arange(2), rows)
     assert events[0].text == "not read yet: joint_lost, motor_stale; fault: bus_errors"
+    stepped, quick = float(1 << Fault.JOINT_OVER_SPEED), float(1 << Fault.MOTOR_OVER_SPEED)
+    rows = np.array([[40.465, unread], [40.466, stepped], [40.467, 0.0], [40.468, quick]])
+    events, _ = Changes(about).find(np.arange(4), rows)
+    assert events[1].text == "not settled yet: joint_over_speed; fault gone: joint_lost; fault gone: motor_stale"
+    assert events[3].text == "fault: motor_over_speed"
 
 
 def test_the_facts_of_a_log_end_with_what_ended_the_run() -> None:

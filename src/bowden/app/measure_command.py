@@ -35,7 +35,8 @@ def measure(
     from bowden.face.run import new_log
     from bowden.live.by_hand import require_confirmed
     from bowden.live.live_run import live_run
-    from bowden.live.measured import write_motions
+    from bowden.live.mcap_read import read
+    from bowden.live.measured import NEEDED, stalls, write_motions
     from bowden.live.operator import ending_signals, operate, refuse_over_ssh, refuse_without_keys
     from bowden.live.preflight import require
     from bowden.live.session import Session, own_twin
@@ -54,18 +55,21 @@ def measure(
     with contextlib.ExitStack() as stack:
         ending = stack.enter_context(ending_signals())
         if twin:
-            live = live_run(stack.enter_context(own_twin(given)), measure=True, logged=given)
+            live = live_run(stack.enter_context(own_twin(given, measure=True)), measure=True, logged=given)
         session = stack.enter_context(Session(live, new_log(out, "measure"), remembers=not twin))
         if not json:
             print(f"bowden: note: {live.losses()}", file=sys.stderr)
         operate(session, ending, auto=auto, quiet=json)
     found = document(session)
     files = write_motions(session.live, session.log, out) if found["ended_well"] else []
+    left_out = stalls(read(session.log, NEEDED), session.live.rig.sample_time)
     if json:
-        shown = {name: found[name] for name in _KEYS}
+        shown = {name: found[name] for name in _KEYS} | {"cycles_left_out": left_out.drawn}
         print_json({**shown, "files": [str(file) for file in files], "seconds": seconds()})
     else:
         print_summary(found)
+        if files and left_out.note:
+            print(f"bowden: note: {left_out.note}", file=sys.stderr)
     if not files:
         raise typer.Exit(1)
     if not json:
@@ -73,7 +77,10 @@ def measure(
         print(f"Next: bowden identify {first}, and bowden identify-servo {second}")
 
 
-_KEYS = ("log", "rig", "ended_well", "mode", "faults", "remedies", "stops", "preflight", "emergencies", "error")
+_KEYS = (
+    *("log", "rig", "twin", "ended_well", "mode", "faults", "remedies", "stops", "unattended", "preflight"),
+    *("emergencies", "error"),
+)
 """What the JSON document says of the run, in addition to its files."""
 
 

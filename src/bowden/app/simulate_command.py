@@ -133,7 +133,7 @@ def _print_table(metrics: dict[str, "Metrics"]) -> None:
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("law", no_wrap=True)
+    table.add_column("law", overflow="fold")  # a long name is folded before a figure is cut
     titles = ("RMSE\n°", "after 10 s\n°", "peak\n°", "delay\nms", "width\n°", "Pm energy\nJ", "Pe energy\nJ")
     for title in titles:
         table.add_column(title, justify="right", no_wrap=True)
@@ -144,7 +144,7 @@ def _print_table(metrics: dict[str, "Metrics"]) -> None:
             continue
         values[3] = None if values[3] is None else 1e3 * values[3]
         table.add_row(name, *("–" if value is None else f"{value:.3g}" for value in values))
-    Console(width=None if sys.stdout.isatty() else 100).print(table)
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
 
 
 COMMANDS = (

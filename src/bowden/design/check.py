@@ -17,7 +17,7 @@ from bowden.core.units import RADIANS
 from bowden.design import findings
 from bowden.design.limit_cycle import LimitCycle, describing_function, predict
 from bowden.design.linear_plant import linear_plant
-from bowden.design.linearise import find_estimates, linearise
+from bowden.design.linearise import LawModel, find_estimates, linearise
 from bowden.design.trial import MOVING, Trial, run_trial, settled_after
 from bowden.plants.plant import Plant, changed
 from bowden.plants.transmission import transmission
@@ -39,6 +39,11 @@ _MOST_ESTIMATES = 3
 """Of a law, that a reason names; a law with more is not understood by them."""
 _ROUNDING = 1e-9
 """By which a pole that is one may seem larger."""
+MOST_PER_COUNT = 0.5 * RADIANS
+"""Change of the command in one cycle, for one count of the joint's encoder, beyond which a law is said to chatter and
+tuned gains are refused (docs/decisions/0034-new-user-path.md) [rad]."""
+_AFTER_COUNT = 10
+"""Cycles after a count in which the command's largest change is looked for."""
 
 VerdictName = Literal["holds", "little_margin", "limit_cycle", "does_not_hold"]
 Estimates = dict[str, float]
@@ -57,6 +62,8 @@ class Point:
     margins: Margins
     at: str = ""
     """What else differs between the loops: of a suit the elbow's angle, and whether the extensor is taut."""
+    per_count: float = 0.0
+    """Largest change of the command in one cycle for one count of the joint's encoder [rad]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,7 +89,7 @@ class Check:
     chatters: bool
     """Unstable for one count of the encoder, stable for the whole stroke: a steep curve such as tanh(s/ε) chatters."""
     command_per_count: float
-    """Step of the command for one count of the joint's encoder [rad]."""
+    """Largest change of the command in one cycle for one count of the joint's encoder, over all points [rad]."""
     ultimate_s: float | None
     """The bound on |s| that the law's own proof gives [rad·s]; None where it has none."""
     ultimate_error: float | None
@@ -216,7 +223,7 @@ def check(
         zones = [transmission(bench, bend, stroke).dead_zone for bend in dict.fromkeys(ends)]
         confirmed = bool(_confirmed(cycle, _swing(trials)))
         verdict, reason = _at_rest(trials, zones, verdict, reason, confirmed=confirmed)
-    bound, model = None, linearise(law, bench.sample_time, width=count, estimates=estimates[-1])
+    bound = None
     if law.proven is not None and not linear.leaves_out:
         found = transmission(bench, ends[1], stroke)
         bound = law.proven(law.gains, found.slope, 0.5 * found.dead_zone)
@@ -230,7 +237,7 @@ def check(
         trials=trials,
         reserve=reserve,
         chatters=chatters and not refuted,
-        command_per_count=abs(float(model.d[0])) * bench.joint_encoder.resolution,
+        command_per_count=max(point.per_count for point in points),
         ultimate_s=bound.filtered_error if bound else None,
         ultimate_error=bound.error if bound else None,
         leaves_out=linear.leaves_out,
@@ -333,9 +340,21 @@ def linear_points(
     linear, points = linear_plant(bench, bends, stroke, reversals=reversals), []
     for values in estimates:
         model = linearise(law, bench.sample_time, width=width, estimates=values)
+        jump = largest_change(model) * bench.joint_encoder.resolution
         for place, found in zip(linear.places, linear.margins(model), strict=True):
-            points.append(Point(place.bend, place.slope, values, found, place.at))
+            points.append(Point(place.bend, place.slope, values, found, place.at, jump))
     return points
+
+
+def largest_change(model: LawModel) -> float:
+    """Largest change of the command from one cycle to the next after a step of the joint's reading [rad/rad].
+
+    The changes after a unit step are the impulse response: D, then C·B, C·A·B, …
+    """
+    found, state = abs(float(model.d[0])), model.b[:, 0]
+    for _ in range(_AFTER_COUNT if len(state) else 0):
+        found, state = max(found, abs(float(model.c[0] @ state))), model.a @ state
+    return found
 
 
 def _predicted_cycle(

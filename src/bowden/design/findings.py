@@ -35,12 +35,23 @@ def check_rows(found: "Check") -> list[tuple[str, str]]:
         ("delay margin", _milliseconds(found.delay_margin_s) or none),
         ("limit cycle", predicted),
         ("at rest", "" if swing is None else f"±{swing * DEGREES:.3g}° at the joint in simulation"),
-        ("chatter", f"{ripple * DEGREES:.3g}° of command for one count of the encoder" if ripple else ""),
+        ("chatter", _chatter(ripple)),
         ("error", "" if found.peak is None else f"at most {found.peak * DEGREES:.3g}° in simulation"),
         ("proven bound", _proven(found.ultimate_error)),
         ("limits", found.leaves_out),
         ("advice", found.advice),
     ]
+
+
+def _chatter(ripple: float) -> str:
+    """What a count of the joint's encoder does to the command, and whether that is much."""
+    from bowden.design.check import MOST_PER_COUNT
+
+    if not ripple:
+        return ""
+    said = f"{ripple * DEGREES:.3g}° of command for one count of the encoder"
+    much = f": more than {MOST_PER_COUNT * DEGREES:g}°, so the motor buzzes; lower the gains, or take a finer encoder"
+    return said + (much if ripple > MOST_PER_COUNT else "")
 
 
 def _proven(bound: float | None) -> str:

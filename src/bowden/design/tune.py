@@ -3,8 +3,9 @@
 1. Every gain that is a choice (`Law.tunable`) and that the loop or the errors feel is varied, on a logarithmic scale
    around where it stands; what the rig would tell the law (`bowden.control.knowledge`), had nobody chosen otherwise, is
    tried first too.
-2. The search is an evolution (`evolution`): gains that lack 6 dB or 45° are ranked by what they lack, without a
-   simulation; the others by their largest RMSE over a set of sheath paths and references.
+2. The search is an evolution (`evolution`): gains that lack 6 dB or 45°, or whose command jumps by more than
+   `MOST_PER_COUNT` with one count of the joint's encoder, are ranked by what they lack, without a simulation; the
+   others by their largest RMSE over a set of sheath paths and references.
 3. Whatever is to be the best so far is checked as `bowden check` does it. Where it fails at estimates that its own
    trials visit, these count for all from then on.
 4. A gain that can go back to where it stood at no cost does.
@@ -21,13 +22,15 @@ from bowden.control.law import Law
 from bowden.core import shown
 from bowden.core.errors import ParameterError
 from bowden.core.style import new_figure
+from bowden.core.units import DEGREES
 from bowden.design import findings
 from bowden.design.advice import gains_that_matter
-from bowden.design.check import STROKE, Check, Estimates, check, visited_estimates
+from bowden.design.check import MOST_PER_COUNT, STROKE, Check, Estimates, check, visited_estimates
 from bowden.design.evolution import Array, Population, Score
 from bowden.design.tune_judge import (
     Judged,
     Task,
+    chatter,
     checked,
     errors,
     judge,
@@ -418,6 +421,11 @@ class _Search:
             f"a servo of {bench.servo.natural_frequency / (2.0 * np.pi):.3g} Hz and damping {bench.servo.damping:.2g} "
             f"behind {1e3 * bench.delay * bench.sample_time:.3g} ms of delay leaves them too little phase or gain"
         )
+        tasks = [self._task(self._law(point)) for point in self.population.points]
+        if min(chatter(task) for task in tasks) > 0.0:
+            count, most = bench.joint_encoder.resolution * DEGREES, MOST_PER_COUNT * DEGREES
+            reason = f"one count of the joint's encoder, {count:.3g}°, changes the command by more than {most:g}°"
+            raise NoGainsError(f"{what}: {reason}", do="take a finer encoder, or another law")
         near = self._nearest() if self.own else ""
         do = f"the nearest rig that has some: {near}" if near else "start from other gains, or choose another law"
         return NoGainsError(f"{what}: {reason}", do=do)

@@ -9,7 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from bowden.control.law import Law
-from bowden.design.check import Check, Estimates, check, linear_points, stands, visited_estimates
+from bowden.design.check import (
+    MOST_PER_COUNT,
+    Check,
+    Estimates,
+    check,
+    largest_change,
+    linear_points,
+    stands,
+    visited_estimates,
+)
+from bowden.design.linearise import linearise
 from bowden.design.trial import run_trial
 from bowden.design.tune_runs import TuningRuns, TuningTarget, course_of
 from bowden.plants.plant import Plant, changed
@@ -42,7 +52,7 @@ class Judged(NamedTuple):
     """What came of it."""
 
     shortfall: float
-    """0 where the margins are there, else the largest share of them that is missing."""
+    """0 where the margins are there and nothing chatters, else the largest share that is missing of either."""
     errors: tuple[float, ...]
     """RMSE of each run [rad]; infinite where it is unstable or was given up, 0 where it was not needed any more."""
 
@@ -67,11 +77,13 @@ def judge_apart(task: Task) -> Judged:
 
 
 def shortfall(task: Task) -> float:
-    """The largest share of the wanted margins that is missing over all linear loops; 0 for none, or without loops."""
-    if task.rig.refuted:
-        return 0.0
+    """The largest share of the wanted margins that is missing over all linear loops, or by which the command jumps too
+    far with a count of the joint's encoder; 0 for none. Where no linear loop stands for the law, of the latter alone.
+    """
     resolution = task.rig.bench.joint_encoder.resolution or 1e-6
-    missing = 0.0
+    missing = chatter(task)
+    if task.rig.refuted:
+        return missing
     bench, rig = _thinned(task.rig.bench), task.rig
     for point in linear_points(bench, task.law, rig.bends, task.estimates, resolution, rig.stroke):
         found = point.margins
@@ -82,6 +94,15 @@ def shortfall(task: Task) -> float:
         if found.phase_margin_deg is not None:
             missing = max(missing, 1.0 - found.phase_margin_deg / WANTED_DEG)
     return missing
+
+
+def chatter(task: Task) -> float:
+    """By how much one count of the joint's encoder may change the command too far in a cycle; 0 where it does not."""
+    bench, count = task.rig.bench, task.rig.bench.joint_encoder.resolution
+    if not count:
+        return 0.0
+    models = [linearise(task.law, bench.sample_time, width=count, estimates=values) for values in task.estimates]
+    return max([0.0, *(largest_change(model) * count / MOST_PER_COUNT - 1.0 for model in models)])
 
 
 def _thinned(bench: Plant) -> Plant:
@@ -123,7 +144,7 @@ def checked(task: Task) -> Check:
 
 
 def keeps(found: Check) -> bool:
-    """Whether a check says `holds` and finds the wanted margins."""
+    """Whether a check says `holds`, finds the wanted margins, and no chatter."""
     gain, phase = found.gain_margin_db, found.phase_margin_deg
     wide = (gain is None or gain >= WANTED_DB) and (phase is None or phase >= WANTED_DEG)
-    return found.verdict == "holds" and wide
+    return found.verdict == "holds" and wide and found.command_per_count <= MOST_PER_COUNT

@@ -41,6 +41,13 @@ TORQUE_LEFT = {
 """What it means for the operator."""
 
 
+def torque_left(left: TorqueLeft, *, twin: bool) -> str:
+    """The same in words; of a twin, which has no motor that anybody could stop; empty where the torque is off."""
+    if not twin or left == TorqueLeft.OFF:
+        return TORQUE_LEFT[left]
+    return "the twin has not confirmed that its torque is off; no motor has any: nothing is to be done"
+
+
 class Drive(Protocol):
     """A position-controlled motor drive with a motor and a joint angle."""
 

@@ -1,10 +1,11 @@
 """A run without an operator's keys: armed, run, and watched to its end."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Protocol
 
 from bowden.core.errors import SafetyError
+from bowden.live.stops import remedy_of
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode, Request
@@ -22,11 +23,20 @@ class Watched(Protocol):
     began_latched: bool
     """Whether a run before it was latched by what has not been acknowledged."""
 
+    @property
+    def on_twin(self) -> bool:
+        """Whether the drive is a twin of the command's own."""
+
     def last(self) -> dict[str, float] | None:
         """The newest row by its columns."""
 
     def ask(self, request: Request) -> None:
         """Ask the supervisor for something."""
+
+
+def _listed(found: Iterable[Fault], session: Watched) -> str:
+    """Faults with what to do."""
+    return "; ".join(f"{fault.meaning}: {remedy_of(fault, twin=session.on_twin)}" for fault in found)
 
 
 def automatic(session: Watched) -> Iterator[bool]:
@@ -47,7 +57,7 @@ def automatic(session: Watched) -> Iterator[bool]:
             if row["mode"] == wanted:
                 break
             if not asked and row["mode"] == Mode.LATCHED:
-                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in faults.of(row["faults"]))
+                listed = _listed(faults.of(row["faults"]), session)
                 last = "the last run ended in a fault that has not been acknowledged"
                 what = last if session.began_latched else "the supervisor has latched a fault before this run was armed"
                 raise SafetyError(
@@ -59,7 +69,7 @@ def automatic(session: Watched) -> Iterator[bool]:
             waited = row["time"] - begun
             if row["faults"] and row["mode"] == Mode.STOPPED and waited > _PATIENCE:
                 found = list(faults.of(row["faults"]))
-                listed = "; ".join(f"{fault.meaning}: {fault.remedy}" for fault in found)
+                listed = _listed(found, session)
                 if found == [Fault.LATE]:
                     late = 1e3 * max(row["lateness"], row["supervisor.sums.late"])
                     listed = f"this computer is too busy, cycles come {late:.0f} ms late: {Fault.LATE.remedy}"

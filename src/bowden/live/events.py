@@ -19,6 +19,9 @@ FAULTS = "faults"
 """Column that holds a set of faults, fault i as the bit 2^i."""
 UNREAD = frozenset({"joint_lost", "joint_stale", "motor_lost", "motor_stale", "current_lost"})
 """Faults of a run's first row that say no more than that its drive has not been read yet."""
+UNSETTLED = frozenset({"joint_over_speed", "motor_over_speed"})
+"""Faults of the row with a run's first reading that say no more than that its speeds are not known yet: the angles step
+from nothing to what they are."""
 EMERGENCY = "emergency"
 """Column that holds the error code of the drive in the cycle in which it comes, otherwise 0."""
 
@@ -99,8 +102,11 @@ class Changes:
         came = [_name(bit, names) for bit in sorted(now - was)]
         unread = [name for name in came if np.isnan(old) and name in UNREAD]
         parts = [f"not read yet: {', '.join(unread)}"] * bool(unread)
-        parts += [f"fault: {name}" for name in came if name not in unread]
-        parts += [f"fault gone: {_name(bit, names)}" for bit in sorted(was - now)]
+        gone = [_name(bit, names) for bit in sorted(was - now)]
+        unsettled = [name for name in came if name in UNSETTLED and {"joint_lost", "motor_lost"} & {*gone}]
+        parts += [f"not settled yet: {', '.join(unsettled)}"] * bool(unsettled)
+        parts += [f"fault: {name}" for name in came if name not in unread + unsettled]
+        parts += [f"fault gone: {name}" for name in gone]
         return "; ".join(parts)
 
 

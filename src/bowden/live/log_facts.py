@@ -197,7 +197,7 @@ def lines(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "overruns", str(document["overruns"])
     yield "software", ", ".join(document["software"].values())
     for stop in document["stops"]:
-        for line in stops.lines(stop):
+        for line in stops.lines(stop, twin=bool(document["twin"])):
             yield "stopped", f"{stop['time_s']:.3f} s: {line}"
     events, begin = document["events"], document["begin_s"] or 0.0
     for emergency in document["emergencies"]:

@@ -45,6 +45,9 @@ class Ended:
     """Number of the drive's `hardware.ports.TorqueLeft`."""
     stalled: float
     """How long this computer did not let the loop run, where that ended the run; 0 where it did not [s]."""
+    unattended: float = 0.0
+    """Age of the operator's last sign of life, where nobody asked for the end and this alone brought it before the
+    reference had come to its own; 0 elsewhere [s]."""
 
 
 class Loop:
@@ -91,13 +94,13 @@ class Loop:
             SafetyError: the supervisor's verdict was broken; the torque is switched off, and the cycle is recorded.
         """
         try:
-            cycles, overruns, mode, faults, stalled = self._run()
+            cycles, overruns, mode, faults, stalled, unattended = self._run()
         finally:
             left = self._drive.close()
             self._ring.close()
-        return Ended(cycles, overruns, mode, faults, int(left), stalled)
+        return Ended(cycles, overruns, mode, faults, int(left), stalled, unattended)
 
-    def _run(self) -> tuple[int, int, int, int, float]:
+    def _run(self) -> tuple[int, int, int, int, float, float]:
         clock, drive, cycle = self._clock, self._drive, self._cycle
         script, ring, block, course, push = self._script, self._ring, self._block, self._course, self._push
         period, patience = round(cycle.period * SECOND), cycle.limits.operator_age
@@ -161,7 +164,8 @@ class Loop:
             resting = resting + 1 if ending and mode in _RESTING and not turning else 0
             deadline, skipped = next_deadline(deadline, finished, period)
             overruns += skipped
-        return cycles, overruns, int(mode), int(verdict.faults) if verdict else 0, stalled
+        asked = self._quit or block.quitting or script.done
+        return cycles, overruns, int(mode), int(verdict.faults) if verdict else 0, stalled, 0.0 if asked else age
 
 
 _LED = (float(Mode.PREFLIGHT), float(Mode.RUNNING), float(Mode.BRIDGING))

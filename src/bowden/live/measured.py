@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowden.core.errors import SafetyError
+from bowden.core.errors import SafetyError, counted
 from bowden.core.files import whole_files
 from bowden.cycle.one_cycle import WishSource
 from bowden.live.live_run import Live
@@ -19,8 +20,27 @@ NEEDED = ("time", "lateness", "mode", "source", "wish", "command", "motor", "joi
 """Columns of the log that are looked at."""
 HEADER = "time_s,command_rad,motor_rad,joint_rad"
 """Columns of what comes out."""
-_MOST_SKIPPED = 1000
-"""Deadlines that the last cycle of the motion may have skipped."""
+_MOST_BEYOND = 100
+"""Cycles at the end of the motion that the log may have besides it."""
+_MOST_DRAWN = 0.1
+"""Share of the samples that may be drawn in between others, which the cable's and the servo's models bear."""
+
+
+class Stalls(NamedTuple):
+    """How often this computer did not let the loop run."""
+
+    drawn: int
+    """Cycles that were left out; their samples are drawn in between their neighbours."""
+    longest: float
+    """The longest time of it [s]."""
+
+    @property
+    def note(self) -> str:
+        """The same for a person; empty where there was none."""
+        if not self.drawn:
+            return ""
+        stalled = f"this computer stalled, for {1e3 * self.longest:.0f} ms at most"
+        return f"{stalled}: {counted(self.drawn, 'sample')} of the files drawn in between others, so that time is even"
 
 
 def write_motions(live: Live, log: Path, folder: Path) -> list[Path]:
@@ -32,7 +52,7 @@ def write_motions(live: Live, log: Path, folder: Path) -> list[Path]:
         folder: for the files.
 
     Raises:
-        SafetyError: the last motion of the run did not come to its end.
+        SafetyError: the last motion of the run did not come to its end, or this computer was too busy for it.
         OutputError: the folder cannot be written.
     """
     parts = motions(read(log, NEEDED), live.table[:, 0], live.servo_from, live.rig.sample_time)
@@ -45,8 +65,9 @@ def write_motions(live: Live, log: Path, folder: Path) -> list[Path]:
 def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Mapping[str, Array]:
     """``cable.csv`` and ``servo.csv`` → rows of time [s], command, motor and joint [rad], even in time.
 
-    A cycle that was skipped, and an angle that did not come in its cycle, is drawn in between its neighbours: cycles
-    that the supervisor bridged are no reason to measure again.
+    The motion stands still while this computer does not let the loop run (`live.script`), and the motor on the target
+    that it was sent last. What was not recorded then, and an angle that did not come in its cycle, is drawn in between
+    its neighbours: neither that nor cycles that the supervisor bridged are a reason to measure again.
 
     Args:
         log: of the run, with the columns of `NEEDED`.
@@ -55,31 +76,55 @@ def motions(log: Recording, motor: Array, servo_from: int, period: float) -> Map
         period: of a cycle [s].
 
     Raises:
-        SafetyError: the last motion of the run did not come to its end.
+        SafetyError: the last motion of the run did not come to its end, or this computer was too busy for it.
     """
-    mode = log["mode"]
-    armed = np.flatnonzero(mode == Mode.PREFLIGHT)
-    led = (log["source"] == WishSource.MOTION) & ((mode == Mode.RUNNING) | (mode == Mode.BRIDGING))
-    rows = np.flatnonzero(led & (np.arange(len(mode)) > (armed[-1] if len(armed) else -1)))
-    tick = np.rint((log["time"] - log["lateness"])[rows] / period).astype(int)  # deadlines lie on a grid
-    place = _places(tick, log["wish"][rows], mode[rows] == Mode.RUNNING, motor)
+    mode, rows = log["mode"], _led(log)
+    place = _places(log["wish"][rows], mode[rows] == Mode.RUNNING, motor)
     if place is None:
-        done = int(tick[-1] - tick[0]) + 1 if len(rows) else 0
+        done = len(rows)
         raise SafetyError(
             f"the motion was stopped after {done} of {len(motor)} cycles",
             do="let it run to its end; the log up to here is kept",
+        )
+    drawn, longest = stalls(log, period)
+    if drawn > _MOST_DRAWN * len(motor):
+        share = f"{100.0 * drawn / len(motor):.0f} % of the cycles were left out, for {1e3 * longest:.0f} ms at most"
+        raise SafetyError(
+            f"this computer is too busy to measure: {share}",
+            expected=f"{100.0 * _MOST_DRAWN:g} % or less",
+            do="close other programs, and run `bowden doctor`; or set a longer sample_time_ms in [bench]",
         )
     parts = {"cable.csv": rows[(place >= 0) & (place < servo_from)], "servo.csv": rows[place >= servo_from]}
     return {name: _even(log, part, period) for name, part in parts.items()}
 
 
-def _places(tick: NDArray[np.int_], wish: Array, running: NDArray[np.bool_], motor: Array) -> NDArray[np.int_] | None:
+def _led(log: Recording) -> NDArray[np.int_]:
+    """Rows of the last motion, and of the way to it."""
+    mode = log["mode"]
+    armed = np.flatnonzero(mode == Mode.PREFLIGHT)
+    led = (log["source"] == WishSource.MOTION) & ((mode == Mode.RUNNING) | (mode == Mode.BRIDGING))
+    return np.flatnonzero(led & (np.arange(len(mode)) > (armed[-1] if len(armed) else -1)))
+
+
+def stalls(log: Recording, period: float) -> Stalls:
+    """Cycles that were left out in the last motion of a log, and the longest time of it.
+
+    Args:
+        log: with the columns of `NEEDED`.
+        period: of a cycle [s].
+    """
+    time = (log["time"] - log["lateness"])[_led(log)]  # deadlines lie on a grid
+    missing = np.maximum(np.rint(np.diff(time) / period) - 1.0, 0.0)
+    return Stalls(int(missing.sum()), float(missing.max(initial=0.0) * period))
+
+
+def _places(wish: Array, running: NDArray[np.bool_], motor: Array) -> NDArray[np.int_] | None:
     """Where in the motion each cycle is, less than 0 on the way to it; None where the motion did not end.
 
-    The wishes themselves show it: the last cycle is at the end of the motion, or as far behind it as it has skipped.
+    Each cycle is one place further. The wishes themselves show the last one: at the end of the motion, or beyond it.
     """
-    for beyond in range(_MOST_SKIPPED if len(tick) else 0):
-        place = tick - tick[-1] + len(motor) - 1 + beyond
+    for beyond in range(_MOST_BEYOND if len(wish) else 0):
+        place = np.arange(len(wish)) - len(wish) + len(motor) + beyond
         if place[0] > 0:
             return None
         there = running & (place >= 0)

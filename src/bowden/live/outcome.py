@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
-from bowden.live.stops import told_apart
+from bowden.hardware.ports import TorqueLeft, torque_left
+from bowden.live.stops import remedy_of, told_apart, unattended
 from bowden.live.summary import STALLED
 from bowden.safety import faults
 from bowden.safety.supervisor import Mode
@@ -37,8 +37,11 @@ def why(session: "Session") -> list[str]:
     """What ended a run that did not end as asked, the most dangerous first."""
     ended = session.ended or {}
     stalled = 1e3 * ended.get("stalled", 0.0)
-    left = TORQUE_LEFT[TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN))]
-    found = [left, STALLED.format(stalled) if stalled else "", *_faults(session), ended.get("reason"), session.error]
+    left = torque_left(TorqueLeft(ended.get("torque", TorqueLeft.UNKNOWN)), twin=session.on_twin)
+    gone = ended.get("unattended", 0.0)
+    alone = unattended(gone, session.live.limits.operator_age) if gone else ""
+    by = [] if alone else _faults(session)
+    found = [left, STALLED.format(stalled) if stalled else "", alone, *by, ended.get("reason"), session.error]
     return [one for one in found if one]
 
 
@@ -46,5 +49,5 @@ def _faults(session: "Session") -> list[str]:
     """What came first with its remedy, and what followed from it."""
     came = session.came or dict.fromkeys(faults.of((session.ended or {}).get("faults", 0)), 0.0)
     causes, consequences = told_apart(came)
-    found = [f"{fault.meaning}; {fault.remedy}" for fault in causes]
+    found = [f"{fault.meaning}; {remedy_of(fault, twin=session.on_twin)}" for fault in causes]
     return found + ([f"as a consequence: {', '.join(fault.meaning for fault in consequences)}"] if consequences else [])

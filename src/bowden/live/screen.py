@@ -11,7 +11,7 @@ from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
 from bowden.live.preflight import REASONS, Reason
 from bowden.live.ring_status import RecorderState
-from bowden.live.stops import told_apart
+from bowden.live.stops import remedy_of, told_apart
 from bowden.safety import faults
 from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
@@ -45,7 +45,7 @@ def picture(session: "Session", row: dict[str, float], auto: bool, answer: str =
     table.add_row("state", f"[bold]{mode.name.lower()}[/bold]  {said}")
     causes, consequences = told_apart({fault: session.came.get(fault, row["time"]) for fault in shown})
     for fault in causes:  # all that must be seen stands above: a low terminal cuts the end off
-        table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {fault.remedy}")
+        table.add_row("[red]fault[/red]", f"[red]{fault.meaning}[/red]: {remedy_of(fault, twin=session.on_twin)}")
     if consequences:
         table.add_row("[red]follows[/red]", ", ".join(fault.meaning for fault in consequences))
     if not {Fault.EMERGENCY, Fault.DRIVE_FAULT}.isdisjoint(shown):

@@ -70,10 +70,13 @@ class Script:
             mode: number of the supervisor's `Mode` after the last cycle.
             target: what the drive was sent then [rad].
             reading: what the drive says.
-            cycles: periods since the last cycle, more than 1 after an overrun.
+            cycles: periods since the last cycle, more than 1 after an overrun. A motion of the motor's own goes on
+                where it was after one, and ends this much later: its target does not jump.
         """
         if mode == _BRIDGING:
             mode = self._mode  # R1 holds the target meanwhile; preflight or law go on, and find their place again
+        if self._width == 1 and mode == _RUNNING:
+            cycles = 1
         if mode != self._mode:
             self._enter(mode, target, reading, cycles)
         if mode == _PREFLIGHT:

@@ -47,6 +47,7 @@ from bowden.live.run_settings import run_settings
 from bowden.live.stops import onsets
 from bowden.live.twin_scenario import TwinScenario
 from bowden.models.drive.thermal import cold
+from bowden.rig.declaration import at, items_of
 from bowden.rig.rig import Rig
 from bowden.safety.faults import Fault
 from bowden.safety.limits import Limits
@@ -312,7 +313,8 @@ class Session:
     def ended_well(self) -> bool:
         """Whether the run has ended as asked, without torque."""
         ended = self.ended or {}
-        return not self.error and ended.get("mode") == Mode.STOPPED and not ended.get("torque")
+        well = ended.get("mode") == Mode.STOPPED and not ended.get("torque") and not ended.get("unattended")
+        return not self.error and well
 
     @property
     def outcome(self) -> str:
@@ -625,8 +627,14 @@ class Session:
 
 
 @contextlib.contextmanager
-def own_twin(rig: Rig) -> Iterator[Rig]:
-    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, with `patient` limits."""
+def own_twin(rig: Rig, *, measure: bool = False) -> Iterator[Rig]:
+    """A twin of the rig on a bus of its own, whatever the rig's is; the rig on that bus, with `patient` limits.
+
+    Args:
+        rig: to be played.
+        measure: whether the motor moves through the excitation, in place of a law; the twin waits for a loop then that
+            this computer does not let run.
+    """
     from bowden.hardware.buses.opening import UNIX
     from bowden.live.twin_process import running_twin
 
@@ -635,21 +643,48 @@ def own_twin(rig: Rig) -> Iterator[Rig]:
         asked = shlex.join(["bowden", "twin", file, "--channel", str(folder)])
         print(f"bowden: note: the twin's bus is {folder}: {asked}", file=sys.stderr)
         with running_twin(rig, folder, ["--interface", UNIX]) as twin:
-            beside = patient(rig)
-            if beside.limits != rig.limits:
-                allowed = f"reading_age is {beside.limits.reading_age:.3g} here, and not {rig.limits.reading_age:g}"
-                print(f"bowden: note: {allowed}: the twin shares this computer with the loop", file=sys.stderr)
+            beside = patient(rig, measure=measure)
+            if measure:
+                twin.control.wait(PATIENCE)
+            allowed = ", ".join(
+                f"{item.key} = {at(beside.limits, item.path):.3g} (in place of {at(rig.limits, item.path):g})"
+                for item in items_of(Limits)
+                if at(beside.limits, item.path) != at(rig.limits, item.path)
+            )
+            if allowed:
+                print(
+                    f"bowden: note: the twin shares this computer, so it may be late: {allowed} in [limits]",
+                    file=sys.stderr,
+                )
             yield beside.on_bus(twin.channel, UNIX)
 
 
-def patient(rig: Rig) -> Rig:
+def patient(rig: Rig, *, measure: bool = False) -> Rig:
     """The rig with the limits of a run on a twin of the command's own.
 
     This computer plays the drive as well. If it stalls, the twin answers late, which a drive does not; and no motor
-    moves meanwhile. So its answers may be as late as the loop itself, `lateness`. A rig that sets a `reading_age` other
-    than the default keeps it.
+    moves meanwhile. So its answers may be as late as the loop itself, `lateness`, and the command may be silent for
+    `PATIENCE`. A motion to measure by, which goes on where it was after a stall, may be late as well. A limit that the
+    rig sets otherwise than by default stays.
+
+    Args:
+        rig: of the run.
+        measure: see `own_twin`.
     """
-    default = rig.limits.reading_age == Limits().reading_age
-    late = math.floor(rig.limits.lateness / rig.sample_time + 1e-9)
-    most = max(rig.limits.reading_age, float(min(late, 50)))
-    return rig.replace(limits=rig.limits._replace(reading_age=most)) if default else rig
+    limits, usual = rig.limits, Limits()
+    late = math.floor(limits.lateness / rig.sample_time + 1e-9)
+    wider: dict[str, Any] = {
+        "reading_age": max(limits.reading_age, float(min(late, _OLDEST))),
+        "operator_age": PATIENCE,
+    }
+    if measure:
+        wider |= {"reading_age": float(_OLDEST), "lateness": 0.5 * PATIENCE}
+        wider |= {"heartbeat_age": 0.6 * PATIENCE, "clock_gap": PATIENCE}
+    changed = {name: value for name, value in wider.items() if getattr(limits, name) == getattr(usual, name)}
+    return rig.replace(limits=limits._replace(**changed))
+
+
+PATIENCE = 1.0
+"""How long a run on a twin of the command's own goes on without a sign of life [s]; on hardware `operator_age`."""
+_OLDEST = 50
+"""Cycles; what `reading_age` may be at most."""

@@ -18,8 +18,8 @@ from bowden.safety.supervisor import Mode
 
 Array = NDArray[np.float64]
 
-NEEDED = ("time", "mode", "faults", "lateness", "supervisor.sums.late", "motor_age", "joint_age")
-"""Columns of the log that are looked at."""
+NEEDED = ("time", "mode", "faults", "lateness", "supervisor.sums.late", "motor_age", "joint_age", "operator_age")
+"""Columns of the log that are looked at; the last one may be missing."""
 OF_THE_COMPUTER = frozenset({Fault.LATE, Fault.CLOCK})
 """Faults of this computer, and not of the rig."""
 _OLD = frozenset({Fault.JOINT_STALE, Fault.MOTOR_STALE})
@@ -32,11 +32,27 @@ FOLLOWS_LATENESS = _OLD | {
 """What a computer that stalls brings about as well."""
 _STOPPING = sum(1 << fault for fault in Fault if fault.then)
 """Bits of the faults that end a run."""
-_REMEDIES = {fault.meaning: fault.remedy for fault in Fault}
+_ALIVE = frozenset({Fault.OPERATOR_LOST})
+_OF_TWIN = {
+    Fault.NOT_DISABLED: "no motor has torque: the twin answered too late; close other programs, and begin again",
+    Fault.EMERGENCY_STOP: "it was injected into the twin; begin again",
+    Fault.MOTOR_HOT: "the twin's motor is a model; begin again, it is cold then",
+    Fault.DRIVE_HOT: "the twin's drive is a model; begin again",
+    Fault.OPERATOR_LOST: "close other programs, and begin again",
+    Fault.OVER_TENSION: "look at the rig's cable and reference: nobody is caught in a twin",
+    Fault.JOINT_OVER_TRAVEL: "look at the reference and at joint_low_deg and joint_high_deg of [limits]",
+    Fault.MOTOR_OVER_TRAVEL: "look at the reference and at motor_low_deg and motor_high_deg of [limits]",
+}
+"""Remedies that are others where the drive is a twin of the command's own: there is nothing to touch."""
 _LOOKED_BACK = 0.5
 """How long before a stop its computer is judged [s]."""
 _LOOKED_ON = 0.5
 """How long after the end of power a fault may follow from what ended it [s]."""
+
+
+def remedy_of(fault: Fault, *, twin: bool) -> str:
+    """What to do about a fault; of a command's own twin without what only a drive asks for."""
+    return _OF_TWIN.get(fault, fault.remedy) if twin else fault.remedy
 
 
 class Stop(NamedTuple):
@@ -52,6 +68,8 @@ class Stop(NamedTuple):
     """Largest lateness of a cycle, or of the last ones together, in the half second before [s]."""
     oldest: float
     """Largest age of an angle in that time [cycles]."""
+    alone: float = 0.0
+    """Largest age of the operator's sign of life in that time [s]."""
 
 
 def stops(log: Recording) -> list[Stop]:
@@ -60,7 +78,7 @@ def stops(log: Recording) -> list[Stop]:
     Args:
         log: of the run, with the columns of `NEEDED`.
     """
-    return list(_stops(log)) if len(log.rows) and {*NEEDED} <= {*log.columns} else []
+    return list(_stops(log)) if len(log.rows) and {*NEEDED[:-1]} <= {*log.columns} else []
 
 
 def _stops(log: Recording) -> Iterator[Stop]:
@@ -85,6 +103,7 @@ def _stops(log: Recording) -> Iterator[Stop]:
             *told_apart(onsets(bits[begin:over], time[begin:over])),
             _most(log["lateness"][since], log["supervisor.sums.late"][since]),
             _most(log["motor_age"][since], log["joint_age"][since]),
+            _most(log["operator_age"][since]) if "operator_age" in log.columns else 0.0,
         )
 
 
@@ -133,7 +152,7 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
         {
             "time_s": round(stop.time, 6),
             "causes": [fault.meaning for fault in stop.causes],
-            "remedies": [fault.remedy for fault in stop.causes],
+            "remedies": [remedy_of(fault, twin=twin) for fault in stop.causes],
             "consequences": [fault.meaning for fault in stop.consequences],
             "too_busy": too_busy(stop, limits, twin=twin) or None,
         }
@@ -141,15 +160,20 @@ def document(log: Recording, limits: Mapping[str, Any], *, twin: bool) -> list[d
     ]
 
 
-def lines(stop: dict[str, Any]) -> Iterator[str]:
+def lines(stop: dict[str, Any], *, twin: bool = False) -> Iterator[str]:
     """A stop, as `document` has it, for a person: its causes with what to do, and what followed from them.
 
     Beside a busy computer what followed has its remedies too: it may have a cause of its own.
+
+    Args:
+        stop: one of `document`.
+        twin: whether the drive was the command's own twin.
     """
     if stop["too_busy"]:
         yield stop["too_busy"]
+        remedies = {fault.meaning: remedy_of(fault, twin=twin) for fault in Fault}
         for meaning in stop["consequences"]:
-            yield f"at the same time: {meaning}; {_REMEDIES[meaning]}"
+            yield f"at the same time: {meaning}; {remedies[meaning]}"
         return
     for meaning, remedy in zip(stop["causes"], stop["remedies"], strict=True):
         yield f"{meaning}; {remedy}"
@@ -165,15 +189,33 @@ def too_busy(stop: Stop, limits: Mapping[str, Any], *, twin: bool) -> str:
         limits: the supervisor's, by their names in `safety.limits.Limits`.
         twin: whether this computer plays the drive as well, which then answers late.
     """
-    do = "close other programs, and run `bowden doctor`"
+    do = _LESS
     lateness, age = limits.get("lateness"), limits.get("reading_age")
     if OF_THE_COMPUTER & {*stop.causes}:
         if lateness is None or not stop.latest > lateness:
             return ""  # a clock that is stepped, or the row that was late is not in the log
         allowed = f"{1e3 * lateness:.3g} ms are allowed, lateness_s of [limits]"
         return f"this computer is too busy: cycles came {1e3 * stop.latest:.0f} ms late ({allowed}); {do}"
+    alone = limits.get("operator_age")
+    if {*stop.causes} == _ALIVE and alone is not None and stop.alone > alone:
+        return unattended(stop.alone, alone)
     if not (twin and {*stop.causes} <= _OLD | {Fault.HEARTBEAT_LOST}) or age is None or not stop.oldest > age:
         return ""
     late = f"the twin, which runs on it too, answered {stop.oldest:.0f} cycles late"
     allowed = f"{age:.3g} are allowed, reading_age of [limits]"
     return f"this computer is too busy: {late} ({allowed}); {do}"
+
+
+def unattended(age: float, allowed: float) -> str:
+    """That a run was ended because its own command was not seen, by how much, and what to do.
+
+    Args:
+        age: of the command's last sign of life [s].
+        allowed: the largest, `operator_age` of the limits [s].
+    """
+    what = f"the command that started the run gave no sign of life for {1e3 * age:.0f} ms"
+    given = f"{1e3 * allowed:.0f} ms are allowed, operator_age_s of [limits]"
+    return f"{what} ({given}): this computer is too busy, or the command was stopped; {_LESS}"
+
+
+_LESS = "close other programs, and run `bowden doctor`"

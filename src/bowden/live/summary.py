@@ -12,11 +12,12 @@ from bowden.core.errors import counted
 from bowden.core.units import RADIANS
 from bowden.cycle.one_cycle import WishSource
 from bowden.hardware.drives.family import family_of
-from bowden.hardware.ports import TORQUE_LEFT, TorqueLeft
+from bowden.hardware.ports import TorqueLeft, torque_left
 from bowden.live import emg_summary, push_summary, stops
 from bowden.live.lateness import figures
 from bowden.live.mcap_read import Recording, read
 from bowden.safety import faults
+from bowden.safety.faults import Fault
 from bowden.safety.supervisor import Mode
 
 if TYPE_CHECKING:
@@ -35,16 +36,19 @@ def document(session: "Session") -> dict[str, Any]:
     error = error[np.isfinite(error)]
     ended = session.ended or {}
     mode = Mode(ended["mode"]).name.lower() if ended else None
+    gone = ended.get("unattended", 0.0)
     codes, explain = log["emergency"], family_of(session.live.rig.drive).explain
     return {
         "law": session.live.law.name,
         "rig": session.live.logged.hash,
         "drive": session.ready["drive"],
+        "twin": session.on_twin,
         "ended_well": session.ended_well,
         "mode": mode,
         "faults": [fault.meaning for fault in faults.of(ended.get("faults", 0))],
-        "remedies": [fault.remedy for fault in faults.of(ended.get("faults", 0))],
+        "remedies": [stops.remedy_of(fault, twin=session.on_twin) for fault in faults.of(ended.get("faults", 0))],
         "stalled_ms": round(1e3 * ended.get("stalled", 0.0), 3) or None,
+        "unattended": stops.unattended(gone, session.live.limits.operator_age) if gone else None,
         "stops": stops.document(log, session.live.limits._asdict(), twin=session.on_twin),
         "preflight": ended.get("reason") or None,
         "emergencies": [explain(int(code)) for code in dict.fromkeys(codes[codes > 0.0].tolist())],
@@ -87,11 +91,14 @@ def _print_stops(found: dict[str, Any]) -> None:
     for number, stop in enumerate(found["stops"], 1):
         last = number == len(found["stops"]) and not found["ended_well"]
         how = "ended" if last else "stopped"
-        for line in stops.lines(stop):
+        for line in stops.lines(stop, twin=found["twin"]):
             print(f"{how} by a fault at {stop['time_s']:.3f} s: {line}")
         said |= {*stop["causes"], *stop["consequences"]}
     if found["stalled_ms"] and not any(stop["too_busy"] for stop in found["stops"]):
         print(STALLED.format(found["stalled_ms"]))
+    if found["unattended"]:
+        print(f"ended before its time: {found['unattended']}")
+        said.add(Fault.OPERATOR_LOST.meaning)
     for meaning, remedy in zip(found["faults"], found["remedies"], strict=True):
         if meaning not in said:
             print(f"{'at the end' if found['ended_well'] else 'ended by a fault'}: {meaning}; {remedy}")
@@ -109,7 +116,7 @@ def print_summary(found: dict[str, Any]) -> None:
     """The same for a person."""
     if found["rmse_deg"] is not None:
         print(f"{found['law']}: {found['rmse_deg']:.3f}° RMS, {found['peak_deg']:.2f}° peak", end="")
-        print(f" over {found['seconds_led']:g} s")
+        print(f" over {found['seconds_led']:g} s{' on the twin' if found['twin'] else ''}")
     late = found["lateness"]
     if late:
         print(
@@ -127,7 +134,7 @@ def print_summary(found: dict[str, Any]) -> None:
         push_summary.print_figures(found["interaction"])
     _print_stops(found)
     if found["torque"] != "off":
-        print(TORQUE_LEFT[TorqueLeft[found["torque"].upper()]])
+        print(torque_left(TorqueLeft[found["torque"].upper()], twin=found["twin"]))
     for text in found["emergencies"]:
         print(f"emergency: {text}")
     if found["preflight"]:

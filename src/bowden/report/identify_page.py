@@ -76,6 +76,8 @@ def identify_page(fit: Fit, drawn: Sequence[str] = ()) -> Page:
     page.heading("Which model to use")
     page.text("{why}", why=recommendation(fit))
     page.text("{ahead}", ahead=_forecast(fit))
+    trusted = fit.trust
+    page.text("<strong>Trust it? {level}</strong>: {why}.", level=trusted.level.capitalize(), why=trusted.why)
     _models_table(page, fit)
     for warning in fit.warnings:
         page.notice(warning[0].upper() + warning[1:] + ".")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bowden.core.style import COLOURS, CYCLE, legend, logarithmic, new_figure, thin
 from bowden.core.trace import Trace
 from bowden.core.units import DEGREES
-from bowden.live.events import UNREAD
+from bowden.live.events import UNREAD, UNSETTLED
 from bowden.report.simulate_figures import law_states as _law_states
 
 if TYPE_CHECKING:
@@ -145,11 +145,14 @@ def _faults(trace: Trace) -> list[tuple[str, Array]]:
     sets = np.where((column >= 0.0) & (column < 2.0**53), column, 0.0).astype(np.int64)
     ever = int(np.bitwise_or.reduce(sets))
     names = trace.settings.get("names", {}).get("faults", ())
-    found = []
+    found, unread = [], sum(1 << bit for bit, name in enumerate(names) if name in UNREAD)
+    read = int(np.argmin((sets & unread) > 0))  # the row with the first reading
     for bit in range(ever.bit_length()):
         there = (sets >> bit & 1).astype(float)
-        if bit < len(names) and names[bit] in UNREAD and there[0]:
-            there[: int(np.argmin(there)) if not there.all() else 0] = 0.0
+        name, begin = names[bit] if bit < len(names) else "", int(np.argmax(there))
+        unsettled = name in UNSETTLED and 0 < begin == read
+        if (name in UNREAD and there[0]) or unsettled:
+            there[: begin + int(np.argmin(there[begin:])) if not there[begin:].all() else 0] = 0.0
         if there.any():
             found.append((_named(bit, names), there))
     return found

@@ -120,7 +120,7 @@ def _summary(page: Page, trace: Trace, facts: Mapping[str, Any]) -> None:
         rows.append(["cycles left out (overruns)", str(facts["overruns"]), ""])
     page.text("{how}", how=_ending(trace, facts["stops"]))
     for stop in facts["stops"]:
-        for line in stops.lines(stop):
+        for line in stops.lines(stop, twin=bool(facts["twin"])):
             page.notice(f"Stopped by a fault at {stop['time_s']:.3f} s: {line}.")
     if rows:
         page.table(["figure", "value", "unit"], rows)

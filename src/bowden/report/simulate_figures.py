@@ -169,7 +169,7 @@ def sheath(traces: Traces) -> "Figure | None":
 
 def _together(axes: "Axes", traces: Traces, values: Mapping[str, Array], colours: Colours) -> None:
     """A signal of all runs over time; a run that ran away fills its panel, so it is drawn under the others."""
-    dashes = dashes_for(list(traces))
+    dashes = dashes_for(list(traces)) if len(traces) > 1 else dict.fromkeys(traces, "-")  # alone nothing is mistaken
     for name, trace in traces.items():
         order = 2.0 if trace.stable else 1.8
         there = _there(values[name])

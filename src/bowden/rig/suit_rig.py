@@ -28,7 +28,6 @@ motor_margin_deg = 8.0               # [°] the drive's integral overshoots its 
 play_deg = 20.0                      # [°] fabric gives way, and the arm falls behind a cable that is let out
 tracking_deg = 15.0                  # [°] the servo's model knows no friction: gears hold the motor as it turns
 thermal_continuous_current_a = 12.0  # [A] the paper's flexion draws 10 A for 25 s, more than its motor's 6 A
-reading_age = 10.0                   # [cycles] a computer shared with others stalls; 2 on a rig
 
 [emg]
 # source = "lsl:EMG"       # or trigno:HOST, file:PATH; or bowden run --emg

@@ -60,6 +60,7 @@ class CanopenNode:
         self.syncs = 0
         self.host_heartbeat = -math.inf
         """When the host's heartbeat came last [s]."""
+        self.patience = 0.0
         self.scenario_noted = False
         """Whether the sheath's motion has begun, or somebody has said when it does."""
         self._moved = -math.inf
@@ -170,6 +171,8 @@ class CanopenNode:
         limit = 1e-3 * (self.objects[0x1016, 1] & 0xFFFF)
         if not limit:
             self._watching = False
+        if self.state in WITH_TORQUE:
+            limit = max(limit, self.patience)
         if self._watching and now - self.host_heartbeat >= limit:
             self._watching = False
             option = self.objects[0x6007, 0]

@@ -163,6 +163,14 @@ class TwinControl:
         self.ask(do="inject", fault=text, after=after, lasting=lasting)
         return injection
 
+    def wait(self, seconds: float) -> None:
+        """Have it wait for a silent host while there is torque, which no drive does: for a computer that stalls.
+
+        Args:
+            seconds: how long at most [s].
+        """
+        self.ask(do="wait", seconds=seconds)
+
     def clear(self) -> None:
         """End all faults that last."""
         self.ask(do="clear")

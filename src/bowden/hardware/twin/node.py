@@ -22,6 +22,8 @@ class TwinNode(Protocol):
     """What has been injected."""
     scenario_noted: bool
     """Whether the sheath's motion has begun, or somebody has said when it does."""
+    patience: float
+    """How long a silent host is waited for while there is torque [s]; 0: no longer than the drive itself does."""
     lacks: Mapping[str, str]
     """Faults that a drive of this family cannot have, as ``reboot`` or ``encoder_nan motor`` → why."""
 

@@ -26,6 +26,9 @@ TICK = 1e-3
 PRIORITY = 20
 """Real-time priority that the twin takes where it may: below the loop's [–]."""
 
+MOST_PATIENCE = 5.0
+"""Longest that it waits for a host that is silent [s]."""
+
 MOST_ENTRIES = 500
 """Entries of the journal in one answer."""
 
@@ -163,6 +166,9 @@ class Twin:
                 self._node.faults.inject(injection._replace(start=now + after, end=end))
                 self._note(now, "inject", str(request["fault"]))
                 return {"time": now + after}
+            case "wait":
+                self._node.patience = min(float(request.get("seconds") or 0.0), MOST_PATIENCE)
+                return {"time": now}
             case "clear":
                 self._node.faults.clear()
                 self._note(now, "clear", "")
@@ -173,7 +179,7 @@ class Twin:
                 self._node.bench.start_scenario(at)
                 self._note(now, "scenario", f"{at:.6f}")
                 return {"time": at}
-        raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, clear or scenario")
+        raise ValueError(f"do is {request.get('do')!r}; expected status, journal, inject, wait, clear or scenario")
 
     def _refuse(self, fault: Injection) -> None:
         """Refuse what the drive cannot have, and what the plant has no inside for.
