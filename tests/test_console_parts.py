@@ -283,3 +283,68 @@ def test_settings_make_the_rig_that_runs() -> None:
     assert chirp["kind"] == "multisine"
     with pytest.raises(ParameterError, match="no setting"):
         made.changed({"out": "/"})
+
+
+def test_the_preset_and_gains_of_a_rig_are_where_settings_begin_and_return_to() -> None:
+    rig = Rig(law="adaptive", preset="suit", gains={"feedback_gain": 31.0})
+    begin = RunSettings(rig)
+    assert begin.rig.hash == rig.hash
+    assert begin.changed({"duration": 7}).rig.hash == rig.replace(duration=7.0).hash
+    shown = begin.document(locked=False)
+    assert shown["gains"]["feedback_gain"]["value"] == 31.0
+    assert shown["preset"] == ""
+    assert shown["presets"][0] == {"name": "", "title": "of the rig: preset suit, 1 of its own"}
+    assert [one["name"] for one in shown["presets"]] == ["", None, "paper", "suit"]
+
+    away = begin.changed({"law": "bowden"})
+    assert away.document(locked=False)["preset"] is None
+    assert "" not in [one["name"] for one in away.document(locked=False)["presets"]]
+    with pytest.raises(ParameterError, match="preset is"):
+        away.changed({"preset": ""})
+    assert away.changed({"law": "adaptive"}).rig.hash == rig.hash
+
+    for other in (None, "paper", "suit"):
+        made = begin.changed({"preset": other})
+        assert made.rig.hash == rig.replace(preset=other, gains={}).hash
+        assert made.document(locked=False)["preset"] == other
+        assert made.changed({"preset": ""}).rig.hash == rig.hash
+    edited = begin.changed({"gains": {"feedback_gain": 20.0}})
+    assert edited.document(locked=False)["edited"] == ["feedback_gain"]
+    assert edited.changed({"preset": ""}).rig.hash == rig.hash, "what was edited is taken back"
+    plain = RunSettings(Rig(law="adaptive")).changed({"preset": None})
+    assert plain.document(locked=False)["preset"] == "" == plain.document(locked=False)["presets"][0]["name"]
+
+
+def test_one_field_of_a_reference_leaves_the_others() -> None:
+    rig = Rig.of_tree(
+        {"reference": {"kind": "periodic_minimum_jerk", "low_deg": 5.0, "high_deg": 42.0, "period_s": 3.0}}, Path()
+    )
+    fields = {"low_deg": 5.0, "high_deg": 42.0, "period_s": 3.0}
+
+    def values(made: RunSettings) -> dict[str, float]:
+        shown = made.document(locked=False)["reference"]["fields"]
+        return {name: one["value"] for name, one in shown.items()}
+
+    begin = RunSettings(rig)
+    for kind in ({}, {"kind": "periodic_minimum_jerk"}):
+        made = begin.changed({"reference": {**kind, "high_deg": 40.0}})
+        assert values(made) == fields | {"high_deg": 40.0}
+        made = made.changed({"reference": {**kind, "period_s": 4.0}})
+        assert values(made) == fields | {"high_deg": 40.0, "period_s": 4.0}
+    away = begin.changed({"reference": {"kind": "multisine"}})
+    assert values(away.changed({"reference": {"kind": "periodic_minimum_jerk"}})) == fields, "the rig's own comes back"
+
+
+def test_a_recorded_reference_of_the_rig_can_be_returned_to(tmp_path: Path) -> None:
+    times = np.arange(0.0, 4.0, 0.01)
+    rows = "\n".join(f"{t:.2f},{20.0 - 20.0 * np.cos(1.5 * t):.4f}" for t in times)
+    (tmp_path / "motion.csv").write_text(f"time_s,joint_deg\n{rows}\n")
+    (tmp_path / "rig.toml").write_text("[reference]\nkind = 'recorded'\nfile = 'motion.csv'\n")
+    begin = RunSettings(Rig.read(tmp_path / "rig.toml"))
+    away = begin.changed({"reference": {"kind": "multisine"}})
+    assert "recorded" in away.document(locked=False)["reference"]["kinds"]
+    assert away.changed({"reference": {"kind": "recorded"}}).rig.hash == begin.rig.hash
+    with pytest.raises(ParameterError, match="reference is"):
+        away.changed({"reference": {"kind": "recorded", "file": "/etc/passwd"}})
+    with pytest.raises(ParameterError, match="reference is"):
+        RunSettings(Rig()).changed({"reference": {"kind": "recorded"}})

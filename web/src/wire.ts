@@ -21,8 +21,11 @@ export interface Choice {
 export interface Settings {
   law: string;
   laws: (Choice | string)[];
+  /** Empty: what the rig itself says; null: the law's defaults. */
   preset: string | null;
-  presets: (Choice | string)[];
+  presets: ({ name: string | null; title?: string } | string)[];
+  /** Names of the gains that were changed here. */
+  edited?: string[];
   gains: Record<string, Quantity>;
   reference: { kind: string; kinds?: (Choice | string)[]; fields?: Record<string, Quantity> };
   duration: number | null;
