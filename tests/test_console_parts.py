@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bowden.console.lease import Lease
 from bowden.console.runs import TAKEN, RunOwner
 from bowden.console.settings import RunSettings
+from bowden.console.stamps import Stamps
 from bowden.console.stream import CURVES, WHOLE, Cursor, Watch, reduced
 from bowden.control import LAWS
 from bowden.core.clock import SECOND, MonotonicClock
@@ -110,7 +111,7 @@ class FakeRun:
 
 def begun(run: FakeRun, lease: Lease) -> RunOwner:
     """An owner with this run, which is going, under the lease of tab a."""
-    owner = RunOwner(lease)
+    owner = RunOwner(lease, Stamps(0.5))
     owner.begin(lambda tell: run)  # type: ignore[arg-type, return-value]
     wait(lambda: owner.seen.phase == "live")
     with pytest.raises(SafetyError, match="a session goes on"):
@@ -118,8 +119,17 @@ def begun(run: FakeRun, lease: Lease) -> RunOwner:
     lease.take("a", MonotonicClock().now())
     for request in (Request.ARM, Request.RUN):
         assert owner.ask("b", request).result(5.0) == "this page does not control: take the control first"
-        assert owner.ask("a", request).result(5.0) == ""
+        seen = told(owner)
+        lease.take("a", MonotonicClock().now())
+        assert owner.ask("a", request, seen).result(5.0) == ""
     return owner
+
+
+def told(owner: RunOwner) -> int:
+    """Stamp of a state that a page is told now, after the thread has looked anew."""
+    now = owner.clock.now()
+    wait(lambda: owner.looked > now)
+    return owner.stamps.issue(owner.looked)
 
 
 def wait(holds: Any, seconds: float = 5.0) -> float:
@@ -141,7 +151,7 @@ def test_a_lease_that_grows_old_under_power_is_a_stop() -> None:
     lease.sign("a", 1, MonotonicClock().now())
     assert owner.ask("a", Request.ARM).result(5.0).startswith("this page does not control")
     lease.take("a", MonotonicClock().now())
-    assert owner.ask("a", Request.ARM).result(5.0) == ""
+    assert owner.ask("a", Request.ARM, told(owner)).result(5.0) == ""
     wait(lambda: not owner.seen.lost)
     owner.close()
     assert not run.running
@@ -167,11 +177,56 @@ def test_a_stop_that_does_not_take_ends_the_signs_of_life() -> None:
         owner.close()
 
 
+def test_a_stamp_is_good_while_it_is_young_and_no_stop_came_after_it() -> None:
+    stamps = Stamps(0.5)
+    first = stamps.issue(at(1.0))
+    assert stamps.why_not(first, at(1.5)) == ""
+    assert "too late" in stamps.why_not(first, at(1.51))
+    second = stamps.issue(at(2.0))
+    assert second > first
+    for none in (None, True, 1.0, str(second), [second]):
+        assert "does not say" in stamps.why_not(none, at(2.0))
+    for strange in (first - 1, second + 1, -1, 0, 2**60):
+        assert "none of this console" in stamps.why_not(strange, at(2.0))
+    assert "too late" in stamps.why_not(first, at(2.0))
+    assert Stamps(0.5).why_not(second, at(2.0)), "of another console"
+    stamps.stop(at(2.1))
+    assert "there was a stop" in stamps.why_not(second, at(2.2))
+    stamps.stop(at(1.0))
+    assert "there was a stop" in stamps.why_not(stamps.issue(at(2.1)), at(2.2))
+    assert stamps.why_not(stamps.issue(at(2.15)), at(2.2)) == ""
+
+
+@pytest.mark.parametrize("by", ["a viewer", "the run itself", "a lost lease"])
+@pytest.mark.parametrize("request_", [Request.ARM, Request.ACKNOWLEDGE])
+def test_what_was_sent_before_a_stop_and_comes_after_it_gives_no_power(by: str, request_: Request) -> None:
+    run, lease = FakeRun(), Lease(0.4 if by == "a lost lease" else 30.0)
+    owner = begun(run, lease)
+    seen = told(owner)
+    if by == "a viewer":
+        assert owner.ask("", Request.STOP).result(5.0) == ""
+    elif by == "the run itself":
+        run.mode = Mode.LATCHED if request_ == Request.ACKNOWLEDGE else Mode.STOPPED
+    wait(lambda: owner.seen.mode in (Mode.STOPPED, Mode.LATCHED))
+    wait(lambda: not lease.look(MonotonicClock().now()).holder or by != "a lost lease")
+    lease.take("a", MonotonicClock().now())
+    before = [one for one in run.asked if one == request_]
+    said = owner.ask("a", request_, seen).result(5.0)
+    assert "there was a stop" in said or "too late" in said
+    assert [one for one in run.asked if one == request_] == before
+    assert "does not say" in owner.ask("a", request_).result(5.0)
+    if request_ == Request.ARM:
+        seen = told(owner)
+        lease.take("a", MonotonicClock().now())
+        assert owner.ask("a", request_, seen).result(5.0) == ""
+    owner.close()
+
+
 def test_a_session_that_cannot_begin_says_why() -> None:
     def fails(tell: Any) -> Any:
         raise SafetyError("no drive", do="switch it on")
 
-    owner = RunOwner(Lease(0.5))
+    owner = RunOwner(Lease(0.5), Stamps(0.5))
     owner.begin(fails)
     wait(lambda: owner.seen.error is not None)
     assert owner.seen.phase == "idle"

@@ -20,7 +20,7 @@ Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 COOKIE = "bowden_console_{port}"
-"""Name of the session's cookie: browsers send a host's cookies to each of its ports, so that each console has its own."""
+"""Name of the session's cookie. Browsers send a host's cookies to each of its ports: each console has its own name."""
 LARGEST_BODY = 16_384
 """Of a request [bytes]."""
 LARGEST_MESSAGE = 4096
