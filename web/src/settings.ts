@@ -17,6 +17,11 @@ export function settings(link: Link, say: Say): { element: HTMLElement; update: 
 
   function commit<F extends Field>(field: F, send: () => Promise<boolean>): F {
     field.addEventListener("input", () => busy.add(field));
+    // What was refused is not left there as if it were set.
+    field.addEventListener("blur", () => {
+      if (!busy.has(field)) attribute(field, "aria-invalid", null);
+      update();
+    });
     field.addEventListener("change", () => {
       void send().then((ok) => {
         busy.delete(field);

@@ -126,6 +126,8 @@ export interface State {
   rig: { name: string; hash: string; drive: "twin" | "hardware"; bus: string; faults?: Choice[] };
   you: { controls: boolean; viewers: number; controller: string | null };
   phase: Phase;
+  /** How many stops there were, by whomever. */
+  stops?: number;
   settings: Settings;
   check: Check | null;
   run: Run | null;

@@ -137,6 +137,7 @@ class Console:
         return {
             "rig": self._document["rig"],
             "phase": self.phase,
+            "stops": self.stamps.stops,
             "controller": {"seconds": since, "fresh": view.fresh} if view.holder else None,
             "viewers": len(self.viewers),
             "settings": {**self._document["settings"], "locked": seen.phase != "idle"},

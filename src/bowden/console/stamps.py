@@ -28,6 +28,8 @@ class Stamps:
         self._first = self._newest + 1
         self._told: deque[tuple[int, int]] = deque()
         self._stopped = -1
+        self.stops = 0
+        """How many there were."""
 
     def issue(self, looked: int) -> int:
         """A new stamp; they grow.
@@ -46,6 +48,7 @@ class Stamps:
         """There was a stop at `now` [ns]: what was seen until then gives no power any more."""
         with self._lock:
             self._stopped = max(self._stopped, now)
+            self.stops += 1
 
     def why_not(self, seen: object, now: int) -> str:
         """Why a request with this stamp, which comes at `now` [ns], does nothing; empty where it may."""
